@@ -1,0 +1,58 @@
+# Every target makes the set-up it needs in .venv; "make help" lists them.
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup run test lint bench check-paraview clean
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.set-up
+BENCH_STAMP := $(VENV)/.set-up-bench
+CASE ?= slider_crank
+# More ranks than cores would spend their time waiting: MPICH polls.
+RANKS := $(shell test "$$(nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
+
+# Ranks share the cores; threads of BLAS and OpenMP on top make timings and sums vary.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' Makefile
+
+setup: $(STAMP) ## make .venv with flexfem and all it needs
+
+$(STAMP): pyproject.toml .ci/setup
+	@sh .ci/setup $(VENV) dolfinx,post,test
+	@touch $@
+
+$(BENCH_STAMP): $(STAMP)
+	@sh .ci/setup $(VENV) dolfinx,post,test,bench
+	@touch $@
+
+run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)
+	$(BIN)/mpirun -n $(RANKS) $(BIN)/flexfem run $(CASE)
+	$(BIN)/python postprocess/render.py results/$(CASE)
+	$(BIN)/python postprocess/plot_history.py results/$(CASE)
+	@echo "files made in results/$(CASE):"
+	@find results/$(CASE) -type f -name '*.vt?' -prune -o -type f -print | sort
+	@echo "and $$(find results/$(CASE) -type f -name '*.vt?' | wc -l) ParaView field files"
+
+lint: $(STAMP) ## style, types, architecture
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy flexfem
+	$(BIN)/python -m pytest -q tests/test_architecture.py
+
+test: lint ## lint, then all tests on 1 and 2 ranks, some on 3
+	$(BIN)/python -m pytest -m "not benchmark"
+	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
+	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
+
+bench: $(BENCH_STAMP) ## timings, against Exudyn where it has the same problem
+	@set -e; for script in tests/benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+
+check-paraview: $(STAMP) ## open the results in the installed ParaView
+	PYTHON="$(CURDIR)/$(BIN)/python" sh tests/paraview/check.sh
+
+clean: ## remove .venv, results and caches
+	rm -rf $(VENV) results build dist .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

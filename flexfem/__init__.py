@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Flexible multibody dynamics with finite elements on DOLFINx and PETSc.
+
+The public names are flat and loaded on first use::
+
+    import flexfem as ff
+
+    beam = ff.Beam("crank", ff.Section.circle(0.02, ff.Material(210e9, 0.3, 7850.0)))
+
+so that building a model, and ``--help``, import neither DOLFINx nor PETSc nor numba.
+
+Notation, the same in all modules (SI units throughout):
+
+=================  ================================================================================
+H = (x, R)         frame: position x in inertial components, R (3x3) maps from the frame to them
+H <- H exp(w)      increments act from the right, in the frame's own axes
+w = (u, theta)     increment of a frame: translation first, rotation second
+v = (V, Omega)     twist in the frame's own axes: V = R^T dx/dt, Omega the body angular velocity
+[x, R]             a frame in arrays: 12 numbers, x (3) then R row by row (9)
+e1, e2, e3         axes of a beam's section: e1 the tangent, e2 and e3 in the section's plane
+(gamma, kappa)     beam strains: extension, two shears along e2, e3, twist, bendings about e2, e3
+stiffness (6x6)    of a section, in the order of the strains
+inertia (6x6)      of a section per length, acting on v: [[m I, -S], [S, J]], S = skew(rho A c)
+Phi, G, lambda     constraints, their Jacobian dPhi = G w, their multipliers
+r                  residual: r_inertial + r_internal - r_external + G^T lambda = 0
+M, C, K            mass, damping and stiffness matrices: derivatives of r
+h, rho_inf         time step; spectral radius of generalised-alpha at infinite frequency
+=================  ================================================================================
+"""
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+# The one list of public names: where each is defined.
+_MODULES = {
+    "Material": "materials.material",
+    "Section": "materials.section",
+    "LineMesh": "mesh.line_mesh",
+    "read_mesh": "mesh.line_mesh",
+    "build_mesh": "mesh.library",
+    "Pose": "core.pose",
+    "Beam": "model.bodies",
+    "RigidBody": "model.bodies",
+    "PointMass": "model.bodies",
+    "Box": "model.bodies",
+    "Sphere": "model.bodies",
+    "Cylinder": "model.bodies",
+    "Marker": "core.marker",
+    "Ground": "core.marker",
+    "Probe": "model.probe",
+    "PositionProbe": "model.probe",
+    "MarkerState": "model.probe",
+    "Model": "model.model",
+    "Spherical": "joints.spherical",
+    "Revolute": "joints.revolute",
+    "Prismatic": "joints.prismatic",
+    "Cylindrical": "joints.cylindrical",
+    "Rigid": "joints.rigid",
+    "PointOnLine": "joints.point_on_line",
+    "PointOnPlane": "joints.point_on_plane",
+    "PrescribedTranslation": "joints.prescribed_translation",
+    "PrescribedRotation": "joints.prescribed_rotation",
+    "PrescribedAngle": "joints.prescribed_angle",
+    "SpringDamper": "joints.spring_damper",
+    "TorsionalSpringDamper": "joints.torsional_spring_damper",
+    "Gravity": "loads.gravity",
+    "PointForce": "loads.point_force",
+    "PointMoment": "loads.point_moment",
+    "LineLoad": "loads.line_load",
+    "Table": "loads.amplitude",
+    "SmoothStep": "loads.amplitude",
+    "Case": "case",
+    "Option": "options",
+    "RunOptions": "options",
+    "Outcome": "simulation",
+    "simulate": "simulation",
+    "main": "cli",
+}
+__all__ = [*_MODULES, "__version__"]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    if name not in _MODULES:
+        raise AttributeError(f"module 'flexfem' has no attribute '{name}'")
+    value = getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, also those not loaded yet."""
+    return sorted({*globals(), *_MODULES})

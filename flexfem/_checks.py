@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Checks of user input that answer with one line naming the object and the value.
+
+Every function takes the `owner` (for example ``Beam "rod_1"``) and the `what` (for example
+``damping``) it reports on, and returns the checked value in the form the package stores. Arrays
+come back as read-only copies, so that a frozen object stays as it was checked.
+"""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem._types import FloatArray
+
+# Rotation matrices typed with six digits are accepted and made orthonormal
+_ROTATION_TOLERANCE = 1e-6
+
+
+def show(value: object, length: int = 72) -> str:
+    """Return `value` on one line, shortened to about `length` characters."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= length else text[: length - 3] + "..."
+
+
+def assign(target: object, **fields: Any) -> None:
+    """Set attributes of a frozen dataclass from inside its constructor."""
+    for name, value in fields.items():
+        object.__setattr__(target, name, value)
+
+
+def freeze(values: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
+    """Return a read-only, C-ordered copy of `values`."""
+    copy = np.array(values, dtype=dtype, order="C")
+    copy.setflags(write=False)
+    return copy
+
+
+def text(owner: str, what: str, value: object) -> str:
+    """Return a non-empty printable string.
+
+    Raises:
+        TypeError: `value` is not a string.
+        ValueError: `value` is empty, has surrounding blanks, control characters or quotes.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"{owner}: {what} must be a string, got {show(value)}")
+    if not value or value != value.strip() or not value.isprintable() or '"' in value:
+        raise ValueError(
+            f"{owner}: {what} must be a non-empty printable string without quotes or "
+            f"surrounding blanks, got {show(value)}"
+        )
+    return value
+
+
+def named(thing: object, name: object) -> str:
+    """Return class and quoted name of `thing`, the owner of its messages, and check the name."""
+    kind = type(thing).__name__
+    return f'{kind} "{text(kind, "name", name)}"'
+
+
+def number(
+    owner: str,
+    what: str,
+    value: object,
+    *,
+    positive: bool = False,
+    nonnegative: bool = False,
+) -> float:
+    """Return a finite real number, positive or non-negative on demand.
+
+    Raises:
+        TypeError: `value` is not a real number.
+        ValueError: `value` is NaN, infinite or has the wrong sign.
+    """
+    if isinstance(value, (bool, np.bool_)) or not isinstance(
+        value, (int, float, np.integer, np.floating)
+    ):
+        raise TypeError(f"{owner}: {what} must be a number, got {show(value)}")
+    result = float(value)
+    if not np.isfinite(result):
+        raise ValueError(f"{owner}: {what} must be finite, got {show(value)}")
+    if positive and result <= 0.0:
+        raise ValueError(f"{owner}: {what} must be positive, got {show(value)}")
+    if nonnegative and result < 0.0:
+        raise ValueError(f"{owner}: {what} must not be negative, got {show(value)}")
+    return result
+
+
+def array(owner: str, what: str, value: object, shape: tuple[int, ...]) -> FloatArray:
+    """Return a read-only array of finite numbers of the given shape (-1: any extent).
+
+    Raises:
+        TypeError: `value` does not consist of real numbers.
+        ValueError: `value` has another shape, or holds NaN or infinite numbers.
+    """
+    wanted = " x ".join("n" if extent < 0 else str(extent) for extent in shape)
+    message = f"{owner}: {what} must hold {wanted} numbers, got {show(value)}"
+    try:
+        raw = np.asarray(value)
+    except ValueError:  # ragged nesting
+        raise ValueError(message) from None
+    if raw.dtype.kind not in "iuf":
+        raise TypeError(message)
+    if raw.ndim != len(shape) or any(
+        want not in (-1, extent) for want, extent in zip(shape, raw.shape, strict=True)
+    ):
+        raise ValueError(message)
+    if not np.isfinite(raw).all():
+        raise ValueError(f"{owner}: {what} must be finite, got {show(value)}")
+    return freeze(raw)
+
+
+def vector(owner: str, what: str, value: object, *, nonzero: bool = False) -> FloatArray:
+    """Return a read-only vector of three finite numbers, different from zero on demand."""
+    result = array(owner, what, value, (3,))
+    if nonzero and not result.any():
+        raise ValueError(f"{owner}: {what} must not be zero, got {show(value)}")
+    return result
+
+
+def rotation(owner: str, what: str, value: object) -> FloatArray:
+    """Return a read-only rotation matrix, the identity for None.
+
+    Entries rounded to six digits are accepted: the closest rotation matrix is returned.
+
+    Raises:
+        TypeError: `value` does not consist of real numbers.
+        ValueError: `value` is not 3 x 3, not finite, not orthonormal, or a reflection.
+    """
+    if value is None:
+        return freeze(np.eye(3))
+    matrix = array(owner, what, value, (3, 3))
+    defect = np.abs(matrix.T @ matrix - np.eye(3)).max()
+    if defect > _ROTATION_TOLERANCE or np.linalg.det(matrix) < 0.0:
+        raise ValueError(f"{owner}: {what} must be a rotation matrix, got {show(value)}")
+    u, _, vt = np.linalg.svd(matrix)
+    return freeze(u @ vt) if defect > 1e-15 else matrix
+
+
+def instance(owner: str, what: str, value: object, kinds: type | tuple[type, ...]) -> None:
+    """Check the type of `value`.
+
+    Raises:
+        TypeError: `value` is none of `kinds`.
+    """
+    if not isinstance(value, kinds):
+        names = [kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,))]
+        raise TypeError(f"{owner}: {what} must be a {' or '.join(names)}, got {show(value)}")
+
+
+def function(owner: str, what: str, value: object, shape: tuple[int, ...]) -> None:
+    """Check a function of time by its value at t = 0.
+
+    Raises:
+        TypeError: `value` cannot be called.
+        ValueError: its value at t = 0 does not have the given shape, or is not finite.
+    """
+    if not callable(value):
+        raise TypeError(f"{owner}: {what} must be a function of time, got {show(value)}")
+    if shape:
+        array(owner, f"{what}(0)", value(0.0), shape)
+    else:
+        number(owner, f"{what}(0)", value(0.0))
+
+
+def stiffness_and_damping(owner: str, stiffness: object, damping: object) -> None:
+    """Check the two numbers of a spring and damper.
+
+    Raises:
+        TypeError: one of them is not a number.
+        ValueError: one of them is negative, or both are zero.
+    """
+    k = number(owner, "stiffness", stiffness, nonnegative=True)
+    c = number(owner, "damping", damping, nonnegative=True)
+    if k == 0.0 and c == 0.0:
+        raise ValueError(f"{owner}: stiffness and damping must not both be zero")

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled forces and moments at points fixed to nodes.
+
+A dead force keeps its inertial components, a follower force its components in the axes of the point.
+The point is carried by its node as the frame ``offset`` (12 numbers relative to the node).
+"""
+
+import numpy as np
+
+from flexfem.lie.compiled import kernel
+from flexfem.lie.se3 import tangent_into
+
+__all__ = ["add_forces", "force_tangent"]
+
+
+@kernel
+def _wrench(frame, offset, force, moment, follower, factor, out):
+    """Force and moment on the node in its own axes."""
+    for i in range(3):
+        f, m = 0.0, 0.0
+        for j in range(3):
+            r = offset[3 + 3 * i + j] if follower else frame[3 + 3 * j + i]
+            f += r * force[j]
+            m += r * moment[j]
+        out[i], out[3 + i] = factor * f, factor * m
+    out[3] += offset[1] * out[2] - offset[2] * out[1]
+    out[4] += offset[2] * out[0] - offset[0] * out[2]
+    out[5] += offset[0] * out[1] - offset[1] * out[0]
+
+
+@kernel
+def add_forces(nodes, offsets, forces, moments, follower, load, factors, frames, scale, residual):
+    """Subtract ``scale * factors[load]`` times every wrench from the residual of its node."""
+    wrench = np.empty(6)
+    for k in range(nodes.size):
+        node = nodes[k]
+        _wrench(
+            frames[node], offsets[k], forces[k], moments[k], follower[k], factors[load[k]], wrench
+        )
+        for i in range(6):
+            residual[node, i] -= scale * wrench[i]
+
+
+@kernel
+def _add_turned(vector, T, row, sign, out):
+    """Add ``sign skew(vector) T_rotation`` to three rows of ``out`` (6, 6)."""
+    for i in range(3):
+        i1, i2 = (i + 1) % 3, (i + 2) % 3
+        for j in range(6):
+            out[row + i, j] += sign * (
+                vector[i1] * T[6 * (3 + i2) + j] - vector[i2] * T[6 * (3 + i1) + j]
+            )
+
+
+@kernel
+def force_tangent(
+    nodes, offsets, forces, moments, follower, load, factors, frames, increments, scale, out
+):
+    """Write ``scale`` times the derivative of every wrench's residual to ``out`` (k, 6, 6)."""
+    wrench, T, arm = np.empty(6), np.empty(36), np.zeros(12)
+    turned = np.empty((3, 6))
+    for k in range(nodes.size):
+        out[k] = 0.0
+        if follower[k]:
+            continue
+        node = nodes[k]
+        tangent_into(increments[node], T)
+        # dead: d(R^T F) = skew(R^T F) theta, and the arm's moment follows
+        _wrench(frames[node], arm, forces[k], moments[k], False, factors[load[k]], wrench)
+        _add_turned(wrench[:3], T, 0, -scale, out[k])
+        _add_turned(wrench[3:], T, 3, -scale, out[k])
+        o = offsets[k]
+        turned[:] = out[k, :3]
+        for i in range(3):
+            i1, i2 = (i + 1) % 3, (i + 2) % 3
+            for j in range(6):
+                out[k, 3 + i, j] += o[i1] * turned[i2, j] - o[i2] * turned[i1, j]

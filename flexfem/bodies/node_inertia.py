@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled inertia of rigid bodies and of masses fixed to nodes.
+
+A node with frame ``H``, local twist ``v`` and inertia matrix ``M`` (6x6 about the node, in its axes)
+obeys the Euler–Poincaré equation ``M dv/dt - ad_v^T (M v) - M (R^T g, 0) = f``.
+"""
+
+import numpy as np
+
+from flexfem.lie.compiled import kernel
+from flexfem.lie.se3 import tangent_into
+
+__all__ = ["add_inertia", "inertia_tangent"]
+
+
+@kernel
+def _gravity_in_node(frame, gravity, out):
+    for i in range(3):
+        out[i] = (
+            frame[3 + i] * gravity[0] + frame[6 + i] * gravity[1] + frame[9 + i] * gravity[2]
+        )
+
+
+@kernel
+def add_inertia(nodes, masses, gravity, frames, velocity, acceleration, scale, residual):
+    """Add ``scale`` times the inertia and gravity force of every mass (k, 6, 6) to its node."""
+    p, q, a = np.empty(6), np.empty(6), np.empty(6)
+    for k in range(nodes.size):
+        node, M = nodes[k], masses[k]
+        v = velocity[node]
+        _gravity_in_node(frames[node], gravity, a)
+        for i in range(6):
+            q[i] = acceleration[node, i]
+        for i in range(3):
+            q[i] -= a[i]
+        for i in range(6):
+            p[i], a[i] = 0.0, 0.0
+            for j in range(6):
+                p[i] += M[i, j] * v[j]
+                a[i] += M[i, j] * q[j]
+        a[0] += v[4] * p[2] - v[5] * p[1]
+        a[1] += v[5] * p[0] - v[3] * p[2]
+        a[2] += v[3] * p[1] - v[4] * p[0]
+        a[3] += v[4] * p[5] - v[5] * p[4] + v[1] * p[2] - v[2] * p[1]
+        a[4] += v[5] * p[3] - v[3] * p[5] + v[2] * p[0] - v[0] * p[2]
+        a[5] += v[3] * p[4] - v[4] * p[3] + v[0] * p[1] - v[1] * p[0]
+        for i in range(6):
+            residual[node, i] += scale * a[i]
+
+
+@kernel
+def _gyroscopic(M, v, C):
+    """Add the derivative of ``-ad_v^T (M v)`` with respect to ``v`` to ``C`` (6, 6)."""
+    p = np.zeros(6)
+    for i in range(6):
+        for j in range(6):
+            p[i] += M[i, j] * v[j]
+    for i in range(3):
+        i1, i2 = (i + 1) % 3, (i + 2) % 3
+        for j in range(6):
+            # Omega x dl, then Omega x dj + V x dl
+            C[i, j] += v[3 + i1] * M[i2, j] - v[3 + i2] * M[i1, j]
+            C[3 + i, j] += v[3 + i1] * M[3 + i2, j] - v[3 + i2] * M[3 + i1, j]
+            C[3 + i, j] += v[i1] * M[i2, j] - v[i2] * M[i1, j]
+        # dOmega x l, dOmega x j, dV x l
+        C[i, 3 + i1] += p[i2]
+        C[i, 3 + i2] -= p[i1]
+        C[3 + i, 3 + i1] += p[3 + i2]
+        C[3 + i, 3 + i2] -= p[3 + i1]
+        C[3 + i, i1] += p[i2]
+        C[3 + i, i2] -= p[i1]
+
+
+@kernel
+def inertia_tangent(nodes, masses, gravity, frames, velocity, increments, shifts, scale, out):
+    """Write ``scale (k K T + c C + m M)`` of every mass to ``out``; ``shifts`` = (c, m, k)."""
+    g, T, K = np.empty(3), np.empty(36), np.empty((6, 3))
+    C = np.empty((6, 6))
+    for k in range(nodes.size):
+        node, M = nodes[k], masses[k]
+        _gravity_in_node(frames[node], gravity, g)
+        tangent_into(increments[node], T)
+        C[:] = 0.0
+        _gyroscopic(M, velocity[node], C)
+        for i in range(6):  # -M (g x theta, 0)
+            K[i, 0] = -(M[i, 1] * g[2] - M[i, 2] * g[1])
+            K[i, 1] = -(M[i, 2] * g[0] - M[i, 0] * g[2])
+            K[i, 2] = -(M[i, 0] * g[1] - M[i, 1] * g[0])
+        for i in range(6):
+            for j in range(6):
+                total = shifts[1] * M[i, j] + shifts[0] * C[i, j]
+                for m in range(3):
+                    total += shifts[2] * K[i, m] * T[6 * (3 + m) + j]
+                out[k, i, j] = scale * total

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nodes with a frame each: the unknowns of beams and of rigid bodies."""
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_kernels import accept, correct, predict
+
+__all__ = ["FrameBlock"]
+
+
+class FrameBlock:
+    """One row of the nest: nodes with frames, six unknowns each, distributed over the ranks.
+
+    Arrays hold the owned nodes first, then ghosts. The trial state depends on the accepted state
+    and on the increment only, so that a rejected step leaves nothing to undo.
+
+    Attributes:
+        name: stable name of the block ("beams", "rigid_bodies").
+        owned: number of nodes of this rank.
+        frames, increment, velocity, acceleration: trial state, (n, 12) and (n, 6), local axes.
+        start_frames: (n, 12) frames at t = 0.
+        residual, step: (n, 6) right-hand side and Newton step; views into vectors with ghosts.
+        node_ids: (n,) index of each node in the model's input order.
+        offset: first global node of this rank.
+    """
+
+    def __init__(
+        self, name: str, comm: MPI.Intracomm, frames: FloatArray, velocity: FloatArray,
+        node_ids: IntArray, index_map: Any,
+    ) -> None:  # fmt: skip
+        """Create a block (collective).
+
+        Args:
+            name: stable name of the block.
+            comm: communicator.
+            frames: (n, 12) frames at the start, ghosts included.
+            velocity: (n, 6) local velocities at the start.
+            node_ids: (n,) index of each node in the input.
+            index_map: DOLFINx index map of the nodes.
+        """
+        from dolfinx import la
+
+        self.name, self.comm = name, comm
+        self.node_ids, self.index_map = node_ids, index_map
+        self.owned = int(index_map.size_local)
+        self.size_global = int(index_map.size_global)
+        self.offset = int(index_map.local_range[0])
+        self.has_ghosts = comm.allreduce(int(index_map.num_ghosts), op=MPI.MAX) > 0
+        count = len(frames)
+        self.start_frames = frames.copy()
+        self.frames0, self.frames = frames.copy(), frames.copy()
+        self.velocity0, self.velocity = velocity.copy(), velocity.copy()
+        self.acceleration0, self.acceleration = np.zeros((count, 6)), np.zeros((count, 6))
+        #: acceleration-like variable of the time integrator
+        self.auxiliary0 = np.zeros((count, 6))
+        self.increment = np.zeros((count, 6))
+        self._velocity_base, self._acceleration_base = np.zeros((count, 6)), np.zeros((count, 6))
+        self._rates = np.zeros(2)
+        self._residual, self._step = la.vector(index_map, 6), la.vector(index_map, 6)
+        self.residual: FloatArray = self._residual.array.reshape(-1, 6)
+        self.step: FloatArray = self._step.array.reshape(-1, 6)
+
+    @property
+    def global_ids(self) -> IntArray:
+        """(n,) global node numbers of the local nodes."""
+        local = np.arange(len(self.frames), dtype=np.int32)
+        return np.asarray(self.index_map.local_to_global(local), dtype=np.int64)
+
+    def predict(self, law: FloatArray, rates: FloatArray) -> None:
+        """Start a step; see ``frame_kernels.predict``."""
+        self._rates = rates
+        predict(
+            self.frames0, self.velocity0, self.auxiliary0, self.acceleration0, law, rates,
+            self.frames, self.increment, self.velocity, self.acceleration, self._velocity_base,
+            self._acceleration_base,
+        )  # fmt: skip
+
+    def correct(self, sign: float) -> float:
+        """Add ``sign * step`` to the increments; returns the largest entry of the step."""
+        self.spread_step()
+        largest: float = correct(
+            self.frames0, self.increment, self._velocity_base, self._acceleration_base,
+            self._rates, self.frames, self.velocity, self.acceleration, self.step, sign,
+        )  # fmt: skip
+        return largest
+
+    def accept(self, law: FloatArray) -> None:
+        """End a step; see ``frame_kernels.accept``."""
+        accept(
+            self.frames0, self.velocity0, self.auxiliary0, self.acceleration0, self.frames,
+            self.increment, self.velocity, self.acceleration, law,
+        )  # fmt: skip
+
+    def reset(self) -> None:
+        """Make the trial state equal to the accepted state."""
+        self.frames[:], self.velocity[:] = self.frames0, self.velocity0
+        self.acceleration[:], self.increment[:] = self.acceleration0, 0.0
+
+    def spread_step(self) -> None:
+        """Copy the owners' steps to ghosts."""
+        if self.has_ghosts:
+            self._step.scatter_forward()
+
+    def add_ghosts(self) -> None:
+        """Add what ghosts collected in the residual to their owners."""
+        if self.has_ghosts:
+            from dolfinx import la
+
+            self._residual.scatter_reverse(la.InsertMode.add)

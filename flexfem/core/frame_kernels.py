@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled loops over nodes that carry frames: prediction, correction, acceptance of a step."""
+
+from flexfem.lie.compiled import kernel
+from flexfem.lie.se3 import retract_into
+
+__all__ = ["accept", "correct", "predict"]
+
+
+@kernel
+def _configure(frames0, n, v_base, w_base, rates, frames, v, w, i):
+    """Configuration, velocity and acceleration of node ``i`` from its increment ``n[i]``."""
+    retract_into(frames0[i], n[i], frames[i])
+    for k in range(6):
+        v[i, k] = v_base[i, k] + rates[0] * n[i, k]
+        w[i, k] = w_base[i, k] + rates[1] * n[i, k]
+
+
+@kernel
+def predict(frames0, v0, a0, w0, law, rates, frames, n, v, w, v_base, w_base):
+    """Start a step: ``n = law . (v0, a0)`` and the affine laws ``v(n)``, ``w(n)``.
+
+    ``law`` (8,) holds the factors of v0 and a0 in the predicted increment, of v0 and a0 in
+    ``v_base``, and of v0, a0 and w0 in ``w_base`` (one spare); ``rates`` (2,) dv/dn and dw/dn.
+    """
+    for i in range(n.shape[0]):
+        for k in range(6):
+            n[i, k] = law[0] * v0[i, k] + law[1] * a0[i, k]
+            v_base[i, k] = law[2] * v0[i, k] + law[3] * a0[i, k]
+            w_base[i, k] = law[4] * v0[i, k] + law[5] * a0[i, k] + law[6] * w0[i, k]
+        _configure(frames0, n, v_base, w_base, rates, frames, v, w, i)
+
+
+@kernel
+def correct(frames0, n, v_base, w_base, rates, frames, v, w, step, sign):
+    """Add ``sign * step`` to the increments and return the largest entry of the step."""
+    largest = 0.0
+    for i in range(n.shape[0]):
+        for k in range(6):
+            n[i, k] += sign * step[i, k]
+            size = abs(step[i, k])
+            if size > largest or size != size:  # a NaN stays the largest
+                largest = size
+        _configure(frames0, n, v_base, w_base, rates, frames, v, w, i)
+    return largest
+
+
+@kernel
+def accept(frames0, v0, a0, w0, frames, n, v, w, law):
+    """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0."""
+    for i in range(n.shape[0]):
+        for k in range(6):
+            a0[i, k] = law[0] * n[i, k] + law[1] * v0[i, k] + law[2] * a0[i, k]
+            v0[i, k] = v[i, k]
+            w0[i, k] = w[i, k]
+            n[i, k] = 0.0
+        for k in range(12):
+            frames0[i, k] = frames[i, k]

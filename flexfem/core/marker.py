@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Places where joints, loads and probes attach."""
+
+from dataclasses import dataclass
+
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.pose import Pose
+
+#: Words that name the ends of a line instead of a physical point group.
+LINE_ENDS = ("start", "end")
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Marker:
+    """Frame that moves with a beam node or a rigid body.
+
+    Attributes:
+        body: Name of a Beam or RigidBody.
+        point: For beams, where on the line: name of a physical point group, "start" or "end", or
+            a fraction of the arc length in [0, 1] (the nearest node is taken). None for rigid
+            bodies.
+        offset: Position of the marker relative to the node (in section axes) or to the reference
+            point of the rigid body (in body axes), shape (3,), metres.
+        rotation: Orientation of the marker in inertial axes at the initial time, shape (3, 3);
+            from then on it turns with the body.
+    """
+
+    body: str
+    point: str | float | None
+    offset: FloatArray
+    rotation: FloatArray
+
+    def __init__(
+        self,
+        body: str,
+        point: str | float | None = None,
+        offset: npt.ArrayLike = (0.0, 0.0, 0.0),
+        rotation: npt.ArrayLike | None = None,
+    ) -> None:
+        """Create a marker.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: A fraction outside [0, 1], a wrong shape, NaN or no rotation matrix.
+        """
+        owner = f'Marker on "{_checks.text("Marker", "body", body)}"'
+        if isinstance(point, str):
+            _checks.text(owner, "point", point)
+        elif point is not None:
+            point = _checks.number(owner, "point", point)
+            if not 0.0 <= point <= 1.0:
+                raise ValueError(f"{owner}: point must be a fraction in [0, 1], got {point}")
+        _checks.assign(
+            self,
+            body=body,
+            point=point,
+            offset=_checks.vector(owner, "offset", offset),
+            rotation=_checks.rotation(owner, "rotation", rotation),
+        )
+
+    def __str__(self) -> str:
+        """Return body and point, for tables and messages."""
+        place = self.body if self.point is None else f"{self.body}:{self.point}"
+        return f"{place}+offset" if self.offset.any() else place
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Ground:
+    """Marker fixed in the inertial frame.
+
+    Attributes:
+        position: Position in inertial axes, shape (3,), metres.
+        rotation: Orientation in inertial axes, shape (3, 3).
+    """
+
+    position: FloatArray
+    rotation: FloatArray
+
+    def __init__(
+        self, position: npt.ArrayLike = (0.0, 0.0, 0.0), rotation: npt.ArrayLike | None = None
+    ) -> None:
+        """Create a marker on the ground.
+
+        Raises:
+            TypeError: An argument does not consist of numbers.
+            ValueError: A wrong shape, NaN or no rotation matrix.
+        """
+        _checks.assign(
+            self,
+            position=_checks.vector("Ground", "position", position),
+            rotation=_checks.rotation("Ground", "rotation", rotation),
+        )
+
+    @property
+    def pose(self) -> Pose:
+        """Position and orientation as one frame."""
+        return Pose(self.position, self.rotation)
+
+    def __str__(self) -> str:
+        """Return a short text for tables and messages."""
+        return "ground"
+
+
+#: What a joint connects.
+Attachment = Marker | Ground

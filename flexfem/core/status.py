@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Outcome of numerical work: a value below the driver, never an exception."""
+
+from enum import Enum
+
+__all__ = ["Status"]
+
+
+class Status(Enum):
+    """Outcome; the value is the message."""
+
+    OK = "ok"
+    NOT_CONVERGED = "the Newton iteration did not converge"
+    DIVERGED = "the Newton iteration diverged"
+    SINGULAR = "the iteration matrix is singular: redundant constraints or a singular position"
+    STEP_TOO_SMALL = "the step size fell below its limit"

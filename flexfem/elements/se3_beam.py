@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The family of SE(3) beams: all beams of a model on one interval mesh, one kernel call each.
+
+The physics is in ``flexfem.forms.beam``; here is its data per cell and the calls of the compiled
+loops.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.beam_loops import add_residual, add_tangent, cell_resultants
+from flexfem.forms.beam import beam_forms
+from flexfem.la.kernel import compile_kernel
+from flexfem.lie import se3
+from flexfem.materials.section import Section
+
+__all__ = ["BeamCells", "SE3Beams", "node_frames"]
+
+_UPPER = np.triu_indices(6)
+
+
+@dataclass(frozen=True)
+class BeamCells:
+    """Constant data of cells.
+
+    Attributes:
+        cells: (m, 2) nodes.
+        body: (m,) number of the beam.
+        section: (m,) number of the section.
+        frames: (m, 2, 12) section frames at both ends at the start.
+        damping: (m,) stiffness-proportional damping, s.
+    """
+
+    cells: npt.NDArray[np.int32]
+    body: IntArray
+    section: IntArray
+    frames: FloatArray
+    damping: FloatArray
+
+
+def node_frames(cells: npt.NDArray[np.integer], frames: FloatArray, count: int) -> FloatArray:
+    """One frame per node: that of the first cell end there (others are turned against it)."""
+    result = np.zeros((count, 12))
+    ends, first = np.unique(cells.ravel(), return_index=True)
+    result[ends] = frames.reshape(-1, 12)[first]
+    return result
+
+
+class SE3Beams:
+    """Residual, tangent and stress resultants of all beams of this rank.
+
+    Attributes:
+        data: constant data of the cells.
+        lengths: (m,) arc lengths at the start, m.
+        resultant_names: names of the stress resultants in their order.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        data: BeamCells,
+        sections: Sequence[Section],
+        start: FloatArray,
+    ) -> None:
+        """Compile the kernels (collective) and prepare the cells.
+
+        Args:
+            comm: communicator.
+            data: constant data of this rank's cells.
+            sections: the sections of the model.
+            start: (n, 12) frames of this rank's nodes at the start.
+        """
+        self.data = data
+        self._matrices = np.array([s.stiffness for s in sections]).reshape(-1, 6, 6)
+        self._laws = np.ascontiguousarray(
+            [[s.stiffness[_UPPER], s.inertia[_UPPER]] for s in sections], dtype=np.float64
+        )
+        ends = data.frames
+        self._twists = np.ascontiguousarray(
+            se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
+        )
+        self.lengths = np.linalg.norm(self._twists[:, :3], axis=1)
+        turns = np.swapaxes(se3.rotation(start[data.cells]), -1, -2) @ se3.rotation(ends)
+        self._turned = np.abs(turns - np.eye(3)).max(axis=(1, 2, 3), initial=0.0) > 1e-12
+        # one row for all cells whose section axes are the nodes' own
+        turns = turns if self._turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
+        self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
+        forms = beam_forms()
+        coefficients = tuple(forms.coefficients.values())
+        self._residual = compile_kernel(comm, forms.residual, coefficients)
+        self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)
+        self._inertia = compile_kernel(comm, forms.inertia, coefficients)
+
+    def _cell_data(self) -> tuple[npt.NDArray[np.generic], ...]:
+        data = self.data
+        return (
+            data.cells, self._turned, self._turns, self._twists, self.lengths, data.damping,
+            data.section, self._laws,
+        )  # fmt: skip
+
+    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+        """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
+        add_residual(
+            self._residual.address, self._residual.offsets, gravity, *self._cell_data(),
+            block.frames, block.velocity, block.acceleration, scale, block.residual,
+        )  # fmt: skip
+
+    def tangent(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
+    ) -> FloatArray:
+        """Cell matrices (m, 12, 12) of ``scale (k K T + c C + m M)``, ``shifts`` = (c, m, k)."""
+        values = np.empty((len(self.data.cells), 144))
+        add_tangent(
+            self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
+            self._inertia.offsets, shifts, *self._cell_data(), block.frames, block.velocity,
+            block.increment, scale, values,
+        )  # fmt: skip
+        return values.reshape(-1, 12, 12)
+
+    def resultants(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Strains and stress resultants (m, 6) of all cells in section axes (damping left out)."""
+        ends = se3.frame(
+            se3.position(frames[self.data.cells]),
+            se3.rotation(frames[self.data.cells]) @ self._turns.reshape(-1, 2, 3, 3),
+        )
+        twists = se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
+        strain, resultant = np.empty_like(twists), np.empty_like(twists)
+        cell_resultants(
+            twists, self._twists, self.lengths, self.data.section, self._matrices, strain, resultant
+        )
+        return strain, resultant

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Lie-group generalized-alpha method for constrained systems of index 3.
+
+Brüls, Cardona, Arnold, "Lie group generalized-alpha time integration of constrained flexible
+multibody systems", Mech. Mach. Theory 48 (2012) 121-137, with the coefficients of Chung and Hulbert
+(1993). On SE(3) the method is of second order in positions, velocities and multipliers, from the
+first step on.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.solvers.policies import Policy
+from flexfem.system.system import Shifts, System
+
+__all__ = ["GeneralizedAlpha"]
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """Coefficients of the scheme.
+
+    Attributes:
+        rho_inf: spectral radius at infinite frequency, 0 (annihilates) to 1 (no dissipation).
+    """
+
+    rho_inf: float = 0.9
+
+    def __post_init__(self) -> None:
+        """Check the spectral radius.
+
+        Raises:
+            ValueError: it lies outside [0, 1].
+        """
+        if not 0.0 <= self.rho_inf <= 1.0:
+            raise ValueError(f"GeneralizedAlpha: rho_inf must lie in [0, 1], got {self.rho_inf}")
+
+    @property
+    def alpha_m(self) -> float:
+        """Weight of the old acceleration-like variable."""
+        return (2.0 * self.rho_inf - 1.0) / (self.rho_inf + 1.0)
+
+    @property
+    def alpha_f(self) -> float:
+        """Weight of the old acceleration."""
+        return self.rho_inf / (self.rho_inf + 1.0)
+
+    @property
+    def gamma(self) -> float:
+        """Newmark's gamma."""
+        return 0.5 + self.alpha_f - self.alpha_m
+
+    @property
+    def beta(self) -> float:
+        """Newmark's beta."""
+        return 0.25 * (self.gamma + 0.5) ** 2
+
+    def shifts(self, h: float) -> Shifts:
+        """Factors of the iteration matrix at step size ``h`` (s)."""
+        scale = self.beta * h * h
+        weight = (1.0 - self.alpha_m) / (1.0 - self.alpha_f)
+        return Shifts(self.gamma / (self.beta * h), weight / scale, scale)
+
+    def _laws(self, h: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Laws of prediction, rates and acceptance, see ``frame_kernels``.
+
+        With n the increment: ``a = n/(beta h^2) - v0/(beta h) - (1/2 - beta)/beta a0``,
+        ``v = v0 + (1 - gamma) h a0 + gamma h a`` and
+        ``(1 - alpha_f) w + alpha_f w0 = (1 - alpha_m) a + alpha_m a0``.
+        """
+        beta, gamma, alpha_m, alpha_f = self.beta, self.gamma, self.alpha_m, self.alpha_f
+        weight = (1.0 - alpha_m) / (1.0 - alpha_f)
+        auxiliary = np.array([1.0 / (beta * h * h), -1.0 / (beta * h), -(0.5 - beta) / beta])
+        predict = np.array(
+            [
+                h,
+                0.0,
+                1.0 - gamma / beta,
+                h * (1.0 - 0.5 * gamma / beta),
+                weight * auxiliary[1],
+                weight * auxiliary[2] + alpha_m / (1.0 - alpha_f),
+                -alpha_f / (1.0 - alpha_f),
+            ]
+        )
+        shifts = self.shifts(h)
+        return predict, np.array([shifts.velocity, shifts.acceleration]), auxiliary
+
+    def step(self, system: System, policy: Policy, h: float) -> Status:
+        """Advance the system by ``h`` (s); on failure it is left at the accepted state."""
+        predict, rates, accept = self._laws(h)
+        rows, shifts = system.constraints, self.shifts(h)
+        start, forces = system.time, rows.forces.copy()
+        system.set_time(start + h)
+
+        def restart() -> None:
+            # increments from velocities alone: a load that jumps spoils old accelerations
+            system.predict(predict, rates)
+            rows.multipliers[:] = shifts.scale * forces
+
+        restart()
+        status = policy.solve(shifts, restart)
+        if status is not Status.OK:
+            system.set_time(start)
+            system.reset()
+            return status
+        rows.forces[:] = rows.multipliers / shifts.scale
+        system.accept(accept)
+        return status

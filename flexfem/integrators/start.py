@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Consistent start of a constrained system: positions checked, velocities and accelerations solved."""
+
+import numpy as np
+from mpi4py import MPI
+
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.system import Shifts, System
+
+__all__ = ["start_consistently"]
+
+#: Largest violation of a constraint at the start (m or rad): more is a mistake in the model.
+_GAP = 1e-6
+
+#: The mass matrix alone, nothing scaled; rates of elastic rows count as they are.
+_MASS = Shifts(velocity=0.0, acceleration=1.0, scale=1.0, stiffness=0.0)
+_RATES = np.array([1.0, 1.0])
+
+
+def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Status:
+    """Make velocities, accelerations and multipliers satisfy the constraints (collective).
+
+    Velocities move by the least kinetic energy onto the constraints (they stay as they are if they
+    satisfy them already); accelerations and multipliers follow from
+    ``[[M, G^T], [G, 0]] (w, lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided
+    differences over ``dt`` (s), since a motion need not be defined before the start.
+
+    Raises:
+        ValueError: a joint is not satisfied at the start, named with its violation.
+    """
+    rows = system.constraints
+    rows.multipliers[:] = 0.0
+    system.reset()
+    for part in system.parts:
+        part.block.acceleration[:] = 0.0
+    _evaluate(system)
+    _check_gaps(system)
+    tangent.assemble(_MASS)
+    system.counters.mass_factorizations += 1
+    if not tangent.factor():
+        return Status.SINGULAR
+    zeros = [np.zeros((p.block.owned, 6)) for p in system.parts]
+    values, rates = _drives(system, dt)
+    if not tangent.solve(zeros, -_rigid(system, rates)):
+        return Status.SINGULAR
+    for part in system.parts:
+        part.block.spread_step()
+        part.block.velocity0 += part.block.step
+        part.block.velocity += part.block.step
+    _evaluate(system)
+    accelerations = _second(system, dt, values)
+    blocks = [-p.block.residual[: p.block.owned] for p in system.parts]
+    elastic = rows.elastic[:, 0] * rows.values
+    if not tangent.solve(blocks, -_rigid(system, accelerations) - elastic):
+        return Status.SINGULAR
+    for part in system.parts:
+        part.block.spread_step()
+        for target in (part.block.acceleration0, part.block.auxiliary0, part.block.acceleration):
+            target[:] = part.block.step
+    rows.forces[:] = tangent.multiplier_step
+    return Status.OK
+
+
+def _evaluate(system: System) -> None:
+    for part in system.parts:
+        part.add_residual(system.gravity, system.factors, 1.0)
+    system.interface.update()
+    system.constraints.evaluate(_RATES)
+
+
+def _rigid(system: System, values: FloatArray) -> FloatArray:
+    return values * (1.0 - system.constraints.elastic[:, 0])
+
+
+def _check_gaps(system: System) -> None:
+    rows = system.constraints
+    gaps = np.abs(_rigid(system, rows.values))
+    worst = {
+        joint.index: (joint.joint, float(gaps[a:b].max(initial=0.0)))
+        for joint, a, b in zip(rows.joints, rows.start[:-1], rows.start[1:], strict=True)
+    }
+    bad = sorted(index for index, (_, gap) in worst.items() if not gap <= _GAP)
+    first = system.comm.allreduce(bad[0] if bad else np.iinfo(np.int64).max, op=MPI.MIN)
+    if first == np.iinfo(np.int64).max:
+        return
+    text = None
+    if first in worst:
+        joint, gap = worst[first]
+        text = f"{joint.owner}: the markers violate the joint at the start by {gap:.6g}"
+    texts = [t for t in system.comm.allgather(text) if t is not None]
+    raise ValueError(texts[0])
+
+
+def _drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
+    """Row values at t, t + dt, t + 2 dt, t + 3 dt at held positions, and total rates at t."""
+    rows, start = system.constraints, system.time
+    values = []
+    for k in range(4):
+        rows.set_time(start + k * dt)
+        rows.evaluate(_RATES)
+        values.append(rows.values.copy())
+    rows.set_time(start)
+    rows.evaluate(_RATES)
+    by_time = (-3.0 * values[0] + 4.0 * values[1] - values[2]) / (2.0 * dt)
+    return values, rows.rates() + by_time
+
+
+def _second(system: System, dt: float, values: list[FloatArray]) -> FloatArray:
+    """Second time derivative of the rows at zero accelerations."""
+    rows, start = system.constraints, system.time
+    rates = []
+    for k in range(3):
+        rows.set_time(start + k * dt)
+        rows.evaluate(_RATES)
+        rates.append(rows.rates())
+    rows.set_time(start)
+    rows.evaluate(_RATES)
+    turning = (-3.0 * rates[0] + 4.0 * rates[1] - rates[2]) / (2.0 * dt)
+    by_time = (2.0 * values[0] - 5.0 * values[1] + 4.0 * values[2] - values[3]) / (dt * dt)
+    return rows.second_rates() + 2.0 * turning + by_time

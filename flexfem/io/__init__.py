@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Result files: ParaView series, history table, summary and progress bar.
+
+Everything here takes plain NumPy arrays and an mpi4py communicator; nothing knows about systems,
+solvers or integrators.
+"""
+
+from flexfem.io.beam_fields import BeamFields, BeamWriter
+from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
+from flexfem.io.history import HistoryWriter, read_history
+from flexfem.io.progress import Progress
+from flexfem.io.summary import write_summary
+from flexfem.io.surfaces import Surface, body_surface
+from flexfem.io.vtu_series import VtuSeries
+
+__all__ = [
+    "BeamFields",
+    "BeamWriter",
+    "HistoryWriter",
+    "JointFields",
+    "JointWriter",
+    "Progress",
+    "RigidBodyFields",
+    "RigidBodyWriter",
+    "Surface",
+    "VtuSeries",
+    "body_surface",
+    "read_history",
+    "write_summary",
+]

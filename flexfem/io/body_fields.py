@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Rigid bodies and joints as surfaces for ParaView."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexfem.io.surfaces import InstanceCache, Surface, box, cylinder, frames_along, sphere
+from flexfem.io.vtu_series import VtuSeries
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_Z = (0.0, 0.0, 1.0)
+# Pictures of the joints at unit size, the axis along z.
+_GLYPHS = {
+    "spherical": sphere(0.5, refinements=1),
+    "revolute": cylinder(0.4, 1.2, _Z, sides=16),
+    "cylindrical": cylinder(0.25, 2.4, _Z, sides=16),
+    "prismatic": box((0.4, 0.4, 2.4)),
+    "pointonline": box((0.2, 0.2, 3.0)),
+    "pointonplane": box((2.0, 2.0, 0.2)),
+    "rigid": box((0.8, 0.8, 0.8)),
+}
+_OTHER = box((0.5, 0.5, 0.5))
+
+
+@dataclass(frozen=True)
+class RigidBodyFields:
+    """This rank's rigid bodies at one instant; arrays may have no rows.
+
+    Attributes:
+        position: Reference points (n, 3), inertial, m.
+        rotation: Body axes (n, 3, 3), as columns in inertial axes.
+        velocity: Velocities of the reference points (n, 3), inertial, m/s.
+        angular_velocity: Angular velocities (n, 3), inertial, rad/s.
+        body: Number of each body (n,): index of its surface.
+    """
+
+    position: FloatArray
+    rotation: FloatArray
+    velocity: FloatArray
+    angular_velocity: FloatArray
+    body: IntArray
+
+    @classmethod
+    def empty(cls) -> RigidBodyFields:
+        """Fields of a rank without rigid bodies."""
+        v = np.zeros((0, 3))
+        return cls(v, np.zeros((0, 3, 3)), v, v, np.zeros(0, dtype=np.int64))
+
+
+class RigidBodyWriter:
+    """Series ``rigid_bodies``: surfaces with the velocity of their points and the body number."""
+
+    def __init__(
+        self,
+        folder: Path,
+        comm: MPI.Comm,
+        surfaces: Sequence[Surface],
+        *,
+        resume: float | None = None,
+    ) -> None:
+        """Declare the series; nothing is written yet.
+
+        Args:
+            folder: Result folder.
+            comm: Communicator; `write` and `close` are collective.
+            surfaces: Surface of every body of the model in body axes (see `body_surface`).
+            resume: Keep the instants of an earlier run up to this time (s).
+        """
+        self._series = VtuSeries(folder, "rigid_bodies", comm, resume=resume)
+        self._templates = InstanceCache(surfaces)
+
+    def write(self, time: float, step: int, bodies: RigidBodyFields) -> None:
+        """Write one instant; collective.
+
+        Args:
+            time: Time in s.
+            step: Step number.
+            bodies: This rank's part.
+        """
+        mesh = self._templates.select(bodies.body)
+        owner = mesh.owner
+        arms = mesh.arms(bodies.rotation)
+        self._series.write(
+            time,
+            step,
+            bodies.position[owner] + arms,
+            mesh.triangles,
+            "triangle",
+            {"velocity": bodies.velocity[owner] + np.cross(bodies.angular_velocity[owner], arms)},
+            {"body": bodies.body[mesh.cell_owner]},
+        )
+
+    def close(self) -> None:
+        """End the series; collective."""
+        self._series.close()
+
+
+@dataclass(frozen=True)
+class JointFields:
+    """This rank's joints at one instant; arrays may have no rows.
+
+    Attributes:
+        a: Positions of the first markers (n, 3), inertial, m.
+        b: Positions of the second markers (n, 3), inertial, m.
+        axis: Joint axes (n, 3), inertial; zero for joints without one.
+        force: Constraint or spring forces (n, 3), inertial, N.
+        joint: Number of each joint (n,): index of its kind.
+    """
+
+    a: FloatArray
+    b: FloatArray
+    axis: FloatArray
+    force: FloatArray
+    joint: IntArray
+
+    @classmethod
+    def empty(cls) -> JointFields:
+        """Fields of a rank without joints."""
+        v = np.zeros((0, 3))
+        return cls(v, v, v, v, np.zeros(0, dtype=np.int64))
+
+
+class JointWriter:
+    """Series ``joints``: a glyph at the first marker and a thin rod from there to the second."""
+
+    def __init__(
+        self,
+        folder: Path,
+        comm: MPI.Comm,
+        kinds: Sequence[str],
+        size: float | Sequence[float],
+        *,
+        resume: float | None = None,
+    ) -> None:
+        """Declare the series; nothing is written yet.
+
+        Args:
+            folder: Result folder.
+            comm: Communicator; `write` and `close` are collective.
+            kinds: Kind of every joint of the model, such as "Revolute"; unknown ones become cubes.
+            size: Size of the glyphs in m, common or per joint.
+            resume: Keep the instants of an earlier run up to this time (s).
+        """
+        sizes = np.broadcast_to(np.asarray(size, dtype=np.float64), (len(kinds),)).tolist()
+        glyphs = [_GLYPHS.get(kind.lower().replace("_", ""), _OTHER) for kind in kinds]
+        self._series = VtuSeries(folder, "joints", comm, resume=resume)
+        self._glyphs = InstanceCache.scaled(glyphs, sizes)
+        # Thickness by size, length one: it is stretched to the distance of the markers.
+        rods = [box((0.12 * s, 0.12 * s, 1.0)) for s in sizes]
+        self._rods = InstanceCache(rods)
+
+    def write(self, time: float, step: int, joints: JointFields) -> None:
+        """Write one instant; collective.
+
+        Args:
+            time: Time in s.
+            step: Step number.
+            joints: This rank's part.
+        """
+        glyphs, rods = self._glyphs.select(joints.joint), self._rods.select(joints.joint)
+        link = joints.b - joints.a
+        frames = frames_along(link)
+        frames[:, :, 2] = link
+        points = np.concatenate(
+            [
+                joints.a[glyphs.owner] + glyphs.arms(frames_along(joints.axis)),
+                joints.a[rods.owner] + 0.5 * link[rods.owner] + rods.arms(frames),
+            ]
+        )
+        cell = np.concatenate([glyphs.cell_owner, rods.cell_owner])
+        self._series.write(
+            time,
+            step,
+            points,
+            np.concatenate([glyphs.triangles, rods.triangles + len(glyphs.local)]),
+            "triangle",
+            {},
+            {
+                "joint": joints.joint[cell],
+                "force": joints.force[cell],
+                "force_magnitude": np.linalg.norm(joints.force, axis=1)[cell],
+            },
+        )
+
+    def close(self) -> None:
+        """End the series; collective."""
+        self._series.close()

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Summary of a run as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexfem.io.atomic import replace_file
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def write_summary(path: Path, data: Mapping[str, Any], comm: MPI.Comm | None = None) -> None:
+    """Write a summary, replacing an earlier one as a whole.
+
+    Keys are sorted; NaN and infinity become null; NumPy scalars and arrays become numbers and
+    lists; paths become strings.
+
+    Args:
+        path: The file; its folder is created if missing.
+        data: Nested mappings, sequences, numbers, strings, None.
+        comm: Communicator of which only rank 0 writes; None means that the caller sees to that.
+
+    Raises:
+        TypeError: If a value cannot be written.
+        OSError: If the file cannot be written.
+    """
+    if comm is not None and comm.rank != 0:
+        return
+    text = json.dumps(_plain(data, "summary"), indent=2, sort_keys=True, allow_nan=False)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(path, [text.encode(), b"\n"])
+
+
+def _plain(value: Any, where: str) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v, f"{where}.{k}") for k, v in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist(), where)
+    if isinstance(value, list | tuple):
+        return [_plain(v, where) for v in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{where}: a {type(value).__name__} cannot be written to a summary")

@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Time series of unstructured grids for ParaView: one VTU piece per rank, PVTU and PVD indices.
+
+The pieces are written directly (XML header, raw appended arrays) and not through meshio, which
+stores neither component names nor the time.
+File format: https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree as ET
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexfem.io.atomic import raise_together, replace_file
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+# VTK cell type number and nodes per cell
+_CELLS = {"vertex": (1, 1), "line": (3, 2), "triangle": (5, 3), "quad": (9, 4)}
+_TYPE_NAMES = {"float64": "Float64", "float32": "Float32", "int32": "Int32", "uint8": "UInt8"}
+_ENDIAN = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
+
+
+@dataclass(frozen=True)
+class _Array:
+    """One array of a piece: its XML attributes and its contiguous values."""
+
+    name: str
+    values: NDArray[Any]
+    components: int
+    component_names: tuple[str, ...]
+
+    def attributes(self) -> str:
+        """XML attributes shared by DataArray and PDataArray."""
+        names = "".join(
+            f" ComponentName{i}={quoteattr(c)}" for i, c in enumerate(self.component_names)
+        )
+        kind = _TYPE_NAMES[self.values.dtype.name]
+        return (
+            f'type="{kind}" Name={quoteattr(self.name)}'
+            f' NumberOfComponents="{self.components}"{names}'
+        )
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """This rank's part of one instant, checked and converted."""
+
+    points: _Array
+    connectivity: NDArray[np.int32]
+    cell_type: str
+    point_data: tuple[_Array, ...]
+    cell_data: tuple[_Array, ...]
+
+    def header(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Attributes of the point and cell arrays: what all ranks have to agree on."""
+        return (
+            tuple(a.attributes() for a in self.point_data),
+            tuple(a.attributes() for a in self.cell_data),
+        )
+
+
+class VtuSeries:
+    """Series ``<folder>/<name>.pvd`` of unstructured grids, one file per rank and step.
+
+    Each rank writes ``<name>/<name>_<step>_<rank>.vtu`` with its own cells; ranks without cells
+    write nothing. With several ranks rank 0 adds ``<name>/<name>_<step>.pvtu``. The index
+    ``<name>.pvd`` is replaced as a whole after every step, so that a killed run leaves a readable
+    series. An instant without cells on any rank is left out.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        comm: MPI.Comm,
+        *,
+        components: Mapping[str, Sequence[str]] | None = None,
+        resume: float | None = None,
+    ) -> None:
+        """Declare the series; local, nothing is written yet.
+
+        Args:
+            folder: Result folder, created if missing.
+            name: Name of the series, used in file names.
+            comm: Communicator; construction is local, `write` and `close` are collective.
+            components: Names of the components of some arrays, by array name.
+            resume: Keep the instants of an earlier run up to this time (s); None removes them all.
+        """
+        if not re.fullmatch(r"[A-Za-z0-9_.-]+", name):
+            raise ValueError(f"VtuSeries '{name}': the name must be usable as a file name")
+        self.folder, self.name, self.comm = Path(folder), name, comm
+        self._components = {k: tuple(v) for k, v in (components or {}).items()}
+        self._resume = resume
+        self._instants: dict[int, tuple[float, str]] = {}  # step -> (time, file), rank 0 only
+        self._started = self._closed = False
+
+    def write(
+        self,
+        time: float,
+        step: int,
+        points: ArrayLike,
+        cells: ArrayLike,
+        cell_type: str,
+        point_data: Mapping[str, ArrayLike] | None = None,
+        cell_data: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
+        """Write one instant; collective. A step written before is replaced.
+
+        Args:
+            time: Time in s.
+            step: Step number, part of the file names.
+            points: This rank's points (n, 3) in m.
+            cells: This rank's cells (m, k), local point numbers.
+            cell_type: "vertex", "line", "triangle" or "quad".
+            point_data: Arrays (n,), (n, c) or (n, c, d), stored as float32 or int32.
+            cell_data: Arrays (m,), (m, c) or (m, c, d), stored as float32 or int32.
+
+        Raises:
+            ValueError: On all ranks, if arrays do not fit each other on one of them.
+            OSError: On all ranks, if a file cannot be written.
+        """
+        if self._closed:
+            raise ValueError(f"VtuSeries '{self.name}': written after close")
+        if not self._started:
+            self._start()
+        error: Exception | None = None
+        piece = None
+        try:
+            piece = self._piece(points, cells, cell_type, point_data or {}, cell_data or {})
+        except (TypeError, ValueError) as exc:
+            error = exc
+        raise_together(self.comm, error)
+        assert piece is not None
+        header = piece.header() if len(piece.connectivity) else None
+        headers = self.comm.allgather(header)
+        present = [h for h in headers if h is not None]
+        if not present:
+            return
+        if any(h != present[0] for h in present):
+            raise ValueError(f"VtuSeries '{self.name}': the ranks pass different arrays")
+        try:
+            if header is not None:
+                self._folder.mkdir(parents=True, exist_ok=True)
+                path = self._folder / f"{self._stem(step)}_{self.comm.rank}.vtu"
+                replace_file(path, _vtu(piece, time))
+        except OSError as exc:
+            error = exc
+        raise_together(self.comm, error)
+        if self.comm.rank == 0:
+            self._index(time, step, headers, present[0])
+
+    def close(self) -> None:
+        """End the series; collective: on return its files are complete for every rank."""
+        if not self._closed:
+            self._closed = True
+            self.comm.barrier()
+
+    @property
+    def _folder(self) -> Path:
+        return self.folder / self.name
+
+    def _stem(self, step: int) -> str:
+        return f"{self.name}_{step:06d}"
+
+    def _start(self) -> None:
+        """Remove what an earlier run of this series left; collective."""
+        error: Exception | None = None
+        if self.comm.rank == 0:
+            try:
+                self._clean()
+            except (OSError, ValueError) as exc:
+                error = exc
+        raise_together(self.comm, error)
+        self._started = True
+
+    def _clean(self) -> None:
+        pvd = self.folder / f"{self.name}.pvd"
+        if self._resume is not None and pvd.exists():
+            self._instants = {
+                step: (time, file)
+                for step, (time, file) in _read_pvd(pvd, self.name).items()
+                if time <= self._resume + 1e-12 * abs(self._resume)
+            }
+        # The index goes first: it must never name a file that is gone.
+        if self._instants:
+            self._write_pvd()
+        else:
+            pvd.unlink(missing_ok=True)
+        own = re.compile(rf"\.?{re.escape(self.name)}_(\d{{6,}})(_\d+)?\.p?vtu(\.tmp)?")
+        for path in self._folder.iterdir() if self._folder.is_dir() else ():
+            match = own.fullmatch(path.name)
+            if match and (int(match[1]) not in self._instants or path.suffix == ".tmp"):
+                path.unlink()
+
+    def _piece(
+        self,
+        points: ArrayLike,
+        cells: ArrayLike,
+        cell_type: str,
+        point_data: Mapping[str, ArrayLike],
+        cell_data: Mapping[str, ArrayLike],
+    ) -> _Piece:
+        who = f"VtuSeries '{self.name}'"
+        if cell_type not in _CELLS:
+            raise ValueError(f"{who}: unknown cell type '{cell_type}', known: {', '.join(_CELLS)}")
+        nodes = _CELLS[cell_type][1]
+        x = np.ascontiguousarray(points, dtype=np.float64)
+        c = np.ascontiguousarray(cells)
+        if c.size == 0:
+            c = np.zeros((0, nodes), dtype=np.int32)
+        if x.ndim != 2 or x.shape[1] != 3:
+            raise ValueError(f"{who}: points have shape {x.shape}, expected (n, 3)")
+        if c.ndim != 2 or c.shape[1] != nodes or not np.issubdtype(c.dtype, np.integer):
+            raise ValueError(
+                f"{who}: cells have shape {c.shape} and type {c.dtype}, "
+                f"expected integers (m, {nodes}) for '{cell_type}'"
+            )
+        if len(c) and (c.min() < 0 or c.max() >= len(x)):
+            raise ValueError(f"{who}: a cell names point {c.max()} (or {c.min()}) of {len(x)}")
+        return _Piece(
+            _Array("Points", x, 3, ()),
+            c.astype(np.int32, copy=False),
+            cell_type,
+            tuple(self._array(k, v, len(x)) for k, v in point_data.items()),
+            tuple(self._array(k, v, len(c)) for k, v in cell_data.items()),
+        )
+
+    def _array(self, name: str, values: ArrayLike, length: int) -> _Array:
+        who = f"VtuSeries '{self.name}', array '{name}'"
+        a = np.asarray(values)
+        if a.shape[:1] != (length,):
+            raise ValueError(f"{who}: shape {a.shape}, expected {length} rows")
+        if a.dtype.kind not in "fiub":
+            raise TypeError(f"{who}: type {a.dtype} cannot be written")
+        target = np.float32 if a.dtype.kind == "f" else np.int32
+        with np.errstate(over="ignore", under="ignore"):
+            a = np.ascontiguousarray(a, dtype=target)
+        components = int(np.prod(a.shape[1:]))
+        names = self._components.get(name, ())
+        if names and len(names) != components:
+            raise ValueError(f"{who}: {components} components but {len(names)} component names")
+        return _Array(name, a, components, names)
+
+    def _index(
+        self,
+        time: float,
+        step: int,
+        headers: Sequence[object | None],
+        arrays: tuple[tuple[str, ...], tuple[str, ...]],
+    ) -> None:
+        """Make the instant visible: PVTU (several ranks), then PVD; rank 0."""
+        stem = self._stem(step)
+        file = f"{stem}_0.vtu"
+        if self.comm.size > 1:
+            file = f"{stem}.pvtu"
+            sources = [f"{stem}_{r}.vtu" for r, h in enumerate(headers) if h is not None]
+            replace_file(self._folder / file, [_pvtu(sources, *arrays).encode()])
+        self._instants[step] = (float(time), f"{self.name}/{file}")
+        self._write_pvd()
+
+    def _write_pvd(self) -> None:
+        lines = [
+            f'<DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>'
+            for time, file in sorted(self._instants.values())
+        ]
+        text = _document("Collection", "0.1", ["<Collection>", *lines, "</Collection>"])
+        replace_file(self.folder / f"{self.name}.pvd", [text.encode()])
+
+
+def _document(kind: str, version: str, lines: Sequence[str]) -> str:
+    header = ' header_type="UInt64"' if version == "1.0" else ""
+    return "\n".join(
+        [
+            '<?xml version="1.0"?>',
+            f'<VTKFile type="{kind}" version="{version}" byte_order="{_ENDIAN}"{header}>',
+            *lines,
+            "</VTKFile>\n",
+        ]
+    )
+
+
+def _vtu(piece: _Piece, time: float) -> list[bytes | memoryview]:
+    """Contents of one VTU file: XML text, then the raw arrays, each after its size in bytes."""
+    number, nodes = _CELLS[piece.cell_type]
+    m = len(piece.connectivity)
+    ends = np.arange(nodes, nodes * m + 1, nodes, dtype=np.int32)
+    topology = (
+        _Array("connectivity", piece.connectivity, 1, ()),
+        _Array("offsets", ends, 1, ()),
+        _Array("types", np.full(m, number, dtype=np.uint8), 1, ()),
+    )
+    raw: list[bytes | memoryview] = []
+    position = 0
+
+    def section(tag: str, arrays: Sequence[_Array]) -> list[str]:
+        nonlocal position
+        lines = [f"<{tag}>"]
+        for a in arrays:
+            lines.append(f'<DataArray {a.attributes()} format="appended" offset="{position}"/>')
+            raw.extend((np.uint64(a.values.nbytes).tobytes(), a.values.reshape(-1).data))
+            position += 8 + a.values.nbytes
+        return [*lines, f"</{tag}>"]
+
+    body = [
+        "<UnstructuredGrid>",
+        '<FieldData><DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">'
+        f"{float(time)!r}</DataArray></FieldData>",
+        f'<Piece NumberOfPoints="{len(piece.points.values)}" NumberOfCells="{m}">',
+        *section("PointData", piece.point_data),
+        *section("CellData", piece.cell_data),
+        *section("Points", [piece.points]),
+        *section("Cells", topology),
+        "</Piece>",
+        "</UnstructuredGrid>",
+        '<AppendedData encoding="raw">',
+        "_",
+    ]
+    head, tail = _document("UnstructuredGrid", "1.0", body).split("\n_\n")
+    return [f"{head}\n_".encode(), *raw, f"\n</AppendedData>\n{tail}".encode()]
+
+
+def _pvtu(sources: Sequence[str], point_data: Sequence[str], cell_data: Sequence[str]) -> str:
+    lines = [
+        '<PUnstructuredGrid GhostLevel="0">',
+        "<PPointData>",
+        *(f"<PDataArray {a}/>" for a in point_data),
+        "</PPointData>",
+        "<PCellData>",
+        *(f"<PDataArray {a}/>" for a in cell_data),
+        "</PCellData>",
+        '<PPoints><PDataArray type="Float64" Name="Points" NumberOfComponents="3"/></PPoints>',
+        *(f"<Piece Source={quoteattr(s)}/>" for s in sources),
+        "</PUnstructuredGrid>",
+    ]
+    return _document("PUnstructuredGrid", "1.0", lines)
+
+
+def _read_pvd(path: Path, name: str) -> dict[int, tuple[float, str]]:
+    """Instants of an existing series by step number."""
+    try:
+        sets = ET.parse(path).getroot().iter("DataSet")
+        entries = [(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets]
+        matches = [re.search(rf"{re.escape(name)}_(\d{{6,}})", Path(f).name) for _, f in entries]
+        return {int(m[1]): e for m, e in zip(matches, entries, strict=True) if m}
+    except (ET.ParseError, KeyError, ValueError) as exc:
+        raise ValueError(f"VtuSeries '{name}': cannot read {path}: {exc}") from exc

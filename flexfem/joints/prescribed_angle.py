@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Prescribed relative angle."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from flexfem import _checks
+from flexfem.core.joint import AxisJoint, Row, RowKind, perpendicular
+from flexfem.core.pose import Pose
+
+__all__ = ["PrescribedAngle"]
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedAngle(AxisJoint):
+    """Drives the angle by which marker b has turned relative to marker a; one constraint.
+
+    It holds over any number of turns. Combine it with a joint that keeps the axis, such as
+    ``Revolute`` or ``Cylindrical``.
+
+    Attributes:
+        angle: function of time (s), rad, counted from the start.
+    """
+
+    angle: Callable[[float], float] = lambda t: 0.0
+
+    driven: ClassVar[bool] = True
+    glyph: ClassVar[str] = "cylinder"
+
+    def __post_init__(self) -> None:
+        """Check the function.
+
+        Raises:
+            TypeError: the angle is not a function.
+            ValueError: its value at t = 0 is not a number.
+        """
+        super().__post_init__()
+        _checks.function(self.owner, "angle", self.angle, ())
+
+    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        p, _ = perpendicular(self.direction)
+        return (
+            Row(
+                RowKind.ANGLE,
+                u=a.rotation.T @ self.direction,
+                p=a.rotation.T @ p,
+                v=b.rotation.T @ p,
+                target=float(self.angle(t)),
+            ),
+        )

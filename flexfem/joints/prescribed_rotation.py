@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Prescribed relative rotation."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem.core.joint import Joint, Row, equal_rotation
+from flexfem.core.pose import Pose
+
+__all__ = ["PrescribedRotation"]
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedRotation(Joint):
+    """Drives the rotation of marker b relative to marker a; three constraints.
+
+    Attributes:
+        rotation: function of time (s) that returns the rotation vector (rad), shape (3,), in the
+            axes of marker a, by which b has turned since the start.
+    """
+
+    rotation: Callable[[float], npt.ArrayLike] = lambda t: (0.0, 0.0, 0.0)
+
+    driven: ClassVar[bool] = True
+    glyph: ClassVar[str] = "cylinder"
+
+    def __post_init__(self) -> None:
+        """Check the function.
+
+        Raises:
+            TypeError: the rotation is not a function.
+            ValueError: its value at t = 0 has the wrong shape.
+        """
+        super().__post_init__()
+        _checks.function(self.owner, "rotation", self.rotation, (3,))
+
+    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        from flexfem.lie import so3
+
+        turned = so3.exp(np.asarray(self.rotation(t), dtype=np.float64))
+        return equal_rotation(a, b, turned)

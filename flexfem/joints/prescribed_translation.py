@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Prescribed relative translation."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem.core.joint import Joint, Row, RowKind
+from flexfem.core.pose import Pose
+
+__all__ = ["PrescribedTranslation"]
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedTranslation(Joint):
+    """Drives the position of marker b relative to marker a; one or three constraints.
+
+    Attributes:
+        displacement: function of time (s); with an ``axis`` the displacement along it (m), else the
+            displacement vector (m), shape (3,), in the axes of marker a. Added to the position at
+            the start.
+        axis: direction fixed in marker a, given in inertial axes at the start; None for all three
+            components.
+    """
+
+    displacement: Callable[[float], npt.ArrayLike] = lambda t: 0.0
+    axis: Sequence[float] | None = None
+
+    driven: ClassVar[bool] = True
+    glyph: ClassVar[str] = "bar"
+
+    def __post_init__(self) -> None:
+        """Check axis and function.
+
+        Raises:
+            TypeError: the displacement is not a function.
+            ValueError: the axis is zero, or the displacement at t = 0 has the wrong shape.
+        """
+        super().__post_init__()
+        if self.axis is not None:
+            _checks.vector(self.owner, "axis", self.axis, nonzero=True)
+        _checks.function(
+            self.owner, "displacement", self.displacement, () if self.axis is not None else (3,)
+        )
+
+    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        start = a.rotation.T @ (b.position - a.position)
+        if self.axis is None:
+            directions = np.eye(3)
+        else:
+            axis = np.array(self.axis, dtype=np.float64)
+            directions = (a.rotation.T @ (axis / np.linalg.norm(axis)))[np.newaxis]
+        values = np.atleast_1d(np.asarray(self.displacement(t), dtype=np.float64))
+        return tuple(
+            Row(RowKind.ALONG, u=u, target=float(u @ start + value))
+            for u, value in zip(directions, values, strict=True)
+        )

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Spherical joint."""
+
+from dataclasses import dataclass
+
+from flexfem.core.joint import Joint, Row, coincidence
+from flexfem.core.pose import Pose
+
+__all__ = ["Spherical"]
+
+
+@dataclass(frozen=True, eq=False)
+class Spherical(Joint):
+    """Keeps the origins of two markers together; three constraints.
+
+    The multipliers are the components, in inertial axes, of the force (N) by which marker b pulls
+    marker a.
+    """
+
+    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        return coincidence()

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Spring and damper between two points."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem.core.joint import Joint, Row, RowKind
+from flexfem.core.pose import Pose
+
+__all__ = ["SpringDamper"]
+
+
+@dataclass(frozen=True, eq=False)
+class SpringDamper(Joint):
+    """Linear spring and damper along the line between two markers.
+
+    It pulls with ``stiffness * (length - rest_length) + damping * d(length)/dt`` (N) and enters the
+    equations as a constraint with compliance, so that any stiffness leaves the frozen factors of
+    the bodies as they are.
+
+    Attributes:
+        stiffness: N/m.
+        damping: N s/m.
+        rest_length: m; None for the distance at the start.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    rest_length: float | None = None
+
+    glyph: ClassVar[str] = "line"
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            TypeError: an argument is not a number.
+            ValueError: stiffness, damping or rest length is negative, or both former are zero.
+        """
+        super().__post_init__()
+        _checks.stiffness_and_damping(self.owner, self.stiffness, self.damping)
+        if self.rest_length is not None:
+            _checks.number(self.owner, "rest_length", self.rest_length, nonnegative=True)
+
+    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`; raises ValueError when both markers start at one point."""
+        distance = float(np.linalg.norm(b.position - a.position))
+        if distance == 0.0:
+            raise ValueError(f"{self.owner}: the markers coincide at the start, no direction")
+        rest = distance if self.rest_length is None else self.rest_length
+        return (
+            Row(RowKind.DISTANCE, target=rest, stiffness=self.stiffness, damping=self.damping),
+        )

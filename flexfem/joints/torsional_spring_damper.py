@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Spring and damper about an axis."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from flexfem import _checks
+from flexfem.core.joint import AxisJoint, Row, RowKind, perpendicular
+from flexfem.core.pose import Pose
+
+__all__ = ["TorsionalSpringDamper"]
+
+
+@dataclass(frozen=True, eq=False)
+class TorsionalSpringDamper(AxisJoint):
+    """Linear torsional spring and damper about an axis fixed in marker a.
+
+    It exerts ``stiffness * (angle - rest_angle) + damping * d(angle)/dt`` (N m), the angle counted
+    from the start over any number of turns.
+
+    Attributes:
+        stiffness: N m/rad.
+        damping: N m s/rad.
+        rest_angle: rad.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    rest_angle: float = 0.0
+
+    glyph: ClassVar[str] = "cylinder"
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            TypeError: an argument is not a number.
+            ValueError: stiffness or damping is negative, or both are zero.
+        """
+        super().__post_init__()
+        _checks.stiffness_and_damping(self.owner, self.stiffness, self.damping)
+        _checks.number(self.owner, "rest_angle", self.rest_angle)
+
+    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        p, _ = perpendicular(self.direction)
+        return (
+            Row(
+                RowKind.ANGLE,
+                u=a.rotation.T @ self.direction,
+                p=a.rotation.T @ p,
+                v=b.rotation.T @ p,
+                target=self.rest_angle,
+                stiffness=self.stiffness,
+                damping=self.damping,
+            ),
+        )

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""FFCx kernels callable from compiled loops.
+
+A form is compiled without mesh data (:func:`compile_kernel`), and its ``tabulate_tensor`` is called
+by address from numba code (:func:`tabulate`). The address is an ordinary argument of the loop, so
+that numba can cache the loop on disk.
+"""
+
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from llvmlite import ir
+from mpi4py import MPI
+from numba import types
+from numba.extending import intrinsic
+
+__all__ = ["Kernel", "compile_kernel", "tabulate"]
+
+#: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums.
+_COMPILE_ARGUMENTS = ["-O3", "-march=native", "-fno-math-errno", "-g0"]
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled cell kernel.
+
+    Attributes:
+        address: address of the function ``tabulate_tensor_float64``.
+        offsets: where each coefficient of the form starts in the packed coefficients of one cell,
+            -1 for a coefficient that the kernel does not use; one more entry holds the length.
+        owner: keeps the loaded module alive.
+    """
+
+    address: int
+    offsets: npt.NDArray[np.int64]
+    owner: Any
+
+
+def compile_kernel(
+    comm: MPI.Intracomm, form: ufl.Form, coefficients: tuple[ufl.Coefficient, ...]
+) -> Kernel:
+    """Compile the single cell integral of ``form`` (collective; cached on disk by FFCx).
+
+    Args:
+        comm: communicator whose first rank compiles.
+        form: form with one cell integral.
+        coefficients: the order in which offsets are reported.
+    """
+    from dolfinx.fem import compile_form
+
+    compiled = compile_form(comm, form, jit_options={"cffi_extra_compile_args": _COMPILE_ARGUMENTS})
+    ufcx, ffi = compiled.ufcx_form, compiled.module.ffi
+    own = form.coefficients()
+    offsets = np.full(len(coefficients) + 1, -1, dtype=np.int64)
+    total = 0
+    for k in range(ufcx.num_coefficients):
+        coefficient = own[ufcx.original_coefficient_positions[k]]
+        offsets[coefficients.index(coefficient)] = total
+        total += prod(coefficient.ufl_element().reference_value_shape) * _nodes(coefficient)
+    offsets[-1] = total
+    kernel = ufcx.form_integrals[0].tabulate_tensor_float64
+    return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, compiled)
+
+
+def _nodes(coefficient: ufl.Coefficient) -> int:
+    """Number of points that carry the values of a Lagrange coefficient."""
+    element = coefficient.ufl_element()
+    return element.dim // prod(element.reference_value_shape)
+
+
+@intrinsic
+def tabulate(typingctx, address, tensor, coefficients, constants, coordinates):  # type: ignore
+    """Call the cell kernel at ``address``: it adds into ``tensor`` (float64 arrays, C order)."""
+    signature = types.void(address, tensor, coefficients, constants, coordinates)
+
+    def codegen(context, builder, sig, arguments):  # type: ignore
+        double = ir.DoubleType().as_pointer()
+        byte = ir.IntType(8).as_pointer()
+        integer = ir.IntType(32).as_pointer()
+        function = ir.FunctionType(
+            ir.VoidType(), [double, double, double, double, integer, byte, byte]
+        )
+        pointer = builder.inttoptr(arguments[0], function.as_pointer())
+        data = [
+            context.make_array(kind)(context, builder, value).data
+            for kind, value in zip(sig.args[1:], arguments[1:], strict=True)
+        ]
+        builder.call(pointer, [*data, integer(None), byte(None), byte(None)])
+        return context.get_dummy_value()
+
+    return signature, codegen

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The nest of blocks and multipliers as PETSc matrices and vectors."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from flexfem._types import FloatArray, IntArray
+
+__all__ = ["CoordinateMatrix", "block_indices", "create_nest_matrix", "direct_solver"]
+
+
+class CoordinateMatrix:
+    """A distributed AIJ matrix with a fixed list of entries (row, column); doubles add up.
+
+    Rows may belong to any rank.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, rows: tuple[int, int], columns: tuple[int, int],
+        i: npt.NDArray[np.integer], j: npt.NDArray[np.integer],
+    ) -> None:  # fmt: skip
+        """Create the pattern (collective); sizes are (local, global)."""
+        self.mat = PETSc.Mat().createAIJ((rows, columns), comm=comm)
+        kind = PETSc.IntType
+        self.mat.setPreallocationCOO(i.astype(kind), j.astype(kind))
+
+    def assemble(self, values: FloatArray) -> None:
+        """Set all entries (collective)."""
+        self.mat.setValuesCOO(np.ascontiguousarray(values).ravel(), PETSc.InsertMode.INSERT)
+
+
+def block_indices(rows: IntArray, columns: IntArray, size: int = 6) -> tuple[IntArray, IntArray]:
+    """Entries (row, column) of dense blocks: every row of (k, m) node numbers with its columns."""
+    i = (size * rows[..., np.newaxis] + np.arange(size)).reshape(len(rows), size * rows.shape[1])
+    j = (size * columns[..., np.newaxis] + np.arange(size)).reshape(
+        len(columns), size * columns.shape[1]
+    )
+    left = np.repeat(i, j.shape[1], axis=1).ravel()
+    right = np.tile(j, (1, i.shape[1])).ravel()
+    return left, right
+
+
+def create_nest_matrix(blocks: Sequence[Sequence[Any]], comm: MPI.Intracomm) -> PETSc.Mat:
+    """MATNEST of the given matrices; None for empty blocks."""
+    return PETSc.Mat().createNest([list(row) for row in blocks], comm=comm)
+
+
+def direct_solver(mat: PETSc.Mat, prefix: str) -> PETSc.KSP:
+    """LU by MUMPS behind the given options prefix."""
+    ksp = PETSc.KSP().create(comm=mat.comm)
+    ksp.setOptionsPrefix(prefix)
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.LU)
+    pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+    ksp.setOperators(mat)
+    ksp.setFromOptions()
+    return ksp

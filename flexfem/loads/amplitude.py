@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Functions of time that scale loads or drive joints; any function of time will do as well."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Table:
+    """Piecewise linear function of time, constant before the first and after the last time.
+
+    Attributes:
+        times: Strictly increasing times, shape (n,), seconds.
+        values: Values at these times, shape (n,).
+    """
+
+    times: FloatArray
+    values: FloatArray
+
+    def __init__(self, times: npt.ArrayLike, values: npt.ArrayLike) -> None:
+        """Create a table.
+
+        Raises:
+            TypeError: An argument does not consist of numbers.
+            ValueError: No times, different lengths, NaN, or times that do not increase.
+        """
+        t = _checks.array("Table", "times", times, (-1,))
+        y = _checks.array("Table", "values", values, (len(t),))
+        if len(t) == 0:
+            raise ValueError("Table: times must hold at least one number, got none")
+        if (np.diff(t) <= 0.0).any():
+            raise ValueError(f"Table: times must increase, got {_checks.show(times)}")
+        _checks.assign(self, times=t, values=y)
+
+    def __call__(self, t: float) -> float:
+        """Return the value at time `t` in seconds."""
+        return float(np.interp(t, self.times, self.values))
+
+
+@dataclass(frozen=True)
+class SmoothStep:
+    """Step from y0 to y1 with zero velocity and acceleration at both ends.
+
+    `y0 + (y1 - y0) (6 tau^5 - 15 tau^4 + 10 tau^3)` with tau = (t - t0)/(t1 - t0) kept in [0, 1].
+
+    Attributes:
+        t0: Time at which the step begins, seconds.
+        t1: Time at which it ends, seconds.
+        y0: Value before.
+        y1: Value after.
+    """
+
+    t0: float
+    t1: float
+    y0: float = 0.0
+    y1: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            TypeError: A value is not a number.
+            ValueError: A value is not finite, or t1 is not after t0.
+        """
+        for what in ("t0", "t1", "y0", "y1"):
+            _checks.number("SmoothStep", what, getattr(self, what))
+        if self.t1 <= self.t0:
+            raise ValueError(f"SmoothStep: t1 must be after t0 = {self.t0}, got {self.t1}")
+
+    def __call__(self, t: float) -> float:
+        """Return the value at time `t` in seconds."""
+        tau = min(max((t - self.t0) / (self.t1 - self.t0), 0.0), 1.0)
+        return self.y0 + (self.y1 - self.y0) * tau**3 * (10.0 + tau * (6.0 * tau - 15.0))

@@ -1,0 +1,372 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Stiffness and inertia of beam sections.
+
+Axes: e1 along the beam, e2 and e3 in the section; points of the section have the coordinates
+y along e2 and z along e3, measured from the reference axis (the line of nodes).
+
+Strain order: extension gamma1, shears gamma2, gamma3, twist kappa1, bendings kappa2, kappa3.
+The stiffness of a section that is symmetric about its reference axis is
+`D = diag(E A, k2 G A, k3 G A, G J_t, E I22, E I33)`, where I22 = integral of z^2 resists bending
+about e2 and I33 = integral of y^2 bending about e3.
+
+Velocity order: (V, Omega), translation first. The inertia per length is
+`[[m I, -S], [S, J]]`, m = rho A, S = skew(m c) with c = (0, y_c, z_c) the mass centre, and the
+rotary inertia about the reference axis
+`J = rho diag(I22 + I33, I22, I33) + m (c.c I - c c^T)`.
+Index names differ in the literature: where I_2 is the integral of y^2, the second and third
+entry of J read (I_3, I_2).
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.materials import constants
+from flexfem.materials.material import Material
+
+# Relative deviation from symmetry that input rounded to a dozen digits may have
+_SYMMETRY_TOLERANCE = 1e-10
+# Smallest eigenvalue, after scaling the diagonal to one, that still counts as positive
+_DEFINITE_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Section:
+    """Section of a beam: stiffness and inertia, and an outline for pictures.
+
+    Attributes:
+        stiffness: Maps strains (gamma, kappa) to forces and moments, shape (6, 6); N, N m, N m^2.
+        inertia: Maps velocities (V, Omega) in section axes to momentum per length, shape (6, 6);
+            kg/m, kg, kg m.
+        outline: Vertices (y, z) of the outer boundary, the last one joined to the first, shape
+            (k, 2), metres; None when unknown.
+    """
+
+    stiffness: FloatArray
+    inertia: FloatArray
+    outline: FloatArray | None
+
+    def __init__(
+        self,
+        stiffness: npt.ArrayLike,
+        inertia: npt.ArrayLike,
+        outline: npt.ArrayLike | None = None,
+    ) -> None:
+        """Create a section from its matrices; the other constructors are for common shapes.
+
+        Raises:
+            TypeError: An argument does not consist of numbers.
+            ValueError: The stiffness is not symmetric and positive definite, the inertia not
+                symmetric and positive semidefinite or not of the form `[[m I, -S], [S, J]]`, or
+                an argument has the wrong shape or is not finite.
+        """
+        d = _checks.array("Section", "stiffness", stiffness, (6, 6))
+        m = _checks.array("Section", "inertia", inertia, (6, 6))
+        _check_definite("stiffness", d, semidefinite=False)
+        _check_definite("inertia", m, semidefinite=True)
+        _check_inertia_form(m)
+        if outline is not None:
+            outline = _checks.array("Section", "outline", outline, (-1, 2))
+            if len(outline) < 3:
+                raise ValueError(
+                    f"Section: outline must have at least three vertices, got {len(outline)}"
+                )
+        _checks.assign(self, stiffness=d, inertia=m, outline=outline)
+
+    @classmethod
+    def general(
+        cls,
+        stiffness: npt.ArrayLike,
+        inertia: npt.ArrayLike,
+        outline: npt.ArrayLike | None = None,
+    ) -> Self:
+        """Create a section from given matrices.
+
+        Args:
+            stiffness: 6 x 6 matrix, or its diagonal (EA, GA2, GA3, GJ, EI22, EI33).
+            inertia: 6 x 6 matrix, or its diagonal (m, m, m, J1, J2, J3) per length.
+            outline: Vertices (y, z) of the outer boundary, shape (k, 2), metres.
+
+        Raises:
+            TypeError: An argument does not consist of numbers.
+            ValueError: As for the class itself.
+        """
+        return cls(_diagonal(stiffness), _diagonal(inertia), outline)
+
+    @classmethod
+    def rectangle(
+        cls,
+        width: float,
+        height: float,
+        material: Material,
+        *,
+        mass_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_factor: npt.ArrayLike | None = None,
+    ) -> Self:
+        """Create a solid rectangle.
+
+        Args:
+            width: Side along e2, metres.
+            height: Side along e3, metres.
+            material: Elastic constants and density.
+            mass_centre: (y, z) of the mass centre, metres.
+            shear_centre: (y, z) of the shear centre, metres.
+            shear_factor: One number or the pair (k2, k3); None for 5/6.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: A length is not positive, or an argument not finite.
+        """
+        shape = constants.rectangle_shape(_length("width", width), _length("height", height))
+        return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
+
+    @classmethod
+    def hollow_rectangle(
+        cls,
+        width: float,
+        height: float,
+        wall: float,
+        material: Material,
+        *,
+        mass_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_factor: npt.ArrayLike | None = None,
+    ) -> Self:
+        """Create a rectangular box with walls of uniform, small thickness.
+
+        Args:
+            width: Outer side along e2, metres.
+            height: Outer side along e3, metres.
+            wall: Wall thickness, metres, less than half of the shorter side.
+            material: Elastic constants and density.
+            mass_centre: (y, z) of the mass centre, metres.
+            shear_centre: (y, z) of the shear centre, metres.
+            shear_factor: One number or the pair (k2, k3); None for those of a thin box.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: A length is not positive, the walls fill the box, or an argument is not
+                finite.
+        """
+        width, height = _length("width", width), _length("height", height)
+        if 2.0 * _length("wall", wall) >= min(width, height):
+            raise ValueError(
+                f"Section: wall must be less than half of the shorter side "
+                f"{min(width, height):g}, got {wall}"
+            )
+        shape = constants.hollow_rectangle_shape(width, height, wall)
+        return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
+
+    @classmethod
+    def circle(
+        cls,
+        diameter: float,
+        material: Material,
+        *,
+        mass_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_factor: npt.ArrayLike | None = None,
+    ) -> Self:
+        """Create a solid circle.
+
+        Args:
+            diameter: Diameter, metres.
+            material: Elastic constants and density.
+            mass_centre: (y, z) of the mass centre, metres.
+            shear_centre: (y, z) of the shear centre, metres.
+            shear_factor: One number or the pair (k2, k3); None for Cowper's
+                6 (1 + nu)/(7 + 6 nu), which is 0.886 for nu = 0.3.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: The diameter is not positive, or an argument not finite.
+        """
+        _checks.instance("Section", "material", material, Material)
+        shape = constants.tube_shape(0.0, _length("diameter", diameter), material.poisson_ratio)
+        return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
+
+    @classmethod
+    def tube(
+        cls,
+        inner_diameter: float,
+        outer_diameter: float,
+        material: Material,
+        *,
+        mass_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_factor: npt.ArrayLike | None = None,
+    ) -> Self:
+        """Create a circular tube of any wall thickness.
+
+        Args:
+            inner_diameter: Inner diameter, metres.
+            outer_diameter: Outer diameter, metres, greater than the inner one.
+            material: Elastic constants and density.
+            mass_centre: (y, z) of the mass centre, metres.
+            shear_centre: (y, z) of the shear centre, metres.
+            shear_factor: One number or the pair (k2, k3); None for Cowper's hollow circle.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: A diameter is not positive, the inner one is not smaller than the outer
+                one, or an argument is not finite.
+        """
+        _checks.instance("Section", "material", material, Material)
+        outer = _length("outer_diameter", outer_diameter)
+        if _length("inner_diameter", inner_diameter) >= outer:
+            raise ValueError(
+                f"Section: inner_diameter must be less than the outer diameter {outer:g}, "
+                f"got {inner_diameter}"
+            )
+        shape = constants.tube_shape(inner_diameter, outer, material.poisson_ratio)
+        return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
+
+    @classmethod
+    def _of(
+        cls,
+        shape: constants.Shape,
+        material: Material,
+        mass_centre: npt.ArrayLike,
+        shear_centre: npt.ArrayLike,
+        shear_factor: npt.ArrayLike | None,
+    ) -> Self:
+        """Create the section of a given shape and material."""
+        _checks.instance("Section", "material", material, Material)
+        factors = _shear_factors(shear_factor, shape.shear_factors)
+        centre = _checks.array("Section", "mass_centre", mass_centre, (2,))
+        elastic = _stiffness(shape, material, factors)
+        return cls(
+            _about_shear_centre(
+                elastic, _checks.array("Section", "shear_centre", shear_centre, (2,))
+            ),
+            _inertia(shape, material.density, centre),
+            shape.outline,
+        )
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass per length, kg/m."""
+        return float(self.inertia[0, 0])
+
+    @property
+    def mass_centre(self) -> FloatArray:
+        """Mass centre (y, z) relative to the reference axis, shape (2,), metres."""
+        mass = self.mass_per_length
+        # S = inertia[3:, :3] = skew(m c): S[2, 0] = -m y, S[1, 0] = m z
+        moment = np.array([-self.inertia[5, 0], self.inertia[4, 0]])
+        return moment / mass if mass > 0.0 else moment
+
+
+def _length(what: str, value: float) -> float:
+    return _checks.number("Section", what, value, positive=True)
+
+
+def _diagonal(matrix: npt.ArrayLike) -> npt.ArrayLike:
+    """Return the matrix of a diagonal given as six numbers, anything else unchanged."""
+    try:
+        values = np.asarray(matrix)
+    except ValueError:  # ragged: the class itself reports it
+        return matrix
+    return np.diag(values) if values.shape == (6,) else matrix
+
+
+def _shear_factors(
+    given: npt.ArrayLike | None, default: tuple[float, float]
+) -> tuple[float, float]:
+    """Return (k2, k3) from an override by one number or a pair."""
+    if given is None:
+        return default
+    shape = () if np.ndim(given) == 0 else (2,)
+    values = _checks.array("Section", "shear_factor", given, shape)
+    if (values <= 0.0).any():
+        raise ValueError(f"Section: shear_factor must be positive, got {_checks.show(given)}")
+    k2, k3 = np.broadcast_to(values, (2,))
+    return float(k2), float(k3)
+
+
+def _stiffness(
+    shape: constants.Shape, material: Material, factors: tuple[float, float]
+) -> FloatArray:
+    """Return the stiffness of a section whose centres all lie on the reference axis."""
+    e, g = material.youngs_modulus, material.shear_modulus
+    i22, i33 = shape.second_moments
+    k2, k3 = factors
+    area = shape.area
+    return np.diag(
+        [e * area, k2 * g * area, k3 * g * area, g * shape.torsion_constant, e * i22, e * i33]
+    )
+
+
+def _about_shear_centre(stiffness: FloatArray, centre: FloatArray) -> FloatArray:
+    """Let shear forces act through, and twist turn about, the shear centre (y, z).
+
+    The shear strains there are `gamma2 - z kappa1` and `gamma3 + y kappa1` (the strain of the
+    point c is gamma + kappa x c; extension stays that of the reference axis). With A the matrix
+    of this map, `D' = A^T D A`.
+    """
+    y, z = centre
+    a = np.eye(6)
+    a[1, 3] = -z
+    a[2, 3] = y
+    result: FloatArray = a.T @ stiffness @ a
+    return result
+
+
+def _inertia(shape: constants.Shape, density: float, centre: FloatArray) -> FloatArray:
+    """Return the inertia per length about the reference axis, mass centre at (y, z)."""
+    y, z = centre
+    mass = density * shape.area
+    i22, i33 = shape.second_moments
+    skew = mass * np.array([[0.0, -z, y], [z, 0.0, 0.0], [-y, 0.0, 0.0]])
+    # m (c.c I - c c^T) is skew(c)^T skew(c) times m
+    steiner = skew.T @ skew / mass if mass > 0.0 else np.zeros((3, 3))
+    rotary = density * np.diag([i22 + i33, i22, i33]) + steiner
+    return np.block([[mass * np.eye(3), -skew], [skew, rotary]])
+
+
+def _check_definite(what: str, matrix: FloatArray, *, semidefinite: bool) -> None:
+    """Raise unless the matrix is symmetric and positive (semi)definite."""
+    diagonal = np.diagonal(matrix)
+    kind = "semidefinite" if semidefinite else "definite"
+    bad = diagonal < 0.0 if semidefinite else diagonal <= 0.0
+    if bad.any():
+        i = int(np.argmax(bad))
+        raise ValueError(
+            f"Section: {what} must be positive {kind}, but entry ({i + 1}, {i + 1}) is "
+            f"{diagonal[i]:g}"
+        )
+    # Scaling makes newtons and newton metres squared comparable
+    scale = np.where(diagonal > 0.0, np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
+    scaled = matrix / np.outer(scale, scale)
+    defect = np.abs(scaled - scaled.T)
+    if defect.max() > _SYMMETRY_TOLERANCE:
+        i, j = divmod(int(defect.argmax()), 6)
+        raise ValueError(
+            f"Section: {what} must be symmetric, but entries ({i + 1}, {j + 1}) and "
+            f"({j + 1}, {i + 1}) are {matrix[i, j]:g} and {matrix[j, i]:g}"
+        )
+    smallest = float(np.linalg.eigvalsh(scaled)[0])
+    if smallest < (-_SYMMETRY_TOLERANCE if semidefinite else _DEFINITE_TOLERANCE):
+        raise ValueError(
+            f"Section: {what} must be positive {kind}, but its smallest eigenvalue "
+            f"(diagonal scaled to one) is {smallest:.3g}"
+        )
+
+
+def _check_inertia_form(inertia: FloatArray) -> None:
+    """Raise unless the inertia is that of masses moving as one rigid slice."""
+    mass, coupling = inertia[:3, :3], inertia[3:, :3]
+    size = max(float(np.abs(inertia).max()), np.finfo(float).tiny)
+    if (
+        np.abs(mass - mass[0, 0] * np.eye(3)).max() > _SYMMETRY_TOLERANCE * size
+        or np.abs(coupling + coupling.T).max() > _SYMMETRY_TOLERANCE * size
+    ):
+        raise ValueError(
+            "Section: inertia must have the form [[m I, -S], [S, J]] with S skew-symmetric, got "
+            f"{_checks.show(inertia.tolist())}"
+        )

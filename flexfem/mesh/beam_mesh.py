@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The one interval mesh that carries all beams, distributed by bodies."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from flexfem._types import FloatArray, IntArray
+
+__all__ = ["BeamMesh", "create_beam_mesh"]
+
+
+@dataclass(frozen=True)
+class BeamMesh:
+    """This rank's part of the mesh of all beams.
+
+    Attributes:
+        mesh: the DOLFINx mesh.
+        index_map: distribution of the nodes (owned first, then ghosts).
+        cells: (m, 2) nodes of each cell as local indices; the cells of a body run along it.
+        cell_ids: (m,) index of each cell in the input.
+        node_ids: (n,) index of each local node in the input.
+    """
+
+    mesh: Any
+    index_map: Any
+    cells: npt.NDArray[np.int32]
+    cell_ids: IntArray
+    node_ids: IntArray
+
+
+def create_beam_mesh(
+    comm: MPI.Intracomm, points: FloatArray, cells: IntArray, destination: IntArray
+) -> BeamMesh:
+    """Distribute an interval mesh (collective).
+
+    Args:
+        comm: communicator.
+        points: (n, 3) all points, the same on every rank; each is used by a cell.
+        cells: (m, 2) all cells, the same on every rank.
+        destination: (m,) rank of each cell.
+    """
+    import dolfinx
+
+    def share(count: int) -> slice:
+        return slice(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
+
+    mine = share(len(cells))
+
+    def partitioner(comm: Any, parts: int, cell_types: Any, topology: Any) -> Any:
+        links = destination[mine].astype(np.int32)[:, np.newaxis]
+        return dolfinx.graph.adjacencylist(links)._cpp_object
+
+    element = basix.ufl.element("Lagrange", "interval", 1, shape=(3,))
+    mesh = dolfinx.mesh.create_mesh(
+        comm, cells[mine].astype(np.int64), element, points[share(len(points))], partitioner,
+        max_facet_to_cell_links=max(2, int(np.bincount(cells.ravel(), minlength=1).max())),
+    )  # fmt: skip
+    space = dolfinx.fem.functionspace(mesh, ("Lagrange", 1))
+    dofs = space.dofmap.list
+    nodes = np.empty(space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts, int)
+    nodes[dofs] = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]]
+    # geometry and function nodes are numbered apart; a cell keeps the order of its two nodes
+    ids = np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
+    order = np.argsort(ids, kind="stable")
+    ids, dofs = ids[order], dofs[order]
+    flipped = nodes[dofs[:, 0]] != cells[ids, 0]
+    dofs = np.where(flipped[:, np.newaxis], dofs[:, ::-1], dofs)
+    return BeamMesh(mesh, space.dofmap.index_map, np.ascontiguousarray(dofs), ids, nodes)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The meshes that come with the package: one file each, with a function `build`."""
+
+import argparse
+import importlib.util
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from flexfem import _checks
+from flexfem.mesh.gmsh_reader import session
+from flexfem.mesh.line_mesh import LineMesh
+
+#: Fills the current gmsh model with lines and named physical groups.
+Build = Callable[..., None]
+
+
+def mesh_folder() -> Path:
+    """Return the folder of the mesh files, in the installed package or the source tree.
+
+    Raises:
+        ValueError: There is no such folder.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / "meshes", package.parent / "meshes"):
+        if folder.is_dir():
+            return folder
+    raise ValueError(f'mesh library: no folder "meshes" in {package} or beside it')
+
+
+def build_mesh(name: str, **parameters: float) -> LineMesh:
+    """Build a mesh of the library.
+
+    Args:
+        name: File name in the mesh folder without ".py".
+        **parameters: Arguments of that file's `build`.
+
+    Returns:
+        The mesh.
+
+    Raises:
+        TypeError: A parameter is of the wrong kind.
+        ValueError: Unknown mesh or parameter, or a value that is not positive.
+    """
+    build = _load(name)
+    _check_parameters(name, build, parameters)
+    with session(f"flexfem_{name}"):
+        build(**parameters)
+        return LineMesh.from_gmsh_model()
+
+
+def run_script(build: Build) -> None:
+    """Build a mesh from the command line and write it; options follow the signature of `build`.
+
+    Args:
+        build: Function with keyword arguments that have numbers as defaults.
+    """
+    name = Path(inspect.getfile(build)).stem
+    parser = argparse.ArgumentParser(description=inspect.getdoc(build), allow_abbrev=False)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    for parameter in inspect.signature(build).parameters.values():
+        parser.add_argument(
+            f"--{parameter.name.replace('_', '-')}",
+            type=type(parameter.default),
+            default=parameter.default,
+            help=f"default {parameter.default}",
+        )
+    parser.add_argument(
+        "--output", type=Path, default=Path(f"{name}.msh"), help=f"file, default {name}.msh"
+    )
+    values = vars(parser.parse_args())
+    output: Path = values.pop("output")
+    try:
+        _check_parameters(name, build, values)
+        if output.suffix != ".msh" or not output.parent.is_dir():
+            raise ValueError(f'output "{output}" must be a .msh file in an existing folder')
+        _write(name, build, values, output)
+    except (TypeError, ValueError, OSError) as error:
+        parser.exit(2, f"{parser.prog}: error: {error}\n")
+
+
+def _write(name: str, build: Build, parameters: dict[str, Any], output: Path) -> None:
+    """Build a mesh and write it, after checking that it can be read as lines."""
+    import gmsh
+
+    with session(f"flexfem_{name}"):
+        build(**parameters)
+        LineMesh.from_gmsh_model()
+        try:
+            gmsh.write(str(output))
+        except Exception as error:  # gmsh raises nothing more specific
+            raise OSError(" ".join(str(error).split())) from None
+
+
+def _load(name: str) -> Build:
+    """Return the function `build` of a mesh file."""
+    _checks.text("build_mesh", "name", name)
+    folder = mesh_folder()
+    known = sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("_"))
+    if name not in known:
+        raise ValueError(f'mesh "{name}" is not in the library: {", ".join(known)}')
+    spec = importlib.util.spec_from_file_location(f"flexfem_meshes_{name}", folder / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    build: Build = module.build
+    return build
+
+
+def _check_parameters(name: str, build: Build, parameters: dict[str, Any]) -> None:
+    """Raise unless all parameters are known, positive, and whole numbers where `build` has them."""
+    known = inspect.signature(build).parameters
+    for key, value in parameters.items():
+        if key not in known:
+            raise ValueError(
+                f'mesh "{name}" has no parameter "{key}" (value {_checks.show(value)}); '
+                f"it has {', '.join(known)}"
+            )
+        _checks.number(f'mesh "{name}"', key, value, positive=True)
+        if isinstance(known[key].default, int) and not isinstance(value, int):
+            raise TypeError(f'mesh "{name}": {key} must be a whole number, got {value!r}')

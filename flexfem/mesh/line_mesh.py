@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Meshes of lines with named groups, on which beams live."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray, IntArray
+from flexfem.mesh.frames import CORNER_ANGLE, node_tangents, section_frames
+from flexfem.mesh.topology import group_order, orient
+
+__all__ = [
+    "CORNER_ANGLE",
+    "LineMesh",
+    "group_order",
+    "node_tangents",
+    "read_mesh",
+    "section_frames",
+]
+
+# Shortest cell relative to the size of the mesh
+_ZERO_LENGTH = 1e-12
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class LineMesh:
+    """Nodes, two-node cells and named groups of both.
+
+    Cells of one unbranched line are stored head to tail, all in the direction of the line's cell
+    with the lowest number.
+
+    Attributes:
+        points: Node positions, shape (n, 3), metres.
+        cells: Node indices, shape (m, 2).
+        line_groups: Cell indices, ascending, by group name.
+        point_groups: Node index by group name.
+    """
+
+    points: FloatArray
+    cells: IntArray
+    line_groups: Mapping[str, IntArray]
+    point_groups: Mapping[str, int]
+    _orders: dict[str, IntArray | None] = field(repr=False)
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        cells: npt.ArrayLike,
+        line_groups: Mapping[str, npt.ArrayLike],
+        point_groups: Mapping[str, int] | None = None,
+    ) -> None:
+        """Create a mesh.
+
+        Raises:
+            TypeError: An argument does not consist of numbers of the right kind.
+            ValueError: A wrong shape, NaN, an index out of range, a cell of zero length or given
+                twice, a node without cell, or an empty group.
+        """
+        xyz = _checks.array("LineMesh", "points", points, (-1, 3))
+        pairs = _indices("cells", cells, len(xyz), 2)
+        if len(pairs) == 0:
+            raise ValueError("LineMesh: cells must hold at least one cell, got none")
+        groups = {
+            _checks.text("LineMesh", "name of a line group", name): _group(name, rows, len(pairs))
+            for name, rows in line_groups.items()
+        }
+        nodes = {
+            _checks.text("LineMesh", "name of a point group", name): int(
+                _indices(f'point group "{name}"', [node], len(xyz), 1)[0]
+            )
+            for name, node in (point_groups or {}).items()
+        }
+        _check_cells(xyz, pairs, groups)
+        _checks.assign(
+            self,
+            points=xyz,
+            cells=_checks.freeze(orient(pairs), np.int64),
+            line_groups=MappingProxyType(groups),
+            point_groups=MappingProxyType(nodes),
+            _orders={},
+        )
+
+    @classmethod
+    def from_gmsh_model(cls) -> Self:
+        """Create a mesh from the named physical groups of the current gmsh model.
+
+        Raises:
+            ValueError: No lines, no named group of lines, elements of higher order, or a
+                physical point that holds several nodes.
+        """
+        from flexfem.mesh.gmsh_reader import line_data
+
+        return cls(*line_data())
+
+    def group_cells(self, name: str) -> IntArray:
+        """Return the cells of a line group as node indices, shape (k, 2).
+
+        Raises:
+            ValueError: There is no such group of lines.
+        """
+        if name not in self.line_groups:
+            kind = "a point, not a line" if name in self.point_groups else "not in the mesh"
+            known = ", ".join(self.line_groups)
+            raise ValueError(
+                f'LineMesh: group "{name}" is {kind}; its lines are {_checks.show(known, 200)}'
+            )
+        return self.cells[self.line_groups[name]]
+
+    def order(self, name: str) -> IntArray | None:
+        """Return the node order along a line group, None when it branches or falls apart.
+
+        Raises:
+            ValueError: There is no such group of lines.
+        """
+        if name not in self._orders:
+            self._orders[name] = group_order(self.group_cells(name))
+        return self._orders[name]
+
+    def __str__(self) -> str:
+        """Return the numbers of nodes, cells and groups."""
+        return (
+            f"LineMesh: {len(self.points)} nodes, {len(self.cells)} cells, "
+            f"{len(self.line_groups)} line groups, {len(self.point_groups)} point groups"
+        )
+
+
+def read_mesh(path: str | PathLike[str]) -> LineMesh:
+    """Read lines and named physical groups from a .msh file, through gmsh.
+
+    A gmsh session that is open stays as it is.
+
+    Args:
+        path: File in any version of the .msh format, with first-order lines in named groups.
+
+    Returns:
+        The mesh.
+
+    Raises:
+        ValueError: The file is missing or unreadable, or has no such lines.
+    """
+    from flexfem.mesh.gmsh_reader import merge, session
+
+    file = Path(path)
+    with session("flexfem_read"):
+        merge(file)
+        try:
+            return LineMesh.from_gmsh_model()
+        except ValueError as error:
+            raise ValueError(f'mesh file "{file}": {error}') from None
+
+
+def _indices(what: str, values: object, limit: int, columns: int) -> IntArray:
+    """Return a checked array of indices, shape (n, columns), or (n,) for one column."""
+    try:
+        raw = np.asarray(values)
+    except ValueError:
+        raise ValueError(f"LineMesh: {what} must be indices, got {_checks.show(values)}") from None
+    if raw.size == 0:
+        raw = np.empty((0, columns)[: 1 if columns == 1 else 2], dtype=np.int64)
+    if raw.dtype.kind not in "iu":
+        raise TypeError(f"LineMesh: {what} must be whole numbers, got {_checks.show(values)}")
+    if raw.shape[1:] != (() if columns == 1 else (columns,)):
+        raise ValueError(
+            f"LineMesh: {what} must hold n x {columns} indices, got {_checks.show(values)}"
+        )
+    outside = (raw < 0) | (raw >= limit)
+    if outside.any():
+        raise ValueError(
+            f"LineMesh: {what} must lie in 0 to {limit - 1}, got {raw[outside].flat[0]}"
+        )
+    return raw.astype(np.int64)
+
+
+def _group(name: str, rows: object, limit: int) -> IntArray:
+    """Return the checked, ascending cell indices of a line group."""
+    what = f'line group "{name}"'
+    indices = np.unique(_indices(what, rows, limit, 1))
+    if len(indices) == 0:
+        raise ValueError(f"LineMesh: {what} must hold at least one cell, got none")
+    return _checks.freeze(indices, np.int64)
+
+
+def _check_cells(points: FloatArray, cells: IntArray, groups: Mapping[str, IntArray]) -> None:
+    """Raise for cells of zero length, cells given twice and nodes without cell."""
+    lengths = np.linalg.norm(points[cells[:, 1]] - points[cells[:, 0]], axis=1)
+    size = float(np.ptp(points, axis=0).max())
+    if (short := lengths <= _ZERO_LENGTH * size).any():
+        _report_cell("has zero length", int(np.argmax(short)), cells, groups)
+    keys = cells.min(axis=1) * len(points) + cells.max(axis=1)
+    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
+    if (counts > 1).any():
+        _report_cell("is there twice", int(first[np.argmax(counts > 1)]), cells, groups)
+    lonely = np.bincount(cells.ravel(), minlength=len(points)) == 0
+    if lonely.any():
+        raise ValueError(f"LineMesh: node {int(np.argmax(lonely))} belongs to no cell")
+
+
+def _report_cell(problem: str, cell: int, cells: IntArray, groups: Mapping[str, IntArray]) -> None:
+    names = [name for name, rows in groups.items() if cell in rows]
+    place = f' of group "{names[0]}"' if names else ""
+    raise ValueError(
+        f"LineMesh: cell {cell}{place} between nodes {cells[cell, 0]} and {cells[cell, 1]} "
+        f"{problem}"
+    )

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Which rank gets which body.
+
+Bodies stay whole, so that their factors and solves are local to a rank and only joints cross ranks;
+neighbours in the order of the model stay neighbours. A body is split only when it is larger than a
+rank's share and large enough to be worth it.
+"""
+
+import numpy as np
+
+from flexfem._types import IntArray
+
+__all__ = ["SPLIT_ABOVE", "partition_bodies"]
+
+#: A body with fewer cells than this is never split: its solve is shorter than the exchange.
+SPLIT_ABOVE = 4000
+
+
+def partition_bodies(cells: IntArray, ranks: int, split_above: int = SPLIT_ABOVE) -> list[IntArray]:
+    """Distribute bodies over ranks by their number of cells.
+
+    Args:
+        cells: (n_bodies,) number of cells of each body, in the order of the model.
+        ranks: number of ranks.
+        split_above: a body may be split if it has more cells than this and than a rank's share.
+
+    Returns:
+        For each body the rank of each of its cells, ascending along the body.
+    """
+    total = int(cells.sum())
+    start = np.concatenate([[0], np.cumsum(cells)])
+    destination = []
+    for body, count in enumerate(cells):
+        if count > max(split_above, total / ranks):
+            position = start[body] + np.arange(count) + 0.5
+        else:
+            position = np.full(count, start[body] + 0.5 * count)
+        rank = np.minimum((position * ranks / max(total, 1)).astype(np.int64), ranks - 1)
+        destination.append(rank)
+    return destination

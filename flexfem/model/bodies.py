@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bodies: beams, rigid bodies and point masses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.marker import Marker
+from flexfem.materials.section import Section
+from flexfem.mesh.frames import Orientation
+
+# Relative to the largest principal moment: plates satisfy the triangle inequality as an equality
+_TRIANGLE_TOLERANCE = 1e-9
+_SINGULAR = 1e-12
+
+_ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Box:
+    """Box about the reference point, for pictures.
+
+    Attributes:
+        sizes: Edge lengths along the body axes, metres.
+    """
+
+    sizes: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        """Check the sizes.
+
+        Raises:
+            TypeError: The sizes are not numbers.
+            ValueError: They are not three positive numbers.
+        """
+        sizes = _checks.vector("Box", "sizes", self.sizes)
+        if (sizes <= 0.0).any():
+            raise ValueError(f"Box: sizes must be positive, got {_checks.show(self.sizes)}")
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """Sphere about the reference point, for pictures.
+
+    Attributes:
+        radius: Radius, metres.
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        """Check the radius.
+
+        Raises:
+            TypeError: The radius is not a number.
+            ValueError: It is not positive.
+        """
+        _checks.number("Sphere", "radius", self.radius, positive=True)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """Cylinder about the reference point, for pictures.
+
+    Attributes:
+        radius: Radius, metres.
+        length: Length, metres.
+        axis: Direction of the axis in body axes, of any length but zero.
+    """
+
+    radius: float
+    length: float
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            TypeError: A value is not a number.
+            ValueError: A length is not positive or the axis is zero.
+        """
+        _checks.number("Cylinder", "radius", self.radius, positive=True)
+        _checks.number("Cylinder", "length", self.length, positive=True)
+        _checks.vector("Cylinder", "axis", self.axis, nonzero=True)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Beam:
+    """Beam along a named group of line cells.
+
+    Attributes:
+        name: Unique name in the model.
+        section: Stiffness and inertia.
+        group: Line group of the model's mesh.
+        orientation: Approximate direction of e2 in inertial axes: a vector, a function of points
+            (n, 3) that returns vectors (n, 3), or None for rotation-minimising frames.
+        formulation: Element formulation.
+        damping: Stiffness-proportional damping, seconds.
+        velocity: Initial velocity of the point of the (extended) body at the inertial origin,
+            inertial axes, shape (3,), m/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
+            starts with `velocity + angular_velocity x x`.
+    """
+
+    name: str
+    section: Section
+    group: str
+    orientation: Orientation
+    formulation: str
+    damping: float
+    velocity: FloatArray
+    angular_velocity: FloatArray
+
+    def __init__(
+        self,
+        name: str,
+        section: Section,
+        *,
+        group: str | None = None,
+        orientation: Orientation = None,
+        formulation: str = "se3",
+        damping: float = 0.0,
+        velocity: npt.ArrayLike = _ZERO,
+        angular_velocity: npt.ArrayLike = _ZERO,
+    ) -> None:
+        """Create a beam; the group has the beam's name when None.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: A wrong shape, NaN, a zero orientation or negative damping.
+        """
+        owner = _checks.named(self, name)
+        _checks.instance(owner, "section", section, Section)
+        if orientation is not None and not callable(orientation):
+            orientation = _checks.vector(owner, "orientation", orientation, nonzero=True)
+        _checks.assign(
+            self,
+            name=name,
+            section=section,
+            group=name if group is None else _checks.text(owner, "group", group),
+            orientation=orientation,
+            formulation=_checks.text(owner, "formulation", formulation),
+            damping=_checks.number(owner, "damping", damping, nonnegative=True),
+            velocity=_checks.vector(owner, "velocity", velocity),
+            angular_velocity=_checks.vector(owner, "angular_velocity", angular_velocity),
+        )
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class RigidBody:
+    """Rigid body.
+
+    Attributes:
+        name: Unique name in the model.
+        mass: Mass, kg.
+        inertia: Inertia tensor about the centre of mass in body axes, shape (3, 3), kg m^2.
+        position: Initial position of the reference point, inertial axes, shape (3,), metres.
+        rotation: Initial orientation of the body axes in inertial axes, shape (3, 3).
+        centre: Centre of mass relative to the reference point, body axes, shape (3,), metres.
+        velocity: Initial velocity of the reference point, inertial axes, shape (3,), m/s.
+        angular_velocity: Initial angular velocity, BODY axes, shape (3,), rad/s.
+        shape: How the body looks in pictures, None for a small default.
+    """
+
+    name: str
+    mass: float
+    inertia: FloatArray
+    position: FloatArray
+    rotation: FloatArray
+    centre: FloatArray
+    velocity: FloatArray
+    angular_velocity: FloatArray
+    shape: Box | Sphere | Cylinder | None
+
+    def __init__(
+        self,
+        name: str,
+        mass: float,
+        inertia: npt.ArrayLike,
+        *,
+        position: npt.ArrayLike = _ZERO,
+        rotation: npt.ArrayLike | None = None,
+        centre: npt.ArrayLike = _ZERO,
+        velocity: npt.ArrayLike = _ZERO,
+        angular_velocity: npt.ArrayLike = _ZERO,
+        shape: Box | Sphere | Cylinder | None = None,
+    ) -> None:
+        """Create a rigid body; `inertia` may be its diagonal (3,), `rotation` None for none.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: A wrong shape, NaN, a mass that is not positive, or an inertia tensor that
+                no body has (not symmetric, not positive definite, triangle inequality violated).
+        """
+        owner = _checks.named(self, name)
+        if shape is not None:
+            _checks.instance(owner, "shape", shape, (Box, Sphere, Cylinder))
+        _checks.assign(
+            self,
+            name=name,
+            mass=_checks.number(owner, "mass", mass, positive=True),
+            inertia=_inertia_tensor(owner, inertia),
+            position=_checks.vector(owner, "position", position),
+            rotation=_checks.rotation(owner, "rotation", rotation),
+            centre=_checks.vector(owner, "centre", centre),
+            velocity=_checks.vector(owner, "velocity", velocity),
+            angular_velocity=_checks.vector(owner, "angular_velocity", angular_velocity),
+            shape=shape,
+        )
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """Mass without rotary inertia, fixed to a marker.
+
+    Attributes:
+        name: Unique name in the model.
+        mass: Mass, kg.
+        marker: Where it sits.
+    """
+
+    name: str
+    mass: float
+    marker: Marker
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: The mass is not positive.
+        """
+        owner = _checks.named(self, self.name)
+        _checks.number(owner, "mass", self.mass, positive=True)
+        _checks.instance(owner, "marker", self.marker, Marker)
+
+
+def _inertia_tensor(owner: str, value: npt.ArrayLike) -> FloatArray:
+    """Return the checked inertia tensor of a body, from a matrix or its diagonal."""
+    tensor = np.diag(_checks.vector(owner, "inertia", value)) if _is_diagonal(value) else value
+    tensor = _checks.array(owner, "inertia", tensor, (3, 3))
+    size = float(np.abs(tensor).max())
+    if np.abs(tensor - tensor.T).max() > 1e-10 * size:
+        raise ValueError(f"{owner}: inertia must be symmetric, got {_checks.show(tensor.tolist())}")
+    smallest, middle, largest = np.linalg.eigvalsh(tensor)
+    moments = f"principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g}"
+    if smallest <= _SINGULAR * size:
+        raise ValueError(f"{owner}: inertia must be positive definite, got {moments}")
+    if largest > (smallest + middle) * (1.0 + _TRIANGLE_TOLERANCE):
+        raise ValueError(
+            f"{owner}: inertia must satisfy the triangle inequality (no moment above the sum of "
+            f"the other two), got {moments}"
+        )
+    return tensor
+
+
+def _is_diagonal(value: npt.ArrayLike) -> bool:
+    """Return whether the argument has the shape of a diagonal."""
+    try:
+        return np.shape(value) == (3,)
+    except ValueError:  # ragged: reported as a matrix
+        return False

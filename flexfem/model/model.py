@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The model: bodies, joints, loads and probes by name."""
+
+from typing import Any, overload
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import IntArray
+from flexfem.core.joint import Joint
+from flexfem.core.load import Load
+from flexfem.core.marker import Attachment, Marker
+from flexfem.loads.gravity import Gravity
+from flexfem.mesh.line_mesh import LineMesh
+from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.probe import Probe
+from flexfem.model.resolve import beam_node
+from flexfem.model.validate import validate
+
+# Kinds of named things and the lists they are kept in
+_LISTS: tuple[tuple[type, str], ...] = (
+    (Beam, "beams"),
+    (RigidBody, "rigid_bodies"),
+    (PointMass, "point_masses"),
+    (Joint, "joints"),
+    (Load, "loads"),
+    (Probe, "probes"),
+)
+
+
+class Model:
+    """Declarative description of a multibody system, the same on all ranks.
+
+    Attributes:
+        name: Name of the model.
+        mesh: Mesh of the beams, None when there are none.
+        gravity: Uniform gravity, None for none.
+        beams: Beams in the order they were added.
+        rigid_bodies: Rigid bodies in the order they were added.
+        point_masses: Point masses in the order they were added.
+        joints: Joints in the order they were added.
+        loads: Loads in the order they were added.
+        probes: Probes in the order they were added.
+    """
+
+    def __init__(self, name: str = "model", *, mesh: LineMesh | None = None) -> None:
+        """Create an empty model.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: The name is empty.
+        """
+        self.name = _checks.text("Model", "name", name)
+        if mesh is not None:
+            _checks.instance(repr(self), "mesh", mesh, LineMesh)
+        self.mesh = mesh
+        self.gravity: Gravity | None = None
+        self.beams: list[Beam] = []
+        self.rigid_bodies: list[RigidBody] = []
+        self.point_masses: list[PointMass] = []
+        self.joints: list[Joint] = []
+        self.loads: list[Load] = []
+        self.probes: list[Probe] = []
+        self._named: dict[str, Any] = {}
+
+    @overload
+    def add[Thing](self, thing: Thing, /) -> Thing: ...
+
+    @overload
+    def add(self, *things: Any) -> None: ...
+
+    def add(self, *things: Any) -> Any:
+        """Add bodies, joints, loads, probes or gravity.
+
+        Args:
+            *things: What to add, in any order; references by name are checked by `validate`.
+
+        Returns:
+            The object when a single one was given, otherwise None.
+
+        Raises:
+            TypeError: An object of another kind.
+            ValueError: A name that the model has already, or gravity a second time.
+        """
+        for thing in things:
+            if isinstance(thing, Gravity):
+                if self.gravity is not None:
+                    raise ValueError(
+                        f"{self!r}: gravity is there already, got a second one, "
+                        f"{_checks.show(thing.acceleration.tolist())}"
+                    )
+                self.gravity = thing
+            else:
+                self._add_named(thing)
+        return things[0] if len(things) == 1 else None
+
+    def _add_named(self, thing: Any) -> None:
+        """Append one named object to the list of its kind."""
+        attribute = next((name for kind, name in _LISTS if isinstance(thing, kind)), None)
+        if attribute is None:
+            raise TypeError(
+                f"{self!r}: only bodies, joints, loads, probes and gravity can be added, got "
+                f"{_checks.show(thing)}"
+            )
+        if thing.name in self._named:
+            other = type(self._named[thing.name]).__name__
+            raise ValueError(
+                f'{type(thing).__name__} "{thing.name}": the name is used already by a {other}'
+            )
+        self._named[thing.name] = thing
+        getattr(self, attribute).append(thing)
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the object of the given name.
+
+        Raises:
+            ValueError: There is none.
+        """
+        if name not in self._named:
+            known = _checks.show(", ".join(self._named), 200)
+            raise ValueError(f'{self!r}: there is no "{name}"; it has {known}')
+        return self._named[name]
+
+    def get(self, name: str) -> Any | None:
+        """Return the object of the given name, or None."""
+        return self._named.get(name)
+
+    def validate(self) -> None:
+        """Check that everything fits together.
+
+        Raises:
+            TypeError: An orientation function returns something else than numbers.
+            ValueError: The first mistake found, in one line naming object and value.
+        """
+        validate(self)
+
+    def marker_node(self, marker: Attachment) -> int | None:
+        """Return the mesh node of a marker on a beam; None on rigid bodies and the ground.
+
+        Raises:
+            ValueError: The marker's body or point does not exist.
+        """
+        if not isinstance(marker, Marker):
+            return None
+        body = self.get(marker.body)
+        if isinstance(body, RigidBody):
+            if marker.point is not None:
+                raise ValueError(
+                    f'Marker on "{marker.body}": a rigid body has no point "{marker.point}"; '
+                    "give an offset"
+                )
+            return None
+        if not isinstance(body, Beam):
+            raise ValueError(f'Marker on "{marker.body}": {self!r} has no such beam or rigid body')
+        return beam_node(self._mesh(), body, marker)
+
+    def beam_cells(self, beam: Beam) -> IntArray:
+        """Return the cells of a beam as row numbers of the mesh's cells, ascending.
+
+        Raises:
+            ValueError: The model has no mesh or the mesh no such group of lines.
+        """
+        mesh = self._mesh()
+        mesh.group_cells(beam.group)
+        return mesh.line_groups[beam.group]
+
+    def weights(self) -> IntArray:
+        """Return the numbers of cells of the beams, in their order.
+
+        Raises:
+            ValueError: The model has no mesh or the mesh no such group of lines.
+        """
+        return np.array([len(self.beam_cells(beam)) for beam in self.beams], dtype=np.int64)
+
+    def _mesh(self) -> LineMesh:
+        """Return the mesh."""
+        if self.mesh is None:
+            raise ValueError(f"{self!r}: it has beams but no mesh, give Model(mesh=...)")
+        return self.mesh
+
+    def __repr__(self) -> str:
+        """Return class and quoted name."""
+        return f'Model "{self.name}"'
+
+    def __str__(self) -> str:
+        """Return a compact table of what the model holds."""
+        from flexfem.model.table import model_table
+
+        return model_table(self)

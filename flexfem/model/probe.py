@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Probes: what is recorded in the history at every step."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.marker import Attachment, Ground, Marker
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerState:
+    """Motion of a marker at one instant, all in inertial axes.
+
+    Attributes:
+        position: Shape (3,), metres.
+        rotation: Marker axes to inertial axes, shape (3, 3).
+        velocity: Shape (3,), m/s.
+        angular_velocity: Shape (3,), rad/s.
+    """
+
+    position: FloatArray
+    rotation: FloatArray
+    velocity: FloatArray
+    angular_velocity: FloatArray
+
+
+#: Function of time and marker states that returns one number per column.
+ProbeFunction = Callable[..., Sequence[float]]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Probe:
+    """Columns of the history computed from the motion of markers.
+
+    Attributes:
+        name: Unique name in the model.
+        markers: Markers whose states the function gets.
+        columns: Names of the columns, unique in the model.
+        function: `function(t, *states)` with time t (seconds) and one MarkerState per marker;
+            returns one number per column.
+        unwrap: Columns that are angles (radians) and are made continuous along the history.
+    """
+
+    name: str
+    markers: tuple[Attachment, ...]
+    columns: tuple[str, ...]
+    function: ProbeFunction
+    unwrap: tuple[str, ...]
+
+    def __init__(
+        self,
+        name: str,
+        markers: Attachment | Sequence[Attachment],
+        columns: Sequence[str],
+        function: ProbeFunction,
+        unwrap: Sequence[str] = (),
+    ) -> None:
+        """Create a probe.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: No columns, a column twice or named t, a name that would break the table,
+                or an `unwrap` that is no column.
+        """
+        owner = _checks.named(self, name)
+        places = (markers,) if isinstance(markers, (Marker, Ground)) else tuple(markers)
+        for marker in places:
+            _checks.instance(owner, "markers", marker, (Marker, Ground))
+        if not callable(function):
+            raise TypeError(f"{owner}: function must be callable, got {_checks.show(function)}")
+        names = _strings(owner, "columns", columns)
+        angles = _strings(owner, "unwrap", unwrap)
+        _check_columns(owner, names, angles)
+        _checks.assign(
+            self,
+            name=name,
+            markers=places,
+            columns=names,
+            function=function,
+            unwrap=angles,
+        )
+
+    def evaluate(self, t: float, states: Sequence[MarkerState]) -> FloatArray:
+        """Return the values of the columns at time `t`, shape (number of columns,).
+
+        Raises:
+            ValueError: The function does not return one number per column.
+        """
+        values = np.asarray(self.function(t, *states), dtype=np.float64)
+        if values.shape != (len(self.columns),):
+            raise ValueError(
+                f'{type(self).__name__} "{self.name}": function must return '
+                f"{len(self.columns)} numbers, got shape {values.shape}"
+            )
+        return values
+
+
+class PositionProbe(Probe):
+    """Inertial position of a marker in the columns name_x, name_y, name_z, metres."""
+
+    def __init__(self, name: str, marker: Attachment) -> None:
+        """Create the probe.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: The name is empty or would break the table.
+        """
+        _checks.instance(_checks.named(self, name), "marker", marker, (Marker, Ground))
+        super().__init__(name, marker, [f"{name}_{axis}" for axis in "xyz"], _position)
+
+
+def _position(t: float, state: MarkerState) -> Sequence[float]:
+    return state.position.tolist()  # type: ignore[no-any-return]
+
+
+def _strings(owner: str, what: str, values: Sequence[str]) -> tuple[str, ...]:
+    """Return a checked tuple of names."""
+    if isinstance(values, str):
+        raise TypeError(f"{owner}: {what} must be a list of names, got {_checks.show(values)}")
+    return tuple(_checks.text(owner, what, value) for value in values)
+
+
+def _check_columns(owner: str, columns: tuple[str, ...], unwrap: tuple[str, ...]) -> None:
+    """Raise for column names that cannot head the columns of a table."""
+    if not columns:
+        raise ValueError(f"{owner}: columns must hold at least one name, got none")
+    for column in columns:
+        if column == "t":
+            raise ValueError(f'{owner}: column "t" is the time of the history')
+        if "," in column:
+            raise ValueError(f'{owner}: column "{column}" must not contain a comma')
+        if columns.count(column) > 1:
+            raise ValueError(f'{owner}: column "{column}" is there twice')
+    for column in unwrap:
+        if column not in columns:
+            raise ValueError(f'{owner}: unwrap "{column}" is none of its columns')

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A model as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from flexfem.model.model import Model
+
+# Rows shown of each kind before the rest is counted only
+_MAX_ROWS = 8
+
+
+def model_table(model: Model) -> str:
+    """Return a compact table of what a model holds: one line per object, long lists shortened."""
+    lines = [repr(model)]
+    if model.mesh is not None:
+        lines.append(f"  {model.mesh}")
+    if model.gravity is not None:
+        lines.append(f"  Gravity: {_numbers(model.gravity.acceleration)} m/s^2")
+    for title, things in (
+        ("beams", model.beams),
+        ("rigid bodies", model.rigid_bodies),
+        ("point masses", model.point_masses),
+        ("joints", model.joints),
+        ("loads", model.loads),
+        ("probes", model.probes),
+    ):
+        lines.extend(_rows(model, title, things))
+    return "\n".join(lines)
+
+
+def _rows(model: Model, title: str, things: Iterable[Any]) -> list[str]:
+    """Return heading and rows of one kind of object, nothing when there are none."""
+    items = list(things)
+    if not items:
+        return []
+    shown = items if len(items) <= _MAX_ROWS + 1 else items[:_MAX_ROWS]
+    width = max(len(thing.name) for thing in shown)
+    kinds = max(len(type(thing).__name__) for thing in shown)
+    lines = [f"  {title}: {len(items)}"]
+    lines += [
+        f"    {thing.name:<{width}}  {type(thing).__name__:<{kinds}}  {_details(model, thing)}"
+        for thing in shown
+    ]
+    if len(shown) < len(items):
+        lines.append(f"    ... and {len(items) - len(shown)} more")
+    return [line.rstrip() for line in lines]
+
+
+def _details(model: Model, thing: Any) -> str:
+    """Return the most telling values of an object."""
+    if hasattr(thing, "section"):
+        groups = {} if model.mesh is None else model.mesh.line_groups
+        cells = len(groups.get(thing.group, ()))
+        return f'group "{thing.group}", {cells} cells, {thing.section.mass_per_length:.4g} kg/m'
+    if hasattr(thing, "columns"):
+        return ", ".join(thing.columns)
+    if hasattr(thing, "a"):
+        return f"{thing.a} - {thing.b}"
+    if hasattr(thing, "mass"):
+        place = thing.marker if hasattr(thing, "marker") else f"at {_numbers(thing.position)}"
+        return f"{thing.mass:.4g} kg, {place}"
+    return ", ".join(str(place) for place in (*thing.markers, *thing.beams))
+
+
+def _numbers(values: np.typing.NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Checks of a whole model: that names refer to something and that the parts fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.mesh.line_mesh import LineMesh, section_frames
+from flexfem.model.bodies import Beam
+
+if TYPE_CHECKING:
+    from flexfem.model.model import Model
+
+
+def validate(model: Model) -> None:
+    """Check a model.
+
+    Raises:
+        TypeError: An orientation function returns something else than numbers.
+        ValueError: The first mistake found, in one line naming object and value.
+    """
+    if not model.beams and not model.rigid_bodies:
+        raise ValueError(f"{model!r}: it has no bodies")
+    if model.beams:
+        _check_beams(model)
+    nodes = _check_markers(model)
+    for joint in model.joints:
+        _check_ends(joint, nodes)
+    for load in model.loads:
+        for name in load.beams:
+            if not isinstance(model.get(name), Beam):
+                raise ValueError(f'{_owner(load)}: {model!r} has no beam "{name}"')
+    _check_columns(model)
+
+
+def _owner(thing: Any) -> str:
+    return f'{type(thing).__name__} "{thing.name}"'
+
+
+def _check_beams(model: Model) -> None:
+    """Check groups and orientations of all beams."""
+    mesh = model.mesh
+    if mesh is None:
+        raise ValueError(
+            f"{_owner(model.beams[0])}: {model!r} has beams but no mesh, give Model(mesh=...)"
+        )
+    users: dict[str, Beam] = {}
+    for beam in model.beams:
+        if beam.group in users:
+            raise ValueError(
+                f'{_owner(beam)}: group "{beam.group}" is used already by '
+                f"{_owner(users[beam.group])}"
+            )
+        users[beam.group] = beam
+        try:
+            cells = mesh.group_cells(beam.group)
+            if beam.orientation is not None:
+                section_frames(mesh.points, cells, beam.orientation)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{_owner(beam)}: {error}") from None
+    _check_ownership(model, mesh)
+
+
+def _check_ownership(model: Model, mesh: LineMesh) -> None:
+    """Check that every cell belongs to one beam and that beams share no nodes."""
+    rows = np.concatenate([model.beam_cells(beam) for beam in model.beams])
+    beams = np.repeat(np.arange(len(model.beams)), model.weights())
+    counts = np.bincount(rows, minlength=len(mesh.cells))
+    if (counts > 1).any():
+        cell = int(np.argmax(counts > 1))
+        first, second = beams[rows == cell][:2]
+        raise ValueError(
+            f"{_owner(model.beams[second])}: cell {cell} belongs to "
+            f"{_owner(model.beams[first])} as well"
+        )
+    if (counts == 0).any():
+        cell = int(np.argmax(counts == 0))
+        names = [name for name, members in mesh.line_groups.items() if cell in members]
+        raise ValueError(
+            f"{model!r}: {int((counts == 0).sum())} cells of the mesh belong to no beam, the first "
+            f"is cell {cell} of {names or 'no group'}"
+        )
+    low = np.full(len(mesh.points), len(model.beams))
+    high = np.full(len(mesh.points), -1)
+    for side in (0, 1):
+        np.minimum.at(low, mesh.cells[rows, side], beams)
+        np.maximum.at(high, mesh.cells[rows, side], beams)
+    if (low < high).any():
+        node = int(np.argmax(low < high))
+        raise ValueError(
+            f"{_owner(model.beams[high[node]])}: node {node} at "
+            f"{_checks.show(mesh.points[node].tolist())} is shared with "
+            f"{_owner(model.beams[low[node]])}; bodies keep separate nodes and meet in joints"
+        )
+
+
+def _marked(model: Model) -> Iterator[tuple[Any, Attachment]]:
+    """Yield every marker in the model with the object that has it."""
+    for joint in model.joints:
+        yield joint, joint.a
+        yield joint, joint.b
+    for mass in model.point_masses:
+        yield mass, mass.marker
+    for load in model.loads:
+        for marker in load.markers:
+            yield load, marker
+    for probe in model.probes:
+        for place in probe.markers:
+            yield probe, place
+
+
+def _check_markers(model: Model) -> dict[int, int | None]:
+    """Check that all markers exist, and return their nodes by the markers' identities."""
+    nodes: dict[int, int | None] = {}
+    for thing, marker in _marked(model):
+        if id(marker) not in nodes:
+            try:
+                nodes[id(marker)] = model.marker_node(marker)
+            except ValueError as error:
+                raise ValueError(f"{_owner(thing)}: {error}") from None
+    return nodes
+
+
+def _check_ends(joint: Any, nodes: dict[int, int | None]) -> None:
+    """Check that a joint connects two frames that can move relative to one another."""
+    a, b = joint.a, joint.b
+    if isinstance(a, Ground) and isinstance(b, Ground):
+        raise ValueError(f"{_owner(joint)}: both markers are on the ground")
+    if (
+        isinstance(a, Marker)
+        and isinstance(b, Marker)
+        and a.body == b.body
+        and nodes[id(a)] == nodes[id(b)]
+    ):
+        node = nodes[id(a)]
+        place = f'"{a.body}"' if node is None else f'node {node} of "{a.body}"'
+        raise ValueError(f"{_owner(joint)}: both markers are fixed to {place}")
+
+
+def _check_columns(model: Model) -> None:
+    """Check that all columns of the history have different names."""
+    users: dict[str, Any] = {}
+    for probe in model.probes:
+        for column in probe.columns:
+            if column in users:
+                raise ValueError(
+                    f'{_owner(probe)}: column "{column}" is used already by {_owner(users[column])}'
+                )
+            users[column] = probe

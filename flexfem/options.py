@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Options of a run: what a value may be, said once for the command line and for Python callers."""
+
+import math
+import operator
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+MAX_STEPS = 1e9  # more steps than anyone waits for: dt or t_end was mistyped
+
+
+@dataclass(frozen=True)
+class Option:
+    """One named value with its type, default, unit and admissible range.
+
+    Args:
+        name: Python identifier; ``beam_length`` becomes ``--beam-length`` on the command line.
+        kind: ``int``, ``float``, ``str`` or ``bool`` (a bool becomes ``--name`` / ``--no-name``).
+        default: Value when the option is not given.
+        help: One line for ``--help``.
+        unit: Physical unit shown in ``--help``; None for pure numbers.
+        minimum: Smallest admissible number.
+        maximum: Largest admissible number.
+        above: The number must be strictly greater than this one.
+        choices: Admissible values; empty when any is.
+
+    Raises:
+        ValueError: If the name, the type or the default is not admissible.
+    """
+
+    name: str
+    kind: type[int] | type[float] | type[str] | type[bool]
+    default: Any
+    help: str
+    unit: str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    choices: Sequence[Any] = ()
+
+    def __post_init__(self) -> None:
+        """Check the declaration itself."""
+        if not self.name.isidentifier() or self.name.startswith("_"):
+            raise ValueError(f"Option '{self.name}': the name is not a plain Python identifier")
+        if self.kind not in (int, float, str, bool):
+            raise ValueError(
+                f"Option '{self.name}': type {self.kind!r} is not int, float, str, bool"
+            )
+        if self.default is not None:
+            try:
+                self.check(self.default)
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"Option '{self.name}': the default {error}") from None
+
+    @property
+    def flag(self) -> str:
+        """The option as written on a command line."""
+        return "--" + self.name.replace("_", "-")
+
+    def parse(self, text: str) -> Any:
+        """Turn command-line text into a checked value.
+
+        Raises:
+            ValueError: If the text is no admissible value; the message starts with "must be".
+        """
+        try:
+            return self.check(self.kind(text))
+        except ValueError:
+            raise ValueError(f"must be {self.describe()}, got '{text}'") from None
+
+    def check(self, value: Any) -> Any:
+        """Return the value as the option's own type.
+
+        Raises:
+            TypeError: If the value has another type.
+            ValueError: If the value is NaN, infinite or out of range.
+        """
+        converted = self._convert(value)
+        inside = not self.choices or converted in self.choices
+        if self.kind in (int, float):
+            inside = inside and math.isfinite(converted) and self._in_range(converted)
+        if not inside:
+            raise ValueError(f"must be {self.describe()}, got {value!r}")
+        return converted
+
+    def _convert(self, value: Any) -> Any:
+        """Accept NumPy scalars as numbers, but neither truth values nor text."""
+        try:
+            if isinstance(value, bool) is not (self.kind is bool) or (
+                isinstance(value, str) is not (self.kind is str)
+            ):
+                raise TypeError
+            return operator.index(value) if self.kind is int else self.kind(value)
+        except (TypeError, ValueError, OverflowError):
+            raise TypeError(f"must be {self.describe()}, got {value!r}") from None
+
+    def _in_range(self, value: float) -> bool:
+        return (
+            (self.minimum is None or value >= self.minimum)
+            and (self.maximum is None or value <= self.maximum)
+            and (self.above is None or value > self.above)
+        )
+
+    def describe(self) -> str:
+        """Name the admissible values, e.g. "a finite number > 0 [s]"."""
+        if self.choices:
+            return "one of " + ", ".join(map(str, self.choices))
+        kinds = {
+            int: "a whole number",
+            float: "a finite number",
+            str: "text",
+            bool: "True or False",
+        }
+        bounds = [
+            f"{sign} {bound:g}"
+            for sign, bound in ((">", self.above), (">=", self.minimum), ("<=", self.maximum))
+            if bound is not None
+        ]
+        text = " ".join([kinds[self.kind], " and ".join(bounds)]).strip()
+        return f"{text} [{self.unit}]" if self.unit else text
+
+
+# The numerical options of every case; dt and t_end have no default, each case sets its own.
+RUN_OPTIONS = (
+    Option("dt", float, None, "time step", unit="s", above=0),
+    Option("t_end", float, None, "end of the simulated time", unit="s", above=0),
+    Option(
+        "rho_inf",
+        float,
+        0.8,
+        "spectral radius of the integrator at infinite frequency: 1 dissipates nothing, 0 the most",
+        minimum=0,
+        maximum=1,
+    ),
+    Option(
+        "iteration_matrix",
+        str,
+        "auto",
+        "keep one factorisation (frozen), renew it every iteration (updated) or when needed (auto)",
+        choices=("auto", "frozen", "updated"),
+    ),
+    Option(
+        "tolerance", float, 1e-8, "relative tolerance of the Newton iteration", above=0, maximum=0.1
+    ),
+    Option("every", int, 10, "write the ParaView fields every N-th step", minimum=1),
+)
+RUN_DEFAULTS: Mapping[str, Any] = {option.name: option.default for option in RUN_OPTIONS}
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How to run a model.
+
+    Args:
+        dt: Time step, s.
+        t_end: End of the simulated time, s.
+        rho_inf: Spectral radius of generalised-alpha at infinite frequency, in [0, 1].
+        iteration_matrix: "auto", "frozen" or "updated".
+        tolerance: Relative tolerance of the Newton iteration.
+        every: Fields are written every that many steps.
+        output: Folder of the results; None writes nothing.
+        quiet: No progress bar.
+
+    Raises:
+        TypeError: If a value has the wrong type.
+        ValueError: If a value is out of range, or the run would exceed 1e9 steps.
+    """
+
+    dt: float
+    t_end: float
+    rho_inf: float = RUN_DEFAULTS["rho_inf"]
+    iteration_matrix: str = RUN_DEFAULTS["iteration_matrix"]
+    tolerance: float = RUN_DEFAULTS["tolerance"]
+    every: int = RUN_DEFAULTS["every"]
+    output: Path | None = None
+    quiet: bool = False
+
+    def __post_init__(self) -> None:
+        """Check every value and turn it into its plain Python type."""
+        for option in RUN_OPTIONS:
+            try:
+                value = option.check(getattr(self, option.name))
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"RunOptions: {option.name} {error}") from None
+            object.__setattr__(self, option.name, value)
+        if self.output is not None:
+            object.__setattr__(self, "output", Path(self.output))
+        if self.dt > self.t_end:
+            raise ValueError(f"RunOptions: dt {self.dt:g} s exceeds t_end {self.t_end:g} s")
+        if self.t_end > MAX_STEPS * self.dt:
+            raise ValueError(
+                f"RunOptions: dt {self.dt:g} s up to t_end {self.t_end:g} s takes more than "
+                f"{MAX_STEPS:g} steps"
+            )
+
+
+RUN_NAMES = frozenset(field.name for field in fields(RunOptions))

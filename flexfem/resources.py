@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The shipped case and mesh files: inside an installed package, or beside it in a source tree."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def shipped_folder(name: str) -> Path:
+    """Folder of the shipped ``cases`` or ``meshes``.
+
+    Raises:
+        FileNotFoundError: If this installation has no such folder.
+    """
+    for folder in (_PACKAGE / name, _PACKAGE.parent / name):
+        if folder.is_dir():
+            return folder
+    raise FileNotFoundError(f"this installation of flexfem has no folder '{name}'")
+
+
+def shipped_files(name: str) -> dict[str, Path]:
+    """The shipped files of one kind by their names, sorted; files with a leading _ are private."""
+    files = sorted(shipped_folder(name).glob("*.py"))
+    return {path.stem: path for path in files if not path.stem.startswith("_")}
+
+
+def load_module(path: Path, prefix: str) -> ModuleType:
+    """Execute a Python file that is not part of a package.
+
+    Args:
+        path: The file, with the ending .py.
+        prefix: Start of the module's name, so that a file cannot shadow an installed module.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it is not a Python file.
+    """
+    name = f"{prefix}_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if path.suffix != ".py" or spec is None or spec.loader is None:
+        raise ValueError(f"'{path}' is not a Python file (.py)")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses and pickle look the module up by its name
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise ValueError(f"'{path}', line {error.lineno}: {error.msg}") from None
+    return module

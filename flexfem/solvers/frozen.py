@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Newton steps that never refactor: frozen body factors with a dual interface Schur complement.
+
+In local frames the iteration matrix ``A`` of a flexible body hardly changes, so its factors are
+kept. Joints touch few nodes, where the response ``Z = A^-1 J^T`` of each body is known once and for
+all, so that a step costs one residual, one product ``Z^T r``, a small system
+``S dL = Phi - G~ A^-1 r`` with ``S = G~ A^-1 G^T + compliance``, and one solve with the factors.
+Rigid bodies are always exact: their 6x6 matrices are inverted at every step.
+
+A rank eliminates the multipliers that only it evaluates. What remains between ranks is summed by one
+reduction and solved on all of them alike.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from mpi4py import MPI
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.la.factor import Factor
+from flexfem.la.nest import CoordinateMatrix
+from flexfem.solvers.interface_system import InterfaceSystem
+from flexfem.solvers.schur_kernels import (
+    interface_response,
+    invert_blocks,
+    multiply_blocks,
+    rigid_responses,
+    row_products,
+    schur,
+)
+from flexfem.solvers.tangent import part_pattern, part_values
+from flexfem.system.system import BlockPart, Shifts, System
+
+__all__ = ["FrozenSolver"]
+
+
+@dataclass
+class _Bodies:
+    """Bodies of one part with their interface columns; rigid bodies have one node each.
+
+    ``responses`` holds the rows of ``A^-T J^T``, ``compliances`` the matrices ``J A^-1 J^T``.
+    """
+
+    part: BlockPart
+    nodes: IntArray
+    node_start: IntArray
+    columns: IntArray
+    column_start: IntArray
+    sides: IntArray
+    side_start: IntArray
+    compliance_start: IntArray
+    response_start: IntArray
+    compliances: FloatArray
+    responses: FloatArray
+    entries: FloatArray
+
+
+class FrozenSolver:
+    """Newton steps with kept factors of the flexible bodies.
+
+    Attributes:
+        shifts: those of the factors, None before the first factorisation.
+    """
+
+    def __init__(self, system: System) -> None:
+        """Set up patterns (collective)."""
+        self.system = system
+        self.shifts: Shifts | None = None
+        rows, face = system.constraints, system.interface
+        self._slot_column = np.zeros(len(face.keys), dtype=np.int64)
+        self._slot_active = np.zeros(len(face.keys), dtype=np.int64)
+        self._local_slot = np.zeros(len(face.keys), dtype=np.bool_)
+        self._response = np.zeros((len(face.keys), 6))
+        active = rows.active_components()
+        self._groups = [self._bodies(part, active) for part in system.parts]
+        self._beams = next((g for g in self._groups if g.part.beams is not None), None)
+        if self._beams is not None:
+            block = self._beams.part.block
+            size = (6 * block.owned, 6 * block.size_global)
+            self._matrix = CoordinateMatrix(
+                system.comm, size, size, *part_pattern(self._beams.part)
+            )
+        self._interface = self._pattern()
+
+    def _bodies(self, part: BlockPart, active: IntArray) -> _Bodies:
+        """Interface columns of a part's bodies and the row sides that act on them."""
+        bodies, nodes, node_start = part.bodies()
+        slots = np.flatnonzero(self.system.part_of_slot == self.system.parts.index(part))
+        slots = slots[np.isin(self.system.body_of_slot[slots], bodies)]
+        number = np.searchsorted(bodies, self.system.body_of_slot[slots])
+        widths = np.bincount(number, weights=active[slots], minlength=len(bodies)).astype(np.int64)
+        column_start = _starts(widths)
+        order = np.argsort(number, kind="stable")
+        columns = [(slot, k) for slot in slots[order] for k in range(active[slot])]
+        first = _starts(active[slots[order]])[:-1] - column_start[number[order]]
+        self._slot_column[slots[order]] = first
+        self._slot_active[slots], self._local_slot[slots] = active[slots], True
+        sides, per_body = self._sides(slots, number, len(bodies))
+        lengths = 6 * np.diff(node_start) * widths
+        return _Bodies(
+            part=part,
+            nodes=nodes,
+            node_start=node_start,
+            columns=np.array(columns, dtype=np.int64).reshape(-1, 2),
+            column_start=column_start,
+            sides=sides,
+            side_start=_starts(per_body),
+            compliance_start=_starts(widths**2),
+            response_start=_starts(lengths),
+            compliances=np.zeros(int((widths**2).sum())),
+            responses=np.zeros(int(lengths.sum())),
+            entries=np.zeros(int((per_body**2).sum())),
+        )
+
+    def _sides(self, slots: IntArray, number: IntArray, count: int) -> tuple[IntArray, IntArray]:
+        """Row sides (row, side, slot) on the given slots, body by body, and their numbers."""
+        body_of_slot = np.full(len(self._slot_column) + 1, -1, dtype=np.int64)
+        body_of_slot[slots] = number
+        row_slots = self.system.constraints.row_slots
+        row, side = np.nonzero(body_of_slot[row_slots] >= 0)  # slot -1 is the last entry, -1
+        sides = np.stack([row, side, row_slots[row, side]], axis=1).astype(np.int64)
+        body = body_of_slot[sides[:, 2]]
+        sides = np.ascontiguousarray(sides[np.argsort(body, kind="stable")])
+        return sides, np.bincount(body, minlength=count).astype(np.int64)
+
+    def _pattern(self) -> InterfaceSystem:
+        """Row and column of every entry of the Schur complement on this rank."""
+        rows = self.system.constraints
+        first, second = [], []
+        for group in self._groups:
+            for start, end in pairwise(group.side_start):
+                r = group.sides[start:end, 0]
+                first.append(np.tile(r, len(r)))
+                second.append(np.repeat(r, len(r)))
+        every = np.arange(rows.size)
+        i = np.concatenate([*first, every]).astype(np.int64)
+        j = np.concatenate([*second, every]).astype(np.int64)
+        self._values, self._right = np.zeros(len(i)), np.zeros(rows.size)
+        return InterfaceSystem(
+            self.system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
+        )
+
+    def factor(self, shifts: Shifts) -> None:
+        """Factorise the flexible bodies at the trial state and compute their compliances."""
+        self.shifts = shifts
+        group = self._beams
+        if group is None:
+            return
+        self.system.counters.factorizations += 1
+        part = group.part
+        self._matrix.assemble(part_values(self.system, part, shifts))
+        self._factor = Factor(self._matrix.mat, local=not part.block.has_ghosts)
+        widths = np.diff(group.column_start)
+        most = self.system.comm.allreduce(int(widths.max(initial=0)), op=MPI.MAX)
+        rhs, solution = np.zeros((part.block.owned, 6)), np.zeros((part.block.owned, 6))
+        for c in range(most):
+            bodies = np.flatnonzero(widths > c)
+            columns = group.columns[group.column_start[bodies] + c]
+            local = part.slots[columns[:, 0]]
+            held = local >= 0
+            rhs[:] = 0.0
+            rhs[local[held], columns[held, 1]] = 1.0
+            self._factor.solve_transpose(rhs, solution)
+            self._store(group, bodies, c, solution)
+
+    def _store(self, group: _Bodies, bodies: IntArray, c: int, solution: FloatArray) -> None:
+        """Column ``c`` of the responses, row ``c`` of the compliances of the given bodies."""
+        for b in bodies:
+            width = group.column_start[b + 1] - group.column_start[b]
+            nodes = group.nodes[group.node_start[b] : group.node_start[b + 1]]
+            a, e = group.response_start[b], group.response_start[b + 1]
+            group.responses[a:e].reshape(-1, width)[:, c] = solution[nodes].ravel()
+            columns = group.columns[group.column_start[b] : group.column_start[b + 1]]
+            local = group.part.slots[columns[:, 0]]
+            row = np.where(local >= 0, solution[local, columns[:, 1]], 0.0)
+            a, e = group.compliance_start[b], group.compliance_start[b + 1]
+            group.compliances[a:e].reshape(width, width)[c] = row
+
+    def step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
+        """One Newton step from the evaluated residuals (collective).
+
+        Returns:
+            Success, and the step of the multipliers (r,); both it and the blocks' steps are to be
+            subtracted.
+        """
+        rows = self.system.constraints
+        success, at = True, 0
+        for group in self._groups:
+            if group.part.beams is None:
+                success = self._invert_rigid(group, shifts)
+            interface_response(
+                group.nodes, group.node_start, group.columns, group.column_start,
+                group.responses, group.response_start, group.part.block.residual, self._response,
+            )  # fmt: skip
+            schur(
+                group.sides, group.side_start, self._slot_column, self._slot_active,
+                group.column_start, group.compliances, group.compliance_start,
+                rows.force_jacobian, rows.step_jacobian, group.entries,
+            )  # fmt: skip
+            self._values[at : at + len(group.entries)] = group.entries
+            at += len(group.entries)
+        self._values[at:] = rows.owned * rows.compliance
+        row_products(
+            rows.row_slots, self._local_slot, rows.step_jacobian, self._response, rows.owned,
+            rows.values, self._right,
+        )  # fmt: skip
+        if rows.size_global:
+            success = self._interface.solve(self._values, self._right) and success
+        # S dL = Phi - G~ y is the correction dL; the blocks' steps are to be subtracted
+        self.system.add_constraint_forces(self._right)
+        for group in self._groups:
+            block = group.part.block
+            if group.part.beams is None:
+                multiply_blocks(self._inverses, block.residual, block.step)
+            else:
+                self._factor.solve(block.residual[: block.owned], block.step[: block.owned])
+        return success, -self._right
+
+    def _invert_rigid(self, group: _Bodies, shifts: Shifts) -> bool:
+        """Fresh inverses of the rigid bodies' matrices and their compliances."""
+        part = group.part
+        blocks = np.zeros((part.block.owned, 6, 6))
+        masses = part.masses.tangent(part.block, self.system.gravity, shifts.array, shifts.scale)
+        np.add.at(blocks, part.masses.nodes, masses)
+        if len(part.forces.nodes):
+            forces = part.forces.tangent(part.block, self.system.factors, shifts.scale)
+            np.add.at(blocks, part.forces.nodes, forces)
+        self._inverses = np.empty_like(blocks)
+        regular: bool = invert_blocks(blocks, self._inverses)
+        rigid_responses(
+            self._inverses, group.columns, group.column_start, group.response_start,
+            group.compliance_start, group.responses, group.compliances,
+        )  # fmt: skip
+        return regular
+
+
+def _starts(counts: IntArray) -> IntArray:
+    """Where each of several consecutive runs begins, and the end."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

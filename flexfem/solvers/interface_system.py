@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The small linear system of the multipliers, distributed over the ranks.
+
+Every rank holds entries between the rows that it evaluates. It eliminates the rows of its own; the
+complement on the rows shared with other ranks is summed by one reduction and solved everywhere.
+"""
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.lie.compiled import kernel
+from flexfem.solvers.schur_kernels import lu_factor, lu_solve
+
+__all__ = ["InterfaceSystem"]
+
+#: Up to this size a dense factorisation beats the calls of a sparse one.
+_DENSE = 36
+
+
+@kernel
+def _scatter_add(index, select, values, out):
+    """``out[index[k]] += values[select[k]]``."""
+    for k in range(index.size):
+        out[index[k]] += values[select[k]]
+
+
+class _DenseInterior:
+    def __init__(self, i: IntArray, j: IntArray, size: int) -> None:
+        self._index = i * size + j
+        self._matrix, self._pivots = np.zeros((size, size)), np.zeros(size, dtype=np.int64)
+        self._every = np.arange(len(i))
+
+    def factor(self, values: FloatArray) -> bool:
+        self._matrix[:] = 0.0
+        _scatter_add(self._index, self._every, values, self._matrix.reshape(-1))
+        regular: bool = lu_factor(self._matrix, self._pivots)
+        return regular
+
+    def solve(self, x: FloatArray) -> None:
+        lu_solve(self._matrix, self._pivots, x)
+
+
+class _SparseInterior:
+    def __init__(self, i: IntArray, j: IntArray, size: int) -> None:
+        self._matrix = PETSc.Mat().createAIJ((size, size), comm=PETSc.COMM_SELF)
+        kind = PETSc.IntType
+        self._matrix.setPreallocationCOO(i.astype(kind), j.astype(kind))
+        self._pc = PETSc.PC().create(comm=PETSc.COMM_SELF)
+        self._pc.setType(PETSc.PC.Type.LU)
+        self._pc.setFactorOrdering("rcm")
+        self._pc.setOperators(self._matrix)
+        self._rhs, self._solution = self._matrix.createVecs()
+
+    def factor(self, values: FloatArray) -> bool:
+        self._matrix.setValuesCOO(values, PETSc.InsertMode.INSERT)
+        self._pc.setOperators(self._matrix)
+        self._pc.setUp()
+        return bool(self._pc.getFailedReason() == 0)
+
+    def solve(self, x: FloatArray) -> None:
+        self._rhs.setArray(x)
+        self._pc.apply(self._rhs, self._solution)
+        x[:] = self._solution.getArray(readonly=True)
+
+
+class InterfaceSystem:
+    """Solver of the multipliers' system."""
+
+    def __init__(
+        self, comm: MPI.Intracomm, i: IntArray, j: IntArray, interior: int,
+        shared: IntArray, shared_size: int,
+    ) -> None:  # fmt: skip
+        """Set up the pattern.
+
+        Args:
+            comm: communicator.
+            i, j: row and column of every entry, numbered on this rank.
+            interior: number of rows of this rank alone; they come first.
+            shared: number of each other row among the shared rows of all ranks.
+            shared_size: number of shared rows of all ranks.
+        """
+        self._comm, self._count = comm, interior
+        inner = (i < interior) & (j < interior)
+        self._inner = np.flatnonzero(inner)
+        make = _DenseInterior if interior <= _DENSE else _SparseInterior
+        self._interior = make(i[inner], j[inner], interior)
+        self._whole = bool(inner.all())
+        self._shared, self._shared_size = shared, shared_size
+        outer = len(shared)
+        self._blocks = []
+        for rows, columns, shape in (
+            (i < interior, j >= interior, (interior, outer)),
+            (i >= interior, j < interior, (outer, interior)),
+            (i >= interior, j >= interior, (outer, outer)),
+        ):
+            select = np.flatnonzero(rows & columns)
+            at = np.where(i[select] >= interior, i[select] - interior, i[select])
+            to = np.where(j[select] >= interior, j[select] - interior, j[select])
+            self._blocks.append((at * shape[1] + to, select, np.zeros(shape)))
+        size = shared_size
+        self._sum = np.zeros(size * (size + 1))
+        self._pivots = np.zeros(size, dtype=np.int64)
+
+    def solve(self, values: FloatArray, right: FloatArray) -> bool:
+        """Solve in place (collective if rows are shared); False when the system is singular.
+
+        Args:
+            values: one number per entry of the pattern.
+            right: (r,) this rank's part of the right-hand side; becomes the solution.
+        """
+        inner = values if self._whole else values[self._inner]
+        regular = self._interior.factor(inner) if self._count else True
+        own = right[: self._count]
+        if self._count and regular:
+            self._interior.solve(own)
+        if self._shared_size == 0:
+            return regular
+        return self._solve_shared(values, right, regular)
+
+    def _solve_shared(self, values: FloatArray, right: FloatArray, regular: bool) -> bool:
+        own, other = right[: self._count], right[self._count :]
+        for index, select, out in self._blocks:
+            out[:] = 0.0
+            _scatter_add(index, select, values, out.reshape(-1))
+        to_outer, from_inner, outer = (b[2] for b in self._blocks)
+        columns = np.ascontiguousarray(to_outer.T)
+        if self._count and regular:
+            for column in columns:
+                self._interior.solve(column)
+            outer -= from_inner @ columns.T
+            other -= from_inner @ own
+        n = self._shared_size
+        self._sum[:] = 0.0
+        matrix, vector = self._sum[: n * n].reshape(n, n), self._sum[n * n :]
+        matrix[np.ix_(self._shared, self._shared)] = outer
+        vector[self._shared] = other
+        self._comm.Allreduce(MPI.IN_PLACE, self._sum, op=MPI.SUM)
+        regular = bool(lu_factor(matrix, self._pivots)) and regular
+        lu_solve(matrix, self._pivots, vector)
+        other[:] = vector[self._shared]
+        own -= columns.T @ other
+        return regular
+

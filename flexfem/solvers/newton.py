@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Newton iteration with a convergence test per block."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.system.system import Shifts, System
+
+__all__ = ["LinearStep", "NewtonOptions", "iterate"]
+
+#: Solves for the steps of blocks (stored there) and multipliers (returned), with success.
+LinearStep = Callable[[Shifts], tuple[bool, FloatArray]]
+
+#: Steps growing by more than this from one iteration to the next mean divergence.
+_DIVERGENCE = 2.0
+#: Below this multiple of the tolerance growing steps are round-off.
+_NOISE = 10.0
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """When to stop.
+
+    Attributes:
+        tolerance: largest entry of a step of displacements (m), rotations (rad) and of multipliers
+            times ``beta h^2`` at which the iteration stops; each block must meet it.
+        max_iterations: iterations before a step counts as failed.
+    """
+
+    tolerance: float = 1e-6
+    max_iterations: int = 25
+
+
+def iterate(
+    system: System,
+    shifts: Shifts,
+    linear_step: LinearStep,
+    options: NewtonOptions,
+    too_slow: Callable[[int, float], None] | None = None,
+) -> Status:
+    """Iterate from the predicted state until every block's step is below the tolerance.
+
+    Args:
+        system: at the predicted trial state; left at the solution.
+        shifts: of the time integrator.
+        linear_step: solver of the linearised equations.
+        options: tolerances.
+        too_slow: called after an iteration that has not converged with its number and contraction;
+            it may refresh the matrix.
+    """
+    rows = system.constraints
+    previous = np.inf
+    for iteration in range(1, options.max_iterations + 1):
+        system.evaluate(shifts)
+        system.counters.newton_iterations += 1
+        success, change = linear_step(shifts)
+        largest = system.correct(-1.0)
+        rows.multipliers -= change
+        sizes = _largest(system.comm, largest, change, success)
+        if sizes[2] > 0.0:
+            return Status.SINGULAR
+        size = max(sizes[0], sizes[1])
+        if not np.isfinite(size):
+            return Status.DIVERGED
+        if sizes[0] <= options.tolerance and sizes[1] <= options.tolerance:
+            return Status.OK
+        contraction = size / previous
+        if contraction > _DIVERGENCE and iteration > 2 and size > _NOISE * options.tolerance:
+            return Status.DIVERGED
+        if too_slow is not None:
+            too_slow(iteration, contraction)
+        previous = size
+    return Status.NOT_CONVERGED
+
+
+def _largest(
+    comm: MPI.Intracomm, largest: float, change: FloatArray, success: bool
+) -> tuple[float, float, float]:
+    """Largest steps of blocks and multipliers over all ranks, and whether a rank failed."""
+    multiplier = float(np.abs(change).max()) if len(change) else 0.0
+    values = [largest, multiplier, 0.0 if success else 1.0]
+    if comm.size > 1:
+        # MPI's maximum does not order NaN
+        buffer = np.nan_to_num(np.array(values), nan=np.inf)
+        comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
+        values = buffer.tolist()
+    return values[0], values[1], values[2]

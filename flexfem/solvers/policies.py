@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""When the iteration matrix is assembled and factorised.
+
+``updated`` takes a fresh matrix in every iteration. ``frozen`` keeps the factors of the bodies for
+each step size. ``auto`` does the same, but refreshes them where the iteration contracts slowly. Both
+fall back to the fresh matrix for a step on which they fail; what then fails is left to the
+integrator, which cuts the step.
+"""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from flexfem.core.status import Status
+from flexfem.solvers.frozen import FrozenSolver
+from flexfem.solvers.newton import NewtonOptions, iterate
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.system import Shifts, System
+
+__all__ = ["AutoPolicy", "FrozenPolicy", "Policy", "UpdatedPolicy", "create_policy"]
+
+#: Contraction above which ``auto`` refreshes the factors.
+_SLOW = 0.5
+
+
+class Policy(Protocol):
+    """Solves the equations of one step."""
+
+    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+        """Iterate from the predicted state; ``restart`` returns to it for a second attempt."""
+        ...
+
+
+class UpdatedPolicy:
+    """A fresh matrix and factorisation in every iteration."""
+
+    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
+        """Store what is needed."""
+        self._system, self._options, self._tangent = system, options, tangent
+
+    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+        """See :class:`Policy`."""
+        return iterate(self._system, shifts, self._tangent.step, self._options)
+
+
+class FrozenPolicy:
+    """Factors kept for each step size; the fresh matrix is the fallback."""
+
+    #: contraction at which the factors are refreshed within a step
+    slow: float | None = None
+
+    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
+        """Set up the frozen solver (collective)."""
+        self._system, self._options = system, options
+        self._fallback = UpdatedPolicy(system, options, tangent)
+        self._frozen = FrozenSolver(system)
+
+    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+        """See :class:`Policy`."""
+        if self._frozen.shifts != shifts:
+            self._frozen.factor(shifts)
+        refreshed = False
+
+        def too_slow(iteration: int, contraction: float) -> None:
+            nonlocal refreshed
+            if self.slow is None or refreshed or iteration < 2 or contraction < self.slow:
+                return
+            refreshed = True
+            self._frozen.factor(shifts)
+
+        status = iterate(self._system, shifts, self._frozen.step, self._options, too_slow)
+        if status is Status.OK:
+            return status
+        self._system.counters.fallbacks += 1
+        restart()
+        return self._fallback.solve(shifts, restart)
+
+
+class AutoPolicy(FrozenPolicy):
+    """Frozen factors, refreshed where the iteration contracts slowly."""
+
+    slow = _SLOW
+
+
+def create_policy(
+    name: str, system: System, options: NewtonOptions, tangent: TangentSolver
+) -> Policy:
+    """Policy of the given name: "updated", "frozen" or "auto"."""
+    kinds: dict[str, type[UpdatedPolicy] | type[FrozenPolicy]] = {
+        "updated": UpdatedPolicy,
+        "frozen": FrozenPolicy,
+        "auto": AutoPolicy,
+    }
+    return kinds[name](system, options, tangent)

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled parts of the frozen solver: compliances, interface products, Schur complement entries.
+
+A body touches the interface through columns, one for each active component of each of its interface
+nodes. ``Z = A^-1 J^T`` holds the body's response to unit forces there, ``C = J Z`` its compliance.
+"""
+
+import numpy as np
+
+from flexfem.lie.compiled import kernel
+
+__all__ = [
+    "interface_response",
+    "invert_blocks",
+    "lu_factor",
+    "lu_solve",
+    "multiply_blocks",
+    "rigid_responses",
+    "row_products",
+    "schur",
+]
+
+
+@kernel
+def interface_response(body_nodes, node_start, columns, column_start, responses, start, residual, y):
+    """``y = J A^-1 r`` of every body into the columns' slots and components of ``y`` (n, 6)."""
+    for b in range(node_start.size - 1):
+        first, count = column_start[b], column_start[b + 1] - column_start[b]
+        if count == 0:
+            continue
+        total = np.zeros(count)
+        at = start[b]
+        for k in range(node_start[b], node_start[b + 1]):
+            node = body_nodes[k]
+            for i in range(6):
+                force = residual[node, i]
+                for c in range(count):
+                    total[c] += force * responses[at + c]
+                at += count
+        for c in range(count):
+            y[columns[first + c, 0], columns[first + c, 1]] = total[c]
+
+
+@kernel
+def schur(
+    sides, side_start, slot_column, slot_active, column_start, compliances, compliance_start,
+    force_jacobian, step_jacobian, values,
+):  # fmt: skip
+    """Entries of ``G~ C G^T``: for every body, all pairs of the row sides that act on it.
+
+    Args:
+        sides: (k, 3) row, side, slot, grouped by body; side_start: (n_bodies + 1,).
+        slot_column: first column of a slot within its body; slot_active: its number of columns.
+        compliances: all C matrices one after the other; compliance_start: where each begins.
+        values: pairs in the order (body, second side, first side).
+    """
+    at = 0
+    work = np.empty(0)
+    for b in range(side_start.size - 1):
+        count = column_start[b + 1] - column_start[b]
+        if work.size < count:
+            work = np.empty(count)
+        C = compliance_start[b]
+        for j in range(side_start[b], side_start[b + 1]):
+            row, side, slot = sides[j, 0], sides[j, 1], sides[j, 2]
+            first, active = slot_column[slot], slot_active[slot]
+            for c in range(count):
+                work[c] = 0.0
+                for k in range(active):
+                    work[c] += (
+                        compliances[C + c * count + first + k] * force_jacobian[row, side, k]
+                    )
+            for i in range(side_start[b], side_start[b + 1]):
+                row, side, slot = sides[i, 0], sides[i, 1], sides[i, 2]
+                column = slot_column[slot]
+                total = 0.0
+                for k in range(slot_active[slot]):
+                    total += step_jacobian[row, side, k] * work[column + k]
+                values[at] = total
+                at += 1
+
+
+@kernel
+def row_products(row_slots, local_slot, step_jacobian, y, owned, row_values, out):
+    """``owned * row_values - G~ y`` of every row over the slots that this rank's bodies own."""
+    for r in range(out.size):
+        out[r] = owned[r] * row_values[r]
+        for side in range(2):
+            slot = row_slots[r, side]
+            if slot >= 0 and local_slot[slot]:
+                for k in range(6):
+                    out[r] -= step_jacobian[r, side, k] * y[slot, k]
+
+
+@kernel
+def lu_factor(A, pivots):
+    """Factorise a dense matrix in place with row pivoting; False when it is singular."""
+    n = A.shape[0]
+    largest = 0.0
+    for i in range(n):
+        for j in range(n):
+            largest = max(largest, abs(A[i, j]))
+    for k in range(n):
+        p = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[p, k]):
+                p = i
+        pivots[k] = p
+        if not abs(A[p, k]) > 1e-14 * largest:
+            return False
+        if p != k:
+            for j in range(n):
+                A[k, j], A[p, j] = A[p, j], A[k, j]
+        inverse = 1.0 / A[k, k]
+        for i in range(k + 1, n):
+            factor = A[i, k] * inverse
+            A[i, k] = factor
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    A[i, j] -= factor * A[k, j]
+    return True
+
+
+@kernel
+def lu_solve(A, pivots, x):
+    """Solve with the factors of ``lu_factor`` in place."""
+    n = A.shape[0]
+    for k in range(n):
+        p = pivots[k]
+        if p != k:
+            x[k], x[p] = x[p], x[k]
+    for i in range(n):
+        for j in range(i):
+            x[i] -= A[i, j] * x[j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= A[i, j] * x[j]
+        x[i] /= A[i, i]
+
+
+@kernel
+def invert_blocks(blocks, inverses):
+    """Inverses of 6x6 matrices; False when one is singular."""
+    A, pivots = np.empty((6, 6)), np.empty(6, dtype=np.int64)
+    x = np.empty(6)
+    for k in range(blocks.shape[0]):
+        A[:] = blocks[k]
+        if not lu_factor(A, pivots):
+            return False
+        for j in range(6):
+            x[:] = 0.0
+            x[j] = 1.0
+            lu_solve(A, pivots, x)
+            inverses[k, :, j] = x
+    return True
+
+
+@kernel
+def multiply_blocks(inverses, residual, step):
+    """``step[i] = inverses[i] residual[i]`` for the first nodes of a block."""
+    for k in range(inverses.shape[0]):
+        for i in range(6):
+            total = 0.0
+            for j in range(6):
+                total += inverses[k, i, j] * residual[k, j]
+            step[k, i] = total
+
+
+@kernel
+def rigid_responses(
+    inverses, columns, column_start, response_start, compliance_start, responses, compliances
+):
+    """Rows of ``A^-T J^T`` and matrices ``J A^-1 J^T`` of bodies with one node each."""
+    for b in range(inverses.shape[0]):
+        first, count = column_start[b], column_start[b + 1] - column_start[b]
+        A = inverses[b]
+        for c in range(count):
+            component = columns[first + c, 1]
+            for i in range(6):
+                responses[response_start[b] + i * count + c] = A[component, i]
+            for d in range(count):
+                compliances[compliance_start[b] + c * count + d] = A[
+                    component, columns[first + d, 1]
+                ]

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The exact iteration matrix as a nest, solved directly.
+
+``[[s (K + c C + m M) + H(L), G^T], [G, -compliance]]`` with H the derivative of the constraint
+forces; all blocks keep their pattern, so that only numbers are set in an iteration.
+"""
+
+import numpy as np
+from petsc4py import PETSc
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.la.nest import (
+    CoordinateMatrix,
+    block_indices,
+    create_nest_matrix,
+    direct_solver,
+)
+from flexfem.system.system import BlockPart, Shifts, System
+
+__all__ = ["TangentSolver", "part_pattern", "part_values"]
+
+
+class TangentSolver:
+    """Newton steps with a fresh matrix and a fresh factorisation each."""
+
+    def __init__(self, system: System) -> None:
+        """Create patterns of all blocks (collective)."""
+        self.system = system
+        comm, rows = system.comm, system.constraints
+        parts = system.parts
+        sizes = [(6 * p.block.owned, 6 * p.block.size_global) for p in parts]
+        sizes.append((rows.owned_count, rows.size_global))
+        self._couplings = _JointPattern(system)
+        self.diagonal = []
+        grid: list[list[CoordinateMatrix | None]] = []
+        for i, part in enumerate(parts):
+            line: list[CoordinateMatrix | None] = []
+            for j in range(len(parts)):
+                pattern = part_pattern(part) if i == j else (np.empty(0, int), np.empty(0, int))
+                joint = self._couplings.pattern(i, j)
+                line.append(
+                    CoordinateMatrix(
+                        comm, sizes[i], sizes[j],
+                        np.concatenate([pattern[0], joint[0]]),
+                        np.concatenate([pattern[1], joint[1]]),
+                    )  # fmt: skip
+                )
+            line.append(CoordinateMatrix(comm, sizes[i], sizes[-1], *self._couplings.gradient(i)))
+            grid.append(line)
+        if rows.size_global:
+            bottom = [
+                CoordinateMatrix(comm, sizes[-1], sizes[j], *self._couplings.gradient(j)[::-1])
+                for j in range(len(parts))
+            ]
+            own = rows.numbers[rows.owned_rows]
+            grid.append([*bottom, CoordinateMatrix(comm, sizes[-1], sizes[-1], own, own)])
+        else:
+            grid = [line[:-1] for line in grid]
+        self._grid = grid
+        self.matrix = create_nest_matrix(
+            [[entry.mat if entry is not None else None for entry in line] for line in grid], comm
+        )
+        self._ksp = direct_solver(self.matrix, "tangent_")
+        self._rhs, self._solution = self.matrix.createVecs()
+
+    def assemble(self, shifts: Shifts) -> None:
+        """Set the numbers of all blocks at the trial state (collective)."""
+        system, rows = self.system, self.system.constraints
+        owned = rows.owned
+        hessians = rows.hessians(owned * rows.multipliers * shifts.stiffness)
+        count = len(system.parts)
+        for i, part in enumerate(system.parts):
+            for j in range(count):
+                values = [self._couplings.values(i, j, hessians)]
+                if i == j:
+                    values.insert(0, part_values(system, part, shifts))
+                self._entry(i, j).assemble(np.concatenate(values))
+            if rows.size_global:
+                forces = self._couplings.side_values(i, rows.force_jacobian)
+                steps = rows.step_jacobian if shifts.stiffness else rows.rigid_jacobian()
+                self._entry(i, count).assemble(forces)
+                self._entry(count, i).assemble(self._couplings.side_values(i, steps))
+        if rows.size_global:
+            self._entry(count, count).assemble(-rows.compliance[rows.owned_rows])
+        self.matrix.assemble()
+
+    def _entry(self, i: int, j: int) -> CoordinateMatrix:
+        entry = self._grid[i][j]
+        assert entry is not None
+        return entry
+
+    def factor(self) -> bool:
+        """Factorise the assembled matrix; False when it is singular."""
+        self._ksp.setOperators(self.matrix)
+        self._ksp.setUp()
+        return bool(self._ksp.getPC().getFailedReason() == 0)
+
+    def solve(self, residuals: list[FloatArray], values: FloatArray) -> bool:
+        """Solve ``matrix (dq, dL) = (residuals, values)`` into the blocks' steps.
+
+        Args:
+            residuals: (n_owned, 6) right-hand side of each block.
+            values: (r,) right-hand side of this rank's rows (owned ones are used).
+
+        Returns:
+            True if the solution is finite; the multipliers' part is in :attr:`multiplier_step`.
+        """
+        rows = self.system.constraints
+        blocks = [r.ravel() for r in residuals]
+        self._rhs.setArray(np.concatenate([*blocks, values[rows.owned_rows]]))
+        self._ksp.solve(self._rhs, self._solution)
+        solution, at = self._solution.getArray(readonly=True), 0
+        for part in self.system.parts:
+            size = 6 * part.block.owned
+            part.block.step[: part.block.owned] = solution[at : at + size].reshape(-1, 6)
+            at += size
+        self.multiplier_step = self._spread(np.array(solution[at:]))
+        return bool(self._ksp.getConvergedReason() > 0)
+
+    def _spread(self, owned: FloatArray) -> FloatArray:
+        """Multipliers of all rows of this rank from the owners' values (collective)."""
+        rows = self.system.constraints
+        vec = PETSc.Vec().createWithArray(owned, comm=self.system.comm)
+        local = PETSc.Vec().createSeq(rows.size)
+        index = PETSc.IS().createGeneral(rows.numbers.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
+        PETSc.Scatter().create(vec, index, local, None).scatter(vec, local)
+        return np.array(local.getArray(readonly=True))
+
+    def step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
+        """One Newton step from the evaluated residuals: blocks' steps (to be subtracted).
+
+        Returns:
+            Success, and the step of the multipliers (r,), to be subtracted.
+        """
+        self.assemble(shifts)
+        self.system.counters.factorizations += 1
+        if not self.factor():
+            return False, np.zeros(self.system.constraints.size)
+        blocks = [p.block.residual[: p.block.owned] for p in self.system.parts]
+        success = self.solve(blocks, self.system.constraints.values)
+        return success, self.multiplier_step
+
+
+def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
+    """Entries of a block's own matrix: cells, masses, forces."""
+    numbers = part.block.global_ids
+    own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)
+    single = numbers[own][:, np.newaxis]
+    entries = [block_indices(single, single)]
+    if part.beams is not None:
+        cells = numbers[part.beams.data.cells]
+        entries.insert(0, block_indices(cells, cells))
+    return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
+
+
+def part_values(system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+    """Values of the entries of ``part_pattern``."""
+    values = [
+        part.masses.tangent(part.block, system.gravity, shifts.array, shifts.scale).ravel(),
+        part.forces.tangent(part.block, system.factors, shifts.scale * shifts.stiffness).ravel(),
+    ]
+    if part.beams is not None:
+        cells = part.beams.tangent(part.block, system.gravity, shifts.array, shifts.scale)
+        values.insert(0, cells.ravel())
+    return np.concatenate(values)
+
+
+class _JointPattern:
+    """Where the derivatives of the constraints go in the nest; owners of multipliers set them."""
+
+    def __init__(self, system: System) -> None:
+        rows, face = system.constraints, system.interface
+        slots = np.array([j.slots for j in rows.joints], dtype=np.int64).reshape(-1, 2)
+        self._joint_owned = np.array([j.owned for j in rows.joints], dtype=bool)
+        padded = np.append(system.part_of_slot, -1)  # slot -1 is the ground
+        self._joint_part = padded[slots]
+        self._joint_number = np.append(face.number, 0)[slots]
+        self._row_part = padded[rows.row_slots]
+        self._row_number = np.append(face.number, 0)[rows.row_slots]
+        self._rows = rows
+
+    def _pairs(self, i: int, j: int) -> list[tuple[int, int, IntArray]]:
+        """Sides (a, b) and joints whose node on side a is in part i and on side b in part j."""
+        return [
+            (a, b, np.flatnonzero(
+                self._joint_owned & (self._joint_part[:, a] == i) & (self._joint_part[:, b] == j)
+            ))
+            for a in range(2)
+            for b in range(2)
+        ]  # fmt: skip
+
+    def pattern(self, i: int, j: int) -> tuple[IntArray, IntArray]:
+        """Entries of block (i, j)."""
+        number = self._joint_number
+        entries = [
+            block_indices(number[k, a][:, np.newaxis], number[k, b][:, np.newaxis])
+            for a, b, k in self._pairs(i, j)
+        ]
+        return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
+
+    def values(self, i: int, j: int, hessians: FloatArray) -> FloatArray:
+        """Values of block (i, j) from the joints' second derivatives (n_joints, 12, 12)."""
+        blocks = hessians.reshape(-1, 2, 6, 2, 6)
+        return np.concatenate([blocks[k, a, :, b, :].ravel() for a, b, k in self._pairs(i, j)])
+
+    def _sides(self, i: int) -> list[tuple[int, IntArray]]:
+        owned = self._rows.owned > 0.0
+        return [(s, np.flatnonzero(owned & (self._row_part[:, s] == i))) for s in range(2)]
+
+    def gradient(self, i: int) -> tuple[IntArray, IntArray]:
+        """Entries (unknown, multiplier) of ``G^T`` in part i."""
+        unknowns, numbers = [], []
+        for side, r in self._sides(i):
+            unknowns.append((6 * self._row_number[r, side][:, np.newaxis] + np.arange(6)).ravel())
+            numbers.append(np.repeat(self._rows.numbers[r], 6))
+        return np.concatenate(unknowns), np.concatenate(numbers)
+
+    def side_values(self, i: int, jacobian: FloatArray) -> FloatArray:
+        """Values of ``gradient(i)`` from gradients (r, 2, 6)."""
+        return np.concatenate([jacobian[r, side].ravel() for side, r in self._sides(i)])
+

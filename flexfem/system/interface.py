@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nodes at which joints attach, and their exchange between ranks.
+
+Every rank keeps a table of the nodes its joints touch. Owned nodes are copied from their block,
+the others arrive by one message per neighbouring rank: 24 numbers a node (frame, increment,
+velocity). Joints between bodies on two ranks are evaluated on both, so that no force, gradient or
+multiplier ever has to be sent.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.lie.compiled import kernel
+from flexfem.system.placement import NodeKey
+
+__all__ = ["Interface", "NodeDirectory"]
+
+_WIDTH = 24
+
+
+class NodeDirectory:
+    """Owner, local and global number of nodes that several ranks must agree on.
+
+    Attributes:
+        owner: rank that owns each node.
+        number: global node number within the block.
+        local: local index in the block where owned, else -1.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, keys: Sequence[NodeKey], blocks: Sequence[FrameBlock | None]
+    ) -> None:
+        """Look up every key on every rank (collective; keys must agree between ranks)."""
+        count = len(keys)
+        self.local = np.full(count, -1, dtype=np.int64)
+        found = np.full((2, count), -1, dtype=np.int64)
+        for kind, block in enumerate(blocks):
+            if block is None:
+                continue
+            where = {int(n): i for i, n in enumerate(block.node_ids[: block.owned])}
+            for k, (block_kind, node) in enumerate(keys):
+                if block_kind == kind and node in where:
+                    self.local[k] = where[node]
+                    found[:, k] = comm.rank, block.offset + where[node]
+        comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        self.owner: IntArray = found[0]
+        self.number: IntArray = found[1]
+
+
+@kernel
+def _collect(frames, increment, velocity, local, slots, to_frames, to_increments, to_velocities):
+    for k in range(local.size):
+        node, slot = local[k], slots[k]
+        to_frames[slot] = frames[node]
+        to_increments[slot] = increment[node]
+        to_velocities[slot] = velocity[node]
+
+
+class Interface:
+    """Table of the nodes that this rank's joints touch.
+
+    Attributes:
+        keys: node of each slot.
+        frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
+        block: block of each slot; local: local node where owned, else -1.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        blocks: Sequence[FrameBlock | None],
+        keys: Sequence[NodeKey],
+        needed_by: Sequence[Sequence[int]],
+    ) -> None:
+        """Set up the exchange (collective).
+
+        Args:
+            comm: communicator.
+            blocks: the blocks by kind.
+            keys: all nodes that carry joints, the same on every rank.
+            needed_by: ranks that need each of them.
+        """
+        directory = NodeDirectory(comm, keys, blocks)
+        mine = [k for k, ranks in enumerate(needed_by) if comm.rank in ranks]
+        self.comm = comm
+        self.keys = [keys[k] for k in mine]
+        self.slot_of = {key: slot for slot, key in enumerate(self.keys)}
+        self.block: IntArray = np.array([key[0] for key in self.keys], dtype=np.int64)
+        self.local: IntArray = directory.local[mine]
+        self.number: IntArray = directory.number[mine]
+        self.frames = np.zeros((len(mine), 12))
+        self.increments = np.zeros((len(mine), 6))
+        self.velocities = np.zeros((len(mine), 6))
+        self._sources = [
+            (block, self.local[slots], slots)
+            for kind, block in enumerate(blocks)
+            if block is not None
+            for slots in [np.flatnonzero((self.block == kind) & (self.local >= 0))]
+            if len(slots)
+        ]
+        self._plan(directory, mine, needed_by)
+
+    def _plan(
+        self, directory: NodeDirectory, mine: Sequence[int], needed_by: Sequence[Sequence[int]]
+    ) -> None:
+        """Lists of slots to send to and to receive from each neighbour, in the order of keys."""
+        send: dict[int, list[int]] = {}
+        receive: dict[int, list[int]] = {}
+        for slot, k in enumerate(mine):
+            owner = int(directory.owner[k])
+            if owner == self.comm.rank:
+                for rank in needed_by[k]:
+                    if rank != owner:
+                        send.setdefault(rank, []).append(slot)
+            else:
+                receive.setdefault(owner, []).append(slot)
+        self._send = _buffers(send)
+        self._receive = _buffers(receive)
+
+    def update(self) -> None:
+        """Fetch frames, increments and velocities of all slots (collective)."""
+        for block, local, slots in self._sources:
+            _collect(
+                block.frames, block.increment, block.velocity, local, slots,
+                self.frames, self.increments, self.velocities,
+            )  # fmt: skip
+        if not (self._send or self._receive):
+            return
+        requests = [
+            self.comm.Irecv(buffer, source=rank) for rank, _, buffer in self._receive
+        ]
+        for rank, slots, buffer in self._send:
+            buffer[:, :12], buffer[:, 12:18] = self.frames[slots], self.increments[slots]
+            buffer[:, 18:] = self.velocities[slots]
+            requests.append(self.comm.Isend(buffer, dest=rank))
+        MPI.Request.Waitall(requests)
+        for _, slots, buffer in self._receive:
+            self.frames[slots], self.increments[slots] = buffer[:, :12], buffer[:, 12:18]
+            self.velocities[slots] = buffer[:, 18:]
+
+
+def _buffers(
+    slots: dict[int, list[int]],
+) -> list[tuple[int, npt.NDArray[np.int64], FloatArray]]:
+    return [
+        (rank, np.array(s, dtype=np.int64), np.empty((len(s), _WIDTH)))
+        for rank, s in sorted(slots.items())
+    ]

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Where bodies, joints and their nodes live: computed alike on every rank from the serial model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import IntArray
+from flexfem.core.joint import Joint
+from flexfem.core.marker import Marker
+from flexfem.mesh.partition import partition_bodies
+from flexfem.model.model import Model
+
+__all__ = ["BEAMS", "RIGID", "NodeKey", "Placement", "place"]
+
+BEAMS, RIGID = 0, 1
+
+#: block (BEAMS or RIGID) and index of a node in the block's input order
+NodeKey = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Distribution of a model.
+
+    Attributes:
+        cells: rank of each beam cell, beams in the model's order.
+        rigid: rank of each rigid body.
+        body_ranks: ranks that hold a part of a body, by body name, ascending.
+        ranks: number of ranks.
+    """
+
+    cells: list[IntArray]
+    rigid: IntArray
+    body_ranks: dict[str, tuple[int, ...]]
+    ranks: int
+
+    def joint_ranks(self, joint: Joint) -> tuple[int, ...]:
+        """Ranks that evaluate a joint, ascending; its multipliers belong to the first of them."""
+        ranks: set[int] = set()
+        for marker in (joint.a, joint.b):
+            if isinstance(marker, Marker):
+                ranks.update(self.body_ranks[marker.body])
+        return tuple(sorted(ranks))
+
+
+def place(model: Model, ranks: int, split_above: int) -> Placement:
+    """Distribute a model over ranks: bodies whole unless larger than ``split_above`` cells."""
+    cells = partition_bodies(model.weights(), ranks, split_above)
+    body_ranks = {
+        beam.name: tuple(int(r) for r in np.unique(destination))
+        for beam, destination in zip(model.beams, cells, strict=True)
+    }
+    partner: dict[str, int] = {}
+    for joint in model.joints:
+        names = [m.body for m in (joint.a, joint.b) if isinstance(m, Marker)]
+        flexible = [name for name in names if name in body_ranks]
+        for name in names:
+            if flexible and name not in body_ranks:
+                partner.setdefault(name, body_ranks[flexible[0]][0])
+    count = len(model.rigid_bodies)
+    rigid = np.array(
+        [partner.get(b.name, i * ranks // count) for i, b in enumerate(model.rigid_bodies)],
+        dtype=np.int64,
+    )
+    for body, rank in zip(model.rigid_bodies, rigid, strict=True):
+        body_ranks[body.name] = (int(rank),)
+    return Placement(cells, rigid, body_ranks, ranks)
+
+

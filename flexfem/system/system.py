@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The assembled system on this rank: blocks, what acts on them, and the constraints between them.
+
+The equations at the trial state, scaled by ``s = beta h^2`` so that nothing grows as the step
+shrinks (Bottasso, Dopico, Trainelli 2008): ``s (f_inertia + f_internal - f_external) + G^T L = 0``
+and ``Phi = 0`` with ``L = s lambda``.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.core.load import Load
+from flexfem.elements.se3_beam import SE3Beams
+from flexfem.system.constraints import Constraints
+from flexfem.system.interface import Interface
+from flexfem.system.node_loads import NodeForces, NodeMasses
+
+__all__ = ["BlockPart", "Counters", "Shifts", "System"]
+
+
+@dataclass
+class Counters:
+    """What a run counts."""
+
+    newton_iterations: int = 0
+    residual_evaluations: int = 0
+    factorizations: int = 0
+    mass_factorizations: int = 0
+    fallbacks: int = 0
+
+
+@dataclass(frozen=True)
+class Shifts:
+    """Factors of one implicit scheme at one step size.
+
+    Attributes:
+        velocity: dv/dn, 1/s.
+        acceleration: da/dn, 1/s^2.
+        scale: ``beta h^2``, s^2, with which residual and multipliers are scaled.
+        stiffness: factor of the stiffness, 1 but for the mass matrix alone.
+    """
+
+    velocity: float
+    acceleration: float
+    scale: float
+    stiffness: float = 1.0
+
+    @property
+    def array(self) -> FloatArray:
+        """As the compiled loops expect it: (velocity, acceleration, stiffness)."""
+        return np.array([self.velocity, self.acceleration, self.stiffness])
+
+    @property
+    def dynamics(self) -> FloatArray:
+        """As the constraint rows expect it: (velocity, scale)."""
+        return np.array([self.velocity, self.scale])
+
+
+@dataclass
+class BlockPart:
+    """A block with what acts on its nodes.
+
+    Attributes:
+        kind: kind of block (``placement.BEAMS`` or ``placement.RIGID``).
+        block: the nodes and their state.
+        masses, forces: at nodes of this rank.
+        beams: the element family, None for rigid bodies.
+        node_body: (n,) number of the body that each node belongs to.
+        slots: (n_slots,) local node of each interface slot that this rank owns in it, else -1.
+    """
+
+    kind: int
+    block: FrameBlock
+    masses: NodeMasses
+    forces: NodeForces
+    beams: SE3Beams | None
+    node_body: IntArray
+    slots: IntArray
+
+    def bodies(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Bodies with nodes of this rank, their owned nodes body by body, and where each starts."""
+        owned = self.node_body[: self.block.owned]
+        nodes = np.argsort(owned, kind="stable")
+        bodies, first = np.unique(owned[nodes], return_index=True)
+        return bodies, nodes, np.append(first, len(nodes))
+
+    def add_residual(self, gravity: FloatArray, factors: FloatArray, scale: float) -> None:
+        """Compute the scaled residual without constraint forces; ghosts are summed to owners."""
+        self.block.residual[:] = 0.0
+        if self.beams is not None:
+            self.beams.add_residual(self.block, gravity, scale)
+            self.block.add_ghosts()
+        if len(self.masses.nodes):
+            self.masses.add_residual(self.block, gravity, scale)
+        if len(self.forces.nodes):
+            self.forces.add_residual(self.block, factors, scale)
+
+
+class System:
+    """All blocks and constraints of a model on this rank.
+
+    Attributes:
+        comm: communicator.
+        parts: the blocks that exist, in the order of the nest (beams, rigid bodies).
+        interface, constraints: nodes with joints and the rows between them.
+        part_of_slot, body_of_slot: part and body of every interface slot.
+        counters: what the run has counted so far.
+        time: time of the trial state, s.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        parts: Sequence[BlockPart],
+        interface: Interface,
+        constraints: Constraints,
+        body_of_slot: IntArray,
+        loads: Sequence[Load],
+        gravity: FloatArray,
+    ) -> None:
+        """Put the parts together."""
+        self.comm, self.parts = comm, list(parts)
+        kinds = [part.kind for part in self.parts]
+        self.part_of_slot: IntArray = np.array(
+            [kinds.index(int(kind)) for kind in interface.block], dtype=np.int64
+        )
+        self.body_of_slot = body_of_slot
+        self.interface, self.constraints = interface, constraints
+        self._loads, self.gravity = list(loads), gravity
+        self._factors = np.ones(len(self._loads))
+        self.counters = Counters()
+        self.time = 0.0
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns of all blocks on all ranks, multipliers left out."""
+        return 6 * sum(p.block.size_global for p in self.parts)
+
+    @property
+    def multipliers(self) -> int:
+        """Number of multipliers on all ranks."""
+        return self.constraints.size_global
+
+    @property
+    def factors(self) -> FloatArray:
+        """Amplitudes of the loads at the trial time."""
+        return self._factors
+
+    def set_time(self, t: float) -> None:
+        """Set amplitudes and drives to time ``t`` (s)."""
+        self.time = t
+        for i, load in enumerate(self._loads):
+            self._factors[i] = load.factor(t)
+        self.constraints.set_time(t)
+
+    def predict(self, law: FloatArray, rates: FloatArray) -> None:
+        """Start a step in every block; see ``frame_kernels.predict``."""
+        for part in self.parts:
+            part.block.predict(law, rates)
+
+    def evaluate(self, shifts: Shifts) -> None:
+        """Residuals of blocks and constraints at the trial state (collective)."""
+        self.counters.residual_evaluations += 1
+        for part in self.parts:
+            part.add_residual(self.gravity, self._factors, shifts.scale)
+        self.interface.update()
+        self.constraints.evaluate(shifts.dynamics)
+        self.add_constraint_forces(self.constraints.multipliers)
+
+    def add_constraint_forces(self, multipliers: FloatArray) -> None:
+        """Add ``G^T multipliers`` to the residuals of the blocks."""
+        for part in self.parts:
+            if len(part.slots):
+                self.constraints.add_forces(multipliers, part.slots, part.block.residual)
+
+    def correct(self, sign: float) -> float:
+        """Apply the blocks' steps; largest entry on this rank."""
+        return max((part.block.correct(sign) for part in self.parts), default=0.0)
+
+    def accept(self, law: FloatArray) -> None:
+        """End a step: trial state becomes the state."""
+        for part in self.parts:
+            part.block.accept(law)
+        self.constraints.accept()
+
+    def reset(self) -> None:
+        """Make the trial state equal to the accepted state."""
+        for part in self.parts:
+            part.block.reset()

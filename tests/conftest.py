@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""MPI hygiene and fixtures of all tests."""
+
+import contextlib
+import gc
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+# The PyPI wheels of DOLFINx need this import before dolfinx and petsc4py; other builds have no such
+# module. Tests that need neither must also run where no DOLFINx is installed.
+with contextlib.suppress(ImportError):
+    import dolfinx_solver  # noqa: F401
+
+LAUNCHED = any(name in os.environ for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
+
+
+def _communicator() -> Any:
+    """COMM_WORLD when MPI is in use, else None: a serial test must not pay for loading it."""
+    if LAUNCHED or "mpi4py.MPI" in sys.modules:
+        from mpi4py import MPI
+
+        return MPI.COMM_WORLD
+    return None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip tests of one process on several ranks."""
+    comm = _communicator()
+    if comm is not None and comm.size > 1:
+        for item in items:
+            if item.get_closest_marker("serial"):
+                item.add_marker(pytest.mark.skip(reason="needs one process"))
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown() -> None:
+    """Destructors of PETSc and DOLFINx objects are collective: run them on all ranks together."""
+    comm = _communicator()
+    if comm is not None and comm.size > 1:
+        gc.collect()
+        comm.Barrier()
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Random numbers that are the same in every run and on every rank."""
+    return np.random.default_rng(20240229)
+
+
+@pytest.fixture
+def shared_tmp_path() -> Iterator[Path]:
+    """An empty folder, the same one on all ranks, removed after the test."""
+    comm = _communicator()
+    first = comm is None or comm.rank == 0
+    name = tempfile.mkdtemp(prefix="flexfem-test-") if first else ""
+    if comm is not None:
+        name = comm.bcast(name)
+    yield Path(name)
+    if comm is not None:
+        comm.Barrier()
+    if first:
+        shutil.rmtree(name, ignore_errors=True)

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Check ParaView series with ParaView itself (run by check.sh through pvbatch, 5.11 or newer).
+
+Every series of each folder is opened at all its times: number of times and last time against the
+PVD file, array names, finite and non-empty bounds, and a picture that is not blank, written to
+``<folder>/paraview/<series>.png``.
+"""
+
+import math
+import os
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from paraview import simple
+from paraview.vtk.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOImage import vtkPNGReader
+
+BEAM_CELLS = {"body": 1, "resultant": 6, "bending_moment": 1}
+RESULTANTS = ["N", "Q2", "Q3", "T", "M2", "M3"]
+STRAINS = ["gamma1", "gamma2", "gamma3", "kappa1", "kappa2", "kappa3"]
+# Required arrays with their numbers of components, at points and at cells.
+EXPECTED = {
+    "beams": (
+        dict.fromkeys(("displacement", "velocity", "angular_velocity", "e1", "e2", "e3"), 3),
+        {**BEAM_CELLS, "strain": 6},
+    ),
+    "beam_surfaces": ({"displacement": 3, "velocity": 3}, BEAM_CELLS),
+    "rigid_bodies": ({"velocity": 3}, {"body": 1}),
+    "joints": ({}, {"joint": 1, "force": 3, "force_magnitude": 1}),
+}
+COLOURS = {"beams": "bending_moment", "beam_surfaces": "bending_moment", "joints": "joint"}
+COMPONENTS = {"resultant": RESULTANTS, "strain": STRAINS}
+
+
+class CheckError(Exception):
+    """What is wrong, in one line."""
+
+
+def pvd_times(path):
+    """Times named by a PVD file, without the help of ParaView."""
+    entries = list(ET.parse(path).getroot().iter("DataSet"))
+    if not entries:
+        raise CheckError(f"{path}: no instants")
+    return sorted(float(e.attrib["timestep"]) for e in entries)
+
+
+def check_arrays(path, reader, series):
+    """Names, component counts and component names of the required arrays."""
+    parts = zip(
+        ("point", "cell"), (reader.PointData, reader.CellData), EXPECTED[series], strict=True
+    )
+    for where, data, expected in parts:
+        for name, components in expected.items():
+            array = data.GetArray(name)
+            if array is None:
+                raise CheckError(f"{path}: no {where} array '{name}', only {data.keys()}")
+            if array.GetNumberOfComponents() != components:
+                found = array.GetNumberOfComponents()
+                raise CheckError(f"{path}: '{name}' has {found} components, not {components}")
+            names = [array.GetComponentName(i) for i in range(components)]
+            if name in COMPONENTS and names != COMPONENTS[name]:
+                raise CheckError(f"{path}: components of '{name}' are named {names}")
+            ranges = [array.GetRange(i) for i in range(components)]
+            if not all(math.isfinite(x) for pair in ranges for x in pair):
+                raise CheckError(f"{path}: '{name}' is not finite: {ranges}")
+
+
+def check_bounds(path, reader, time):
+    """Cells at all, and a finite extent."""
+    info = reader.GetDataInformation()
+    if info.GetNumberOfCells() == 0 or info.GetNumberOfPoints() == 0:
+        raise CheckError(f"{path}: nothing at t = {time}")
+    bounds = info.GetBounds()
+    extent = max(bounds[1] - bounds[0], bounds[3] - bounds[2], bounds[5] - bounds[4])
+    if not all(map(math.isfinite, bounds)) or not 0.0 < extent < 1e30:
+        raise CheckError(f"{path}: bounds {bounds} at t = {time}")
+
+
+def draw(path, reader, series, time):
+    """Write a picture and look whether anything is in it."""
+    view = simple.CreateView("RenderView")
+    view.ViewSize = [900, 600]
+    view.OrientationAxesVisibility = 0
+    view.ViewTime = time
+    display = simple.Show(reader, view)
+    if series == "beams":
+        display.LineWidth = 4.0
+    if series in COLOURS:
+        simple.ColorBy(display, ("CELLS", COLOURS[series]))
+        display.RescaleTransferFunctionToDataRange(True)
+    view.ResetActiveCameraToPositiveZ()
+    simple.GetActiveCamera().Azimuth(-30)
+    simple.GetActiveCamera().Elevation(25)
+    simple.ResetCamera(view)
+    folder = path.parent / "paraview"
+    folder.mkdir(exist_ok=True)
+    picture = folder / f"{series}.png"
+    simple.SaveScreenshot(str(picture), view)
+    png = vtkPNGReader()
+    png.SetFileName(str(picture))
+    png.Update()
+    pixels = vtk_to_numpy(png.GetOutput().GetPointData().GetScalars())[:, :3]
+    drawn = int((pixels != pixels[0]).any(axis=1).sum())
+    simple.Delete(view)
+    if drawn < 20:
+        raise CheckError(f"{picture}: blank")
+
+
+def check_series(path):
+    """Check one series; returns the number of times and the last one."""
+    series = path.stem
+    expected = pvd_times(path)
+    reader = simple.PVDReader(FileName=str(path))
+    reader.UpdatePipelineInformation()
+    times = list(reader.TimestepValues) if len(expected) > 1 else expected
+    if len(times) != len(expected):
+        raise CheckError(f"{path}: ParaView sees {len(times)} times, the file {len(expected)}")
+    if times[-1] != expected[-1]:
+        raise CheckError(f"{path}: ParaView's last time is {times[-1]}, the file's {expected[-1]}")
+    for time in times:
+        reader.UpdatePipeline(time)
+        check_bounds(path, reader, time)
+    if series in EXPECTED:
+        check_arrays(path, reader, series)
+    draw(path, reader, series, times[-1])
+    simple.Delete(reader)
+    return len(times), times[-1]
+
+
+def check_folder(folder):
+    """Check all series of a result folder."""
+    paths = sorted(folder.glob("*.pvd"))
+    if not paths:
+        raise CheckError(f"{folder}: no series")
+    found = {path.stem: check_series(path) for path in paths}
+    counts = [count for count, _ in found.values()]
+    # Of a killed run, which left no summary, some series may miss the last instant.
+    if max(counts) - min(counts) > (0 if (folder / "summary.json").exists() else 1):
+        raise CheckError(f"{folder}: the series differ in times: {found}")
+    count, last = found[paths[0].stem]
+    print(f"{folder}: {', '.join(found)}: {count} times up to {last:g}")
+
+
+def main():
+    """Check all folders named on the command line."""
+    try:
+        for name in sys.argv[1:]:
+            check_folder(Path(name))
+    except (CheckError, ET.ParseError, OSError, KeyError, ValueError, RuntimeError) as exc:
+        print(f"check.py: {exc}".splitlines()[0], file=sys.stderr)
+        return 1
+    return 0
+
+
+status = main()
+sys.stdout.flush()
+sys.stderr.flush()
+# pvbatch would replace the exit code by its own.
+os._exit(status)

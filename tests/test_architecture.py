@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Who may import whom."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "flexfem"
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+# From low to high: a package may import those on the lines above its own. Those on one line do not
+# import each other, save the small modules of the first.
+LAYERS = [
+    {"_types", "_checks", "resources", "launch", "options"},
+    {"lie", "la", "materials"},
+    {"forms", "mesh"},
+    {"core"},
+    {"joints", "loads"},
+    {"model"},
+    {"elements", "bodies"},
+    {"system"},
+    {"solvers", "io"},
+    {"integrators"},
+    {"simulation"},
+    {"case"},
+    {"cli"},
+]
+STRANGERS = {
+    "elements",
+    "bodies",
+    "joints",
+    "loads",
+}  # on two lines, yet know nothing of each other
+LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
+HEAVY = {"dolfinx", "dolfinx_solver", "petsc4py", "slepc4py", "mpi4py"}
+FORBIDDEN = {
+    "forms": HEAVY,
+    "lie": HEAVY | {"ufl"},
+    "materials": HEAVY | {"numba", "ufl"},
+    "model": HEAVY | {"numba", "ufl"},
+    "joints": HEAVY | {"numba", "ufl"},
+    "loads": HEAVY | {"numba", "ufl"},
+}
+
+
+def part(path: Path) -> str:
+    """The package or top-level module a file belongs to, e.g. "joints"."""
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def imports(tree: ast.AST) -> Iterator[str]:
+    """Dotted names of everything imported, also inside functions, but not for type checkers."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{'.' * node.level}{node.module or ''}.{name.name}" for name in node.names)
+        else:
+            yield from imports(node)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_point_downwards(path: Path) -> None:
+    """Lower layers never import higher ones; siblings never import each other."""
+    here = part(path)
+    if here == "__init__":
+        return
+    assert here in LEVEL, f"{here} has no place among the layers"
+    for name in imports(ast.parse(path.read_text())):
+        top, *rest = name.split(".")
+        assert top, f"relative import {name}"
+        assert top not in {"cases", "meshes", "tests", "postprocess"}
+        assert top not in FORBIDDEN.get(here, set()), name
+        other = rest[0] if top == "flexfem" and rest else here
+        if other in LEVEL and other != here:
+            assert not {here, other} <= STRANGERS, name
+            assert LEVEL[other] < LEVEL[here] or LEVEL[here] == 0, f"{name} is not below {here}"
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_only_io_opens_files(path: Path) -> None:
+    """Result files are written in one place."""
+    if part(path) in {"io", "mesh"}:  # meshes are input
+        return
+    calls = (
+        node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)
+    )
+    names = {ast.unparse(call).split(".")[-1] for call in calls}
+    assert not names & {"open", "write_text", "write_bytes", "savetxt", "savez", "tofile", "File"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("path", sorted((ROOT / "postprocess").glob("*.py")), ids=lambda p: p.name)
+def test_postprocessing_reads_files_only(path: Path) -> None:
+    """Figures come from result files, not from the code that made them."""
+    tops = {name.split(".")[0] for name in imports(ast.parse(path.read_text()))}
+    assert not tops & (HEAVY | {"flexfem"})

@@ -1,0 +1,364 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""ParaView series: what is written is what is read, on any number of ranks and after a kill."""
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from flexfem.io import (
+    BeamFields,
+    BeamWriter,
+    JointFields,
+    JointWriter,
+    RigidBodyFields,
+    RigidBodyWriter,
+    VtuSeries,
+    body_surface,
+)
+from flexfem.io.surfaces import Surface, cylinder, frames_along, sphere
+
+COMM = MPI.COMM_WORLD
+# Fields are stored in single precision: relative rounding 6e-8.
+SINGLE = 1e-7
+
+
+def read(path: Path) -> Any:
+    return pytest.importorskip("pyvista").read(path)
+
+
+def pvd(path: Path) -> list[tuple[float, str]]:
+    sets = ET.parse(path).getroot().iter("DataSet")
+    return [(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets]
+
+
+def segment(rank: int, n: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """A straight line of n cells on each rank."""
+    x = np.zeros((n + 1, 3))
+    x[:, 0], x[:, 1] = np.linspace(0.0, 1.0, n + 1), 10.0 * rank
+    return x, np.stack([np.arange(n), np.arange(1, n + 1)], axis=1)
+
+
+def beam(rank: int = 0, n: int = 4) -> BeamFields:
+    x, cells = segment(rank, n)
+    m = len(cells)
+    strain = np.arange(6.0 * m).reshape(m, 6) + 100.0 * rank
+    frames = np.broadcast_to(np.eye(3), (n + 1, 3, 3))
+    kind, body = np.zeros(m, dtype=np.int64), np.full(m, rank)
+    return BeamFields(x, 2.0 * x, frames, 3.0 * x, 4.0 * x, cells, body, strain, 2 * strain, kind)
+
+
+def volume(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Volume inside a closed surface; negative if it is inside out."""
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    return float(np.sum(a * np.cross(b, c)) / 6.0)
+
+
+# -- series ---
+
+
+def test_series_gives_back_points_cells_and_arrays(shared_tmp_path: Path) -> None:
+    x, cells = segment(COMM.rank)
+    series = VtuSeries(shared_tmp_path, "lines", COMM, components={"strain": tuple("abcdef")})
+    rotation = np.arange(9.0 * len(x)).reshape(-1, 3, 3)
+    strain = np.linspace(-1.0, 1.0, 6 * len(cells)).reshape(-1, 6)
+    for step, time in ((0, 0.0), (10, 0.1)):
+        series.write(
+            time,
+            step,
+            x + time / 3.0,
+            cells,
+            "line",
+            {"rotation": rotation, "temperature": x[:, 0]},
+            {"strain": strain, "body": np.full(len(cells), COMM.rank)},
+        )
+    series.close()
+    entries = pvd(shared_tmp_path / "lines.pvd")
+    assert [t for t, _ in entries] == [0.0, 0.1]
+    mesh = read(shared_tmp_path / entries[-1][1])
+    assert mesh.n_cells == 3 * COMM.size
+    assert set(mesh.celltypes) == {3}
+    expected = np.concatenate([segment(r)[0] for r in range(COMM.size)]) + 0.1 / 3.0
+    assert np.array_equal(np.asarray(mesh.points), expected)  # positions keep all digits
+    assert mesh.point_data["rotation"].shape == (4 * COMM.size, 9)
+    assert np.array_equal(mesh.point_data["rotation"][:4], rotation.reshape(-1, 9))
+    assert np.allclose(mesh.cell_data["strain"][:3], strain, rtol=SINGLE, atol=0.0)
+    assert np.array_equal(mesh.cell_data["body"], np.repeat(np.arange(COMM.size), 3))
+    array = mesh.GetCellData().GetArray("strain")
+    assert [array.GetComponentName(i) for i in range(6)] == list("abcdef")
+
+
+@pytest.mark.parametrize(
+    ("kind", "cells", "vtk"),
+    [("vertex", [[0]], 1), ("triangle", [[0, 1, 2]], 5), ("quad", [[0, 1, 2, 3]], 9)],
+)
+def test_series_writes_other_cells(
+    shared_tmp_path: Path, kind: str, cells: list[list[int]], vtk: int
+) -> None:
+    x = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    series = VtuSeries(shared_tmp_path, kind, COMM)
+    series.write(0.0, 0, x, cells, kind)
+    series.close()
+    mesh = read(shared_tmp_path / pvd(shared_tmp_path / f"{kind}.pvd")[0][1])
+    assert mesh.celltypes.tolist() == [vtk] * COMM.size
+    assert mesh.get_cell(0).point_ids == cells[0]
+
+
+def test_series_with_cells_on_the_last_rank_only(shared_tmp_path: Path) -> None:
+    x, cells = segment(COMM.rank)
+    if COMM.rank != COMM.size - 1:
+        x, cells = x[:0], cells[:0]
+    series = VtuSeries(shared_tmp_path, "part", COMM)
+    series.write(0.5, 1, x, cells, "line", {"v": x}, {"body": cells[:, 0]})
+    series.close()
+    pieces = sorted(p.name for p in (shared_tmp_path / "part").glob("*.vtu"))
+    assert pieces == [f"part_000001_{COMM.size - 1}.vtu"]
+    assert read(shared_tmp_path / pvd(shared_tmp_path / "part.pvd")[0][1]).n_cells == 3
+
+
+def test_series_without_cells_anywhere_leaves_nothing(shared_tmp_path: Path) -> None:
+    series = VtuSeries(shared_tmp_path, "none", COMM)
+    series.write(0.0, 0, np.zeros((0, 3)), np.zeros((0, 2)), "line")
+    series.close()
+    assert list(shared_tmp_path.iterdir()) == []
+
+
+def test_series_without_cells_removes_that_of_an_earlier_run(shared_tmp_path: Path) -> None:
+    x, cells = segment(COMM.rank)
+    for n in (3, 0):
+        series = VtuSeries(shared_tmp_path, "s", COMM)
+        series.write(0.0, 0, x, cells[:n], "line")
+        series.close()
+    assert [p for p in shared_tmp_path.rglob("*") if p.is_file()] == []
+
+
+def test_series_is_readable_after_every_write(shared_tmp_path: Path) -> None:
+    x, cells = segment(COMM.rank)
+    series = VtuSeries(shared_tmp_path, "s", COMM)
+    for step in range(3):
+        series.write(0.1 * step, step, x, cells, "line")
+        COMM.barrier()
+        entries = pvd(shared_tmp_path / "s.pvd")
+        assert len(entries) == step + 1
+        assert all((shared_tmp_path / file).is_file() for _, file in entries)
+        COMM.barrier()
+    assert not [p for p in shared_tmp_path.rglob("*") if p.name.endswith(".tmp")]
+    series.close()
+
+
+def test_series_replaces_a_step_written_twice(shared_tmp_path: Path) -> None:
+    x, cells = segment(COMM.rank)
+    series = VtuSeries(shared_tmp_path, "s", COMM)
+    series.write(0.0, 0, x, cells, "line")
+    series.write(0.25, 0, 2.0 * x, cells, "line")
+    series.close()
+    ((time, file),) = pvd(shared_tmp_path / "s.pvd")
+    assert time == 0.25
+    assert read(shared_tmp_path / file).bounds[1] == 2.0
+
+
+def test_series_removes_its_own_old_files_only(shared_tmp_path: Path) -> None:
+    x, cells = segment(COMM.rank)
+    folder = shared_tmp_path / "s"
+    foreign = [folder / "s_notes.txt", folder / "s_other_000001_0.vtu", shared_tmp_path / "t.pvd"]
+    if COMM.rank == 0:
+        folder.mkdir()
+        old = ["s_000099_0.vtu", "s_000099_7.vtu", "s_000099.pvtu", ".s_000099_0.vtu.tmp"]
+        for path in (*foreign, *(folder / name for name in old)):
+            path.write_text("old")
+        (shared_tmp_path / "s.pvd").write_text("not even XML")
+    COMM.barrier()
+    series = VtuSeries(shared_tmp_path, "s", COMM)
+    series.write(0.0, 1, x, cells, "line")
+    series.close()
+    assert all(path.is_file() for path in foreign)
+    assert not list(folder.glob("*000099*"))
+    assert not list(folder.glob(".*"))
+    assert len(pvd(shared_tmp_path / "s.pvd")) == 1
+
+
+def test_series_goes_on_after_a_restart(shared_tmp_path: Path) -> None:
+    x, cells = segment(COMM.rank)
+    for resume, steps in ((None, range(5)), (0.2, range(3, 4))):
+        series = VtuSeries(shared_tmp_path, "s", COMM, resume=resume)
+        for step in steps:
+            series.write(step * 0.1 + (0.05 if resume else 0.0), step, x, cells, "line")
+        series.close()
+    assert [t for t, _ in pvd(shared_tmp_path / "s.pvd")] == pytest.approx([0.0, 0.1, 0.2, 0.35])
+    assert not list((shared_tmp_path / "s").glob("s_000004*"))
+
+
+def test_a_mistake_on_one_rank_is_raised_on_all(shared_tmp_path: Path) -> None:
+    x, cells = segment(COMM.rank)
+    series = VtuSeries(shared_tmp_path, "s", COMM)
+    wrong = cells + 1 if COMM.rank == COMM.size - 1 else cells
+    with pytest.raises(ValueError, match="'s': a cell names point 4"):
+        series.write(0.0, 0, x, wrong, "line")
+    with pytest.raises(ValueError, match=r"array 'v': shape \(2,\), expected 4 rows"):
+        series.write(0.0, 0, x, cells, "line", {"v": [1.0, 2.0]})
+    with pytest.raises(ValueError, match="unknown cell type 'hexagon'"):
+        series.write(0.0, 0, x, cells, "hexagon")
+    with pytest.raises(TypeError, match="array 'v'"):
+        series.write(0.0, 0, x, cells, "line", {"v": np.array(["a"] * 4)})
+    series.close()
+    with pytest.raises(ValueError, match="after close"):
+        series.write(0.0, 0, x, cells, "line")
+
+
+def test_an_unwritable_folder_is_an_error_on_all_ranks(shared_tmp_path: Path) -> None:
+    if COMM.rank == 0:
+        (shared_tmp_path / "s").write_text("a file in the way")
+    COMM.barrier()
+    x, cells = segment(COMM.rank)
+    with pytest.raises(OSError, match="s"):
+        VtuSeries(shared_tmp_path, "s", COMM).write(0.0, 0, x, cells, "line")
+
+
+# -- beams, bodies, joints ---
+
+
+def test_beams_as_lines_and_surfaces(shared_tmp_path: Path) -> None:
+    square = [[-0.1, -0.2], [-0.1, 0.2], [0.1, 0.2], [0.1, -0.2], [-0.1, -0.2]]  # clockwise, closed
+    writer = BeamWriter(shared_tmp_path, COMM, [square])
+    writer.write(0.0, 0, beam(COMM.rank))
+    writer.close()
+    lines = read(shared_tmp_path / pvd(shared_tmp_path / "beams.pvd")[0][1])
+    own = beam(0)
+    assert np.array_equal(lines.cell_data["resultant"][:4], own.resultant)
+    moment = np.hypot(own.resultant[:, 4], own.resultant[:, 5])
+    assert np.allclose(lines.cell_data["bending_moment"][:4], moment, rtol=SINGLE)
+    assert np.array_equal(lines.point_data["e2"][0], [0.0, 1.0, 0.0])
+    skin = read(shared_tmp_path / pvd(shared_tmp_path / "beam_surfaces.pvd")[0][1])
+    assert skin.n_points == 5 * 4 * COMM.size
+    assert skin.n_cells == (4 * 4 + 2) * COMM.size
+    assert np.allclose(skin.bounds[2:], [-0.1, 10.0 * (COMM.size - 1) + 0.1, -0.2, 0.2])
+    quads = skin.cells.reshape(-1, 5)[:18, 1:]
+    triangles = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
+    # Closed and outward: the divergence theorem gives the volume of the beam.
+    assert volume(np.asarray(skin.points), triangles) == pytest.approx(0.08, rel=1e-12)
+    assert set(skin.cell_data["body"]) == set(range(COMM.size))
+
+
+@pytest.mark.parametrize("corners", [3, 4, 5, 6, 16])
+def test_swept_polygon_is_closed(shared_tmp_path: Path, corners: int) -> None:
+    phi = 2.0 * np.pi * np.arange(corners) / corners
+    outline = np.stack([np.cos(phi), np.sin(phi)], axis=1)
+    writer = BeamWriter(shared_tmp_path, COMM, [None, outline])
+    b = beam(COMM.rank)
+    # The first cell has no outline, so the surface starts at the second node.
+    section = np.array([0, 1, 1, 1])
+    b = BeamFields(**{**b.__dict__, "section": section})
+    writer.write(0.0, 0, b)
+    writer.close()
+    skin = read(shared_tmp_path / pvd(shared_tmp_path / "beam_surfaces.pvd")[0][1])
+    quads = skin.cells.reshape(-1, 5)[:, 1:]
+    triangles = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
+    area = 0.5 * corners * math.sin(2.0 * math.pi / corners)
+    found = volume(np.asarray(skin.points), triangles)
+    assert found == pytest.approx(0.75 * area * COMM.size, rel=1e-12)
+
+
+def test_writers_accept_ranks_with_nothing(shared_tmp_path: Path) -> None:
+    last = COMM.rank == COMM.size - 1
+    beams = BeamWriter(shared_tmp_path, COMM, [[[0, 0], [1, 0], [0, 1]]])
+    beams.write(0.0, 0, beam() if last else BeamFields.empty())
+    bodies = RigidBodyWriter(shared_tmp_path, COMM, [sphere(1.0)])
+    one, i = np.ones((1, 3)), np.zeros(1, dtype=np.int64)
+    own = RigidBodyFields(one, np.eye(3)[None], one, one, i)
+    bodies.write(0.0, 0, own if last else RigidBodyFields.empty())
+    joints = JointWriter(shared_tmp_path, COMM, ["Revolute"], 0.1)
+    joints.write(0.0, 0, JointFields(one, 2 * one, one, one, i) if last else JointFields.empty())
+    for writer in (beams, bodies, joints):
+        writer.close()
+    for name in ("beams", "beam_surfaces", "rigid_bodies", "joints"):
+        assert read(shared_tmp_path / pvd(shared_tmp_path / f"{name}.pvd")[0][1]).n_cells > 0
+
+
+def test_beam_fields_with_a_wrong_shape() -> None:
+    with pytest.raises(ValueError, match=r"'strain': shape \(3, 6\), expected \(4, 6\)"):
+        BeamFields(**{**beam().__dict__, "strain": np.zeros((3, 6))})
+    with pytest.raises(ValueError, match="outline 0"):
+        BeamWriter(Path(), COMM, [[[0.0, 0.0], [1.0, 0.0]]])
+
+
+def test_rigid_bodies_move_and_carry_velocities(shared_tmp_path: Path) -> None:
+    surface = body_surface(SimpleNamespace(sizes=(2.0, 4.0, 6.0)), 1.0, np.ones(3), (1.0, 0.0, 0.0))
+    writer = RigidBodyWriter(shared_tmp_path, COMM, [sphere(1.0), surface])
+    turn = np.array([[[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])  # x -> y
+    z = np.array([[0.0, 0.0, 1.0]])
+    x = np.array([[10.0, 0.0, 0.0]])
+    writer.write(0.0, 0, RigidBodyFields(x, turn, 0.0 * z, z, np.array([1])))
+    writer.close()
+    mesh = read(shared_tmp_path / pvd(shared_tmp_path / "rigid_bodies.pvd")[0][1])
+    assert np.allclose(mesh.bounds, [8.0, 12.0, 0.0, 2.0, -3.0, 3.0])
+    points = np.asarray(mesh.points)
+    assert np.allclose(mesh.point_data["velocity"], np.cross(z, points - x), rtol=SINGLE, atol=1e-6)
+    assert set(mesh.cell_data["body"]) == {1}
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        (SimpleNamespace(sizes=(1.0, 2.0, 3.0)), 6.0),
+        (SimpleNamespace(radius=1.0, length=2.0, axis=(1.0, 1.0, 0.0)), 2.0 * math.pi),
+        (SimpleNamespace(radius=1.0), 4.0 / 3.0 * math.pi),
+    ],
+)
+def test_shapes_are_closed_and_outward(shape: object, expected: float) -> None:
+    surface = body_surface(shape, 1.0, np.eye(3), (5.0, 0.0, 0.0))
+    # Inscribed polyhedra are a few per cent smaller; an open or inverted face would be far off.
+    assert 0.94 * expected < volume(surface.points, surface.triangles) <= expected * (1 + 1e-12)
+    with pytest.raises(TypeError, match="int is not a shape"):
+        body_surface(3, 1.0, np.eye(3))
+
+
+def test_box_of_a_body_without_shape_has_its_inertia() -> None:
+    mass, (a, b, c) = 2.0, (1.0, 2.0, 3.0)
+    moments = mass / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+    q = frames_along(np.array([[1.0, 2.0, 3.0]]))[0]
+    surface = body_surface(None, mass, q @ np.diag(moments) @ q.T)
+    assert volume(surface.points, surface.triangles) == pytest.approx(a * b * c, rel=1e-10)
+    assert np.allclose(np.abs(surface.points @ q).max(axis=0), [a / 2, b / 2, c / 2], rtol=1e-10)
+
+
+def test_frames_along_all_directions(rng: np.random.Generator) -> None:
+    axes = np.concatenate([rng.normal(size=(20, 3)), np.eye(3), -np.eye(3), np.zeros((1, 3))])
+    frames = frames_along(axes)
+    eye = np.einsum("nji,njk->nik", frames, frames)
+    assert np.allclose(eye, np.eye(3), atol=100 * np.finfo(float).eps)
+    assert np.allclose(np.linalg.det(frames), 1.0)
+    directions = axes[:-1] / np.linalg.norm(axes[:-1], axis=1)[:, None]
+    assert np.allclose(frames[:-1, :, 2], directions)
+
+
+def test_joints_show_glyph_and_link(shared_tmp_path: Path) -> None:
+    kinds = ["Spherical", "Revolute", "Prismatic", "SpringDamper"]
+    writer = JointWriter(shared_tmp_path, COMM, kinds, [0.1, 0.2, 0.2, 0.1])
+    n = len(kinds)
+    a = np.zeros((n, 3))
+    a[:, 0] = np.arange(n)
+    b = a + np.array([0.0, 2.0, 0.0])
+    b[1] = a[1]  # an ideal joint: both markers at one place
+    axis = np.tile([0.0, 0.0, 1.0], (n, 1))
+    force = np.tile([3.0, 4.0, 0.0], (n, 1))
+    writer.write(0.0, 0, JointFields(a, b, axis, force, np.arange(n)))
+    writer.close()
+    mesh = read(shared_tmp_path / pvd(shared_tmp_path / "joints.pvd")[0][1])
+    assert np.isfinite(mesh.points).all()
+    assert mesh.bounds[3] == pytest.approx(2.0)
+    assert set(mesh.cell_data["joint"]) == set(range(n))
+    assert np.allclose(mesh.cell_data["force_magnitude"], 5.0)
+    revolute = mesh.extract_cells(np.flatnonzero(mesh.cell_data["joint"] == 1))
+    assert revolute.bounds[5] == pytest.approx(0.12)  # 0.6 of the size along the axis
+
+
+def test_cylinder_radius_is_about_its_axis() -> None:
+    surface: Surface = cylinder(0.5, 4.0, (2.0, 0.0, 0.0))
+    assert surface.points[:, 0].max() == pytest.approx(2.0)
+    assert np.linalg.norm(surface.points[:, 1:], axis=1).max() == pytest.approx(0.5)

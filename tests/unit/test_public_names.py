@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The flat public interface."""
+
+import subprocess
+import sys
+
+import pytest
+
+import flexfem as ff
+
+pytestmark = pytest.mark.serial
+
+NUMERICAL = {"simulate", "Outcome"}
+
+
+@pytest.mark.parametrize("name", sorted(set(ff.__all__) - NUMERICAL))
+def test_every_public_name_is_there(name: str) -> None:
+    assert name in dir(ff)
+    assert getattr(ff, name) is not None
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(AttributeError, match="'Bream'"):
+        _ = ff.Bream
+
+
+def test_models_are_declared_without_dolfinx_petsc_and_numba() -> None:
+    names = sorted(set(ff.__all__) - NUMERICAL)
+    program = (
+        f"import sys, flexfem\nfor name in {names!r}: getattr(flexfem, name)\n"
+        "print(*(set(sys.modules) & {'dolfinx', 'petsc4py', 'mpi4py', 'numba', 'ufl', 'gmsh'}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == []
