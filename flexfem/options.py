@@ -129,7 +129,7 @@ RUN_OPTIONS = (
     Option(
         "rho_inf",
         float,
-        0.8,
+        0.9,
         "spectral radius of the integrator at infinite frequency: 1 dissipates nothing, 0 the most",
         minimum=0,
         maximum=1,
@@ -142,7 +142,13 @@ RUN_OPTIONS = (
         choices=("auto", "frozen", "updated"),
     ),
     Option(
-        "tolerance", float, 1e-8, "relative tolerance of the Newton iteration", above=0, maximum=0.1
+        "tolerance",
+        float,
+        1e-6,
+        "largest Newton step of positions, rotations (rad) and beta h^2 x multipliers at the end",
+        unit="m",
+        above=0,
+        maximum=0.1,
     ),
     Option("every", int, 10, "write the ParaView fields every N-th step", minimum=1),
 )
@@ -158,7 +164,8 @@ class RunOptions:
         t_end: End of the simulated time, s.
         rho_inf: Spectral radius of generalised-alpha at infinite frequency, in [0, 1].
         iteration_matrix: "auto", "frozen" or "updated".
-        tolerance: Relative tolerance of the Newton iteration.
+        tolerance: Newton steps of positions (m), rotations (rad) and multipliers times
+            ``beta h^2`` must fall below it.
         every: Fields are written every that many steps.
         output: Folder of the results; None writes nothing.
         quiet: No progress bar.

@@ -46,6 +46,22 @@ def correct(frames0, n, v_base, w_base, rates, frames, v, w, step, sign):
 
 
 @kernel
+def _orthonormalise(H):
+    """``R <- R (3 I - R^T R) / 2``: keeps round-off from adding up over millions of steps."""
+    c00 = H[3] * H[3] + H[6] * H[6] + H[9] * H[9]
+    c11 = H[4] * H[4] + H[7] * H[7] + H[10] * H[10]
+    c22 = H[5] * H[5] + H[8] * H[8] + H[11] * H[11]
+    c01 = H[3] * H[4] + H[6] * H[7] + H[9] * H[10]
+    c02 = H[3] * H[5] + H[6] * H[8] + H[9] * H[11]
+    c12 = H[4] * H[5] + H[7] * H[8] + H[10] * H[11]
+    for k in (3, 6, 9):
+        a, b, c = H[k], H[k + 1], H[k + 2]
+        H[k] = 0.5 * (a * (3.0 - c00) - b * c01 - c * c02)
+        H[k + 1] = 0.5 * (b * (3.0 - c11) - a * c01 - c * c12)
+        H[k + 2] = 0.5 * (c * (3.0 - c22) - a * c02 - b * c12)
+
+
+@kernel
 def accept(frames0, v0, a0, w0, frames, n, v, w, law):
     """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0."""
     for i in range(n.shape[0]):
@@ -54,5 +70,6 @@ def accept(frames0, v0, a0, w0, frames, n, v, w, law):
             v0[i, k] = v[i, k]
             w0[i, k] = w[i, k]
             n[i, k] = 0.0
+        _orthonormalise(frames[i])
         for k in range(12):
             frames0[i, k] = frames[i, k]

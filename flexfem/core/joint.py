@@ -90,9 +90,6 @@ class Joint:
 
     #: rows change with time: they are asked for at every step
     driven: ClassVar[bool] = False
-    #: how the joint is drawn: "sphere", "cylinder", "bar" or "line"
-    glyph: ClassVar[str] = "sphere"
-
     def __post_init__(self) -> None:
         """Check the name and the markers.
 

@@ -86,10 +86,11 @@ def body_surface(
 
     Args:
         shape: Object with ``sizes`` (a box), ``radius``, ``length`` and ``axis`` (a cylinder) or
-            ``radius`` (a sphere), in m, or None: the homogeneous box of this mass and inertia.
+            ``radius`` (a sphere), in m, about the reference point, or None: the homogeneous box
+            of this mass and inertia about the centre of mass.
         mass: Mass in kg.
         inertia: Inertia (3, 3) or its diagonal (3,) about the centre of mass in kg m^2.
-        centre: Centre of mass (3,) in body axes in m; the shape is centred there.
+        centre: Centre of mass (3,) relative to the reference point in body axes in m.
 
     Raises:
         TypeError: If the shape has none of these attributes.
@@ -98,14 +99,12 @@ def body_surface(
         matrix, sizes = _equivalent_box(mass, inertia)
         return box(sizes).moved(matrix, centre)
     if hasattr(shape, "sizes"):
-        surface = box(shape.sizes)
-    elif hasattr(shape, "radius") and hasattr(shape, "length"):
-        surface = cylinder(shape.radius, shape.length, shape.axis)
-    elif hasattr(shape, "radius"):
-        surface = sphere(shape.radius)
-    else:
-        raise TypeError(f"body_surface: a {type(shape).__name__} is not a shape")
-    return surface.moved(np.eye(3), centre)
+        return box(shape.sizes)
+    if hasattr(shape, "radius") and hasattr(shape, "length"):
+        return cylinder(shape.radius, shape.length, shape.axis)
+    if hasattr(shape, "radius"):
+        return sphere(shape.radius)
+    raise TypeError(f"body_surface: a {type(shape).__name__} is not a shape")
 
 
 def frames_along(axes: ArrayLike) -> FloatArray:

@@ -2,7 +2,6 @@
 """Cylindrical joint."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from flexfem.core.joint import AxisJoint, Row, line_guidance, parallelism
 from flexfem.core.pose import Pose
@@ -14,8 +13,6 @@ __all__ = ["Cylindrical"]
 class Cylindrical(AxisJoint):
     """Leaves translation along and rotation about a common axis; four constraints.
     """
-
-    glyph: ClassVar[str] = "cylinder"
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

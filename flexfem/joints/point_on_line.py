@@ -2,7 +2,6 @@
 """Point on a line."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from flexfem.core.joint import AxisJoint, Row, line_guidance
 from flexfem.core.pose import Pose
@@ -14,8 +13,6 @@ __all__ = ["PointOnLine"]
 class PointOnLine(AxisJoint):
     """Keeps marker b on the line through marker a along an axis fixed in a; two constraints.
     """
-
-    glyph: ClassVar[str] = "bar"
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

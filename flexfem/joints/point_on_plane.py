@@ -2,7 +2,6 @@
 """Point on a plane."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from flexfem.core.joint import AxisJoint, Row, RowKind
 from flexfem.core.pose import Pose
@@ -17,8 +16,6 @@ class PointOnPlane(AxisJoint):
     Attributes:
         axis: normal of the plane, fixed in marker a, given in inertial axes at the start.
     """
-
-    glyph: ClassVar[str] = "bar"
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

@@ -26,8 +26,6 @@ class PrescribedAngle(AxisJoint):
     angle: Callable[[float], float] = lambda t: 0.0
 
     driven: ClassVar[bool] = True
-    glyph: ClassVar[str] = "cylinder"
-
     def __post_init__(self) -> None:
         """Check the function.
 

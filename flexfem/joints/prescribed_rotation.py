@@ -27,8 +27,6 @@ class PrescribedRotation(Joint):
     rotation: Callable[[float], npt.ArrayLike] = lambda t: (0.0, 0.0, 0.0)
 
     driven: ClassVar[bool] = True
-    glyph: ClassVar[str] = "cylinder"
-
     def __post_init__(self) -> None:
         """Check the function.
 

@@ -31,8 +31,6 @@ class PrescribedTranslation(Joint):
     axis: Sequence[float] | None = None
 
     driven: ClassVar[bool] = True
-    glyph: ClassVar[str] = "bar"
-
     def __post_init__(self) -> None:
         """Check axis and function.
 

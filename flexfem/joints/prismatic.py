@@ -2,7 +2,6 @@
 """Prismatic joint."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from flexfem.core.joint import AxisJoint, Row, equal_rotation, line_guidance
 from flexfem.core.pose import Pose
@@ -16,8 +15,6 @@ class Prismatic(AxisJoint):
 
     The markers keep their initial relative rotation.
     """
-
-    glyph: ClassVar[str] = "bar"
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

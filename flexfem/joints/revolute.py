@@ -2,7 +2,6 @@
 """Revolute joint."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from flexfem.core.joint import AxisJoint, Row, coincidence, parallelism
 from flexfem.core.pose import Pose
@@ -14,8 +13,6 @@ __all__ = ["Revolute"]
 class Revolute(AxisJoint):
     """Leaves one rotation about a common axis; five constraints.
     """
-
-    glyph: ClassVar[str] = "cylinder"
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

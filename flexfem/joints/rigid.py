@@ -2,7 +2,6 @@
 """Rigid connection."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from flexfem.core.joint import Joint, Row, coincidence, equal_rotation
 from flexfem.core.pose import Pose
@@ -14,8 +13,6 @@ __all__ = ["Rigid"]
 class Rigid(Joint):
     """Keeps the origins of two markers together and their relative rotation; six constraints.
     """
-
-    glyph: ClassVar[str] = "cube"
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

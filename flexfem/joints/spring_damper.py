@@ -2,7 +2,6 @@
 """Spring and damper between two points."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -30,8 +29,6 @@ class SpringDamper(Joint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest_length: float | None = None
-
-    glyph: ClassVar[str] = "line"
 
     def __post_init__(self) -> None:
         """Check the numbers.

@@ -2,7 +2,6 @@
 """Spring and damper about an axis."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from flexfem import _checks
 from flexfem.core.joint import AxisJoint, Row, RowKind, perpendicular
@@ -27,8 +26,6 @@ class TorsionalSpringDamper(AxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest_angle: float = 0.0
-
-    glyph: ClassVar[str] = "cylinder"
 
     def __post_init__(self) -> None:
         """Check the numbers.

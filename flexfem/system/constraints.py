@@ -15,6 +15,7 @@ from flexfem.system.row_kernels import (
     add_forces,
     add_hessians,
     evaluate_rows,
+    marker_poses,
     second_rates,
     update_angles,
 )
@@ -147,6 +148,15 @@ class Constraints:
             active[slot[turning & (slot >= 0)]] = 6
         return active
 
+    def marker_frames(self) -> FloatArray:
+        """(2 n_joints, 12) frames of the markers at the last evaluation."""
+        return self._poses
+
+    def kind_and_direction(self, row: int) -> tuple[RowKind, FloatArray]:
+        """Kind of a row and its direction u."""
+        direction: FloatArray = self._directions[row, 0]
+        return RowKind(self._kinds[row]), direction
+
     @property
     def size(self) -> int:
         """Number of rows of this rank, shared ones included."""
@@ -178,6 +188,8 @@ class Constraints:
 
     def accept(self) -> None:
         """Remember the angles reached, so that they stay continuous."""
+        face = self.interface
+        marker_poses(face.frames, self._marker_slot, self._marker_offset, self._poses)
         update_angles(
             self._poses, self._row_marker, self._kinds, self._directions, self._memory
         )

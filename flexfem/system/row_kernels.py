@@ -15,6 +15,7 @@ __all__ = [
     "add_forces",
     "add_hessians",
     "evaluate_rows",
+    "marker_poses",
     "row_hessian",
     "second_rates",
     "update_angles",

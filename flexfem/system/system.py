@@ -186,6 +186,7 @@ class System:
         """End a step: trial state becomes the state."""
         for part in self.parts:
             part.block.accept(law)
+        self.interface.update()
         self.constraints.accept()
 
     def reset(self) -> None:

@@ -191,9 +191,10 @@ def main() -> None:
     print(f"load average {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores")
     head = f"{'case':>10s}  {'program':16s} {'min ms':>9s} {'median ms':>9s}"
     print(f"{head} {'iter':>6s} {'factor':>6s} {'MB':>8s}")
-    records = [
-        report(links, elements, measure(links, elements, args)) for links, elements in args.cases
-    ]
+    try:
+        records = [report(n, m, measure(n, m, args)) for n, m in args.cases]
+    except RuntimeError as error:
+        sys.exit(f"error: {error}")
     if args.json:
         args.json.write_text(json.dumps({"dt": args.dt, "steps": args.steps, "cases": records}))
 

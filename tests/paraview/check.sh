@@ -21,8 +21,10 @@ log=$(mktemp) || exit 2
 trap 'rm -f "$log"' EXIT
 
 # ParaView brings its own Python and libraries: nothing of an active environment may leak in.
+# It connects to the X server more than once; without -noreset the server restarts in between and
+# now and then refuses the next connection.
 env -u PYTHONPATH -u PYTHONHOME -u VIRTUAL_ENV -u LD_LIBRARY_PATH \
-    xvfb-run -a pvbatch "$here/check.py" "$@" 2>"$log"
+    xvfb-run -a -s "-screen 0 1280x1024x24 -noreset" pvbatch "$here/check.py" "$@" 2>"$log"
 code=$?
 
 if [ $code -eq 0 ] && grep -q "ERR|" "$log"; then

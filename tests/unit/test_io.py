@@ -288,7 +288,7 @@ def test_beam_fields_with_a_wrong_shape() -> None:
 
 
 def test_rigid_bodies_move_and_carry_velocities(shared_tmp_path: Path) -> None:
-    surface = body_surface(SimpleNamespace(sizes=(2.0, 4.0, 6.0)), 1.0, np.ones(3), (1.0, 0.0, 0.0))
+    surface = body_surface(SimpleNamespace(sizes=(2.0, 4.0, 6.0)), 1.0, np.ones(3), (9.0, 0.0, 0.0))
     writer = RigidBodyWriter(shared_tmp_path, COMM, [sphere(1.0), surface])
     turn = np.array([[[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])  # x -> y
     z = np.array([[0.0, 0.0, 1.0]])
@@ -296,7 +296,7 @@ def test_rigid_bodies_move_and_carry_velocities(shared_tmp_path: Path) -> None:
     writer.write(0.0, 0, RigidBodyFields(x, turn, 0.0 * z, z, np.array([1])))
     writer.close()
     mesh = read(shared_tmp_path / pvd(shared_tmp_path / "rigid_bodies.pvd")[0][1])
-    assert np.allclose(mesh.bounds, [8.0, 12.0, 0.0, 2.0, -3.0, 3.0])
+    assert np.allclose(mesh.bounds, [8.0, 12.0, -1.0, 1.0, -3.0, 3.0])
     points = np.asarray(mesh.points)
     assert np.allclose(mesh.point_data["velocity"], np.cross(z, points - x), rtol=SINGLE, atol=1e-6)
     assert set(mesh.cell_data["body"]) == {1}
@@ -322,9 +322,13 @@ def test_box_of_a_body_without_shape_has_its_inertia() -> None:
     mass, (a, b, c) = 2.0, (1.0, 2.0, 3.0)
     moments = mass / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
     q = frames_along(np.array([[1.0, 2.0, 3.0]]))[0]
-    surface = body_surface(None, mass, q @ np.diag(moments) @ q.T)
+    surface = body_surface(None, mass, q @ np.diag(moments) @ q.T, (1.0, 2.0, 3.0))
     assert volume(surface.points, surface.triangles) == pytest.approx(a * b * c, rel=1e-10)
-    assert np.allclose(np.abs(surface.points @ q).max(axis=0), [a / 2, b / 2, c / 2], rtol=1e-10)
+    assert np.allclose(
+        np.abs((surface.points - [1.0, 2.0, 3.0]) @ q).max(axis=0),
+        [a / 2, b / 2, c / 2],
+        rtol=1e-10,
+    )
 
 
 def test_frames_along_all_directions(rng: np.random.Generator) -> None:

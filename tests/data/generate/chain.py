@@ -76,7 +76,7 @@ def main() -> None:
         print(f"Exudyn 4 x {elements}: {difference(tip, finer):.2e} from the continuous links")
     named = zip(steps, coarse, strict=True)
     deviations = ", ".join(f"{difference(t, tips):.1e} (h = {dt:g})" for dt, t in named)
-    header = f"""Chain of 4 links (docstring of tests/data/generate/chain.py), position of the tip, m.
+    header = f"""Chain of 4 links (docstring of tests/data/generate/chain.py), tip position, m.
 x, y, z: 8 two-node elements per link. Exudyn {exu.__version__}, geometrically exact beams with
 Euler-parameter nodes, generalized-alpha 0.9, tolerance 1e-8, extrapolated to h = 0 from h = 2.5e-4
 and 1.25e-4; estimated error of the step {step_error:.0e} m. Single runs deviate by
@@ -84,7 +84,7 @@ and 1.25e-4; estimated error of the step {step_error:.0e} m. Single runs deviate
 Other two-node elements differ from it by the order of their mesh error: the distance to the
 continuous links is {difference(tips, finer):.1e} m.
 exact_x, exact_y, exact_z: the continuous links. Plane rods, 4 elements of degree 6 per link,
-scipy {scipy.__version__} DOP853, tolerance 1e-9; estimated error {exact_error:.0e} m (against 2 elements)."""
+scipy {scipy.__version__} DOP853, tolerance 1e-9; estimated error {exact_error:.0e} m."""
     times = np.linspace(0.0, T_END, len(tips))
     columns = ["t", "x", "y", "z", "exact_x", "exact_y", "exact_z"]
     write("chain_4x8", header, columns, np.column_stack([times, tips, finer]), 10)

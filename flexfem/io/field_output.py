@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""ParaView output of a whole system: beams, rigid bodies, joints."""
+
+from pathlib import Path
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.core.joint import RowKind
+from flexfem.io.beam_fields import BeamFields, BeamWriter
+from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
+from flexfem.io.surfaces import body_surface
+from flexfem.lie import se3
+from flexfem.system.assembly import Assembly
+from flexfem.system.system import BlockPart, System
+
+__all__ = ["FieldOutput"]
+
+#: Size of joints and of bodies without shape, relative to the model.
+_GLYPH = 0.02
+
+
+class FieldOutput:
+    """The series of one run; every call is collective."""
+
+    def __init__(self, folder: Path, system: System, serial: Assembly) -> None:
+        """Declare the series that the model needs."""
+        self._system = system
+        model, comm = serial.model, system.comm
+        self._parts = {part.block.name: part for part in system.parts}
+        size = _GLYPH * _extent(serial)
+        self._beams = self._bodies = self._joints = None
+        if model.beams:
+            self._beams = BeamWriter(folder, comm, [s.outline for s in serial.sections])
+        if model.rigid_bodies:
+            surfaces = [
+                body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies
+            ]
+            self._bodies = RigidBodyWriter(folder, comm, surfaces)
+        if model.joints:
+            self._joints = JointWriter(folder, comm, [type(j).__name__ for j in model.joints], size)
+
+    def write(self, time: float, step: int) -> None:
+        """Write the accepted state."""
+        if self._beams is not None:
+            self._beams.write(time, step, _beam_fields(self._parts["beams"]))
+        if self._bodies is not None:
+            self._bodies.write(time, step, _body_fields(self._parts["rigid_bodies"]))
+        if self._joints is not None:
+            self._joints.write(time, step, _joint_fields(self._system))
+
+    def close(self) -> None:
+        """End all series."""
+        for writer in (self._beams, self._bodies, self._joints):
+            if writer is not None:
+                writer.close()
+
+
+def _extent(serial: Assembly) -> float:
+    """Size of the model at the start, m."""
+    poses = [serial.marker_pose(m).position for j in serial.model.joints for m in (j.a, j.b)]
+    points = [se3.position(serial.rigid_frames), np.array(poses).reshape(-1, 3)]
+    if serial.model.beams:
+        points.append(serial.points)
+    every = np.concatenate(points)
+    extent = float(np.linalg.norm(every.max(axis=0) - every.min(axis=0))) if len(every) else 0.0
+    return extent or 1.0
+
+
+def _motion(block: FrameBlock) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Positions, rotations, velocities and angular velocities in inertial axes."""
+    rotation = se3.rotation(block.frames)
+    velocity = np.einsum("nij,nj->ni", rotation, block.velocity[:, :3])
+    spin = np.einsum("nij,nj->ni", rotation, block.velocity[:, 3:])
+    return se3.position(block.frames), rotation, velocity, spin
+
+
+def _beam_fields(part: BlockPart) -> BeamFields:
+    assert part.beams is not None
+    position, rotation, velocity, spin = _motion(part.block)
+    strain, resultant = part.beams.resultants(part.block.frames)
+    data = part.beams.data
+    return BeamFields(
+        position=position,
+        displacement=position - se3.position(part.block.start_frames),
+        rotation=rotation,
+        velocity=velocity,
+        angular_velocity=spin,
+        cells=data.cells.astype(np.int64),
+        body=data.body,
+        strain=strain,
+        resultant=resultant,
+        section=data.section,
+    )
+
+
+def _body_fields(part: BlockPart) -> RigidBodyFields:
+    return RigidBodyFields(*_motion(part.block), part.block.node_ids)
+
+
+def _joint_fields(system: System) -> JointFields:
+    """Markers, axes and forces of the joints that this rank owns."""
+    rows = system.constraints
+    frames = rows.marker_frames()
+    a, b, axis, force, number = [], [], [], [], []
+    for i, placed in enumerate(rows.joints):
+        if not placed.owned:
+            continue
+        pair = frames[2 * i : 2 * i + 2]
+        turn = pair[0, 3:].reshape(3, 3) @ placed.poses[0].rotation.T
+        direction = placed.joint.direction
+        a.append(pair[0, :3])
+        b.append(pair[1, :3])
+        axis.append(np.zeros(3) if direction is None else turn @ direction)
+        force.append(_force(system, i, pair))
+        number.append(placed.index)
+    count = len(number)
+    return JointFields(
+        *(np.array(v, dtype=np.float64).reshape(count, 3) for v in (a, b, axis, force)),
+        np.array(number, dtype=np.int64),
+    )
+
+
+def _force(system: System, joint: int, frames: FloatArray) -> FloatArray:
+    """Resultant force of a joint's rows in inertial axes, N."""
+    rows = system.constraints
+    total = np.zeros(3)
+    for r in range(rows.start[joint], rows.start[joint + 1]):
+        kind, direction = rows.kind_and_direction(r)
+        if kind == RowKind.INERTIAL:
+            total += rows.forces[r] * direction
+        elif kind == RowKind.ALONG:
+            total += rows.forces[r] * (frames[0, 3:].reshape(3, 3) @ direction)
+        elif kind == RowKind.DISTANCE:
+            link = frames[1, :3] - frames[0, :3]
+            total += rows.forces[r] * link / np.linalg.norm(link)
+    return total

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The driver: from a model and options to results in a folder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+
+try:
+    import dolfinx_solver  # noqa: F401  (the binary wheel must come before dolfinx and petsc4py)
+except ImportError:  # a DOLFINx of conda, Debian or a container
+    pass
+
+import numpy as np
+from mpi4py import MPI
+
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.integrators.generalized_alpha import GeneralizedAlpha
+from flexfem.integrators.start import start_consistently
+from flexfem.io.field_output import FieldOutput
+from flexfem.io.history import HistoryWriter
+from flexfem.io.progress import Progress
+from flexfem.io.summary import write_summary
+from flexfem.model.model import Model
+from flexfem.options import RunOptions
+from flexfem.solvers.newton import NewtonOptions
+from flexfem.solvers.policies import Policy, create_policy
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.assembly import Assembly
+from flexfem.system.build import build
+from flexfem.system.probes import ProbeRecorder
+from flexfem.system.system import System
+
+__all__ = ["Outcome", "Simulation", "simulate"]
+
+#: A step is halved this often before the run gives up.
+_HALVINGS = 12
+
+Results = Callable[[Mapping[str, FloatArray]], Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run came to.
+
+    Attributes:
+        status: "ok" or the reason of failure.
+        summary: what ``summary.json`` holds.
+        history: columns of the history, angles unwrapped; empty on other ranks than the first.
+    """
+
+    status: str
+    summary: Mapping[str, Any]
+    history: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+class Simulation:
+    """A system with its integrator, stepped from Python.
+
+    Attributes:
+        system: the assembled system.
+        steps, rejected: accepted (partial) steps and rejected ones.
+    """
+
+    def __init__(
+        self, model: Model, options: RunOptions, comm: MPI.Intracomm | None = None
+    ) -> None:
+        """Build the system and start it consistently (collective).
+
+        Raises:
+            ValueError: a mistake in the model.
+        """
+        model.validate()
+        self.options = options
+        self.serial = Assembly(model)
+        self.system: System = build(self.serial, comm or MPI.COMM_WORLD)
+        self.system.set_time(0.0)
+        self._integrator = GeneralizedAlpha(options.rho_inf)
+        tangent = TangentSolver(self.system)
+        self.status = start_consistently(self.system, tangent, options.dt)
+        newton = NewtonOptions(options.tolerance)
+        self._policy: Policy = create_policy(
+            options.iteration_matrix, self.system, newton, tangent
+        )
+        self.steps = self.rejected = 0
+
+    @property
+    def time(self) -> float:
+        """Time of the accepted state, s."""
+        return self.system.time
+
+    def advance(self, h: float, t: float | None = None) -> Status:
+        """Advance by ``h`` (s) in one step, or in halved steps where one step fails.
+
+        Args:
+            h: step size; factors are kept for equal step sizes, so pass the same number.
+            t: time reached, where the caller knows it free of accumulated rounding.
+        """
+        status = self._advance(h, _HALVINGS)
+        if status is Status.OK and t is not None:
+            self.system.time = t
+        return status
+
+    def _advance(self, h: float, halvings: int) -> Status:
+        status = self._integrator.step(self.system, self._policy, h)
+        if status is Status.OK:
+            self.steps += 1
+            return status
+        self.rejected += 1
+        if halvings == 0:
+            return status
+        first = self._advance(0.5 * h, halvings - 1)
+        return self._advance(0.5 * h, halvings - 1) if first is Status.OK else first
+
+
+class _Recorder:
+    """History, fields and progress of one run."""
+
+    def __init__(self, simulation: Simulation, options: RunOptions) -> None:
+        system = simulation.system
+        self._simulation, self._every = simulation, options.every
+        self._probes = ProbeRecorder(system, simulation.serial)
+        self._rows: list[FloatArray] = []
+        self._table = self._fields = None
+        if options.output is not None:
+            self._table = HistoryWriter(
+                options.output / "history.csv", self._probes.columns, system.comm,
+                self._probes.unwrap,
+            )  # fmt: skip
+            self._fields = FieldOutput(options.output, system, simulation.serial)
+        quiet = options.quiet or system.comm.rank != 0
+        self._progress = Progress(options.t_end, not quiet)
+
+    def record(self, step: int, last: bool = False) -> None:
+        """Note the accepted state of a step."""
+        simulation = self._simulation
+        self._probes.record(simulation.time)
+        if self._probes.full:
+            self._flush()
+        if self._fields is not None and (step % self._every == 0 or last):
+            self._fields.write(simulation.time, step)
+        counters = simulation.system.counters
+        self._progress.update(simulation.time, counters.newton_iterations, counters.factorizations)
+
+    def _flush(self) -> None:
+        for t, values in self._probes.flush():
+            self._rows.append(np.concatenate([[t], values]))
+            if self._table is not None:
+                self._table.write(t, values)
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._flush()
+        self._progress.close()
+        if self._table is not None:
+            self._table.close()
+        if self._fields is not None:
+            self._fields.close()
+
+    def history(self) -> dict[str, FloatArray]:
+        """Columns recorded so far, on the first rank."""
+        if not self._rows:
+            return {}
+        table = np.array(self._rows)
+        columns = dict(zip(["t", *self._probes.columns], table.T.copy(), strict=True))
+        for name in self._probes.unwrap:
+            columns[name] = np.unwrap(columns[name])
+        return columns
+
+
+def simulate(
+    model: Model,
+    options: RunOptions,
+    *,
+    case: str = "model",
+    results: Results | None = None,
+    comm: MPI.Intracomm | None = None,
+) -> Outcome:
+    """Run a model to the end and write its results (collective).
+
+    Args:
+        model: the model, the same on every rank.
+        options: step size, end, output folder and so on.
+        case: name for the summary.
+        results: function of the history's columns that returns the headline results.
+        comm: communicator, all ranks by default.
+
+    Returns:
+        The outcome, the same status on every rank.
+
+    Raises:
+        ValueError: a mistake in the model, before anything is written.
+    """
+    begin = time.perf_counter()
+    simulation = Simulation(model, options, comm)
+    recorder = _Recorder(simulation, options)
+    status = simulation.status
+    count = max(1, round(options.t_end / options.dt))
+    setup = first = None
+    if status is Status.OK:
+        recorder.record(0)
+        setup = time.perf_counter() - begin
+        for step in range(1, count + 1):
+            status = simulation.advance(options.t_end / count, options.t_end * step / count)
+            if first is None:
+                first = time.perf_counter() - begin
+            if status is not Status.OK:
+                break
+            recorder.record(step, last=step == count)
+    recorder.close()
+    history = recorder.history()
+    summary = _summary(simulation, case, status, time.perf_counter() - begin, setup, first)
+    if history and results is not None:
+        summary["results"] = dict(results(history))
+    if options.output is not None:
+        write_summary(options.output / "summary.json", summary, simulation.system.comm)
+    return Outcome(summary["status"], summary, history)
+
+
+def _summary(
+    simulation: Simulation, case: str, status: Status, wall: float, setup: float | None,
+    first: float | None,
+) -> dict[str, Any]:  # fmt: skip
+    system, counters = simulation.system, simulation.system.counters
+    reason = status.value
+    if status is not Status.OK:
+        reason = f"{status.value} at t = {simulation.time:.6g} s"
+    return {
+        "case": case,
+        "ranks": system.comm.size,
+        "unknowns": system.unknowns,
+        "multipliers": system.multipliers,
+        "steps": simulation.steps,
+        "rejected_steps": simulation.rejected,
+        "newton_iterations": counters.newton_iterations,
+        "factorizations": counters.factorizations,
+        "mass_factorizations": counters.mass_factorizations,
+        "fallbacks": counters.fallbacks,
+        "residual_evaluations": counters.residual_evaluations,
+        "wall_seconds": wall,
+        "wall_seconds_setup": wall if setup is None else setup,
+        "wall_seconds_first_step": first,
+        "status": reason,
+        "results": {},
+    }

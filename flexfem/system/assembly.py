@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Serial data of a model: nodes numbered, frames at the start, markers resolved."""
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.marker import Attachment, Marker
+from flexfem.core.pose import Pose
+from flexfem.elements.se3_beam import BeamCells, node_frames
+from flexfem.lie import se3
+from flexfem.mesh.line_mesh import section_frames
+from flexfem.model.bodies import Beam
+from flexfem.model.model import Model
+from flexfem.system.placement import BEAMS, RIGID, NodeKey
+
+__all__ = ["Assembly"]
+
+
+class Assembly:
+    """Serial data of a model in the order of its nodes, the same on every rank.
+
+    Attributes:
+        model: the validated model.
+        cells: all beam cells with their frames; node numbers count the nodes used by beams.
+        points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6).
+    """
+
+    def __init__(self, model: Model) -> None:
+        """Number the beams' nodes and compute all frames at the start."""
+        self.model = model
+        self._rigid_index = {b.name: i for i, b in enumerate(model.rigid_bodies)}
+        if model.beams:
+            self._beams()
+        self.rigid_frames = np.array(
+            [se3.frame(b.position, b.rotation) for b in model.rigid_bodies]
+        ).reshape(-1, 12)
+
+    def _beams(self) -> None:
+        model, mesh = self.model, self.model.mesh
+        assert mesh is not None  # checked by validate()
+        rows = [_along(model, beam) for beam in model.beams]
+        used, cells = np.unique(np.concatenate([mesh.cells[r] for r in rows]), return_inverse=True)
+        self._node_of_mesh = {int(node): i for i, node in enumerate(used)}
+        self.points = mesh.points[used]
+        counts = [len(r) for r in rows]
+        ends = np.concatenate(
+            [
+                section_frames(mesh.points, mesh.cells[r], beam.orientation)
+                for r, beam in zip(rows, model.beams, strict=True)
+            ]
+        )
+        cells = cells.reshape(-1, 2)
+        sections = list({id(b.section): b.section for b in model.beams}.values())
+        number = {id(s): i for i, s in enumerate(sections)}
+        self.sections = sections
+        self.cells = BeamCells(
+            cells=cells,
+            body=np.repeat(np.arange(len(rows)), counts),
+            section=np.repeat([number[id(b.section)] for b in model.beams], counts),
+            frames=se3.frame(self.points[cells], ends),
+            damping=np.repeat([b.damping for b in model.beams], counts),
+        )
+        self._body_of_node = np.empty(len(used), dtype=np.int64)
+        self._body_of_node[cells] = self.cells.body[:, np.newaxis]
+        self.frames = node_frames(cells, self.cells.frames, len(used))
+        self.velocities = np.zeros((len(used), 6))
+        for body, beam in enumerate(model.beams):
+            nodes = np.unique(cells[self.cells.body == body])
+            back = np.swapaxes(se3.rotation(self.frames[nodes]), -1, -2)
+            speed = beam.velocity + np.cross(beam.angular_velocity, self.points[nodes])
+            self.velocities[nodes, :3] = np.einsum("nij,nj->ni", back, speed)
+            self.velocities[nodes, 3:] = back @ beam.angular_velocity
+
+    def key(self, marker: Attachment) -> NodeKey | None:
+        """Node that carries a marker, None for the ground."""
+        if not isinstance(marker, Marker):
+            return None
+        node = self.model.marker_node(marker)
+        if node is None:
+            return RIGID, self._rigid_index[marker.body]
+        return BEAMS, self._node_of_mesh[node]
+
+    def body(self, key: NodeKey) -> int:
+        """Number of the body that a node belongs to."""
+        return int(self._body_of_node[key[1]]) if key[0] == BEAMS else int(key[1])
+
+    def node_frame(self, key: NodeKey) -> FloatArray:
+        """Frame (12,) of a node at the start."""
+        frame: FloatArray = (self.frames if key[0] == BEAMS else self.rigid_frames)[key[1]]
+        return frame
+
+    def marker_frame(self, marker: Attachment) -> FloatArray:
+        """Frame (12,) of a marker relative to its node; absolute for the ground."""
+        key = self.key(marker)
+        if key is None:
+            return se3.frame(marker.position, marker.rotation)  # type: ignore[union-attr]
+        turn = se3.rotation(self.node_frame(key)).T @ marker.rotation
+        return se3.frame(marker.offset, turn)  # type: ignore[union-attr]
+
+    def marker_pose(self, marker: Attachment) -> Pose:
+        """Pose of a marker at the start."""
+        frame, key = self.marker_frame(marker), self.key(marker)
+        if key is not None:
+            frame = se3.compose(self.node_frame(key), frame)
+        return Pose(se3.position(frame), se3.rotation(frame))
+
+
+def _along(model: Model, beam: Beam) -> IntArray:
+    """Cells of a beam ordered along it, so that neighbours in number are neighbours in space."""
+    rows = model.beam_cells(beam)
+    assert model.mesh is not None
+    order = model.mesh.order(beam.group)
+    if order is None:
+        return rows
+    rank = np.empty(len(model.mesh.points), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    return rows[np.argsort(rank[model.mesh.cells[rows]].min(axis=1), kind="stable")]

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Recording of the model's probes.
+
+Each rank keeps the motion of its own probe markers for some steps; then the first rank receives them
+all at once and evaluates the columns. What is sent is a few numbers per marker, not the model.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.core.marker import Attachment
+from flexfem.lie.compiled import kernel
+from flexfem.lie.se3 import compose_into
+from flexfem.model.probe import MarkerState, Probe
+from flexfem.system.assembly import Assembly
+from flexfem.system.system import BlockPart, System
+
+__all__ = ["ProbeRecorder"]
+
+_WIDTH = 18  # frame, velocity, angular velocity
+
+
+@kernel
+def _record(frames, velocity, nodes, offsets, places, out):
+    """States of markers on the nodes of one block into the rows ``places`` of ``out``."""
+    for k in range(nodes.size):
+        H, v, o, row = frames[nodes[k]], velocity[nodes[k]], offsets[k], out[places[k]]
+        compose_into(H, o, row)
+        # velocity of the marker in the node's axes, then inertial
+        p0 = v[0] + v[4] * o[2] - v[5] * o[1]
+        p1 = v[1] + v[5] * o[0] - v[3] * o[2]
+        p2 = v[2] + v[3] * o[1] - v[4] * o[0]
+        for i in range(3):
+            r0, r1, r2 = H[3 + 3 * i], H[4 + 3 * i], H[5 + 3 * i]
+            row[12 + i] = r0 * p0 + r1 * p1 + r2 * p2
+            row[15 + i] = r0 * v[3] + r1 * v[4] + r2 * v[5]
+
+
+class ProbeRecorder:
+    """Buffer of the probes' markers.
+
+    Attributes:
+        columns: names of all columns; unwrap: those that are angles.
+    """
+
+    def __init__(self, system: System, serial: Assembly, depth: int = 64) -> None:
+        """Find the markers on this rank.
+
+        Args:
+            system: the system.
+            serial: serial data of its model.
+            depth: number of steps after which the buffer is full.
+        """
+        self._probes: list[Probe] = serial.model.probes
+        self.columns = [c for p in self._probes for c in p.columns]
+        self.unwrap = [c for p in self._probes for c in p.unwrap]
+        markers = [m for p in self._probes for m in p.markers]
+        self._comm = system.comm
+        self._ground = np.zeros((len(markers), _WIDTH))
+        self._ground_places = [k for k, m in enumerate(markers) if serial.key(m) is None]
+        for k in self._ground_places:
+            self._ground[k, :12] = serial.marker_frame(markers[k])
+        self._sources = [self._source(part, serial, markers) for part in system.parts]
+        mine = [places for *_, places in self._sources]
+        self._places = np.concatenate([np.empty(0, dtype=np.int64), *mine])
+        self._buffer = np.zeros((depth, len(markers), _WIDTH))
+        self._times: list[float] = []
+
+    @staticmethod
+    def _source(
+        part: BlockPart, serial: Assembly, markers: list[Attachment]
+    ) -> tuple[FrameBlock, IntArray, FloatArray, IntArray]:
+        """Block, nodes, offsets and places of the markers that this rank owns in a part."""
+        block, kind = part.block, part.kind
+        where = {int(n): i for i, n in enumerate(block.node_ids[: block.owned])}
+        keys = [serial.key(m) for m in markers]
+        local = [
+            where.get(key[1], -1) if key is not None and key[0] == kind else -1 for key in keys
+        ]
+        places = [k for k, node in enumerate(local) if node >= 0]
+        nodes = np.array([local[k] for k in places], dtype=np.int64)
+        offsets = np.array([serial.marker_frame(markers[k]) for k in places]).reshape(-1, 12)
+        return block, nodes, offsets, np.array(places, dtype=np.int64)
+
+    @property
+    def full(self) -> bool:
+        """The buffer must be emptied before the next record."""
+        return len(self._times) == len(self._buffer)
+
+    def record(self, t: float) -> None:
+        """Keep the accepted state at time ``t``."""
+        row = self._buffer[len(self._times)]
+        for block, nodes, offsets, places in self._sources:
+            if len(nodes):
+                _record(block.frames, block.velocity, nodes, offsets, places, row)
+        self._times.append(t)
+
+    def flush(self) -> Iterator[tuple[float, FloatArray]]:
+        """Empty the buffer (collective): times and column values on the first rank."""
+        count = len(self._times)
+        mine = self._buffer[:count, self._places]
+        parts = self._comm.gather((self._places, mine)) if self._comm.size > 1 else None
+        times, self._times = self._times, []
+        if self._comm.rank != 0:
+            return iter(())
+        every = self._buffer[:count].copy()
+        every[:, self._ground_places] = self._ground[self._ground_places]
+        for places, values in parts or []:
+            every[:, places] = values
+        return iter([(t, self._evaluate(t, row)) for t, row in zip(times, every, strict=True)])
+
+    def _evaluate(self, t: float, row: FloatArray) -> FloatArray:
+        states = [
+            MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18]) for r in row
+        ]
+        values, at = [np.empty(0)], 0
+        for probe in self._probes:
+            count = len(probe.markers)
+            values.append(probe.evaluate(t, states[at : at + count]))
+            at += count
+        return np.concatenate(values)
+
