@@ -8,7 +8,6 @@ The point is carried by its node as the frame ``offset`` (12 numbers relative to
 import numpy as np
 
 from flexfem.lie.compiled import kernel
-from flexfem.lie.se3 import tangent_into
 
 __all__ = ["add_forces", "force_tangent"]
 
@@ -42,33 +41,30 @@ def add_forces(nodes, offsets, forces, moments, follower, load, factors, frames,
 
 
 @kernel
-def _add_turned(vector, T, row, sign, out):
-    """Add ``sign skew(vector) T_rotation`` to three rows of ``out`` (6, 6)."""
+def _add_turned(vector, row, sign, out):
+    """Add ``sign skew(vector)`` to the rotation columns of three rows of ``out`` (6, 6)."""
     for i in range(3):
         i1, i2 = (i + 1) % 3, (i + 2) % 3
-        for j in range(6):
-            out[row + i, j] += sign * (
-                vector[i1] * T[6 * (3 + i2) + j] - vector[i2] * T[6 * (3 + i1) + j]
-            )
+        out[row + i, 3 + i2] += sign * vector[i1]
+        out[row + i, 3 + i1] -= sign * vector[i2]
 
 
 @kernel
 def force_tangent(
-    nodes, offsets, forces, moments, follower, load, factors, frames, increments, scale, out
+    nodes, offsets, forces, moments, follower, load, factors, frames, scale, out
 ):
     """Write ``scale`` times the derivative of every wrench's residual to ``out`` (k, 6, 6)."""
-    wrench, T, arm = np.empty(6), np.empty(36), np.zeros(12)
+    wrench, arm = np.empty(6), np.zeros(12)
     turned = np.empty((3, 6))
     for k in range(nodes.size):
         out[k] = 0.0
         if follower[k]:
             continue
         node = nodes[k]
-        tangent_into(increments[node], T)
         # dead: d(R^T F) = skew(R^T F) theta, and the arm's moment follows
         _wrench(frames[node], arm, forces[k], moments[k], False, factors[load[k]], wrench)
-        _add_turned(wrench[:3], T, 0, -scale, out[k])
-        _add_turned(wrench[3:], T, 3, -scale, out[k])
+        _add_turned(wrench[:3], 0, -scale, out[k])
+        _add_turned(wrench[3:], 3, -scale, out[k])
         o = offsets[k]
         turned[:] = out[k, :3]
         for i in range(3):

@@ -8,7 +8,7 @@ obeys the Euler–Poincaré equation ``M dv/dt - ad_v^T (M v) - M (R^T g, 0) = f
 import numpy as np
 
 from flexfem.lie.compiled import kernel
-from flexfem.lie.se3 import tangent_into
+from flexfem.lie.se3 import inverse_tangent_into
 
 __all__ = ["add_inertia", "inertia_tangent"]
 
@@ -73,22 +73,28 @@ def _gyroscopic(M, v, C):
 
 @kernel
 def inertia_tangent(nodes, masses, gravity, frames, velocity, increments, shifts, scale, out):
-    """Write ``scale (k K T + c C + m M)`` of every mass to ``out``; ``shifts`` = (c, m, k)."""
+    """Write ``scale (k K + (c C + m M) T^-1)`` of every mass to ``out``.
+
+    ``shifts`` holds c, m and k; T is the tangent operator of the node's increment over the step.
+    """
     g, T, K = np.empty(3), np.empty(36), np.empty((6, 3))
     C = np.empty((6, 6))
     for k in range(nodes.size):
         node, M = nodes[k], masses[k]
         _gravity_in_node(frames[node], gravity, g)
-        tangent_into(increments[node], T)
+        inverse_tangent_into(increments[node], T)
         C[:] = 0.0
         _gyroscopic(M, velocity[node], C)
+        for i in range(6):
+            for j in range(6):
+                C[i, j] = shifts[1] * M[i, j] + shifts[0] * C[i, j]
         for i in range(6):  # -M (g x theta, 0)
             K[i, 0] = -(M[i, 1] * g[2] - M[i, 2] * g[1])
             K[i, 1] = -(M[i, 2] * g[0] - M[i, 0] * g[2])
             K[i, 2] = -(M[i, 0] * g[1] - M[i, 1] * g[0])
         for i in range(6):
             for j in range(6):
-                total = shifts[1] * M[i, j] + shifts[0] * C[i, j]
-                for m in range(3):
-                    total += shifts[2] * K[i, m] * T[6 * (3 + m) + j]
+                total = shifts[2] * K[i, j - 3] if j > 2 else 0.0
+                for m in range(6):
+                    total += C[i, m] * T[6 * m + j]
                 out[k, i, j] = scale * total

@@ -80,7 +80,7 @@ class FrameBlock:
         )  # fmt: skip
 
     def correct(self, sign: float) -> float:
-        """Add ``sign * step`` to the increments; returns the largest entry of the step."""
+        """Move by the twists ``sign * step``; returns the largest entry of the step."""
         self.spread_step()
         largest: float = correct(
             self.frames0, self.increment, self._velocity_base, self._acceleration_base,

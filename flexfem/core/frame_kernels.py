@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loops over nodes that carry frames: prediction, correction, acceptance of a step."""
 
+import numpy as np
+
 from flexfem.lie.compiled import kernel
-from flexfem.lie.se3 import retract_into
+from flexfem.lie.se3 import inverse_tangent_apply, retract_into
 
 __all__ = ["accept", "correct", "predict"]
 
@@ -33,11 +35,15 @@ def predict(frames0, v0, a0, w0, law, rates, frames, n, v, w, v_base, w_base):
 
 @kernel
 def correct(frames0, n, v_base, w_base, rates, frames, v, w, step, sign):
-    """Add ``sign * step`` to the increments and return the largest entry of the step."""
-    largest = 0.0
+    """Move by the local twists ``sign * step`` and return the largest entry of the step.
+
+    The increment follows to first order, ``n += Tinv(n) sign step``: at the solution both agree.
+    """
+    largest, change = 0.0, np.empty(6)
     for i in range(n.shape[0]):
+        inverse_tangent_apply(n[i], step[i], change)
         for k in range(6):
-            n[i, k] += sign * step[i, k]
+            n[i, k] += sign * change[k]
             size = abs(step[i, k])
             if size > largest or size != size:  # a NaN stays the largest
                 largest = size

@@ -5,13 +5,14 @@ import numpy as np
 
 from flexfem.la.kernel import tabulate
 from flexfem.lie.compiled import kernel
-from flexfem.lie.se3 import tangent_into
+from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into
 
-__all__ = ["add_residual", "add_tangent", "cell_resultants"]
+__all__ = ["add_action", "add_residual", "add_tangent", "cell_resultants"]
 
 # positions in the order of forms.beam.BeamForms.coefficients
 _POSITION, _ROTATION, _VELOCITY, _ACCELERATION = 0, 1, 2, 3
 _TWIST, _LENGTH, _DAMPING, _STIFFNESS, _INERTIA = 4, 5, 6, 7, 8
+_TURN, _CHANGE = 9, 10
 
 
 @kernel
@@ -66,6 +67,24 @@ def _pack_cell(data, offsets, twist, length, damping, laws):
 
 
 @kernel
+def _add_force(nodes, turned, turns, force, scale, residual):
+    """Add the force on both ends of a cell to its nodes, turned back into their axes."""
+    for side in range(2):
+        node, Q = nodes[side], turns[side]
+        for half in range(0, 6, 3):
+            at = 6 * side + half
+            for i in range(3):
+                value = force[at + i]
+                if turned:
+                    value = (
+                        Q[3 * i] * force[at]
+                        + Q[3 * i + 1] * force[at + 1]
+                        + Q[3 * i + 2] * force[at + 2]
+                    )
+                residual[node, half + i] += scale * value
+
+
+@kernel
 def add_residual(
     address, offsets, gravity, cells, turned, turns, twists, lengths, damping, sections, laws,
     frames, velocity, acceleration, scale, residual,
@@ -84,21 +103,42 @@ def add_residual(
         _pack_cell(data, offsets, twists[c], lengths[c], damping[c], laws[sections[c]])
         force[:] = 0.0
         tabulate(address, force, data, gravity, points)
+        _add_force(cells[c], turned[c], turns[c * turned[c]], force, scale, residual)
+
+
+@kernel
+def add_action(
+    address, offsets, constants, stiffness_factor, cells, turned, turns, twists, lengths, damping,
+    sections, laws, frames, velocity, increments, step, scale, residual,
+):  # fmt: skip
+    """Add ``scale (k K + (c C + m M) T^-1) step`` of all cells to ``residual`` (n, 6).
+
+    ``constants`` holds gravity, c and m, ``stiffness_factor`` is k.
+    """
+    data, force = np.empty(offsets[-1]), np.empty(12)
+    turn, change = np.empty(6), np.empty(6)
+    points, nothing = np.zeros(6), np.zeros(6)
+    points[3] = 1.0
+    for c in range(cells.shape[0]):
         for side in range(2):
-            node = cells[c, side]
+            node, Q = cells[c, side], turns[c * turned[c], side]
+            _pack_node(
+                data, offsets, side, frames[node], velocity[node], nothing, turned[c], Q
+            )
+            inverse_tangent_apply(increments[node], step[node], change)
+            for i in range(6):
+                turn[i] = stiffness_factor * step[node, i]
+            at, to = offsets[_TURN] + 6 * side, offsets[_CHANGE] + 6 * side
             if turned[c]:
-                Q = turns[c, side]
-                for half in range(0, 6, 3):
-                    at = 6 * side + half
-                    for i in range(3):
-                        residual[node, half + i] += scale * (
-                            Q[3 * i] * force[at]
-                            + Q[3 * i + 1] * force[at + 1]
-                            + Q[3 * i + 2] * force[at + 2]
-                        )
+                _turn(Q, turn, data, at)
+                _turn(Q, change, data, to)
             else:
-                for i in range(6):
-                    residual[node, i] += scale * force[6 * side + i]
+                data[at : at + 6] = turn
+                data[to : to + 6] = change
+        _pack_cell(data, offsets, twists[c], lengths[c], damping[c], laws[sections[c]])
+        force[:] = 0.0
+        tabulate(address, force, data, constants, points)
+        _add_force(cells[c], turned[c], turns[c * turned[c]], force, scale, residual)
 
 
 @kernel
@@ -129,12 +169,10 @@ def add_tangent(
     stiffness, stiffness_offsets, gravity, inertia, inertia_offsets, shifts, cells, turned, turns,
     twists, lengths, damping, sections, laws, frames, velocity, increments, scale, values,
 ):  # fmt: skip
-    """Write ``scale (k K T + c C + m M)`` of all cells to ``values`` (m, 144).
+    """Write ``scale (k K + (c C + m M) T^-1)`` of all cells to ``values`` (m, 144).
 
-    ``shifts`` holds c, m and k.
-
-    T is the tangent operator of each node's increment over the step, so that the matrix is the
-    derivative of the residual with respect to the increment.
+    ``shifts`` holds c, m and k. T is the tangent operator of each node's increment over the step:
+    velocities depend on the increment, and ``T^-1`` turns local twists into its change.
     """
     k_data, m_data = np.empty(stiffness_offsets[-1]), np.empty(inertia_offsets[-1])
     K, M, T, work = np.empty(144), np.empty(144), np.empty((2, 36)), np.empty(6)
@@ -152,7 +190,7 @@ def add_tangent(
                 m_data, inertia_offsets, side, frames[node], velocity[node], nothing,
                 turned[c], Q,
             )  # fmt: skip
-            tangent_into(increments[node], T[side])
+            inverse_tangent_into(increments[node], T[side])
         law = laws[sections[c]]
         _pack_cell(k_data, stiffness_offsets, twists[c], lengths[c], damping[c], law)
         _pack_cell(m_data, inertia_offsets, twists[c], lengths[c], damping[c], law)
@@ -165,9 +203,9 @@ def add_tangent(
         for i in range(12):
             for side in range(2):
                 for j in range(6):
-                    total = M[12 * i + 6 * side + j]
+                    total = shifts[2] * K[12 * i + 6 * side + j]
                     for k in range(6):
-                        total += shifts[2] * K[12 * i + 6 * side + k] * T[side, 6 * k + j]
+                        total += M[12 * i + 6 * side + k] * T[side, 6 * k + j]
                     values[c, 12 * i + 6 * side + j] = scale * total
 
 

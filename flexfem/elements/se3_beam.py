@@ -14,7 +14,12 @@ from mpi4py import MPI
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.elements.beam_loops import add_residual, add_tangent, cell_resultants
+from flexfem.elements.beam_loops import (
+    add_action,
+    add_residual,
+    add_tangent,
+    cell_resultants,
+)
 from flexfem.forms.beam import beam_forms
 from flexfem.la.kernel import compile_kernel
 from flexfem.lie import se3
@@ -96,6 +101,7 @@ class SE3Beams:
         self._residual = compile_kernel(comm, forms.residual, coefficients)
         self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)
         self._inertia = compile_kernel(comm, forms.inertia, coefficients)
+        self._action = compile_kernel(comm, forms.action, coefficients)
 
     def _cell_data(self) -> tuple[npt.NDArray[np.generic], ...]:
         data = self.data
@@ -114,7 +120,7 @@ class SE3Beams:
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> FloatArray:
-        """Cell matrices (m, 12, 12) of ``scale (k K T + c C + m M)``, ``shifts`` = (c, m, k)."""
+        """Cell matrices (m, 12, 12) of ``scale (k K + (c C + m M) T^-1)``, ``shifts`` = (c, m, k)."""
         values = np.empty((len(self.data.cells), 144))
         add_tangent(
             self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
@@ -122,6 +128,16 @@ class SE3Beams:
             block.increment, scale, values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
+    ) -> None:
+        """Add ``scale`` times the tangent applied to the block's step to its residual."""
+        constants = np.concatenate([gravity, shifts[:2]])
+        add_action(
+            self._action.address, self._action.offsets, constants, shifts[2], *self._cell_data(),
+            block.frames, block.velocity, block.increment, block.step, scale, block.residual,
+        )  # fmt: skip
 
     def resultants(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Strains and stress resultants (m, 6) of all cells in section axes (damping left out)."""

@@ -35,12 +35,14 @@ class BeamForms:
         residual: rank 1, internal + inertia + gravity force minus nothing else.
         stiffness: rank 2, exact derivative of ``residual`` with respect to the configuration.
         inertia: rank 2, ``shift_v * dr/dv + shift_a * dr/da``.
+        action: rank 1, ``stiffness`` applied to "turn" plus ``inertia`` applied to "change".
         coefficients: the fields by name, in the order in which a cell's data is packed.
     """
 
     residual: ufl.Form
     stiffness: ufl.Form
     inertia: ufl.Form
+    action: ufl.Form
     coefficients: dict[str, ufl.Coefficient]
 
 
@@ -80,6 +82,8 @@ def beam_forms() -> BeamForms:
         "damping": constant[1],
         "stiffness": constant[21],
         "inertia": constant[21],
+        "turn": linear[6],
+        "change": linear[6],
     }
     fields = {k: ufl.Coefficient(ufl.FunctionSpace(mesh, e)) for k, e in layout.items()}
     space = ufl.FunctionSpace(mesh, linear[6])
@@ -143,5 +147,6 @@ def beam_forms() -> BeamForms:
         residual=residual,
         stiffness=stiffness,
         inertia=inertia,
+        action=ufl.action(stiffness, fields["turn"]) + ufl.action(inertia, fields["change"]),
         coefficients=fields,
     )

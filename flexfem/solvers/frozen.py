@@ -21,6 +21,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.solvers.interface_system import InterfaceSystem
+from flexfem.solvers.minimal_residual import minimal_residual
 from flexfem.solvers.schur_kernels import (
     interface_response,
     invert_blocks,
@@ -33,6 +34,10 @@ from flexfem.solvers.tangent import part_pattern, part_values
 from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["FrozenSolver"]
+
+#: A refined step solves the linearised equations to this relative accuracy, in at most so many
+#: sweeps of action and solve.
+_INNER, _SWEEPS = 0.02, 8
 
 
 @dataclass
@@ -61,12 +66,16 @@ class FrozenSolver:
 
     Attributes:
         shifts: those of the factors, None before the first factorisation.
+        refine: correct every step by the exact tangent's action.
+        defect: relative size of what the frozen operator missed in the last refined step.
     """
 
     def __init__(self, system: System) -> None:
         """Set up patterns (collective)."""
         self.system = system
         self.shifts: Shifts | None = None
+        self.refine = False
+        self.defect = 0.0
         rows, face = system.constraints, system.interface
         self._slot_column = np.zeros(len(face.keys), dtype=np.int64)
         self._slot_active = np.zeros(len(face.keys), dtype=np.int64)
@@ -82,6 +91,8 @@ class FrozenSolver:
                 system.comm, size, size, *part_pattern(self._beams.part)
             )
         self._interface = self._pattern()
+        self._sizes = _starts(np.array([6 * p.block.owned for p in system.parts], dtype=np.int64))
+        self._nothing = np.zeros(rows.size)
 
     def _bodies(self, part: BlockPart, active: IntArray) -> _Bodies:
         """Interface columns of a part's bodies and the row sides that act on them."""
@@ -185,14 +196,55 @@ class FrozenSolver:
             subtracted.
         """
         rows = self.system.constraints
-        success, at = True, 0
+        regular = self._factor_interface(shifts)
+        if not regular:
+            return False, np.zeros(rows.size)
+        solution = self._solve(rows.values)
+        if self.refine:
+            solution += self._refinement(shifts, solution)
+        return True, self._put(solution)
+
+    def _refinement(self, shifts: Shifts, solution: FloatArray) -> FloatArray:
+        """Correction that the exact tangent asks for: GMRES preconditioned by the frozen factors."""
+        count = self._sizes[-1]
+
+        def apply(vector: FloatArray) -> FloatArray:
+            self._put(vector)
+            for part in self.system.parts:
+                part.block.residual[:] = 0.0
+            self.system.subtract_tangent(shifts)
+            result = -self._solve(self._nothing)
+            result[count:] += vector[count:]
+            return result
+
+        self._put(solution)
+        # the residual holds A_0 s of the first solution s
+        self.system.subtract_tangent(shifts)
+        residual = self._solve(self._nothing)
+        size = self._dot(solution, solution) ** 0.5
+        self.defect = self._dot(residual, residual) ** 0.5 / size if size > 0.0 else 0.0
+        return minimal_residual(apply, residual, self._dot, _INNER * size, _SWEEPS)
+
+    def _dot(self, a: FloatArray, b: FloatArray) -> float:
+        """Inner product of the blocks' parts over all ranks."""
+        count = self._sizes[-1]
+        local = float(a[:count] @ b[:count])
+        return self.system.comm.allreduce(local) if self.system.comm.size > 1 else local
+
+    def _put(self, solution: FloatArray) -> FloatArray:
+        """Write the blocks' parts of a solution to their steps; the multipliers' part."""
+        for part, start, end in zip(
+            self.system.parts, self._sizes[:-1], self._sizes[1:], strict=True
+        ):
+            part.block.step[: part.block.owned] = solution[start:end].reshape(-1, 6)
+        return solution[self._sizes[-1] :]
+
+    def _factor_interface(self, shifts: Shifts) -> bool:
+        """Invert the rigid bodies, assemble and factorise the multipliers' system."""
+        rows, regular, at = self.system.constraints, True, 0
         for group in self._groups:
             if group.part.beams is None:
-                success = self._invert_rigid(group, shifts)
-            interface_response(
-                group.nodes, group.node_start, group.columns, group.column_start,
-                group.responses, group.response_start, group.part.block.residual, self._response,
-            )  # fmt: skip
+                regular = self._invert_rigid(group, shifts)
             schur(
                 group.sides, group.side_start, self._slot_column, self._slot_active,
                 group.column_start, group.compliances, group.compliance_start,
@@ -201,21 +253,42 @@ class FrozenSolver:
             self._values[at : at + len(group.entries)] = group.entries
             at += len(group.entries)
         self._values[at:] = rows.owned * rows.compliance
-        row_products(
-            rows.row_slots, self._local_slot, rows.step_jacobian, self._response, rows.owned,
-            rows.values, self._right,
-        )  # fmt: skip
         if rows.size_global:
-            success = self._interface.solve(self._values, self._right) and success
-        # S dL = Phi - G~ y is the correction dL; the blocks' steps are to be subtracted
-        self.system.add_constraint_forces(self._right)
-        for group in self._groups:
+            regular = self._interface.factor(self._values) and regular
+        return regular
+
+    def _solve(self, values: FloatArray) -> FloatArray:
+        """Solve with the frozen operator for the blocks' residuals and the given row values.
+
+        The residuals get the constraint forces added that the solution implies.
+
+        Returns:
+            Steps of the owned nodes of all blocks, then of this rank's multipliers.
+        """
+        rows, out = self.system.constraints, np.empty(self._sizes[-1] + len(values))
+        if rows.size_global:
+            for group in self._groups:
+                interface_response(
+                    group.nodes, group.node_start, group.columns, group.column_start,
+                    group.responses, group.response_start, group.part.block.residual,
+                    self._response,
+                )  # fmt: skip
+            row_products(
+                rows.row_slots, self._local_slot, rows.step_jacobian, self._response, rows.owned,
+                values, self._right,
+            )  # fmt: skip
+            self._interface.solve(self._right)
+            self.system.add_constraint_forces(self._right)
+        for group, start, end in zip(self._groups, self._sizes[:-1], self._sizes[1:], strict=True):
             block = group.part.block
             if group.part.beams is None:
                 multiply_blocks(self._inverses, block.residual, block.step)
             else:
                 self._factor.solve(block.residual[: block.owned], block.step[: block.owned])
-        return success, -self._right
+            out[start:end] = block.step[: block.owned].ravel()
+        # S dL = Phi - G~ y is the correction; steps are to be subtracted
+        np.negative(self._right, out=out[self._sizes[-1] :])
+        return out
 
     def _invert_rigid(self, group: _Bodies, shifts: Shifts) -> bool:
         """Fresh inverses of the rigid bodies' matrices and their compliances."""

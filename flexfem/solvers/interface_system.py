@@ -99,47 +99,46 @@ class InterfaceSystem:
             at = np.where(i[select] >= interior, i[select] - interior, i[select])
             to = np.where(j[select] >= interior, j[select] - interior, j[select])
             self._blocks.append((at * shape[1] + to, select, np.zeros(shape)))
-        size = shared_size
-        self._sum = np.zeros(size * (size + 1))
-        self._pivots = np.zeros(size, dtype=np.int64)
+        self._matrix = np.zeros((shared_size, shared_size))
+        self._vector = np.zeros(shared_size)
+        self._pivots = np.zeros(shared_size, dtype=np.int64)
 
-    def solve(self, values: FloatArray, right: FloatArray) -> bool:
-        """Solve in place (collective if rows are shared); False when the system is singular.
+    def factor(self, values: FloatArray) -> bool:
+        """Factorise (collective if rows are shared); False when the system is singular.
 
         Args:
             values: one number per entry of the pattern.
-            right: (r,) this rank's part of the right-hand side; becomes the solution.
         """
         inner = values if self._whole else values[self._inner]
         regular = self._interior.factor(inner) if self._count else True
-        own = right[: self._count]
-        if self._count and regular:
-            self._interior.solve(own)
         if self._shared_size == 0:
             return regular
-        return self._solve_shared(values, right, regular)
-
-    def _solve_shared(self, values: FloatArray, right: FloatArray, regular: bool) -> bool:
-        own, other = right[: self._count], right[self._count :]
         for index, select, out in self._blocks:
             out[:] = 0.0
             _scatter_add(index, select, values, out.reshape(-1))
-        to_outer, from_inner, outer = (b[2] for b in self._blocks)
-        columns = np.ascontiguousarray(to_outer.T)
+        to_outer, self._from_inner, outer = (b[2] for b in self._blocks)
+        self._columns = np.ascontiguousarray(to_outer.T)
         if self._count and regular:
-            for column in columns:
+            for column in self._columns:
                 self._interior.solve(column)
-            outer -= from_inner @ columns.T
-            other -= from_inner @ own
-        n = self._shared_size
-        self._sum[:] = 0.0
-        matrix, vector = self._sum[: n * n].reshape(n, n), self._sum[n * n :]
-        matrix[np.ix_(self._shared, self._shared)] = outer
-        vector[self._shared] = other
-        self._comm.Allreduce(MPI.IN_PLACE, self._sum, op=MPI.SUM)
-        regular = bool(lu_factor(matrix, self._pivots)) and regular
-        lu_solve(matrix, self._pivots, vector)
-        other[:] = vector[self._shared]
-        own -= columns.T @ other
-        return regular
+            outer -= self._from_inner @ self._columns.T
+        self._matrix[:] = 0.0
+        self._matrix[np.ix_(self._shared, self._shared)] = outer
+        self._comm.Allreduce(MPI.IN_PLACE, self._matrix, op=MPI.SUM)
+        return bool(lu_factor(self._matrix, self._pivots)) and regular
 
+    def solve(self, right: FloatArray) -> None:
+        """Solve in place for this rank's part of the right-hand side (collective if shared)."""
+        own, other = right[: self._count], right[self._count :]
+        if self._count:
+            self._interior.solve(own)
+        if self._shared_size == 0:
+            return
+        if self._count:
+            other -= self._from_inner @ own
+        self._vector[:] = 0.0
+        self._vector[self._shared] = other
+        self._comm.Allreduce(MPI.IN_PLACE, self._vector, op=MPI.SUM)
+        lu_solve(self._matrix, self._pivots, self._vector)
+        other[:] = self._vector[self._shared]
+        own -= self._columns.T @ other

@@ -41,7 +41,7 @@ def iterate(
     shifts: Shifts,
     linear_step: LinearStep,
     options: NewtonOptions,
-    too_slow: Callable[[int, float], None] | None = None,
+    observe: Callable[[int, float, bool], None] | None = None,
 ) -> Status:
     """Iterate from the predicted state until every block's step is below the tolerance.
 
@@ -50,8 +50,8 @@ def iterate(
         shifts: of the time integrator.
         linear_step: solver of the linearised equations.
         options: tolerances.
-        too_slow: called after an iteration that has not converged with its number and contraction;
-            it may refresh the matrix.
+        observe: called after every iteration with its number, its contraction and whether it is
+            the last; it may refresh the matrix.
     """
     rows = system.constraints
     previous = np.inf
@@ -67,13 +67,14 @@ def iterate(
         size = max(sizes[0], sizes[1])
         if not np.isfinite(size):
             return Status.DIVERGED
-        if sizes[0] <= options.tolerance and sizes[1] <= options.tolerance:
+        converged = sizes[0] <= options.tolerance and sizes[1] <= options.tolerance
+        contraction = size / previous if previous > 0.0 else 0.0
+        if observe is not None:
+            observe(iteration, contraction, converged)
+        if converged:
             return Status.OK
-        contraction = size / previous
         if contraction > _DIVERGENCE and iteration > 2 and size > _NOISE * options.tolerance:
             return Status.DIVERGED
-        if too_slow is not None:
-            too_slow(iteration, contraction)
         previous = size
     return Status.NOT_CONVERGED
 

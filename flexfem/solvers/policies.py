@@ -20,6 +20,9 @@ __all__ = ["AutoPolicy", "FrozenPolicy", "Policy", "UpdatedPolicy", "create_poli
 
 #: Contraction above which ``auto`` refreshes the factors.
 _SLOW = 0.5
+#: Contraction above which steps are refined by the action of the exact tangent, and the relative
+#: size of the refinement below which it is given up again.
+_REFINE, _RELAX = 0.02, 0.002
 
 
 class Policy(Protocol):
@@ -56,19 +59,25 @@ class FrozenPolicy:
 
     def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
         """See :class:`Policy`."""
-        if self._frozen.shifts != shifts:
-            self._frozen.factor(shifts)
+        frozen = self._frozen
+        if frozen.shifts != shifts:
+            frozen.factor(shifts)
         refreshed = False
 
-        def too_slow(iteration: int, contraction: float) -> None:
+        def observe(iteration: int, contraction: float, converged: bool) -> None:
             nonlocal refreshed
-            if self.slow is None or refreshed or iteration < 2 or contraction < self.slow:
+            if iteration < 2:
                 return
-            refreshed = True
-            self._frozen.factor(shifts)
+            if contraction > _REFINE:
+                frozen.refine = True
+            slow = self.slow is not None and contraction > self.slow
+            if slow and not refreshed and not converged:
+                refreshed = True
+                frozen.factor(shifts)
 
-        status = iterate(self._system, shifts, self._frozen.step, self._options, too_slow)
+        status = iterate(self._system, shifts, frozen.step, self._options, observe)
         if status is Status.OK:
+            frozen.refine = frozen.refine and frozen.defect > _RELAX
             return status
         self._system.counters.fallbacks += 1
         restart()

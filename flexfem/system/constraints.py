@@ -12,6 +12,7 @@ from flexfem.core.joint import Joint, Row, RowKind
 from flexfem.core.pose import Pose
 from flexfem.system.interface import Interface
 from flexfem.system.row_kernels import (
+    add_dampers,
     add_forces,
     add_hessians,
     evaluate_rows,
@@ -90,7 +91,7 @@ class Constraints:
         self.values, self.compliance = np.zeros(total), np.zeros(total)
         self.force_jacobian, self.step_jacobian = np.zeros((total, 2, 6)), np.zeros((total, 2, 6))
         self._poses = np.zeros((2 * len(self.joints), 12))
-        self._tangents = np.zeros((len(interface.keys), 36))
+        self._damped = bool(np.any(self.elastic[:, 2] > 0.0))
         self._number(comm)
 
     def _markers(self, counts: IntArray) -> None:
@@ -176,11 +177,17 @@ class Constraints:
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
         face = self.interface
         evaluate_rows(
-            face.frames, face.increments, face.velocities, self._marker_slot, self._marker_offset,
+            face.frames, face.velocities, self._marker_slot, self._marker_offset,
             self._row_marker, self._kinds, self._directions, self._targets, self._memory,
-            self.elastic, dynamics, self.multipliers, self._poses, self._tangents,
-            self.force_jacobian, self.step_jacobian, self.values, self.compliance,
+            self.elastic, dynamics, self.multipliers, self._poses, self.force_jacobian,
+            self.step_jacobian, self.values, self.compliance,
         )  # fmt: skip
+        if self._damped:
+            add_dampers(
+                self._poses, face.increments, face.velocities, self._marker_slot,
+                self._marker_offset, self._row_marker, self._kinds, self._directions,
+                self.elastic, dynamics, self.step_jacobian,
+            )  # fmt: skip
 
     def add_forces(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> None:
         """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each slot."""
@@ -195,13 +202,23 @@ class Constraints:
         )
 
     def hessians(self, factor: FloatArray) -> FloatArray:
-        """``sum_rows factor d(gradient)/dq`` with respect to the increments, (n_joints, 12, 12)."""
+        """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_joints, 12, 12)."""
         out = np.zeros((len(self.joints), 12, 12))
         add_hessians(
-            self._poses, self._tangents, self._marker_slot, self._marker_offset, self._row_marker,
-            self._kinds, self._directions, self.joint_of_row, factor, out,
+            self._poses, self._marker_slot, self._marker_offset, self._row_marker, self._kinds,
+            self._directions, self.joint_of_row, factor, out,
         )  # fmt: skip
         return out
+
+    def turning_forces(self, steps: FloatArray) -> FloatArray:
+        """(n_slots, 6) change of the constraint forces on the nodes along steps of the slots."""
+        slots = np.array([j.slots for j in self.joints], dtype=np.int64).reshape(-1, 2)
+        padded = np.concatenate([steps, np.zeros((1, 6))])
+        along = padded[slots].reshape(-1, 12, 1)
+        change = (self.hessians(self.multipliers) @ along).reshape(-1, 6)
+        out = np.zeros((len(steps) + 1, 6))
+        np.add.at(out, slots.ravel(), change)
+        return out[:-1]
 
     def second_rates(self) -> FloatArray:
         """(r,) second time derivative of every row at constant local velocities."""

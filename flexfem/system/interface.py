@@ -67,6 +67,7 @@ class Interface:
     Attributes:
         keys: node of each slot.
         frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
+        steps: (n, 6) Newton steps after ``update_steps``.
         block: block of each slot; local: local node where owned, else -1.
     """
 
@@ -96,6 +97,7 @@ class Interface:
         self.frames = np.zeros((len(mine), 12))
         self.increments = np.zeros((len(mine), 6))
         self.velocities = np.zeros((len(mine), 6))
+        self.steps = np.zeros((len(mine), 6))
         self._sources = [
             (block, self.local[slots], slots)
             for kind, block in enumerate(blocks)
@@ -129,25 +131,41 @@ class Interface:
                 block.frames, block.increment, block.velocity, local, slots,
                 self.frames, self.increments, self.velocities,
             )  # fmt: skip
+        self._exchange((self.frames, self.increments, self.velocities))
+
+    def update_steps(self) -> None:
+        """Fetch the blocks' steps at all slots (collective)."""
+        for block, local, slots in self._sources:
+            self.steps[slots] = block.step[local]
+        self._exchange((self.steps,))
+
+    def _exchange(self, tables: Sequence[FloatArray]) -> None:
+        """Send owned slots of the tables to the ranks that need them."""
         if not (self._send or self._receive):
             return
+        width = sum(table.shape[1] for table in tables)
         requests = [
-            self.comm.Irecv(buffer, source=rank) for rank, _, buffer in self._receive
+            self.comm.Irecv(buffer[: len(slots) * width], source=rank)
+            for rank, slots, buffer in self._receive
         ]
         for rank, slots, buffer in self._send:
-            buffer[:, :12], buffer[:, 12:18] = self.frames[slots], self.increments[slots]
-            buffer[:, 18:] = self.velocities[slots]
-            requests.append(self.comm.Isend(buffer, dest=rank))
+            data = buffer[: len(slots) * width]
+            np.concatenate(
+                [table[slots] for table in tables], axis=1, out=data.reshape(len(slots), width)
+            )
+            requests.append(self.comm.Isend(data, dest=rank))
         MPI.Request.Waitall(requests)
         for _, slots, buffer in self._receive:
-            self.frames[slots], self.increments[slots] = buffer[:, :12], buffer[:, 12:18]
-            self.velocities[slots] = buffer[:, 18:]
+            data, at = buffer[: len(slots) * width].reshape(len(slots), width), 0
+            for table in tables:
+                table[slots] = data[:, at : at + table.shape[1]]
+                at += table.shape[1]
 
 
 def _buffers(
     slots: dict[int, list[int]],
 ) -> list[tuple[int, npt.NDArray[np.int64], FloatArray]]:
     return [
-        (rank, np.array(s, dtype=np.int64), np.empty((len(s), _WIDTH)))
+        (rank, np.array(s, dtype=np.int64), np.empty(len(s) * _WIDTH))
         for rank, s in sorted(slots.items())
     ]

@@ -36,7 +36,7 @@ class NodeMasses:
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> FloatArray:
-        """(k, 6, 6) of ``scale (k K T + c C + m M)``, ``shifts`` = (c, m, k)."""
+        """(k, 6, 6) of ``scale (k K + (c C + m M) T^-1)``, ``shifts`` = (c, m, k)."""
         out = np.empty_like(self.matrices)
         inertia_tangent(
             self.nodes, self.matrices, gravity, block.frames, block.velocity, block.increment,
@@ -77,10 +77,10 @@ class NodeForces:
         )  # fmt: skip
 
     def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
-        """(k, 6, 6) derivative of the residual with respect to the increment."""
+        """(k, 6, 6) derivative of the residual along local twists."""
         out = np.empty((len(self.nodes), 6, 6))
         force_tangent(
             self.nodes, self._offsets, self._forces, self._moments, self._follower, self._load,
-            factors, block.frames, block.increment, scale, out,
+            factors, block.frames, scale, out,
         )  # fmt: skip
         return out

@@ -9,9 +9,10 @@ twists ``(V_a, Omega_a, V_b, Omega_b)`` (12 numbers). The derivation uses ``dx =
 import numpy as np
 
 from flexfem.lie.compiled import kernel
-from flexfem.lie.se3 import compose_into, tangent_into
+from flexfem.lie.se3 import compose_into, inverse_tangent_into
 
 __all__ = [
+    "add_dampers",
     "add_forces",
     "add_hessians",
     "evaluate_rows",
@@ -111,15 +112,6 @@ def _to_node(offset, g, at, out):
 
 
 @kernel
-def _times_tangent(T, g, out):
-    """Row vector ``g T``."""
-    for j in range(6):
-        out[j] = 0.0
-        for i in range(6):
-            out[j] += g[i] * T[6 * i + j]
-
-
-@kernel
 def marker_poses(frames, marker_node, marker_offset, poses):
     """Poses of all markers from the frames of their nodes (node -1: ground)."""
     for m in range(marker_node.size):
@@ -127,61 +119,6 @@ def marker_poses(frames, marker_node, marker_offset, poses):
             poses[m] = marker_offset[m]
         else:
             compose_into(frames[marker_node[m]], marker_offset[m], poses[m])
-
-
-@kernel
-def evaluate_rows(
-    frames, increments, velocities, marker_node, marker_offset, row_marker, kinds, directions,
-    targets, memory, elastic, dynamics, multipliers, poses, tangents, force_jacobian,
-    step_jacobian, values, compliance,
-):  # fmt: skip
-    """Evaluate every row at the trial configuration.
-
-    Args:
-        frames: (n, 12) frames of the nodes that carry markers; increments, velocities: (n, 6) their
-            increment over the step and local velocity.
-        marker_node: (m,) node of each marker, -1 for ground; marker_offset: (m, 12).
-        row_marker: (r, 2); kinds: (r,); directions: (r, 3, 3) u, v, p; targets, memory: (r,).
-        elastic: (r, 3) flag, stiffness, damping of rows with compliance.
-        dynamics: (3,) ``gamma/(beta h)``, ``beta h^2``, unused.
-        multipliers: (r,) scaled by ``beta h^2``.
-        poses: (m, 12) work; tangents: (n, 36) work.
-        force_jacobian: (r, 2, 6) gradient with respect to the nodes' local twists.
-        step_jacobian: (r, 2, 6) gradient with respect to the increments over the step.
-        values: (r,) residual of the row; compliance: (r,) what couples its own multiplier.
-    """
-    marker_poses(frames, marker_node, marker_offset, poses)
-    for n in range(frames.shape[0]):
-        tangent_into(increments[n], tangents[n])
-    g, scratch = np.empty(12), np.empty((5, 3))
-    for r in range(kinds.size):
-        a, b = row_marker[r, 0], row_marker[r, 1]
-        u, v, p = directions[r, 0], directions[r, 1], directions[r, 2]
-        value = _row(kinds[r], poses[a], poses[b], u, v, p, memory[r], g, scratch) - targets[r]
-        rate = 0.0
-        for side in range(2):
-            m = row_marker[r, side]
-            node = marker_node[m]
-            if node < 0:
-                force_jacobian[r, side] = 0.0
-                step_jacobian[r, side] = 0.0
-                continue
-            _to_node(marker_offset[m], g, 6 * side, force_jacobian[r, side])
-            _times_tangent(tangents[node], force_jacobian[r, side], step_jacobian[r, side])
-            for i in range(6):
-                rate += force_jacobian[r, side, i] * velocities[node, i]
-        values[r], compliance[r] = value, 0.0
-        if elastic[r, 0] != 0.0:
-            # force k value + c rate: divided by k + c gamma/(beta h) the row is scaled as a rigid one
-            k, c = elastic[r, 1], elastic[r, 2]
-            scale = 1.0 / (k + c * dynamics[0])
-            values[r] = scale * (k * value + c * rate - multipliers[r] / dynamics[1])
-            compliance[r] = scale / dynamics[1]
-            for side in range(2):
-                for i in range(6):
-                    step_jacobian[r, side, i] = scale * (
-                        k * step_jacobian[r, side, i] + c * dynamics[0] * force_jacobian[r, side, i]
-                    )
 
 
 @kernel
@@ -374,15 +311,13 @@ def _marker_map(offset, J):
 
 @kernel
 def add_hessians(
-    poses, tangents, marker_node, marker_offset, row_marker, kinds, directions, joint_of_row,
-    factor, out,
-):  # fmt: skip
+    poses, marker_node, marker_offset, row_marker, kinds, directions, joint_of_row, factor, out
+):
     """Add ``factor`` times every row's second derivative to its joint's block of ``out``.
 
-    Rows are derivatives with respect to the nodes' local twists, columns with respect to the
-    increments of the nodes over the step.
+    Rows and columns refer to the nodes' local twists.
     """
-    h, J, T, left = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty((2, 6, 6)), np.empty((12, 12))
+    h, J, left = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty((12, 12))
     for r in range(kinds.size):
         if factor[r] == 0.0:
             continue
@@ -392,20 +327,13 @@ def add_hessians(
         for side in range(2):
             m = row_marker[r, side]
             J[side] = 0.0
-            T[side] = 0.0
             if marker_node[m] >= 0:
                 _marker_map(marker_offset[m], J[side])
-                for i in range(6):
-                    for j in range(6):
-                        for k in range(6):
-                            T[side, i, j] += (
-                                J[side, i, k] * tangents[marker_node[m], 6 * k + j]
-                            )
         for i in range(12):
             for j in range(12):
                 left[i, j] = 0.0
                 for k in range(6):
-                    left[i, j] += h[i, 6 * (j // 6) + k] * T[j // 6, k, j % 6]
+                    left[i, j] += h[i, 6 * (j // 6) + k] * J[j // 6, k, j % 6]
         block = out[joint_of_row[r]]
         for i in range(12):
             for j in range(12):
@@ -436,3 +364,93 @@ def second_rates(
         for i in range(12):
             for j in range(12):
                 out[r] += v[i] * h[i, j] * v[j]
+
+
+@kernel
+def evaluate_rows(
+    frames, velocities, marker_node, marker_offset, row_marker, kinds, directions, targets, memory,
+    elastic, dynamics, multipliers, poses, force_jacobian, step_jacobian, values, compliance,
+):  # fmt: skip
+    """Evaluate every row at the trial configuration.
+
+    Args:
+        frames: (n, 12) frames of the nodes that carry markers; velocities: (n, 6) local twists.
+        marker_node: (m,) node of each marker, -1 for ground; marker_offset: (m, 12).
+        row_marker: (r, 2); kinds: (r,); directions: (r, 3, 3) u, v, p; targets, memory: (r,).
+        elastic: (r, 3) flag, stiffness, damping of rows with compliance.
+        dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
+        multipliers: (r,) scaled by ``beta h^2``.
+        poses: (m, 12) work.
+        force_jacobian: (r, 2, 6) gradient with respect to the nodes' local twists.
+        step_jacobian: (r, 2, 6) derivative of ``values`` along them; dampers: see ``add_dampers``.
+        values: (r,) residual of the row; compliance: (r,) what couples its own multiplier.
+    """
+    marker_poses(frames, marker_node, marker_offset, poses)
+    g, scratch = np.empty(12), np.empty((5, 3))
+    for r in range(kinds.size):
+        a, b = row_marker[r, 0], row_marker[r, 1]
+        u, v, p = directions[r, 0], directions[r, 1], directions[r, 2]
+        value = _row(kinds[r], poses[a], poses[b], u, v, p, memory[r], g, scratch) - targets[r]
+        rate = 0.0
+        for side in range(2):
+            m = row_marker[r, side]
+            node = marker_node[m]
+            if node < 0:
+                force_jacobian[r, side] = 0.0
+                step_jacobian[r, side] = 0.0
+                continue
+            _to_node(marker_offset[m], g, 6 * side, force_jacobian[r, side])
+            for i in range(6):
+                step_jacobian[r, side, i] = force_jacobian[r, side, i]
+                rate += force_jacobian[r, side, i] * velocities[node, i]
+        values[r], compliance[r] = value, 0.0
+        if elastic[r, 0] != 0.0:
+            # force k value + c rate: divided by k + c gamma/(beta h) the row is scaled as a rigid one
+            k, c = elastic[r, 1], elastic[r, 2]
+            scale = 1.0 / (k + c * dynamics[0])
+            values[r] = scale * (k * value + c * rate - multipliers[r] / dynamics[1])
+            compliance[r] = scale / dynamics[1]
+
+
+@kernel
+def add_dampers(
+    poses, increments, velocities, marker_node, marker_offset, row_marker, kinds, directions,
+    elastic, dynamics, step_jacobian,
+):  # fmt: skip
+    """Exact ``step_jacobian`` of rows with damping: their rate depends on position and increment."""
+    h, J, Tinv = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(36)
+    v, w, rate = np.empty(12), np.empty(6), np.empty(6)
+    for r in range(kinds.size):
+        k, c = elastic[r, 1], elastic[r, 2]
+        if elastic[r, 0] == 0.0 or c == 0.0:
+            continue
+        scale = 1.0 / (k + c * dynamics[0])
+        d = directions[r]
+        row_hessian(
+            kinds[r], poses[row_marker[r, 0]], poses[row_marker[r, 1]], d[0], d[1], d[2], h
+        )
+        v[:] = 0.0
+        J[:] = 0.0
+        for side in range(2):
+            m = row_marker[r, side]
+            if marker_node[m] >= 0:
+                _marker_map(marker_offset[m], J[side])
+                for i in range(6):
+                    for j in range(6):
+                        v[6 * side + i] += J[side, i, j] * velocities[marker_node[m], j]
+        for side in range(2):
+            m = row_marker[r, side]
+            if marker_node[m] < 0:
+                continue
+            inverse_tangent_into(increments[marker_node[m]], Tinv)
+            for j in range(6):
+                w[j] = 0.0
+                for i in range(12):
+                    w[j] += v[i] * h[i, 6 * side + j]
+            for j in range(6):
+                rate[j] = 0.0
+                for i in range(6):
+                    rate[j] += w[i] * J[side, i, j]
+                    rate[j] += dynamics[0] * step_jacobian[r, side, i] * Tinv[6 * i + j]
+            for j in range(6):
+                step_jacobian[r, side, j] = scale * (k * step_jacobian[r, side, j] + c * rate[j])

@@ -178,6 +178,32 @@ class System:
             if len(part.slots):
                 self.constraints.add_forces(multipliers, part.slots, part.block.residual)
 
+    def subtract_tangent(self, shifts: Shifts) -> None:
+        """Subtract the exact tangent applied to the blocks' steps from their residuals (collective).
+
+        Residuals of ghosts must be zero.
+        """
+        scale, gravity, array = shifts.scale, self.gravity, shifts.array
+        for part in self.parts:
+            block = part.block
+            block.spread_step()
+            if part.beams is not None:
+                block.residual[block.owned :] = 0.0
+                part.beams.add_action(block, gravity, array, -scale)
+                block.add_ghosts()
+            for nodes, matrices in (
+                (part.masses.nodes, part.masses.tangent(block, gravity, array, scale)),
+                (part.forces.nodes, part.forces.tangent(block, self._factors, scale)),
+            ):
+                np.subtract.at(
+                    block.residual, nodes, np.einsum("kij,kj->ki", matrices, block.step[nodes])
+                )
+        self.interface.update_steps()
+        turning = self.constraints.turning_forces(self.interface.steps)
+        for part in self.parts:
+            held = part.slots >= 0
+            np.subtract.at(part.block.residual, part.slots[held], turning[held])
+
     def correct(self, sign: float) -> float:
         """Apply the blocks' steps; largest entry on this rank."""
         return max((part.block.correct(sign) for part in self.parts), default=0.0)

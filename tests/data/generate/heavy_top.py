@@ -85,7 +85,7 @@ def main() -> None:
 Position of the mass centre, angular velocity in body axes, force of the joint on the body in
 inertial axes. Source: tests/data/generate/heavy_top.py, Euler's equations about the fixed point
 with quaternion kinematics, scipy {scipy.__version__} DOP853, rtol 1e-13, atol 1e-14.
-Estimated error: positions 1e-10 m, angular velocities 1e-9 rad/s, forces 1e-7 N (differences from
+Estimated error: positions 1e-12 m, angular velocities 1e-11 rad/s, forces 1e-9 N (differences from
 an independently published table: at most {worst:.1g} m or rad/s, its last printed digit)."""
     write("heavy_top", header, columns, np.column_stack(table), 13)
 
