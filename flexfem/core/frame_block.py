@@ -59,7 +59,7 @@ class FrameBlock:
         self.auxiliary0 = np.zeros((count, 6))
         self.increment = np.zeros((count, 6))
         self._velocity_base, self._acceleration_base = np.zeros((count, 6)), np.zeros((count, 6))
-        self._rates = np.zeros(2)
+        self._rates, self._misses = np.zeros(2), np.zeros(2)
         self._residual, self._step = la.vector(index_map, 6), la.vector(index_map, 6)
         self.residual: FloatArray = self._residual.array.reshape(-1, 6)
         self.step: FloatArray = self._step.array.reshape(-1, 6)
@@ -88,12 +88,17 @@ class FrameBlock:
         )  # fmt: skip
         return largest
 
-    def accept(self, law: FloatArray) -> None:
-        """End a step; see ``frame_kernels.accept``."""
+    def accept(self, law: FloatArray, h: float) -> FloatArray:
+        """End a step of size ``h`` (s); see ``frame_kernels.accept``.
+
+        Returns:
+            (2,) how far predictions from velocity alone and from acceleration too were off.
+        """
         accept(
             self.frames0, self.velocity0, self.auxiliary0, self.acceleration0, self.frames,
-            self.increment, self.velocity, self.acceleration, law,
+            self.increment, self.velocity, self.acceleration, law, h, self.owned, self._misses,
         )  # fmt: skip
+        return self._misses
 
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""

@@ -68,10 +68,19 @@ def _orthonormalise(H):
 
 
 @kernel
-def accept(frames0, v0, a0, w0, frames, n, v, w, law):
-    """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0."""
+def accept(frames0, v0, a0, w0, frames, n, v, w, law, h, owned, misses):
+    """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0.
+
+    ``misses`` (2,) becomes the largest distances of the increments of the owned nodes from
+    ``h v0`` and from ``h v0 + h^2/2 a0``.
+    """
+    misses[:] = 0.0
     for i in range(n.shape[0]):
         for k in range(6):
+            if i < owned:
+                miss = n[i, k] - h * v0[i, k]
+                misses[0] = max(misses[0], abs(miss))
+                misses[1] = max(misses[1], abs(miss - 0.5 * h * h * a0[i, k]))
             a0[i, k] = law[0] * n[i, k] + law[1] * v0[i, k] + law[2] * a0[i, k]
             v0[i, k] = v[i, k]
             w0[i, k] = w[i, k]

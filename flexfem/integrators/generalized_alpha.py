@@ -64,8 +64,11 @@ class GeneralizedAlpha:
         weight = (1.0 - self.alpha_m) / (1.0 - self.alpha_f)
         return Shifts(self.gamma / (self.beta * h), weight / scale, scale)
 
-    def _laws(self, h: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _laws(self, h: float, smooth: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Laws of prediction, rates and acceptance, see ``frame_kernels``.
+
+        Increments are predicted from velocities, and from accelerations while these help: a load
+        that jumps makes old accelerations of small inertias a bad guess.
 
         With n the increment: ``a = n/(beta h^2) - v0/(beta h) - (1/2 - beta)/beta a0``,
         ``v = v0 + (1 - gamma) h a0 + gamma h a`` and
@@ -77,7 +80,7 @@ class GeneralizedAlpha:
         predict = np.array(
             [
                 h,
-                0.0,
+                0.5 * h * h if smooth else 0.0,
                 1.0 - gamma / beta,
                 h * (1.0 - 0.5 * gamma / beta),
                 weight * auxiliary[1],
@@ -90,13 +93,12 @@ class GeneralizedAlpha:
 
     def step(self, system: System, policy: Policy, h: float) -> Status:
         """Advance the system by ``h`` (s); on failure it is left at the accepted state."""
-        predict, rates, accept = self._laws(h)
+        predict, rates, accept = self._laws(h, system.smooth)
         rows, shifts = system.constraints, self.shifts(h)
         start, forces = system.time, rows.forces.copy()
         system.set_time(start + h)
 
         def restart() -> None:
-            # increments from velocities alone: a load that jumps spoils old accelerations
             system.predict(predict, rates)
             rows.multipliers[:] = shifts.scale * forces
 
@@ -107,5 +109,5 @@ class GeneralizedAlpha:
             system.reset()
             return status
         rows.forces[:] = rows.multipliers / shifts.scale
-        system.accept(accept)
+        system.accept(accept, h)
         return status

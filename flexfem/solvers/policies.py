@@ -20,9 +20,12 @@ __all__ = ["AutoPolicy", "FrozenPolicy", "Policy", "UpdatedPolicy", "create_poli
 
 #: Contraction above which ``auto`` refreshes the factors.
 _SLOW = 0.5
-#: Contraction above which steps are refined by the action of the exact tangent, and the relative
-#: size of the refinement below which it is given up again.
-_REFINE, _RELAX = 0.02, 0.002
+#: Contraction above which steps are refined by the action of the exact tangent: ``frozen`` keeps
+#: close to the iterations of a fresh matrix, ``auto`` takes the cheaper plain steps while they do.
+_REFINE_FROZEN, _REFINE_AUTO = 0.005, 0.1
+#: What the frozen operator missed, relative to the step, below which refinement is given up again,
+#: as a part of the former.
+_RELAX = 0.2
 
 
 class Policy(Protocol):
@@ -50,6 +53,8 @@ class FrozenPolicy:
 
     #: contraction at which the factors are refreshed within a step
     slow: float | None = None
+    #: contraction above which steps are refined
+    refine = _REFINE_FROZEN
 
     def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
         """Set up the frozen solver (collective)."""
@@ -68,7 +73,7 @@ class FrozenPolicy:
             nonlocal refreshed
             if iteration < 2:
                 return
-            if contraction > _REFINE:
+            if contraction > self.refine:
                 frozen.refine = True
             slow = self.slow is not None and contraction > self.slow
             if slow and not refreshed and not converged:
@@ -77,7 +82,7 @@ class FrozenPolicy:
 
         status = iterate(self._system, shifts, frozen.step, self._options, observe)
         if status is Status.OK:
-            frozen.refine = frozen.refine and frozen.defect > _RELAX
+            frozen.refine = frozen.refine and frozen.defect > _RELAX * self.refine
             return status
         self._system.counters.fallbacks += 1
         restart()
@@ -88,6 +93,7 @@ class AutoPolicy(FrozenPolicy):
     """Frozen factors, refreshed where the iteration contracts slowly."""
 
     slow = _SLOW
+    refine = _REFINE_AUTO
 
 
 def create_policy(

@@ -111,6 +111,7 @@ class System:
         part_of_slot, body_of_slot: part and body of every interface slot.
         counters: what the run has counted so far.
         time: time of the trial state, s.
+        smooth: accelerations improved the prediction of the last step.
     """
 
     def __init__(
@@ -135,6 +136,7 @@ class System:
         self._factors = np.ones(len(self._loads))
         self.counters = Counters()
         self.time = 0.0
+        self.smooth = False
 
     @property
     def unknowns(self) -> int:
@@ -208,10 +210,14 @@ class System:
         """Apply the blocks' steps; largest entry on this rank."""
         return max((part.block.correct(sign) for part in self.parts), default=0.0)
 
-    def accept(self, law: FloatArray) -> None:
-        """End a step: trial state becomes the state."""
+    def accept(self, law: FloatArray, h: float) -> None:
+        """End a step: trial state becomes the state, and the better predictor is chosen."""
+        misses = np.zeros(2)
         for part in self.parts:
-            part.block.accept(law)
+            np.maximum(misses, part.block.accept(law, h), out=misses)
+        if self.comm.size > 1:
+            self.comm.Allreduce(MPI.IN_PLACE, misses, op=MPI.MAX)
+        self.smooth = bool(misses[1] < misses[0])
         self.interface.update()
         self.constraints.accept()
 
