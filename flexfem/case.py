@@ -52,6 +52,7 @@ class Case:
     iteration_matrix: str = RUN_DEFAULTS["iteration_matrix"]
     tolerance: float = RUN_DEFAULTS["tolerance"]
     every: int = RUN_DEFAULTS["every"]
+    split_above: int = RUN_DEFAULTS["split_above"]
     smoke: Mapping[str, Any] = field(default_factory=dict)
     results: Callable[[History], Mapping[str, float]] | None = None
     description: str = ""

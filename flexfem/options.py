@@ -151,6 +151,13 @@ RUN_OPTIONS = (
         maximum=0.1,
     ),
     Option("every", int, 10, "write the ParaView fields every N-th step", minimum=1),
+    Option(
+        "split_above",
+        int,
+        4000,
+        "a beam with more elements than this and than a rank's share is split over ranks",
+        minimum=1,
+    ),
 )
 RUN_DEFAULTS: Mapping[str, Any] = {option.name: option.default for option in RUN_OPTIONS}
 
@@ -167,6 +174,7 @@ class RunOptions:
         tolerance: Newton steps of positions (m), rotations (rad) and multipliers times
             ``beta h^2`` must fall below it.
         every: Fields are written every that many steps.
+        split_above: Elements above which one beam may be split over ranks.
         output: Folder of the results; None writes nothing.
         quiet: No progress bar.
 
@@ -181,6 +189,7 @@ class RunOptions:
     iteration_matrix: str = RUN_DEFAULTS["iteration_matrix"]
     tolerance: float = RUN_DEFAULTS["tolerance"]
     every: int = RUN_DEFAULTS["every"]
+    split_above: int = RUN_DEFAULTS["split_above"]
     output: Path | None = None
     quiet: bool = False
 

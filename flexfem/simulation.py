@@ -78,7 +78,9 @@ class Simulation:
         model.validate()
         self.options = options
         self.serial = Assembly(model)
-        self.system: System = build(self.serial, comm or MPI.COMM_WORLD)
+        self.system: System = build(
+            self.serial, comm or MPI.COMM_WORLD, options.split_above
+        )
         self.system.set_time(0.0)
         self._integrator = GeneralizedAlpha(options.rho_inf)
         tangent = TangentSolver(self.system)

@@ -10,13 +10,10 @@ import numpy as np
 
 from flexfem._types import IntArray
 
-__all__ = ["SPLIT_ABOVE", "partition_bodies"]
-
-#: A body with fewer cells than this is never split: its solve is shorter than the exchange.
-SPLIT_ABOVE = 4000
+__all__ = ["partition_bodies"]
 
 
-def partition_bodies(cells: IntArray, ranks: int, split_above: int = SPLIT_ABOVE) -> list[IntArray]:
+def partition_bodies(cells: IntArray, ranks: int, split_above: int) -> list[IntArray]:
     """Distribute bodies over ranks by their number of cells.
 
     Args:

@@ -14,7 +14,6 @@ from flexfem.loads.line_load import LineLoad
 from flexfem.loads.point_force import PointForce
 from flexfem.loads.point_moment import PointMoment
 from flexfem.mesh.beam_mesh import create_beam_mesh
-from flexfem.mesh.partition import SPLIT_ABOVE
 from flexfem.model.bodies import RigidBody
 from flexfem.system.assembly import Assembly
 from flexfem.system.constraints import Constraints, PlacedJoint
@@ -26,9 +25,7 @@ from flexfem.system.system import BlockPart, System
 __all__ = ["build"]
 
 
-def build(
-    serial: Assembly, comm: MPI.Intracomm, split_above: int = SPLIT_ABOVE
-) -> System:
+def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     """Build the system of a model (collective).
 
     Args:
