@@ -4,7 +4,7 @@
 import numpy as np
 
 from flexfem.la.kernel import tabulate
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into
 
 __all__ = ["add_action", "add_residual", "add_tangent", "cell_resultants"]
@@ -15,71 +15,73 @@ _TWIST, _LENGTH, _DAMPING, _STIFFNESS, _INERTIA = 4, 5, 6, 7, 8
 _TURN, _CHANGE = 9, 10
 
 
-@kernel
-def _turn(Q, v, out, at):
-    """``Q^T v`` for both halves of a twist."""
+@inlined
+def _put_twist(data, at, values, node, turned, Q, cell, side):
+    """Write a nodal twist, turned into the section axes if need be."""
     for half in range(0, 6, 3):
         for i in range(3):
-            out[at + half + i] = (
-                Q[i] * v[half] + Q[i + 3] * v[half + 1] + Q[i + 6] * v[half + 2]
-            )
-
-
-@kernel
-def _pack_node(data, offsets, side, frame, velocity, acceleration, turned, Q):
-    """Write the nodal data of one end of a cell, turned into the section axes if need be."""
-    at = offsets[_POSITION] + 3 * side
-    data[at : at + 3] = frame[:3]
-    at = offsets[_ROTATION] + 9 * side
-    if turned:
-        for i in range(3):
-            for j in range(3):
-                k = 3 + 3 * i
-                data[at + 3 * i + j] = (
-                    frame[k] * Q[j] + frame[k + 1] * Q[3 + j] + frame[k + 2] * Q[6 + j]
+            if turned:
+                data[at + half + i] = (
+                    Q[cell, side, i] * values[node, half]
+                    + Q[cell, side, i + 3] * values[node, half + 1]
+                    + Q[cell, side, i + 6] * values[node, half + 2]
                 )
-    else:
-        data[at : at + 9] = frame[3:]
-    at = offsets[_VELOCITY] + 6 * side
-    if turned:
-        _turn(Q, velocity, data, at)
-    else:
-        data[at : at + 6] = velocity
-    if offsets[_ACCELERATION] >= 0:
-        at = offsets[_ACCELERATION] + 6 * side
-        if turned:
-            _turn(Q, acceleration, data, at)
-        else:
-            data[at : at + 6] = acceleration
+            else:
+                data[at + half + i] = values[node, half + i]
 
 
-@kernel
-def _pack_cell(data, offsets, twist, length, damping, laws):
-    """Write the constant data of one cell; ``laws`` (2, 21) stiffness and inertia."""
+@inlined
+def _put_frame(data, offsets, side, frames, node, turned, Q, cell):
+    """Write the section frame at one end of a cell."""
+    at, to = offsets[_POSITION] + 3 * side, offsets[_ROTATION] + 9 * side
+    for i in range(3):
+        data[at + i] = frames[node, i]
+        k = 3 + 3 * i
+        for j in range(3):
+            if turned:
+                data[to + 3 * i + j] = (
+                    frames[node, k] * Q[cell, side, j]
+                    + frames[node, k + 1] * Q[cell, side, 3 + j]
+                    + frames[node, k + 2] * Q[cell, side, 6 + j]
+                )
+            else:
+                data[to + 3 * i + j] = frames[node, k + j]
+
+
+@inlined
+def _put_cell(data, offsets, c, twists, lengths, damping):
+    """Write the constant data of one cell."""
     if offsets[_TWIST] >= 0:
-        data[offsets[_TWIST] : offsets[_TWIST] + 6] = twist
-    data[offsets[_LENGTH]] = length
+        for i in range(6):
+            data[offsets[_TWIST] + i] = twists[c, i]
+    data[offsets[_LENGTH]] = lengths[c]
     if offsets[_DAMPING] >= 0:
-        data[offsets[_DAMPING]] = damping
-    if offsets[_STIFFNESS] >= 0:
-        data[offsets[_STIFFNESS] : offsets[_STIFFNESS] + 21] = laws[0]
-    data[offsets[_INERTIA] : offsets[_INERTIA] + 21] = laws[1]
+        data[offsets[_DAMPING]] = damping[c]
 
 
-@kernel
-def _add_force(nodes, turned, turns, force, scale, residual):
+@inlined
+def _put_laws(data, offsets, laws, section):
+    """Write stiffness and inertia of a section: they stay while the section does."""
+    for i in range(21):
+        if offsets[_STIFFNESS] >= 0:
+            data[offsets[_STIFFNESS] + i] = laws[section, 0, i]
+        data[offsets[_INERTIA] + i] = laws[section, 1, i]
+
+
+@inlined
+def _add_force(cells, c, turned, Q, turn, force, scale, residual):
     """Add the force on both ends of a cell to its nodes, turned back into their axes."""
     for side in range(2):
-        node, Q = nodes[side], turns[side]
+        node = cells[c, side]
         for half in range(0, 6, 3):
             at = 6 * side + half
             for i in range(3):
                 value = force[at + i]
                 if turned:
                     value = (
-                        Q[3 * i] * force[at]
-                        + Q[3 * i + 1] * force[at + 1]
-                        + Q[3 * i + 2] * force[at + 2]
+                        Q[turn, side, 3 * i] * force[at]
+                        + Q[turn, side, 3 * i + 1] * force[at + 1]
+                        + Q[turn, side, 3 * i + 2] * force[at + 2]
                     )
                 residual[node, half + i] += scale * value
 
@@ -93,17 +95,25 @@ def add_residual(
     data, force = np.empty(offsets[-1]), np.empty(12)
     points = np.zeros(6)
     points[3] = 1.0  # the form does not depend on the size of the reference cell
+    law = -1
     for c in range(cells.shape[0]):
+        at, turn = turned[c], c * turned[c]
         for side in range(2):
             node = cells[c, side]
-            _pack_node(
-                data, offsets, side, frames[node], velocity[node], acceleration[node],
-                turned[c], turns[c * turned[c], side],
-            )  # fmt: skip
-        _pack_cell(data, offsets, twists[c], lengths[c], damping[c], laws[sections[c]])
+            _put_frame(data, offsets, side, frames, node, at, turns, turn)
+            _put_twist(
+                data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side
+            )
+            _put_twist(
+                data, offsets[_ACCELERATION] + 6 * side, acceleration, node, at, turns, turn, side
+            )
+        _put_cell(data, offsets, c, twists, lengths, damping)
+        if sections[c] != law:
+            law = sections[c]
+            _put_laws(data, offsets, laws, law)
         force[:] = 0.0
         tabulate(address, force, data, gravity, points)
-        _add_force(cells[c], turned[c], turns[c * turned[c]], force, scale, residual)
+        _add_force(cells, c, at, turns, turn, force, scale, residual)
 
 
 @kernel
@@ -116,29 +126,30 @@ def add_action(
     ``constants`` holds gravity, c and m, ``stiffness_factor`` is k.
     """
     data, force = np.empty(offsets[-1]), np.empty(12)
-    turn, change = np.empty(6), np.empty(6)
-    points, nothing = np.zeros(6), np.zeros(6)
+    change = np.empty((1, 6))
+    points, law = np.zeros(6), -1
     points[3] = 1.0
     for c in range(cells.shape[0]):
+        at, turn = turned[c], c * turned[c]
         for side in range(2):
-            node, Q = cells[c, side], turns[c * turned[c], side]
-            _pack_node(
-                data, offsets, side, frames[node], velocity[node], nothing, turned[c], Q
+            node = cells[c, side]
+            _put_frame(data, offsets, side, frames, node, at, turns, turn)
+            _put_twist(
+                data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side
             )
-            inverse_tangent_apply(increments[node], step[node], change)
+            first = offsets[_TURN] + 6 * side
+            _put_twist(data, first, step, node, at, turns, turn, side)
             for i in range(6):
-                turn[i] = stiffness_factor * step[node, i]
-            at, to = offsets[_TURN] + 6 * side, offsets[_CHANGE] + 6 * side
-            if turned[c]:
-                _turn(Q, turn, data, at)
-                _turn(Q, change, data, to)
-            else:
-                data[at : at + 6] = turn
-                data[to : to + 6] = change
-        _pack_cell(data, offsets, twists[c], lengths[c], damping[c], laws[sections[c]])
+                data[first + i] *= stiffness_factor
+            inverse_tangent_apply(increments[node], step[node], change[0])
+            _put_twist(data, offsets[_CHANGE] + 6 * side, change, 0, at, turns, turn, side)
+        _put_cell(data, offsets, c, twists, lengths, damping)
+        if sections[c] != law:
+            law = sections[c]
+            _put_laws(data, offsets, laws, law)
         force[:] = 0.0
         tabulate(address, force, data, constants, points)
-        _add_force(cells[c], turned[c], turns[c * turned[c]], force, scale, residual)
+        _add_force(cells, c, at, turns, turn, force, scale, residual)
 
 
 @kernel
@@ -176,28 +187,28 @@ def add_tangent(
     """
     k_data, m_data = np.empty(stiffness_offsets[-1]), np.empty(inertia_offsets[-1])
     K, M, T, work = np.empty(144), np.empty(144), np.empty((2, 36)), np.empty(6)
-    points = np.zeros(6)
+    points, law = np.zeros(6), -1
     points[3] = 1.0
-    nothing = np.zeros(6)
     for c in range(cells.shape[0]):
+        at, turn = turned[c], c * turned[c]
+        for data, offsets in ((k_data, stiffness_offsets), (m_data, inertia_offsets)):
+            for side in range(2):
+                node = cells[c, side]
+                if offsets[_POSITION] >= 0:
+                    _put_frame(data, offsets, side, frames, node, at, turns, turn)
+                if offsets[_VELOCITY] >= 0:
+                    first = offsets[_VELOCITY] + 6 * side
+                    _put_twist(data, first, velocity, node, at, turns, turn, side)
+            _put_cell(data, offsets, c, twists, lengths, damping)
+            if sections[c] != law:
+                _put_laws(data, offsets, laws, sections[c])
+        law = sections[c]
         for side in range(2):
-            node, Q = cells[c, side], turns[c * turned[c], side]
-            _pack_node(
-                k_data, stiffness_offsets, side, frames[node], velocity[node], nothing,
-                turned[c], Q,
-            )  # fmt: skip
-            _pack_node(
-                m_data, inertia_offsets, side, frames[node], velocity[node], nothing,
-                turned[c], Q,
-            )  # fmt: skip
-            inverse_tangent_into(increments[node], T[side])
-        law = laws[sections[c]]
-        _pack_cell(k_data, stiffness_offsets, twists[c], lengths[c], damping[c], law)
-        _pack_cell(m_data, inertia_offsets, twists[c], lengths[c], damping[c], law)
+            inverse_tangent_into(increments[cells[c, side]], T[side])
         K[:], M[:] = 0.0, 0.0
         tabulate(stiffness, K, k_data, gravity, points)
         tabulate(inertia, M, m_data, shifts, points)
-        if turned[c]:
+        if at:
             _turn_matrix(turns[c, 0], turns[c, 1], K, work)
             _turn_matrix(turns[c, 0], turns[c, 1], M, work)
         for i in range(12):

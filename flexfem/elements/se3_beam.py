@@ -96,7 +96,8 @@ class SE3Beams:
         # one row for all cells whose section axes are the nodes' own
         turns = turns if self._turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
         self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
-        forms = beam_forms()
+        damped = comm.allreduce(bool(np.any(data.damping > 0.0)), op=MPI.LOR)
+        forms = beam_forms(damped)
         coefficients = tuple(forms.coefficients.values())
         self._residual = compile_kernel(comm, forms.residual, coefficients)
         self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)

@@ -36,7 +36,8 @@ class BeamForms:
         stiffness: rank 2, exact derivative of ``residual`` with respect to the configuration.
         inertia: rank 2, ``shift_v * dr/dv + shift_a * dr/da``.
         action: rank 1, ``stiffness`` applied to "turn" plus ``inertia`` applied to "change".
-        coefficients: the fields by name, in the order in which a cell's data is packed.
+        coefficients: the fields by name, in the order in which a cell's data is packed; those that
+            a form does not need are left out there.
     """
 
     residual: ufl.Form
@@ -65,8 +66,12 @@ def _sym(values: Expr) -> Expr:
     return ufl.as_matrix([[values[index[i, j]] for j in range(6)] for i in range(6)])
 
 
-def beam_forms() -> BeamForms:
-    """Build the forms of the SE(3) beam on an abstract interval mesh in three dimensions."""
+def beam_forms(damped: bool) -> BeamForms:
+    """Build the forms of the SE(3) beam on an abstract interval mesh in three dimensions.
+
+    Args:
+        damped: with stiffness-proportional damping; without it the kernels are shorter.
+    """
     mesh = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(3,)))
     linear = {n: basix.ufl.element("Lagrange", "interval", 1, shape=(n,)) for n in (3, 6, 9)}
     constant = {
@@ -106,7 +111,10 @@ def beam_forms() -> BeamForms:
         """Change of ``d`` along the local twists of both ends."""
         return se3_relative_rate(d, twist_1, twist_2)
 
-    strain = (d - fields["relative_twist"] + fields["damping"] * rate(v_1, v_2)) / length
+    stretch = d - fields["relative_twist"]
+    if damped:
+        stretch += fields["damping"] * rate(v_1, v_2)
+    strain = stretch / length
     resultant = _sym(fields["stiffness"]) * strain
     internal = ufl.dot(resultant, rate(w_1, w_2))
 

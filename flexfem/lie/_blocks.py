@@ -8,7 +8,8 @@ with its derivatives as :mod:`flexfem.lie._series` defines them: ``p = (p, 2 dp/
 """
 
 from flexfem._types import FloatArray
-from flexfem.lie._coefficients import Triple, inlined
+from flexfem.lie._coefficients import Triple
+from flexfem.lie.compiled import inlined
 
 __all__ = ["cross", "dot", "first_block", "map_block", "second_block", "triple", "zero_block"]
 

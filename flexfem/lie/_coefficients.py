@@ -8,21 +8,16 @@ closed forms cancel only where a coefficient is small beside the others of its m
 
 from math import cos, sin, sqrt
 
-from numba import njit
+from flexfem.lie.compiled import inlined
 
 from flexfem.lie import _series
 
 __all__ = [
     "Triple",
-    "inlined",
     "inverse_derivatives",
     "pose_coefficients",
     "tangent_derivatives",
 ]
-
-#: For the maps of one node: like :data:`flexfem.lie.compiled.kernel`, but inlined by force, since a
-#: call with array arguments costs more than the arithmetic of most maps.
-inlined = njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
 
 Triple = tuple[float, float, float]
 

@@ -13,10 +13,10 @@ from flexfem.lie._blocks import (
 )
 from flexfem.lie._coefficients import (
     Triple,
-    inlined,
     inverse_derivatives,
     pose_coefficients,
 )
+from flexfem.lie.compiled import inlined
 from flexfem.lie.so3 import log_entries, right_coefficients
 
 __all__ = [

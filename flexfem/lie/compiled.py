@@ -3,7 +3,11 @@
 
 from numba import njit
 
-__all__ = ["kernel"]
+__all__ = ["inlined", "kernel"]
 
 #: cached on disk; division by zero gives inf or NaN as in NumPy, and no test in the loop
 kernel = njit(cache=True, error_model="numpy")
+
+#: For pieces of a loop's body: inlined by force, since a call with array arguments costs more than
+#: the arithmetic of most of them.
+inlined = njit(cache=True, error_model="numpy", forceinline=True)

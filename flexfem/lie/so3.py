@@ -23,12 +23,11 @@ from flexfem.lie._batch import batch, batch_pair
 from flexfem.lie._blocks import dot, first_block, map_block, triple
 from flexfem.lie._coefficients import (
     Triple,
-    inlined,
     inverse_derivatives,
     pose_coefficients,
     tangent_derivatives,
 )
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import inlined, kernel
 
 __all__ = [
     "exp",

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""One beam of its own for the tests of the element."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+
+class OneBeam:
+    """The block of one beam, its cells split over the ranks so that there are ghosts."""
+
+    #: velocity, acceleration and stiffness factors of a step of about 0.1 s: no term dominates
+    shifts = np.array([12.0, 70.0, 1.0])
+
+    def __init__(self, points: np.ndarray, section: Any, damping: float = 0.0) -> None:
+        from mpi4py import MPI
+
+        import flexfem as ff
+        from flexfem.mesh.line_mesh import LineMesh
+        from flexfem.system.assembly import Assembly
+        from flexfem.system.build import build
+
+        cells = np.stack([np.arange(len(points) - 1), np.arange(1, len(points))], axis=1)
+        mesh = LineMesh(points, cells, {"beam": np.arange(len(cells))})
+        model = ff.Model("test", mesh=mesh)
+        model.add(ff.Beam("beam", section, damping=damping))
+        model.validate()
+        self.comm, self.most = MPI.COMM_WORLD, MPI.MAX
+        part = build(Assembly(model), self.comm, split_above=1).parts[0]
+        self.block, self.beams = part.block, part.beams
+        self.gravity = np.zeros(3)
+
+    def random(self, rng: np.random.Generator, scale: float) -> np.ndarray:
+        """Twists (n, 6) of the local nodes that ranks agree on."""
+        return scale * rng.normal(size=(self.block.size_global, 6))[self.block.node_ids]
+
+    def disturb(self, rng: np.random.Generator) -> None:
+        """A deformed, moving, accelerated trial state with finite increments."""
+        from flexfem.lie import se3
+
+        block = self.block
+        block.frames0[:] = se3.retract(block.start_frames, self.random(rng, 0.25))
+        block.increment[:] = self.random(rng, 0.2)
+        block.velocity[:] = self.random(rng, 0.8)
+        block.acceleration[:] = self.random(rng, 1.5)
+        block.frames[:] = se3.retract(block.frames0, block.increment)
+
+    def state(self) -> SimpleNamespace:
+        names = ("frames", "increment", "velocity", "acceleration")
+        return SimpleNamespace(**{name: getattr(self.block, name).copy() for name in names})
+
+    def move(self, state: SimpleNamespace, step: np.ndarray, shifts: np.ndarray) -> None:
+        """Set the trial state that a local twist of all nodes leads to, with its velocities."""
+        from flexfem.lie import se3
+
+        block = self.block
+        block.increment[:] = se3.log(se3.compose(se3.exp(state.increment), se3.exp(step)))
+        change = block.increment - state.increment
+        block.frames[:] = se3.retract(block.frames0, block.increment)
+        block.velocity[:] = state.velocity + shifts[0] * change
+        block.acceleration[:] = state.acceleration + shifts[1] * change
+
+    def _collect(self, add: Callable[[], None]) -> np.ndarray:
+        self.block.residual[:] = 0.0
+        add()
+        self.block.add_ghosts()
+        return self.block.residual[: self.block.owned].copy()
+
+    def residual(self, scale: float = 1.0) -> np.ndarray:
+        """Owned rows of the residual."""
+        return self._collect(lambda: self.beams.add_residual(self.block, self.gravity, scale))
+
+    def action(self, step: np.ndarray, shifts: np.ndarray, scale: float) -> np.ndarray:
+        """Owned rows of the tangent's action on a step."""
+        self.block.step[:] = step
+        return self._collect(
+            lambda: self.beams.add_action(self.block, self.gravity, shifts, scale)
+        )
+
+    def product(self, step: np.ndarray, shifts: np.ndarray, scale: float) -> np.ndarray:
+        """Owned rows of the cell matrices times a step."""
+        matrices = self.beams.tangent(self.block, self.gravity, shifts, scale)
+        cells = self.beams.data.cells
+        local = np.einsum("mij,mj->mi", matrices, step[cells].reshape(-1, 12)).reshape(-1, 2, 6)
+        return self._collect(lambda: np.add.at(self.block.residual, cells, local))
+
+    def strain(self) -> np.ndarray:
+        return self.beams.resultants(self.block.frames)[0]
+
+    def energy(self) -> float:
+        """Strain energy (collective)."""
+        strain, resultant = self.beams.resultants(self.block.frames)
+        return self.total(0.5 * np.einsum("mi,mi,m->m", strain, resultant, self.beams.lengths))
+
+    def total(self, values: np.ndarray) -> Any:
+        """Sum over the first axis and all ranks."""
+        return self.comm.allreduce(values.sum(axis=0))
+
+    def largest(self, values: np.ndarray) -> float:
+        """Largest size of an entry on all ranks."""
+        return self.comm.allreduce(float(np.abs(values).max(initial=0.0)), op=self.most)
+
+    def gather(self, values: np.ndarray) -> np.ndarray:
+        """Rows of the owned nodes in the order of the input, on every rank."""
+        block = self.block
+        out = np.zeros((block.size_global, values.shape[1]))
+        out[block.node_ids[: block.owned]] = values[: block.owned]
+        return self.comm.allreduce(out)
+
+    def wrench(self, local: np.ndarray) -> np.ndarray:
+        """Sum of local nodal forces and moments, inertial axes, about the inertial origin."""
+        from flexfem.lie import se3
+
+        frames = self.block.frames[: self.block.owned]
+        back = np.swapaxes(se3.adjoint(se3.inverse(frames)), -1, -2)
+        return self.total(np.einsum("nij,nj->ni", back, local))
+
+    def momenta(self) -> np.ndarray:
+        """Linear momentum and angular momentum about the inertial origin."""
+        block, kept = self.block, self.block.acceleration.copy()
+        block.acceleration[:] = 0.0
+        without = self.residual()
+        block.acceleration[:] = block.velocity  # the residual is linear in the acceleration
+        moving = self.residual()
+        block.acceleration[:] = kept
+        return self.wrench(moving - without)
+
+    def rigidly(self, velocity: np.ndarray, spin: np.ndarray) -> np.ndarray:
+        """Local twists of a rigid motion about the inertial origin."""
+        from flexfem.lie import se3
+
+        back = np.swapaxes(se3.rotation(self.block.frames), -1, -2)
+        speed = velocity + np.cross(spin, self.block.frames[:, :3])
+        return np.concatenate([np.einsum("nij,nj->ni", back, speed), back @ spin], axis=1)
+
+
+@pytest.fixture
+def one_beam() -> type[OneBeam]:
+    """Class of a beam on all ranks, created collectively."""
+    return OneBeam
