@@ -47,7 +47,9 @@ CASE = ff.Case(
     t_end=15.0,
     smoke={"elements": 4, "t_end": 0.05},
     results=lambda history: {
-        f"{end}_{axis}": history[f"{end}_{axis}"][-1] for end in ("lower", "upper") for axis in "xyz"
+        f"{end}_{axis}": history[f"{end}_{axis}"][-1]
+        for end in ("lower", "upper")
+        for axis in "xyz"
     },
 )
 

@@ -8,15 +8,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-
-
 try:
     import dolfinx_solver  # noqa: F401  (the binary wheel must come before dolfinx and petsc4py)
 except ImportError:  # a DOLFINx of conda, Debian or a container
     pass
 
-import numpy as np
 from mpi4py import MPI
+
+import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
@@ -78,17 +77,13 @@ class Simulation:
         model.validate()
         self.options = options
         self.serial = Assembly(model)
-        self.system: System = build(
-            self.serial, comm or MPI.COMM_WORLD, options.split_above
-        )
+        self.system: System = build(self.serial, comm or MPI.COMM_WORLD, options.split_above)
         self.system.set_time(0.0)
         self._integrator = GeneralizedAlpha(options.rho_inf)
         tangent = TangentSolver(self.system)
         self.status = start_consistently(self.system, tangent, options.dt)
         newton = NewtonOptions(options.tolerance)
-        self._policy: Policy = create_policy(
-            options.iteration_matrix, self.system, newton, tangent
-        )
+        self._policy: Policy = create_policy(options.iteration_matrix, self.system, newton, tangent)
         self.steps = self.rejected = 0
 
     @property

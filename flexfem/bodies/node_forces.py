@@ -50,9 +50,7 @@ def _add_turned(vector, row, sign, out):
 
 
 @kernel
-def force_tangent(
-    nodes, offsets, forces, moments, follower, load, factors, frames, scale, out
-):
+def force_tangent(nodes, offsets, forces, moments, follower, load, factors, frames, scale, out):
     """Write ``scale`` times the derivative of every wrench's residual to ``out`` (k, 6, 6)."""
     wrench, arm = np.empty(6), np.zeros(12)
     turned = np.empty((3, 6))

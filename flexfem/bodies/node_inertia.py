@@ -16,9 +16,7 @@ __all__ = ["add_inertia", "inertia_tangent"]
 @kernel
 def _gravity_in_node(frame, gravity, out):
     for i in range(3):
-        out[i] = (
-            frame[3 + i] * gravity[0] + frame[6 + i] * gravity[1] + frame[9 + i] * gravity[2]
-        )
+        out[i] = frame[3 + i] * gravity[0] + frame[6 + i] * gravity[1] + frame[9 + i] * gravity[2]
 
 
 @kernel

@@ -3,8 +3,9 @@
 
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
+
+import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_kernels import accept, correct, predict

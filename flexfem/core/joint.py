@@ -90,6 +90,7 @@ class Joint:
 
     #: rows change with time: they are asked for at every step
     driven: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         """Check the name and the markers.
 

@@ -101,9 +101,7 @@ def add_residual(
         for side in range(2):
             node = cells[c, side]
             _put_frame(data, offsets, side, frames, node, at, turns, turn)
-            _put_twist(
-                data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side
-            )
+            _put_twist(data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side)
             _put_twist(
                 data, offsets[_ACCELERATION] + 6 * side, acceleration, node, at, turns, turn, side
             )
@@ -134,9 +132,7 @@ def add_action(
         for side in range(2):
             node = cells[c, side]
             _put_frame(data, offsets, side, frames, node, at, turns, turn)
-            _put_twist(
-                data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side
-            )
+            _put_twist(data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side)
             first = offsets[_TURN] + 6 * side
             _put_twist(data, first, step, node, at, turns, turn, side)
             for i in range(6):

@@ -8,9 +8,10 @@ loops.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Consistent start of a constrained system: positions checked, velocities and accelerations solved."""
 
-import numpy as np
 from mpi4py import MPI
+
+import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.status import Status

@@ -11,8 +11,7 @@ __all__ = ["Cylindrical"]
 
 @dataclass(frozen=True, eq=False)
 class Cylindrical(AxisJoint):
-    """Leaves translation along and rotation about a common axis; four constraints.
-    """
+    """Leaves translation along and rotation about a common axis; four constraints."""
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

@@ -11,8 +11,7 @@ __all__ = ["PointOnLine"]
 
 @dataclass(frozen=True, eq=False)
 class PointOnLine(AxisJoint):
-    """Keeps marker b on the line through marker a along an axis fixed in a; two constraints.
-    """
+    """Keeps marker b on the line through marker a along an axis fixed in a; two constraints."""
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

@@ -26,6 +26,7 @@ class PrescribedAngle(AxisJoint):
     angle: Callable[[float], float] = lambda t: 0.0
 
     driven: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the function.
 

@@ -27,6 +27,7 @@ class PrescribedRotation(Joint):
     rotation: Callable[[float], npt.ArrayLike] = lambda t: (0.0, 0.0, 0.0)
 
     driven: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check the function.
 

@@ -31,6 +31,7 @@ class PrescribedTranslation(Joint):
     axis: Sequence[float] | None = None
 
     driven: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         """Check axis and function.
 

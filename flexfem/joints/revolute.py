@@ -11,8 +11,7 @@ __all__ = ["Revolute"]
 
 @dataclass(frozen=True, eq=False)
 class Revolute(AxisJoint):
-    """Leaves one rotation about a common axis; five constraints.
-    """
+    """Leaves one rotation about a common axis; five constraints."""
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

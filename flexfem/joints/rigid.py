@@ -11,8 +11,7 @@ __all__ = ["Rigid"]
 
 @dataclass(frozen=True, eq=False)
 class Rigid(Joint):
-    """Keeps the origins of two markers together and their relative rotation; six constraints.
-    """
+    """Keeps the origins of two markers together and their relative rotation; six constraints."""
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

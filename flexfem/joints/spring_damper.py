@@ -48,6 +48,4 @@ class SpringDamper(Joint):
         if distance == 0.0:
             raise ValueError(f"{self.owner}: the markers coincide at the start, no direction")
         rest = distance if self.rest_length is None else self.rest_length
-        return (
-            Row(RowKind.DISTANCE, target=rest, stiffness=self.stiffness, damping=self.damping),
-        )
+        return (Row(RowKind.DISTANCE, target=rest, stiffness=self.stiffness, damping=self.damping),)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Factors of a distributed matrix that are kept over many solves."""
 
-import numpy as np
 from petsc4py import PETSc
+
+import numpy as np
 
 from flexfem._types import FloatArray
 

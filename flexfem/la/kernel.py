@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from math import prod
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 import ufl
 from llvmlite import ir
-from mpi4py import MPI
 from numba import types
 from numba.extending import intrinsic
 

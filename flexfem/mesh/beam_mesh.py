@@ -4,10 +4,11 @@
 from dataclasses import dataclass
 from typing import Any
 
+from mpi4py import MPI
+
 import basix.ufl
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from flexfem._types import FloatArray, IntArray
 

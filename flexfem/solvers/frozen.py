@@ -14,8 +14,9 @@ reduction and solved on all of them alike.
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numpy as np
 from mpi4py import MPI
+
+import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.la.factor import Factor

@@ -5,9 +5,10 @@ Every rank holds entries between the rows that it evaluates. It eliminates the r
 complement on the rows shared with other ranks is summed by one reduction and solved everywhere.
 """
 
-import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel

@@ -22,7 +22,9 @@ __all__ = [
 
 
 @kernel
-def interface_response(body_nodes, node_start, columns, column_start, responses, start, residual, y):
+def interface_response(
+    body_nodes, node_start, columns, column_start, responses, start, residual, y
+):
     """``y = J A^-1 r`` of every body into the columns' slots and components of ``y`` (n, 6)."""
     for b in range(node_start.size - 1):
         first, count = column_start[b], column_start[b + 1] - column_start[b]
@@ -67,9 +69,7 @@ def schur(
             for c in range(count):
                 work[c] = 0.0
                 for k in range(active):
-                    work[c] += (
-                        compliances[C + c * count + first + k] * force_jacobian[row, side, k]
-                    )
+                    work[c] += compliances[C + c * count + first + k] * force_jacobian[row, side, k]
             for i in range(side_start[b], side_start[b + 1]):
                 row, side, slot = sides[i, 0], sides[i, 1], sides[i, 2]
                 column = slot_column[slot]

@@ -5,8 +5,9 @@
 forces; all blocks keep their pattern, so that only numbers are set in an iteration.
 """
 
-import numpy as np
 from petsc4py import PETSc
+
+import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.la.nest import (
@@ -40,7 +41,9 @@ class TangentSolver:
                 joint = self._couplings.pattern(i, j)
                 line.append(
                     CoordinateMatrix(
-                        comm, sizes[i], sizes[j],
+                        comm,
+                        sizes[i],
+                        sizes[j],
                         np.concatenate([pattern[0], joint[0]]),
                         np.concatenate([pattern[1], joint[1]]),
                     )  # fmt: skip
@@ -218,4 +221,3 @@ class _JointPattern:
     def side_values(self, i: int, jacobian: FloatArray) -> FloatArray:
         """Values of ``gradient(i)`` from gradients (r, 2, 6)."""
         return np.concatenate([jacobian[r, side].ravel() for side, r in self._sides(i)])
-

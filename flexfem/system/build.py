@@ -3,8 +3,9 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 from mpi4py import MPI
+
+import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
@@ -205,8 +206,12 @@ def _line_forces(
                 frame = se3.frame(np.zeros(3), turn)
                 forces.append(
                     Force(
-                        where[node], frame, half * load.force_per_length, np.zeros(3),
-                        load.follower, number,
+                        where[node],
+                        frame,
+                        half * load.force_per_length,
+                        np.zeros(3),
+                        load.follower,
+                        number,
                     )  # fmt: skip
                 )
     return forces

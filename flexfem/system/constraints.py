@@ -4,20 +4,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from mpi4py import MPI
+
+import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.joint import Joint, Row, RowKind
 from flexfem.core.pose import Pose
 from flexfem.system.interface import Interface
+from flexfem.system.row_hessians import add_dampers, add_hessians, second_rates
 from flexfem.system.row_kernels import (
-    add_dampers,
     add_forces,
-    add_hessians,
     evaluate_rows,
     marker_poses,
-    second_rates,
     update_angles,
 )
 
@@ -197,9 +196,7 @@ class Constraints:
         """Remember the angles reached, so that they stay continuous."""
         face = self.interface
         marker_poses(face.frames, self._marker_slot, self._marker_offset, self._poses)
-        update_angles(
-            self._poses, self._row_marker, self._kinds, self._directions, self._memory
-        )
+        update_angles(self._poses, self._row_marker, self._kinds, self._directions, self._memory)
 
     def hessians(self, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_joints, 12, 12)."""

@@ -9,9 +9,10 @@ multiplier ever has to be sent.
 
 from collections.abc import Sequence
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock

@@ -66,5 +66,3 @@ def place(model: Model, ranks: int, split_above: int) -> Placement:
     for body, rank in zip(model.rigid_bodies, rigid, strict=True):
         body_ranks[body.name] = (int(rank),)
     return Placement(cells, rigid, body_ranks, ranks)
-
-

@@ -113,13 +113,10 @@ class ProbeRecorder:
         return iter([(t, self._evaluate(t, row)) for t, row in zip(times, every, strict=True)])
 
     def _evaluate(self, t: float, row: FloatArray) -> FloatArray:
-        states = [
-            MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18]) for r in row
-        ]
+        states = [MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18]) for r in row]
         values, at = [np.empty(0)], 0
         for probe in self._probes:
             count = len(probe.markers)
             values.append(probe.evaluate(t, states[at : at + count]))
             at += count
         return np.concatenate(values)
-

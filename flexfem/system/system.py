@@ -9,8 +9,9 @@ and ``Phi = 0`` with ``L = s lambda``.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from mpi4py import MPI
+
+import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
