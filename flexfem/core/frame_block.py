@@ -71,6 +71,14 @@ class FrameBlock:
         local = np.arange(len(self.frames), dtype=np.int32)
         return np.asarray(self.index_map.local_to_global(local), dtype=np.int64)
 
+    def owned_index(self, ids: IntArray) -> IntArray:
+        """Local indices of nodes given by their input numbers, -1 where another rank owns them."""
+        order = np.argsort(self.node_ids[: self.owned])
+        known = self.node_ids[: self.owned][order]
+        at = np.minimum(np.searchsorted(known, ids), max(len(known) - 1, 0))
+        found = known[at] == ids if len(known) else np.zeros(len(ids), dtype=bool)
+        return np.where(found, order[at] if len(known) else 0, -1).astype(np.int64)
+
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step; see ``frame_kernels.predict``."""
         self._rates = rates

@@ -3,8 +3,14 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from flexfem import _checks
+from flexfem._types import FloatArray
 from flexfem.core.marker import Marker
+
+#: No force or no moment.
+NOTHING: FloatArray = np.zeros(3)
 
 #: Factor on a load as a function of time (seconds).
 Amplitude = Callable[[float], float]
@@ -16,10 +22,12 @@ class Load:
     Attributes:
         name: Unique name of the load in its model.
         amplitude: Factor on the load as a function of time, None for the constant 1.
+        follower: Whether the load turns with its marker or section.
     """
 
     name: str
     amplitude: Amplitude | None
+    follower: bool
 
     @property
     def markers(self) -> tuple[Marker, ...]:
@@ -30,6 +38,11 @@ class Load:
     def beams(self) -> tuple[str, ...]:
         """Names of the beams along which the load acts."""
         return ()
+
+    @property
+    def wrench(self) -> tuple[FloatArray, FloatArray]:
+        """Force and moment at each marker (N, N m), or along each beam (N/m, N), shapes (3,)."""
+        raise NotImplementedError
 
     def factor(self, t: float) -> float:
         """Return the amplitude at time `t` in seconds."""

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.core.load import Amplitude, Load
+from flexfem.core.load import NOTHING, Amplitude, Load
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -54,3 +54,8 @@ class LineLoad(Load):
     def beams(self) -> tuple[str, ...]:
         """Names of the beams along which the load acts."""
         return (self.body,)
+
+    @property
+    def wrench(self) -> tuple[FloatArray, FloatArray]:
+        """See :attr:`flexfem.core.load.Load.wrench`."""
+        return self.force_per_length, NOTHING

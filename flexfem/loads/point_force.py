@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.core.load import Amplitude, Load
+from flexfem.core.load import NOTHING, Amplitude, Load
 from flexfem.core.marker import Marker
 
 
@@ -54,3 +54,8 @@ class PointForce(Load):
     def markers(self) -> tuple[Marker, ...]:
         """Markers the load acts at."""
         return (self.marker,)
+
+    @property
+    def wrench(self) -> tuple[FloatArray, FloatArray]:
+        """See :attr:`flexfem.core.load.Load.wrench`."""
+        return self.force, NOTHING

@@ -4,6 +4,7 @@
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_block import FrameBlock
 from flexfem.core.marker import Attachment, Marker
 from flexfem.core.pose import Pose
 from flexfem.elements.se3_beam import BeamCells, node_frames
@@ -80,9 +81,16 @@ class Assembly:
             return RIGID, self._rigid_index[marker.body]
         return BEAMS, self._node_of_mesh[node]
 
-    def body(self, key: NodeKey) -> int:
-        """Number of the body that a node belongs to."""
-        return int(self._body_of_node[key[1]]) if key[0] == BEAMS else int(key[1])
+    def local_node(self, marker: Attachment, kind: int, block: FrameBlock) -> int:
+        """Local index of a marker's node in the block of a kind, -1 if it is not owned there."""
+        key = self.key(marker)
+        if key is None or key[0] != kind:
+            return -1
+        return int(block.owned_index(np.array([key[1]]))[0])
+
+    def bodies(self, kind: int, nodes: IntArray) -> IntArray:
+        """Numbers of the bodies that nodes of one kind belong to."""
+        return self._body_of_node[nodes] if kind == BEAMS else nodes
 
     def node_frame(self, key: NodeKey) -> FloatArray:
         """Frame (12,) of a node at the start."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """From a model to a system (collective)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from mpi4py import MPI
 
@@ -11,9 +11,6 @@ from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.se3_beam import BeamCells, SE3Beams
 from flexfem.lie import se3, so3
-from flexfem.loads.line_load import LineLoad
-from flexfem.loads.point_force import PointForce
-from flexfem.loads.point_moment import PointMoment
 from flexfem.mesh.beam_mesh import create_beam_mesh
 from flexfem.model.bodies import RigidBody
 from flexfem.system.assembly import Assembly
@@ -54,7 +51,9 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         for kind, block in enumerate(blocks)
         if block is not None
     ]
-    bodies = np.array([serial.body(key) for key in interface.keys], dtype=np.int64)
+    bodies = np.array(
+        [serial.bodies(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64
+    )
     return System(comm, parts, interface, constraints, bodies, model.loads, gravity)
 
 
@@ -62,14 +61,13 @@ def _part(
     serial: Assembly, kind: int, block: FrameBlock, interface: Interface, beams: SE3Beams | None
 ) -> BlockPart:
     """A block with what acts on its nodes of this rank."""
-    where = {int(n): i for i, n in enumerate(block.node_ids[: block.owned])}
     return BlockPart(
         kind=kind,
         block=block,
-        masses=_masses(serial, kind, where),
-        forces=NodeForces(_forces(serial, kind, where)),
+        masses=_masses(serial, kind, block),
+        forces=NodeForces(_forces(serial, kind, block)),
         beams=beams if kind == BEAMS else None,
-        node_body=np.array([serial.body((kind, n)) for n in block.node_ids], dtype=np.int64),
+        node_body=serial.bodies(kind, block.node_ids),
         slots=np.where(interface.block == kind, interface.local, -1),
     )
 
@@ -152,66 +150,55 @@ def rigid_inertia(body: RigidBody) -> FloatArray:
     return np.block([[body.mass * np.eye(3), -first], [first, about_point]])
 
 
-def _masses(serial: Assembly, kind: int, where: dict[int, int]) -> NodeMasses:
+def _masses(serial: Assembly, kind: int, block: FrameBlock) -> NodeMasses:
+    """Rigid bodies and point masses on the nodes of a block that this rank owns."""
     nodes: list[int] = []
     matrices: list[FloatArray] = []
     if kind == RIGID:
-        for number, local in where.items():
-            nodes.append(local)
-            matrices.append(rigid_inertia(serial.model.rigid_bodies[number]))
+        nodes += range(block.owned)
+        numbers = block.node_ids[: block.owned]
+        matrices += [rigid_inertia(serial.model.rigid_bodies[i]) for i in numbers]
     for mass in serial.model.point_masses:
-        key = serial.key(mass.marker)
-        if key is not None and key[0] == kind and key[1] in where:
+        local = serial.local_node(mass.marker, kind, block)
+        if local >= 0:
             arm = so3.skew(se3.position(serial.marker_frame(mass.marker)))
-            nodes.append(where[key[1]])
+            nodes.append(local)
             matrices.append(mass.mass * np.block([[np.eye(3), -arm], [arm, -arm @ arm]]))
     return NodeMasses(nodes, matrices)
 
 
-def _forces(serial: Assembly, kind: int, where: dict[int, int]) -> list[Force]:
+def _forces(serial: Assembly, kind: int, block: FrameBlock) -> list[Force]:
+    """Loads on the nodes of a block that this rank owns."""
     forces = []
     for number, load in enumerate(serial.model.loads):
-        if isinstance(load, LineLoad):
-            if kind == BEAMS:
-                forces += _line_forces(serial, load, number, where)
-            continue
-        key = serial.key(load.markers[0])
-        if key is None or key[0] != kind or key[1] not in where:
-            continue
-        force = load.force if isinstance(load, PointForce) else np.zeros(3)
-        moment = load.moment if isinstance(load, PointMoment) else np.zeros(3)
-        frame = serial.marker_frame(load.markers[0])
-        forces.append(Force(where[key[1]], frame, force, moment, load.follower, number))
-    return forces
-
-
-def _line_forces(
-    serial: Assembly, load: LineLoad, number: int, where: dict[int, int]
-) -> list[Force]:
-    """Half of each cell's load at either end: exact for the linear positions of the element."""
-    body = [b.name for b in serial.model.beams].index(load.body)
-    cells = np.flatnonzero(serial.cells.body == body)
-    ends = serial.cells.frames[cells]
-    length = np.linalg.norm(
-        se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))[:, :3], axis=1
-    )
-    forces = []
-    for cell, half in zip(cells, 0.5 * length, strict=True):
-        for side in range(2):
-            node = int(serial.cells.cells[cell, side])
-            if node in where:
-                turn = se3.rotation(serial.frames[node]).T @ se3.rotation(
-                    serial.cells.frames[cell, side]
-                )
-                frame = se3.frame(np.zeros(3), turn)
+        force, moment = load.wrench
+        for marker in load.markers:
+            local = serial.local_node(marker, kind, block)
+            if local >= 0:
+                frame = serial.marker_frame(marker)
+                forces.append(Force(local, frame, force, moment, load.follower, number))
+        for name in load.beams if kind == BEAMS else ():
+            for node, frame, half in _half_cells(serial, name, block):
                 forces.append(
-                    Force(
-                        where[node],
-                        frame,
-                        half * load.force_per_length,
-                        np.zeros(3),
-                        load.follower,
-                        number,
-                    )  # fmt: skip
+                    Force(node, frame, half * force, half * moment, load.follower, number)
                 )
     return forces
+
+
+def _half_cells(
+    serial: Assembly, name: str, block: FrameBlock
+) -> Iterator[tuple[int, FloatArray, float]]:
+    """Owned node, section frame relative to it, and half length of both ends of a beam's cells.
+
+    Half of each cell's load at either end is exact for the linear positions of the element.
+    """
+    body = [b.name for b in serial.model.beams].index(name)
+    cells = np.flatnonzero(serial.cells.body == body)
+    nodes, ends = serial.cells.cells[cells], serial.cells.frames[cells]
+    relative = se3.compose(se3.inverse(ends[:, 0]), ends[:, 1])
+    half = 0.5 * np.linalg.norm(se3.log(relative)[:, :3], axis=1)
+    frames = se3.compose(se3.inverse(serial.frames[nodes]), ends)
+    for side in range(2):
+        local = block.owned_index(nodes[:, side])
+        for k in np.flatnonzero(local >= 0):
+            yield int(local[k]), frames[k, side], float(half[k])

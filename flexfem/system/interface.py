@@ -38,16 +38,17 @@ class NodeDirectory:
     ) -> None:
         """Look up every key on every rank (collective; keys must agree between ranks)."""
         count = len(keys)
-        self.local = np.full(count, -1, dtype=np.int64)
+        self.local: IntArray = np.full(count, -1, dtype=np.int64)
         found = np.full((2, count), -1, dtype=np.int64)
+        table = np.array(keys, dtype=np.int64).reshape(-1, 2)
         for kind, block in enumerate(blocks):
             if block is None:
                 continue
-            where = {int(n): i for i, n in enumerate(block.node_ids[: block.owned])}
-            for k, (block_kind, node) in enumerate(keys):
-                if block_kind == kind and node in where:
-                    self.local[k] = where[node]
-                    found[:, k] = comm.rank, block.offset + where[node]
+            of_kind = np.flatnonzero(table[:, 0] == kind)
+            local = block.owned_index(table[of_kind, 1])
+            mine = of_kind[local >= 0]
+            self.local[mine] = local[local >= 0]
+            found[0, mine], found[1, mine] = comm.rank, block.offset + self.local[mine]
         comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
         self.owner: IntArray = found[0]
         self.number: IntArray = found[1]

@@ -74,12 +74,8 @@ class ProbeRecorder:
         part: BlockPart, serial: Assembly, markers: list[Attachment]
     ) -> tuple[FrameBlock, IntArray, FloatArray, IntArray]:
         """Block, nodes, offsets and places of the markers that this rank owns in a part."""
-        block, kind = part.block, part.kind
-        where = {int(n): i for i, n in enumerate(block.node_ids[: block.owned])}
-        keys = [serial.key(m) for m in markers]
-        local = [
-            where.get(key[1], -1) if key is not None and key[0] == kind else -1 for key in keys
-        ]
+        block = part.block
+        local = [serial.local_node(marker, part.kind, block) for marker in markers]
         places = [k for k, node in enumerate(local) if node >= 0]
         nodes = np.array([local[k] for k in places], dtype=np.int64)
         offsets = np.array([serial.marker_frame(markers[k]) for k in places]).reshape(-1, 12)
