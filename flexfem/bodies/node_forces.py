@@ -13,7 +13,10 @@ __all__ = ["add_forces", "force_tangent"]
 
 
 @kernel
-def _wrench(frame, offset, force, moment, follower, factor, out):
+def _wrench(
+    frame: FloatArray, offset: FloatArray, force: FloatArray, moment: FloatArray, follower: bool,
+    factor: float, out: FloatArray,
+) -> None:  # fmt: skip
     """Force and moment on the node in its own axes."""
     for i in range(3):
         f, m = 0.0, 0.0
@@ -28,7 +31,11 @@ def _wrench(frame, offset, force, moment, follower, factor, out):
 
 
 @kernel
-def add_forces(nodes, offsets, forces, moments, follower, load, factors, frames, scale, residual):
+def add_forces(
+    nodes: IntArray, offsets: FloatArray, forces: FloatArray, moments: FloatArray,
+    follower: BoolArray, load: IntArray, factors: FloatArray, frames: FloatArray, scale: float,
+    residual: FloatArray,
+) -> None:  # fmt: skip
     """Subtract ``scale * factors[load]`` times every wrench from the residual of its node."""
     wrench = np.empty(6)
     for k in range(nodes.size):
@@ -41,7 +48,7 @@ def add_forces(nodes, offsets, forces, moments, follower, load, factors, frames,
 
 
 @kernel
-def _add_turned(vector, row, sign, out):
+def _add_turned(vector: FloatArray, row: int, sign: float, out: FloatArray) -> None:
     """Add ``sign skew(vector)`` to the rotation columns of three rows of ``out`` (6, 6)."""
     for i in range(3):
         i1, i2 = (i + 1) % 3, (i + 2) % 3
@@ -50,7 +57,11 @@ def _add_turned(vector, row, sign, out):
 
 
 @kernel
-def force_tangent(nodes, offsets, forces, moments, follower, load, factors, frames, scale, out):
+def force_tangent(
+    nodes: IntArray, offsets: FloatArray, forces: FloatArray, moments: FloatArray,
+    follower: BoolArray, load: IntArray, factors: FloatArray, frames: FloatArray, scale: float,
+    out: FloatArray,
+) -> None:  # fmt: skip
     """Write ``scale`` times the derivative of every wrench's residual to ``out`` (k, 6, 6)."""
     wrench, arm = np.empty(6), np.zeros(12)
     turned = np.empty((3, 6))

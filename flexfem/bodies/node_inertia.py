@@ -14,13 +14,16 @@ __all__ = ["add_inertia", "inertia_tangent"]
 
 
 @kernel
-def _gravity_in_node(frame, gravity, out):
+def _gravity_in_node(frame: FloatArray, gravity: FloatArray, out: FloatArray) -> None:
     for i in range(3):
         out[i] = frame[3 + i] * gravity[0] + frame[6 + i] * gravity[1] + frame[9 + i] * gravity[2]
 
 
 @kernel
-def add_inertia(nodes, masses, gravity, frames, velocity, acceleration, scale, residual):
+def add_inertia(
+    nodes: IntArray, masses: FloatArray, gravity: FloatArray, frames: FloatArray,
+    velocity: FloatArray, acceleration: FloatArray, scale: float, residual: FloatArray,
+) -> None:  # fmt: skip
     """Add ``scale`` times the inertia and gravity force of every mass (k, 6, 6) to its node."""
     p, q, a = np.empty(6), np.empty(6), np.empty(6)
     for k in range(nodes.size):
@@ -47,7 +50,7 @@ def add_inertia(nodes, masses, gravity, frames, velocity, acceleration, scale, r
 
 
 @kernel
-def _gyroscopic(M, v, C):
+def _gyroscopic(M: FloatArray, v: FloatArray, C: FloatArray) -> None:
     """Add the derivative of ``-ad_v^T (M v)`` with respect to ``v`` to ``C`` (6, 6)."""
     p = np.zeros(6)
     for i in range(6):
@@ -70,7 +73,10 @@ def _gyroscopic(M, v, C):
 
 
 @kernel
-def inertia_tangent(nodes, masses, gravity, frames, velocity, increments, shifts, scale, out):
+def inertia_tangent(
+    nodes: IntArray, masses: FloatArray, gravity: FloatArray, frames: FloatArray,
+    velocity: FloatArray, increments: FloatArray, shifts: FloatArray, scale: float, out: FloatArray,
+) -> None:  # fmt: skip
     """Write ``scale (k K + (c C + m M) T^-1)`` of every mass to ``out``.
 
     ``shifts`` holds c, m and k; T is the tangent operator of the node's increment over the step.

@@ -10,7 +10,10 @@ __all__ = ["accept", "correct", "predict"]
 
 
 @kernel
-def _configure(frames0, n, v_base, w_base, rates, frames, v, w, i):
+def _configure(
+    frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray, rates: FloatArray,
+    frames: FloatArray, v: FloatArray, w: FloatArray, i: int,
+) -> None:  # fmt: skip
     """Configuration, velocity and acceleration of node ``i`` from its increment ``n[i]``."""
     retract_into(frames0[i], n[i], frames[i])
     for k in range(6):
@@ -19,7 +22,11 @@ def _configure(frames0, n, v_base, w_base, rates, frames, v, w, i):
 
 
 @kernel
-def predict(frames0, v0, a0, w0, law, rates, frames, n, v, w, v_base, w_base):
+def predict(
+    frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray, law: FloatArray,
+    rates: FloatArray, frames: FloatArray, n: FloatArray, v: FloatArray, w: FloatArray,
+    v_base: FloatArray, w_base: FloatArray,
+) -> None:  # fmt: skip
     """Start a step: ``n = law . (v0, a0)`` and the affine laws ``v(n)``, ``w(n)``.
 
     ``law`` (8,) holds the factors of v0 and a0 in the predicted increment, of v0 and a0 in
@@ -34,7 +41,10 @@ def predict(frames0, v0, a0, w0, law, rates, frames, n, v, w, v_base, w_base):
 
 
 @kernel
-def correct(frames0, n, v_base, w_base, rates, frames, v, w, step, sign):
+def correct(
+    frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray, rates: FloatArray,
+    frames: FloatArray, v: FloatArray, w: FloatArray, step: FloatArray, sign: float,
+) -> float:  # fmt: skip
     """Move by the local twists ``sign * step`` and return the largest entry of the step.
 
     The increment follows to first order, ``n += Tinv(n) sign step``: at the solution both agree.
@@ -52,7 +62,7 @@ def correct(frames0, n, v_base, w_base, rates, frames, v, w, step, sign):
 
 
 @kernel
-def _orthonormalise(H):
+def _orthonormalise(H: FloatArray) -> None:
     """``R <- R (3 I - R^T R) / 2``: keeps round-off from adding up over millions of steps."""
     c00 = H[3] * H[3] + H[6] * H[6] + H[9] * H[9]
     c11 = H[4] * H[4] + H[7] * H[7] + H[10] * H[10]
@@ -68,7 +78,11 @@ def _orthonormalise(H):
 
 
 @kernel
-def accept(frames0, v0, a0, w0, frames, n, v, w, law, h, owned, misses):
+def accept(
+    frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray, frames: FloatArray,
+    n: FloatArray, v: FloatArray, w: FloatArray, law: FloatArray, h: float, owned: int,
+    misses: FloatArray,
+) -> None:  # fmt: skip
     """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0.
 
     ``misses`` (2,) becomes the largest distances of the increments of the owned nodes from

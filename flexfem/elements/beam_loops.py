@@ -16,7 +16,10 @@ _TURN, _CHANGE = 9, 10
 
 
 @inlined
-def _put_twist(data, at, values, node, turned, Q, cell, side):
+def _put_twist(
+    data: FloatArray, at: int, values: FloatArray, node: int, turned: bool, Q: FloatArray,
+    cell: int, side: int,
+) -> None:  # fmt: skip
     """Write a nodal twist, turned into the section axes if need be."""
     for half in range(0, 6, 3):
         for i in range(3):
@@ -31,7 +34,10 @@ def _put_twist(data, at, values, node, turned, Q, cell, side):
 
 
 @inlined
-def _put_frame(data, offsets, side, frames, node, turned, Q, cell):
+def _put_frame(
+    data: FloatArray, offsets: IntArray, side: int, frames: FloatArray, node: int, turned: bool,
+    Q: FloatArray, cell: int,
+) -> None:  # fmt: skip
     """Write the section frame at one end of a cell."""
     at, to = offsets[_POSITION] + 3 * side, offsets[_ROTATION] + 9 * side
     for i in range(3):
@@ -49,7 +55,10 @@ def _put_frame(data, offsets, side, frames, node, turned, Q, cell):
 
 
 @inlined
-def _put_cell(data, offsets, c, twists, lengths, damping):
+def _put_cell(
+    data: FloatArray, offsets: IntArray, c: int, twists: FloatArray, lengths: FloatArray,
+    damping: FloatArray,
+) -> None:  # fmt: skip
     """Write the constant data of one cell."""
     if offsets[_TWIST] >= 0:
         for i in range(6):
@@ -60,7 +69,7 @@ def _put_cell(data, offsets, c, twists, lengths, damping):
 
 
 @inlined
-def _put_laws(data, offsets, laws, section):
+def _put_laws(data: FloatArray, offsets: IntArray, laws: FloatArray, section: int) -> None:
     """Write stiffness and inertia of a section: they stay while the section does."""
     for i in range(21):
         if offsets[_STIFFNESS] >= 0:
@@ -69,7 +78,10 @@ def _put_laws(data, offsets, laws, section):
 
 
 @inlined
-def _add_force(cells, c, turned, Q, turn, force, scale, residual):
+def _add_force(
+    cells: CellArray, c: int, turned: bool, Q: FloatArray, turn: int, force: FloatArray,
+    scale: float, residual: FloatArray,
+) -> None:  # fmt: skip
     """Add the force on both ends of a cell to its nodes, turned back into their axes."""
     for side in range(2):
         node = cells[c, side]
@@ -88,9 +100,11 @@ def _add_force(cells, c, turned, Q, turn, force, scale, residual):
 
 @kernel
 def add_residual(
-    address, offsets, gravity, cells, turned, turns, twists, lengths, damping, sections, laws,
-    frames, velocity, acceleration, scale, residual,
-):  # fmt: skip
+    address: int, offsets: IntArray, gravity: FloatArray, cells: CellArray, turned: BoolArray,
+    turns: FloatArray, twists: FloatArray, lengths: FloatArray, damping: FloatArray,
+    sections: IntArray, laws: FloatArray, frames: FloatArray, velocity: FloatArray,
+    acceleration: FloatArray, scale: float, residual: FloatArray,
+) -> None:  # fmt: skip
     """Add ``scale`` times the force residual of all cells to ``residual`` (n, 6)."""
     data, force = np.empty(offsets[-1]), np.empty(12)
     points = np.zeros(6)
@@ -116,9 +130,12 @@ def add_residual(
 
 @kernel
 def add_action(
-    address, offsets, constants, stiffness_factor, cells, turned, turns, twists, lengths, damping,
-    sections, laws, frames, velocity, increments, step, scale, residual,
-):  # fmt: skip
+    address: int, offsets: IntArray, constants: FloatArray, stiffness_factor: float,
+    cells: CellArray, turned: BoolArray, turns: FloatArray, twists: FloatArray, lengths: FloatArray,
+    damping: FloatArray, sections: IntArray, laws: FloatArray, frames: FloatArray,
+    velocity: FloatArray, increments: FloatArray, step: FloatArray, scale: float,
+    residual: FloatArray,
+) -> None:  # fmt: skip
     """Add ``scale (k K + (c C + m M) T^-1) step`` of all cells to ``residual`` (n, 6).
 
     ``constants`` holds gravity, c and m, ``stiffness_factor`` is k.
@@ -149,7 +166,7 @@ def add_action(
 
 
 @kernel
-def _turn_matrix(Q1, Q2, K, work):
+def _turn_matrix(Q1: FloatArray, Q2: FloatArray, K: FloatArray, work: FloatArray) -> None:
     """``K <- P K P^T`` with the block diagonal P of both ends' turns."""
     for block in range(4):
         Q = Q1 if block < 2 else Q2
@@ -173,9 +190,12 @@ def _turn_matrix(Q1, Q2, K, work):
 
 @kernel
 def add_tangent(
-    stiffness, stiffness_offsets, gravity, inertia, inertia_offsets, shifts, cells, turned, turns,
-    twists, lengths, damping, sections, laws, frames, velocity, increments, scale, values,
-):  # fmt: skip
+    stiffness: int, stiffness_offsets: IntArray, gravity: FloatArray, inertia: int,
+    inertia_offsets: IntArray, shifts: FloatArray, cells: CellArray, turned: BoolArray,
+    turns: FloatArray, twists: FloatArray, lengths: FloatArray, damping: FloatArray,
+    sections: IntArray, laws: FloatArray, frames: FloatArray, velocity: FloatArray,
+    increments: FloatArray, scale: float, values: FloatArray,
+) -> None:  # fmt: skip
     """Write ``scale (k K + (c C + m M) T^-1)`` of all cells to ``values`` (m, 144).
 
     ``shifts`` holds c, m and k. T is the tangent operator of each node's increment over the step:
@@ -217,7 +237,10 @@ def add_tangent(
 
 
 @kernel
-def cell_resultants(twists, initial, lengths, sections, stiffness, strain, resultant):
+def cell_resultants(
+    twists: FloatArray, initial: FloatArray, lengths: FloatArray, sections: IntArray,
+    stiffness: FloatArray, strain: FloatArray, resultant: FloatArray,
+) -> None:  # fmt: skip
     """Strain and resultants (m, 6) from the relative twists of all cells (without damping)."""
     for c in range(lengths.size):
         D = stiffness[sections[c]]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from flexfem._types import FloatArray, IntArray
 
-__all__ = ["CoordinateMatrix", "block_indices", "create_nest_matrix", "direct_solver"]
+__all__ = ["CoordinateMatrix", "block_indices", "create_nest_matrix", "create_nest_vector", "direct_solver"]
 
 
 class CoordinateMatrix:
@@ -49,6 +49,11 @@ def block_indices(rows: IntArray, columns: IntArray, size: int = 6) -> tuple[Int
 def create_nest_matrix(blocks: Sequence[Sequence[Any]], comm: MPI.Intracomm) -> PETSc.Mat:
     """MATNEST of the given matrices; None for empty blocks."""
     return PETSc.Mat().createNest([list(row) for row in blocks], comm=comm)
+
+
+def create_nest_vector(sizes: Sequence[tuple[int, int]], comm: MPI.Intracomm) -> PETSc.Vec:
+    """VECNEST of vectors with the given (local, global) sizes."""
+    return PETSc.Vec().createNest([PETSc.Vec().createMPI(size, comm=comm) for size in sizes])
 
 
 def direct_solver(mat: PETSc.Mat, prefix: str) -> PETSc.KSP:

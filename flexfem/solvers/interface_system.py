@@ -21,7 +21,7 @@ _DENSE = 36
 
 
 @kernel
-def _scatter_add(index, select, values, out):
+def _scatter_add(index: IntArray, select: IntArray, values: FloatArray, out: FloatArray) -> None:
     """``out[index[k]] += values[select[k]]``."""
     for k in range(index.size):
         out[index[k]] += values[select[k]]

@@ -23,8 +23,9 @@ __all__ = [
 
 @kernel
 def interface_response(
-    body_nodes, node_start, columns, column_start, responses, start, residual, y
-):
+    body_nodes: IntArray, node_start: IntArray, columns: IntArray, column_start: IntArray,
+    responses: FloatArray, start: IntArray, residual: FloatArray, y: FloatArray,
+) -> None:  # fmt: skip
     """``y = J A^-1 r`` of every body into the columns' slots and components of ``y`` (n, 6)."""
     for b in range(node_start.size - 1):
         first, count = column_start[b], column_start[b + 1] - column_start[b]
@@ -45,9 +46,10 @@ def interface_response(
 
 @kernel
 def schur(
-    sides, side_start, slot_column, slot_active, column_start, compliances, compliance_start,
-    force_jacobian, step_jacobian, values,
-):  # fmt: skip
+    sides: IntArray, side_start: IntArray, slot_column: IntArray, slot_active: IntArray,
+    column_start: IntArray, compliances: FloatArray, compliance_start: IntArray,
+    force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
+) -> None:  # fmt: skip
     """Entries of ``G~ C G^T``: for every body, all pairs of the row sides that act on it.
 
     Args:
@@ -81,7 +83,10 @@ def schur(
 
 
 @kernel
-def row_products(row_slots, local_slot, step_jacobian, y, owned, row_values, out):
+def row_products(
+    row_slots: IntArray, local_slot: BoolArray, step_jacobian: FloatArray, y: FloatArray,
+    owned: FloatArray, row_values: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
     """``owned * row_values - G~ y`` of every row over the slots that this rank's bodies own."""
     for r in range(out.size):
         out[r] = owned[r] * row_values[r]
@@ -93,7 +98,7 @@ def row_products(row_slots, local_slot, step_jacobian, y, owned, row_values, out
 
 
 @kernel
-def lu_factor(A, pivots):
+def lu_factor(A: FloatArray, pivots: IntArray) -> bool:
     """Factorise a dense matrix in place with row pivoting; False when it is singular."""
     n = A.shape[0]
     largest = 0.0
@@ -122,7 +127,7 @@ def lu_factor(A, pivots):
 
 
 @kernel
-def lu_solve(A, pivots, x):
+def lu_solve(A: FloatArray, pivots: IntArray, x: FloatArray) -> None:
     """Solve with the factors of ``lu_factor`` in place."""
     n = A.shape[0]
     for k in range(n):
@@ -139,7 +144,7 @@ def lu_solve(A, pivots, x):
 
 
 @kernel
-def invert_blocks(blocks, inverses):
+def invert_blocks(blocks: FloatArray, inverses: FloatArray) -> bool:
     """Inverses of 6x6 matrices; False when one is singular."""
     A, pivots = np.empty((6, 6)), np.empty(6, dtype=np.int64)
     x = np.empty(6)
@@ -156,7 +161,7 @@ def invert_blocks(blocks, inverses):
 
 
 @kernel
-def multiply_blocks(inverses, residual, step):
+def multiply_blocks(inverses: FloatArray, residual: FloatArray, step: FloatArray) -> None:
     """``step[i] = inverses[i] residual[i]`` for the first nodes of a block."""
     for k in range(inverses.shape[0]):
         for i in range(6):
@@ -168,8 +173,9 @@ def multiply_blocks(inverses, residual, step):
 
 @kernel
 def rigid_responses(
-    inverses, columns, column_start, response_start, compliance_start, responses, compliances
-):
+    inverses: FloatArray, columns: IntArray, column_start: IntArray, response_start: IntArray,
+    compliance_start: IntArray, responses: FloatArray, compliances: FloatArray,
+) -> None:  # fmt: skip
     """Rows of ``A^-T J^T`` and matrices ``J A^-1 J^T`` of bodies with one node each."""
     for b in range(inverses.shape[0]):
         first, count = column_start[b], column_start[b + 1] - column_start[b]

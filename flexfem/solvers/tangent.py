@@ -14,6 +14,7 @@ from flexfem.la.nest import (
     CoordinateMatrix,
     block_indices,
     create_nest_matrix,
+    create_nest_vector,
     direct_solver,
 )
 from flexfem.system.system import BlockPart, Shifts, System
@@ -30,7 +31,8 @@ class TangentSolver:
         comm, rows = system.comm, system.constraints
         parts = system.parts
         sizes = [(6 * p.block.owned, 6 * p.block.size_global) for p in parts]
-        sizes.append((rows.owned_count, rows.size_global))
+        if rows.size_global:
+            sizes.append((rows.owned_count, rows.size_global))
         self._couplings = _JointPattern(system)
         self.diagonal = []
         grid: list[list[CoordinateMatrix | None]] = []
@@ -64,7 +66,15 @@ class TangentSolver:
             [[entry.mat if entry is not None else None for entry in line] for line in grid], comm
         )
         self._ksp = direct_solver(self.matrix, "tangent_")
-        self._rhs, self._solution = self.matrix.createVecs()
+        self._rhs, self._solution = (create_nest_vector(sizes, comm) for _ in range(2))
+        # all rows of this rank from their owners
+        self._multipliers = PETSc.Vec().createSeq(rows.size)
+        if rows.size_global:
+            index = PETSc.IS().createGeneral(
+                rows.numbers.astype(PETSc.IntType), comm=PETSc.COMM_SELF
+            )
+            last = self._rhs.getNestSubVecs()[-1]
+            self._scatter = PETSc.Scatter().create(last, index, self._multipliers, None)
 
     def assemble(self, shifts: Shifts) -> None:
         """Set the numbers of all blocks at the trial state (collective)."""
@@ -96,7 +106,10 @@ class TangentSolver:
         """Factorise the assembled matrix; False when it is singular."""
         self._ksp.setOperators(self.matrix)
         self._ksp.setUp()
-        return bool(self._ksp.getPC().getFailedReason() == 0)
+        regular = bool(self._ksp.getPC().getFailedReason() == 0)
+        if not regular:
+            self._ksp.reset()  # MUMPS never factorises again with the data of a failure
+        return regular
 
     def solve(self, residuals: list[FloatArray], values: FloatArray) -> bool:
         """Solve ``matrix (dq, dL) = (residuals, values)`` into the blocks' steps.
@@ -108,26 +121,20 @@ class TangentSolver:
         Returns:
             True if the solution is finite; the multipliers' part is in :attr:`multiplier_step`.
         """
-        rows = self.system.constraints
-        blocks = [r.ravel() for r in residuals]
-        self._rhs.setArray(np.concatenate([*blocks, values[rows.owned_rows]]))
+        rows, parts = self.system.constraints, self.system.parts
+        pieces = [r.ravel() for r in residuals]
+        if rows.size_global:
+            pieces.append(values[rows.owned_rows])
+        for vec, piece in zip(self._rhs.getNestSubVecs(), pieces, strict=True):
+            vec.setArray(piece)
         self._ksp.solve(self._rhs, self._solution)
-        solution, at = self._solution.getArray(readonly=True), 0
-        for part in self.system.parts:
-            size = 6 * part.block.owned
-            part.block.step[: part.block.owned] = solution[at : at + size].reshape(-1, 6)
-            at += size
-        self.multiplier_step = self._spread(np.array(solution[at:]))
+        solutions = self._solution.getNestSubVecs()
+        for part, vec in zip(parts, solutions, strict=False):
+            part.block.step[: part.block.owned] = vec.getArray(readonly=True).reshape(-1, 6)
+        if rows.size_global:
+            self._scatter.scatter(solutions[-1], self._multipliers)
+        self.multiplier_step = np.array(self._multipliers.getArray(readonly=True))
         return bool(self._ksp.getConvergedReason() > 0)
-
-    def _spread(self, owned: FloatArray) -> FloatArray:
-        """Multipliers of all rows of this rank from the owners' values (collective)."""
-        rows = self.system.constraints
-        vec = PETSc.Vec().createWithArray(owned, comm=self.system.comm)
-        local = PETSc.Vec().createSeq(rows.size)
-        index = PETSc.IS().createGeneral(rows.numbers.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
-        PETSc.Scatter().create(vec, index, local, None).scatter(vec, local)
-        return np.array(local.getArray(readonly=True))
 
     def step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
         """One Newton step from the evaluated residuals: blocks' steps (to be subtracted).

@@ -55,7 +55,10 @@ class NodeDirectory:
 
 
 @kernel
-def _collect(frames, increment, velocity, local, slots, to_frames, to_increments, to_velocities):
+def _collect(
+    frames: FloatArray, increment: FloatArray, velocity: FloatArray, local: IntArray,
+    slots: IntArray, to_frames: FloatArray, to_increments: FloatArray, to_velocities: FloatArray,
+) -> None:  # fmt: skip
     for k in range(local.size):
         node, slot = local[k], slots[k]
         to_frames[slot] = frames[node]

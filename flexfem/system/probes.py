@@ -24,7 +24,10 @@ _WIDTH = 18  # frame, velocity, angular velocity
 
 
 @kernel
-def _record(frames, velocity, nodes, offsets, places, out):
+def _record(
+    frames: FloatArray, velocity: FloatArray, nodes: IntArray, offsets: FloatArray,
+    places: IntArray, out: FloatArray,
+) -> None:  # fmt: skip
     """States of markers on the nodes of one block into the rows ``places`` of ``out``."""
     for k in range(nodes.size):
         H, v, o, row = frames[nodes[k]], velocity[nodes[k]], offsets[k], out[places[k]]

@@ -19,7 +19,7 @@ __all__ = ["add_dampers", "add_hessians", "row_hessian", "second_rates"]
 
 
 @kernel
-def _skew_into(v, sign, out, i, j):
+def _skew_into(v: FloatArray, sign: float, out: FloatArray, i: int, j: int) -> None:
     """Add ``sign * skew(v)`` to the 3x3 block of ``out`` at (i, j)."""
     out[i, j + 1] -= sign * v[2]
     out[i, j + 2] += sign * v[1]
@@ -30,14 +30,14 @@ def _skew_into(v, sign, out, i, j):
 
 
 @kernel
-def _skew(v):
+def _skew(v: FloatArray) -> FloatArray:
     out = np.zeros((3, 3))
     _skew_into(v, 1.0, out, 0, 0)
     return out
 
 
 @kernel
-def _product(A, B):
+def _product(A: FloatArray, B: FloatArray) -> FloatArray:
     C = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
@@ -47,14 +47,17 @@ def _product(A, B):
 
 
 @kernel
-def _add(out, i, j, sign, B):
+def _add(out: FloatArray, i: int, j: int, sign: float, B: FloatArray) -> None:
     for k in range(3):
         for m in range(3):
             out[i + k, j + m] += sign * B[k, m]
 
 
 @kernel
-def row_hessian(kind, Ha, Hb, u, v, p, h):
+def row_hessian(
+    kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
+    h: FloatArray,
+) -> None:  # fmt: skip
     """Derivative of a row's gradient (12) along the local twists (12) in ``h`` (12, 12).
 
     It is not symmetric: increments of rotation do not commute.
@@ -82,13 +85,15 @@ def row_hessian(kind, Ha, Hb, u, v, p, h):
 
 
 @kernel
-def _multiply(A, v, out):
+def _multiply(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
     for i in range(3):
         out[i] = A[i, 0] * v[0] + A[i, 1] * v[1] + A[i, 2] * v[2]
 
 
 @kernel
-def _axes_hessian(Rab, Rba, u, v, h, s):
+def _axes_hessian(
+    Rab: FloatArray, Rba: FloatArray, u: FloatArray, v: FloatArray, h: FloatArray, s: FloatArray
+) -> None:
     _multiply(Rab, v, s[0])
     _multiply(Rba, u, s[1])
     U, V = _skew(u), _skew(v)
@@ -99,7 +104,10 @@ def _axes_hessian(Rab, Rba, u, v, h, s):
 
 
 @kernel
-def _along_hessian(Ha, Hb, Rab, Rba, u, h, s):
+def _along_hessian(
+    Ha: FloatArray, Hb: FloatArray, Rab: FloatArray, Rba: FloatArray, u: FloatArray, h: FloatArray,
+    s: FloatArray,
+) -> None:  # fmt: skip
     for i in range(3):
         s[0, i] = Hb[i] - Ha[i]
     rotate_back_into(Ha, s[0], s[1], 0)
@@ -113,7 +121,10 @@ def _along_hessian(Ha, Hb, Rab, Rba, u, h, s):
 
 
 @kernel
-def _distance_hessian(Ha, Hb, Ra, Rb, Rab, Rba, direction, h):
+def _distance_hessian(
+    Ha: FloatArray, Hb: FloatArray, Ra: FloatArray, Rb: FloatArray, Rab: FloatArray,
+    Rba: FloatArray, direction: FloatArray, h: FloatArray,
+) -> None:  # fmt: skip
     """Part of the distance that comes from its changing direction, which it returns."""
     length = 0.0
     for i in range(3):
@@ -135,7 +146,10 @@ def _distance_hessian(Ha, Hb, Ra, Rb, Rab, Rba, direction, h):
 
 
 @kernel
-def _angle_hessian(Rab, Rba, u, v, p, h, s):
+def _angle_hessian(
+    Rab: FloatArray, Rba: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray, h: FloatArray,
+    s: FloatArray,
+) -> None:  # fmt: skip
     y, side, g = s[0], s[1], s[2]
     _multiply(Rab, v, y)
     cross_into(u, p, side, 0)
@@ -166,7 +180,7 @@ def _angle_hessian(Rab, Rba, u, v, p, h, s):
 
 
 @kernel
-def _marker_map(offset, J):
+def _marker_map(offset: FloatArray, J: FloatArray) -> None:
     """``J`` (6, 6): marker twist from node twist, ``Ad(H_o^-1)``."""
     J[:] = 0.0
     for i in range(3):
@@ -184,8 +198,10 @@ def _marker_map(offset, J):
 
 @kernel
 def add_hessians(
-    poses, marker_node, marker_offset, row_marker, kinds, directions, joint_of_row, factor, out
-):
+    poses: FloatArray, marker_node: IntArray, marker_offset: FloatArray, row_marker: IntArray,
+    kinds: IntArray, directions: FloatArray, joint_of_row: IntArray, factor: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
     """Add ``factor`` times every row's second derivative to its joint's block of ``out``.
 
     Rows and columns refer to the nodes' local twists.
@@ -215,7 +231,10 @@ def add_hessians(
 
 
 @kernel
-def second_rates(poses, velocities, marker_node, marker_offset, row_marker, kinds, directions, out):
+def second_rates(
+    poses: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
+    row_marker: IntArray, kinds: IntArray, directions: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
     """``v . (d gradient / dq) v`` of every row: its second time derivative at constant v."""
     h, J, v = np.empty((12, 12)), np.empty((6, 6)), np.empty(12)
     for r in range(kinds.size):
@@ -237,9 +256,10 @@ def second_rates(poses, velocities, marker_node, marker_offset, row_marker, kind
 
 @kernel
 def add_dampers(
-    poses, increments, velocities, marker_node, marker_offset, row_marker, kinds, directions,
-    elastic, dynamics, step_jacobian,
-):  # fmt: skip
+    poses: FloatArray, increments: FloatArray, velocities: FloatArray, marker_node: IntArray,
+    marker_offset: FloatArray, row_marker: IntArray, kinds: IntArray, directions: FloatArray,
+    elastic: FloatArray, dynamics: FloatArray, step_jacobian: FloatArray,
+) -> None:  # fmt: skip
     """Exact ``step_jacobian`` of rows with damping: their rate depends on position and increment."""
     h, J, Tinv = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(36)
     v, w, rate = np.empty(12), np.empty(6), np.empty(6)

@@ -32,7 +32,7 @@ INERTIAL, ALONG, AXES, DISTANCE, ANGLE = range(5)
 
 
 @kernel
-def rotate_into(H, v, out, at):
+def rotate_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
     """``R v`` of a frame stored as 12 numbers."""
     for i in range(3):
         k = 3 + 3 * i
@@ -40,7 +40,7 @@ def rotate_into(H, v, out, at):
 
 
 @kernel
-def rotate_back_into(H, v, out, at):
+def rotate_back_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
     """``R^T v`` of a frame stored as 12 numbers."""
     for i in range(3):
         k = 3 + i
@@ -48,19 +48,22 @@ def rotate_back_into(H, v, out, at):
 
 
 @kernel
-def cross_into(a, b, out, at):
+def cross_into(a: FloatArray, b: FloatArray, out: FloatArray, at: int) -> None:
     out[at] = a[1] * b[2] - a[2] * b[1]
     out[at + 1] = a[2] * b[0] - a[0] * b[2]
     out[at + 2] = a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
-def dot(a, b):
+def dot(a: FloatArray, b: FloatArray) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
-def _row(kind, Ha, Hb, u, v, p, memory, g, s):
+def _row(
+    kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
+    memory: float, g: FloatArray, s: FloatArray,
+) -> float:  # fmt: skip
     """Value of one row without its target; gradient in ``g`` (12), scratch ``s`` (5, 3)."""
     g[:] = 0.0
     if kind == AXES:
@@ -107,7 +110,7 @@ def _row(kind, Ha, Hb, u, v, p, memory, g, s):
 
 
 @kernel
-def _to_node(offset, g, at, out):
+def _to_node(offset: FloatArray, g: FloatArray, at: int, out: FloatArray) -> None:
     """Carry a marker's gradient ``g[at:at+6]`` to its node: ``Ad(H_o^-1)^T g``."""
     rotate_into(offset, g[at : at + 3], out, 0)
     rotate_into(offset, g[at + 3 : at + 6], out, 3)
@@ -117,7 +120,9 @@ def _to_node(offset, g, at, out):
 
 
 @kernel
-def marker_poses(frames, marker_node, marker_offset, poses):
+def marker_poses(
+    frames: FloatArray, marker_node: IntArray, marker_offset: FloatArray, poses: FloatArray
+) -> None:
     """Poses of all markers from the frames of their nodes (node -1: ground)."""
     for m in range(marker_node.size):
         if marker_node[m] < 0:
@@ -127,7 +132,10 @@ def marker_poses(frames, marker_node, marker_offset, poses):
 
 
 @kernel
-def update_angles(poses, row_marker, kinds, directions, memory):
+def update_angles(
+    poses: FloatArray, row_marker: IntArray, kinds: IntArray, directions: FloatArray,
+    memory: FloatArray,
+) -> None:  # fmt: skip
     """Store the continuous angle of each angle row (call it when a step is accepted)."""
     g, scratch = np.empty(12), np.empty((5, 3))
     for r in range(kinds.size):
@@ -140,7 +148,10 @@ def update_angles(poses, row_marker, kinds, directions, memory):
 
 
 @kernel
-def add_forces(row_slots, force_jacobian, multipliers, local, residual):
+def add_forces(
+    row_slots: IntArray, force_jacobian: FloatArray, multipliers: FloatArray, local: IntArray,
+    residual: FloatArray,
+) -> None:  # fmt: skip
     """Add ``G^T multipliers`` to the nodes ``local[slot]`` of a block (-1: another block)."""
     for r in range(multipliers.size):
         for side in range(2):
@@ -152,9 +163,12 @@ def add_forces(row_slots, force_jacobian, multipliers, local, residual):
 
 @kernel
 def evaluate_rows(
-    frames, velocities, marker_node, marker_offset, row_marker, kinds, directions, targets, memory,
-    elastic, dynamics, multipliers, poses, force_jacobian, step_jacobian, values, compliance,
-):  # fmt: skip
+    frames: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
+    row_marker: IntArray, kinds: IntArray, directions: FloatArray, targets: FloatArray,
+    memory: FloatArray, elastic: FloatArray, dynamics: FloatArray, multipliers: FloatArray,
+    poses: FloatArray, force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
+    compliance: FloatArray,
+) -> None:  # fmt: skip
     """Evaluate every row at the trial configuration.
 
     Args:
