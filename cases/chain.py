@@ -3,13 +3,13 @@
 
 n links of 0.5 m in a row along +X from the origin, at first straight and at rest; square section
 0.01 x 0.01 m, E = 1e9 N/m^2, nu = 0.3, rho = 1000 kg/m^3; a spherical joint to the ground at the
-origin and between consecutive links; gravity 9.81 m/s^2 along -Z. Spherical joints leave the spin of
-every link free: its rotary inertia keeps the problem well posed, and no load excites it.
+origin and between consecutive links; gravity 9.81 m/s^2 along -Z. Spherical joints leave the spin
+of every link free: its rotary inertia keeps the problem well posed, and no load excites it.
 
 History: ``tip_x, tip_y, tip_z`` of the free end, m.
 
-Expected: the tip of 4 links x 8 elements at t = 1 s, see ``tests/data/chain_4x8.csv`` (another code,
-converged in the step). Run: ``mpirun -n 2 python cases/chain.py --links 16``.
+Expected: the tip of 4 links x 8 elements at t = 1 s, see ``tests/data/chain_4x8.csv`` (another
+code, converged in the step). Run: ``mpirun -n 2 python cases/chain.py --links 16``.
 """
 
 import sys

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Flying spaghetti: a very flexible free beam tumbling in space (after Simo, Vu-Quoc 1988).
 
-A straight beam of length 10 from the lower end (6, 0, 0) to the upper end (0, 8, 0), at rest and free.
-EA = GA2 = GA3 = 1e4, EI2 = EI3 = GJ = 500, mass per length 1, rotary inertia per length diag(10, 10,
-10). At the lower end act the dead force (T/10, 0, 0) and the dead moment (0, -T/2, -T), with T rising
-linearly from 0 to 200 at t = 2.5 and falling to 0 at t = 5. No gravity. Any consistent units.
+A straight beam of length 10 from the lower end (6, 0, 0) to the upper end (0, 8, 0), at rest and
+free. EA = GA2 = GA3 = 1e4, EI2 = EI3 = GJ = 500, mass per length 1, rotary inertia per length
+diag(10, 10, 10). At the lower end act the dead force (T/10, 0, 0) and the dead moment
+(0, -T/2, -T), with T rising linearly from 0 to 200 at t = 2.5 and falling to 0 at t = 5. No
+gravity. Any consistent units.
 
 History: ``lower_x, lower_y, lower_z, upper_x, upper_y, upper_z``, the positions of both ends.
 

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Heavy top: a rigid body on a spherical joint, the test of Lie-group integrators.
 
-Mass 15 kg, inertia diag(0.234375, 0.46875, 0.234375) kg m^2 about its centre, which lies 1 m from the
-fixed point along Y at the start; initial angular velocity (0, 150, -4.61538) rad/s (fast top), or a
-hundredth of it (slow top, ``--spin slow``); gravity 9.81 m/s^2 along -Z.
+Mass 15 kg, inertia diag(0.234375, 0.46875, 0.234375) kg m^2 about its centre, which lies 1 m from
+the fixed point along Y at the start; initial angular velocity (0, 150, -4.61538) rad/s (fast top),
+or a hundredth of it (slow top, ``--spin slow``); gravity 9.81 m/s^2 along -Z.
 
-History: ``centre_x, centre_y, centre_z`` of the centre of mass, m, and ``spin_x, spin_y, spin_z``, the
-angular velocity in body axes, rad/s.
+History: ``centre_x, centre_y, centre_z`` of the centre of mass, m, and ``spin_x, spin_y, spin_z``,
+the angular velocity in body axes, rad/s.
 
-Expected (DOP853 at 1e-13): fast top at t = 0.5 s, centre (-0.70246830, -0.02116519, -0.71140026); slow
-top at t = 1 s, centre (-0.03116865, -0.98338368, -0.17884365). Order 2 in all of them from the first
-step on. Run: ``python cases/heavy_top.py --dt 1e-3``.
+Expected (DOP853 at 1e-13): fast top at t = 0.5 s, centre (-0.70246830, -0.02116519, -0.71140026);
+slow top at t = 1 s, centre (-0.03116865, -0.98338368, -0.17884365). Order 2 in all of them from the
+first step on. Run: ``python cases/heavy_top.py --dt 1e-3``.
 """
 
 import sys

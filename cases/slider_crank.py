@@ -6,14 +6,14 @@ rho = 7850 kg/m^3) lie along +X at rest. A spherical joint holds rod I to the gr
 rod II to rod I; a mass of 0.1 kg at the end of rod II moves on the X axis. A constant moment of
 500 N m about Z turns rod I at the ground; gravity is 9.81 m/s^2 along -Y.
 
-Spherical joints leave the spin of either rod about its own axis free. It stays in the equations with
-the rotary inertia of the rod and is never excited by the planar loads, so that nothing has to be
-locked. The slider's mass is fixed to the end of rod II and guided on the axis; a further spherical
-joint between the two would be the same.
+Spherical joints leave the spin of either rod about its own axis free. It stays in the equations
+with the rotary inertia of the rod and is never excited by the planar loads, so that nothing has to
+be locked. The slider's mass is fixed to the end of rod II and guided on the axis; a further
+spherical joint between the two would be the same.
 
-History: ``crank_angle`` (rad) and ``crank_rate`` (rad/s) of the chord of rod I, ``slider_x`` (m) and
-``rod_2_deflection``, the distance of rod II's middle node from the middle of its chord over 0.6 m
-(with an odd number of elements: the mean of the two middle nodes).
+History: ``crank_angle`` (rad) and ``crank_rate`` (rad/s) of the chord of rod I, ``slider_x`` (m)
+and ``rod_2_deflection``, the distance of rod II's middle node from the middle of its chord over
+0.6 m (with an odd number of elements: the mean of the two middle nodes).
 
 Expected (Wu et al., Appl. Sci. 10 (2020) 1231): the largest deflection of rod II exceeds 5 % of its
 length; the crank passes 320 rad/s. Run: ``mpirun -n 2 python cases/slider_crank.py``.

@@ -17,6 +17,10 @@ from flexfem._types import FloatArray
 _ROTATION_TOLERANCE = 1e-6
 
 
+class InputError(ValueError):
+    """Wrong input noticed by all ranks alike, before anything is computed or written."""
+
+
 def show(value: object, length: int = 72) -> str:
     """Return `value` on one line, shortened to about `length` characters."""
     text = " ".join(repr(value).split())

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import flexfem
 from flexfem import launch
+from flexfem._checks import InputError
 from flexfem.case import Case
 from flexfem.options import RUN_OPTIONS, Option, RunOptions
 from flexfem.resources import load_module, shipped_files
@@ -151,11 +152,20 @@ def _shipped_case(name: str) -> Path:
 
 def _run(case: Case, argv: Sequence[str], prog: str | None) -> int:
     parameters, options = parse(case, argv, prog=prog)
-    model = _prepare(case, parameters, options)
+    model, folders = _prepare(case, parameters, options)
 
     from flexfem.simulation import simulate
 
-    outcome = simulate(model, options, case=case.name, results=case.results)
+    try:
+        outcome = simulate(model, options, case=case.name, results=case.results)
+    except InputError as error:
+        for folder in folders:
+            folder.rmdir()
+        raise UsageError(str(error)) from error
+    except OSError as error:
+        launch.say(f"failed: {error}", error=True)
+        launch.abort(1)
+        return 1
     if outcome.status != "ok":
         launch.say(f"failed: {outcome.status}", error=True)
         return 1
@@ -282,21 +292,31 @@ def _check_output(folder: Path) -> None:
     raise OSError(f"argument --output: '{folder}' cannot be used, {reason}")
 
 
-def _prepare(case: Case, parameters: Mapping[str, Any], options: RunOptions) -> "Model":
-    """Build and validate the model and create the output folder; ranks agree on success."""
+def _prepare(
+    case: Case, parameters: Mapping[str, Any], options: RunOptions
+) -> tuple["Model", list[Path]]:
+    """Build and validate the model and create the output folder; ranks agree on success.
+
+    Returns:
+        The model, and the folders that this process has created, innermost first.
+    """
     from flexfem.model.model import Model
 
-    message = ""
+    message, created = "", []
     try:
         model = case.build(**parameters)
         if not isinstance(model, Model):
             raise TypeError(f"case '{case.name}': build returned {model!r}, not a Model")
         model.validate()
         if launch.rank() == 0 and options.output is not None:
-            options.output.mkdir(parents=True, exist_ok=True)
+            path = options.output
+            created = [folder for folder in (path, *path.parents) if not folder.exists()]
+            path.mkdir(parents=True, exist_ok=True)
     except (OSError, TypeError, ValueError) as error:
         message = str(error) or type(error).__name__
     message = launch.first_message(message)
     if message:
+        for folder in created:
+            folder.rmdir()
         raise UsageError(message)
-    return model
+    return model, created

@@ -5,18 +5,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-try:
+with suppress(ImportError):  # absent beside a DOLFINx of conda, Debian or a container
     import dolfinx_solver  # noqa: F401  (the binary wheel must come before dolfinx and petsc4py)
-except ImportError:  # a DOLFINx of conda, Debian or a container
-    pass
 
 from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
@@ -24,7 +24,7 @@ from flexfem.integrators.start import start_consistently
 from flexfem.io.field_output import FieldOutput
 from flexfem.io.history import HistoryWriter
 from flexfem.io.progress import Progress
-from flexfem.io.summary import write_summary
+from flexfem.io.summary import remove_summary, write_summary
 from flexfem.model.model import Model
 from flexfem.options import RunOptions
 from flexfem.solvers.newton import NewtonOptions
@@ -64,6 +64,7 @@ class Simulation:
     Attributes:
         system: the assembled system.
         steps, rejected: accepted (partial) steps and rejected ones.
+        step_seconds: wall-clock time of each call of :meth:`advance`, s.
     """
 
     def __init__(
@@ -72,12 +73,15 @@ class Simulation:
         """Build the system and start it consistently (collective).
 
         Raises:
-            ValueError: a mistake in the model.
+            InputError: a mistake in the model (a ValueError).
         """
-        model.validate()
+        try:
+            model.validate()
+            self.serial = Assembly(model)
+            self.system: System = build(self.serial, comm or MPI.COMM_WORLD, options.split_above)
+        except ValueError as error:  # on every rank, the model being the same
+            raise InputError(str(error)) from error
         self.options = options
-        self.serial = Assembly(model)
-        self.system: System = build(self.serial, comm or MPI.COMM_WORLD, options.split_above)
         self.system.set_time(0.0)
         self._integrator = GeneralizedAlpha(options.rho_inf)
         tangent = TangentSolver(self.system)
@@ -85,6 +89,7 @@ class Simulation:
         newton = NewtonOptions(options.tolerance)
         self._policy: Policy = create_policy(options.iteration_matrix, self.system, newton, tangent)
         self.steps = self.rejected = 0
+        self.step_seconds: list[float] = []
 
     @property
     def time(self) -> float:
@@ -98,7 +103,9 @@ class Simulation:
             h: step size; factors are kept for equal step sizes, so pass the same number.
             t: time reached, where the caller knows it free of accumulated rounding.
         """
+        begin = time.perf_counter()
         status = self._advance(h, _HALVINGS)
+        self.step_seconds.append(time.perf_counter() - begin)
         if status is Status.OK and t is not None:
             self.system.time = t
         return status
@@ -125,6 +132,7 @@ class _Recorder:
         self._rows: list[FloatArray] = []
         self._table = self._fields = None
         if options.output is not None:
+            remove_summary(options.output / "summary.json", system.comm)
             self._table = HistoryWriter(
                 options.output / "history.csv", self._probes.columns, system.comm,
                 self._probes.unwrap,
@@ -137,9 +145,10 @@ class _Recorder:
         """Note the accepted state of a step."""
         simulation = self._simulation
         self._probes.record(simulation.time)
-        if self._probes.full:
+        due = step % self._every == 0 or last
+        if due or self._probes.full:  # the table is never behind the fields
             self._flush()
-        if self._fields is not None and (step % self._every == 0 or last):
+        if due and self._fields is not None:
             self._fields.write(simulation.time, step)
         counters = simulation.system.counters
         self._progress.update(simulation.time, counters.newton_iterations, counters.factorizations)
@@ -191,42 +200,97 @@ def simulate(
         The outcome, the same status on every rank.
 
     Raises:
-        ValueError: a mistake in the model, before anything is written.
+        InputError: a mistake in the model, before anything is written (a ValueError).
+        OSError: the results cannot be written.
+        KeyboardInterrupt: after what is there was written, if there is one rank only.
     """
     begin = time.perf_counter()
     simulation = Simulation(model, options, comm)
-    recorder = _Recorder(simulation, options)
-    status = simulation.status
-    count = max(1, round(options.t_end / options.dt))
-    setup = first = None
-    if status is Status.OK:
-        recorder.record(0)
-        setup = time.perf_counter() - begin
+    run = _Run(simulation, options, case, results, begin)
+    try:
+        status = run.to_the_end()
+    except KeyboardInterrupt:
+        # ranks are interrupted at different places, where no collective call can end well
+        if simulation.system.comm.size == 1:
+            run.finish(f"interrupted at t = {simulation.time:.6g} s")
+        raise
+    return run.finish(_reason(simulation, status, options))
+
+
+class _Run:
+    """One run from the start to the results."""
+
+    def __init__(
+        self, simulation: Simulation, options: RunOptions, case: str, results: Results | None,
+        begin: float,
+    ) -> None:  # fmt: skip
+        self._simulation, self._options, self._case = simulation, options, case
+        self._results, self._begin = results, begin
+        self._recorder = _Recorder(simulation, options)
+        self._setup: float | None = None
+        self._first: float | None = None
+
+    def _elapsed(self) -> float:
+        return time.perf_counter() - self._begin
+
+    def to_the_end(self) -> Status:
+        """Take all steps, or those before the first that fails."""
+        simulation, options = self._simulation, self._options
+        status = simulation.status
+        if status is not Status.OK:
+            return status
+        self._recorder.record(0)
+        self._setup = self._elapsed()
+        count = max(1, round(options.t_end / options.dt))
         for step in range(1, count + 1):
             status = simulation.advance(options.t_end / count, options.t_end * step / count)
-            if first is None:
-                first = time.perf_counter() - begin
+            if step == 1:
+                self._first = self._elapsed()
             if status is not Status.OK:
                 break
-            recorder.record(step, last=step == count)
-    recorder.close()
-    history = recorder.history()
-    summary = _summary(simulation, case, status, time.perf_counter() - begin, setup, first)
-    if history and results is not None:
-        summary["results"] = dict(results(history))
-    if options.output is not None:
-        write_summary(options.output / "summary.json", summary, simulation.system.comm)
-    return Outcome(summary["status"], summary, history)
+            self._recorder.record(step, last=step == count)
+        return status
+
+    def finish(self, reason: str) -> Outcome:
+        """Write what is left and the summary (collective)."""
+        self._recorder.close()
+        history = self._recorder.history()
+        summary = _summary(self._simulation, self._case, reason, self._elapsed())
+        summary["wall_seconds_setup"] = self._setup or summary["wall_seconds"]
+        summary["wall_seconds_first_step"] = self._first
+        if history and self._results is not None:
+            summary["results"] = dict(self._results(history))
+        if self._options.output is not None:
+            path = self._options.output / "summary.json"
+            write_summary(path, summary, self._simulation.system.comm)
+        return Outcome(reason, summary, history)
+
+
+def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
+    """The status in words, with the time and with a drive or load that is not a number."""
+    if status is Status.OK:
+        return "ok"
+    t, model = simulation.time, simulation.serial.model
+    text = f"{status.value} at t = {t:.6g} s"
+    # the start looks three steps ahead to differentiate drives
+    ahead = t + options.dt * np.array([0.5**_HALVINGS, 0.5, 1.0, 2.0, 3.0])
+    for joint in model.joints:
+        if joint.driven:
+            poses = [simulation.serial.marker_pose(m) for m in (joint.a, joint.b)]
+            targets = [row.target for s in ahead for row in joint.rows(poses[0], poses[1], s)]
+            if not np.isfinite(targets).all():
+                return f"{joint.owner}: the motion is not finite after t = {t:.6g} s"
+    for load in model.loads:
+        if not np.isfinite([load.factor(s) for s in ahead]).all():
+            name = f'{type(load).__name__} "{load.name}"'
+            return f"{name}: the amplitude is not finite after t = {t:.6g} s"
+    return text
 
 
 def _summary(
-    simulation: Simulation, case: str, status: Status, wall: float, setup: float | None,
-    first: float | None,
+    simulation: Simulation, case: str, reason: str, wall: float
 ) -> dict[str, Any]:  # fmt: skip
     system, counters = simulation.system, simulation.system.counters
-    reason = status.value
-    if status is not Status.OK:
-        reason = f"{status.value} at t = {simulation.time:.6g} s"
     return {
         "case": case,
         "ranks": system.comm.size,
@@ -240,8 +304,8 @@ def _summary(
         "fallbacks": counters.fallbacks,
         "residual_evaluations": counters.residual_evaluations,
         "wall_seconds": wall,
-        "wall_seconds_setup": wall if setup is None else setup,
-        "wall_seconds_first_step": first,
+        # without the first step, which factorises and loads compiled code
+        "wall_seconds_steps": sum(simulation.step_seconds[1:]),
         "status": reason,
         "results": {},
     }

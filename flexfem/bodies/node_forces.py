@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled forces and moments at points fixed to nodes.
 
-A dead force keeps its inertial components, a follower force its components in the axes of the point.
-The point is carried by its node as the frame ``offset`` (12 numbers relative to the node).
+A dead force keeps its inertial components, a follower force its components in the axes of the
+point. The point is carried by its node as the frame ``offset`` (12 numbers relative to the node).
 """
 
 import numpy as np
 
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie.compiled import kernel
 
 __all__ = ["add_forces", "force_tangent"]

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled inertia of rigid bodies and of masses fixed to nodes.
 
-A node with frame ``H``, local twist ``v`` and inertia matrix ``M`` (6x6 about the node, in its axes)
-obeys the Euler–Poincaré equation ``M dv/dt - ad_v^T (M v) - M (R^T g, 0) = f``.
+A node with frame ``H``, local twist ``v`` and inertia matrix ``M`` (6x6 about the node, in its
+axes) obeys the Euler–Poincaré equation ``M dv/dt - ad_v^T (M v) - M (R^T g, 0) = f``.
 """
 
 import numpy as np
 
+from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import inverse_tangent_into
 

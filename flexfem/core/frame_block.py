@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.frame_kernels import accept, correct, predict
 
 __all__ = ["FrameBlock"]
@@ -71,7 +71,7 @@ class FrameBlock:
         local = np.arange(len(self.frames), dtype=np.int32)
         return np.asarray(self.index_map.local_to_global(local), dtype=np.int64)
 
-    def owned_index(self, ids: IntArray) -> IntArray:
+    def owned_index(self, ids: IndexArray) -> IntArray:
         """Local indices of nodes given by their input numbers, -1 where another rank owns them."""
         order = np.argsort(self.node_ids[: self.owned])
         known = self.node_ids[: self.owned][order]

@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from flexfem._types import FloatArray
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import inverse_tangent_apply, retract_into
 
@@ -29,8 +30,8 @@ def predict(
 ) -> None:  # fmt: skip
     """Start a step: ``n = law . (v0, a0)`` and the affine laws ``v(n)``, ``w(n)``.
 
-    ``law`` (8,) holds the factors of v0 and a0 in the predicted increment, of v0 and a0 in
-    ``v_base``, and of v0, a0 and w0 in ``w_base`` (one spare); ``rates`` (2,) dv/dn and dw/dn.
+    ``law`` (7,) holds the factors of v0 and a0 in the predicted increment, of v0 and a0 in
+    ``v_base``, and of v0, a0 and w0 in ``w_base``; ``rates`` (2,) dv/dn and dw/dn.
     """
     for i in range(n.shape[0]):
         for k in range(6):

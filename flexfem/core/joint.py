@@ -2,8 +2,8 @@
 """Joints as rows of elementary scalar constraints between two markers.
 
 A joint is data: the list of its rows, each with directions fixed in the axes of its markers. All
-rows of all joints are evaluated as one batch in compiled code (``flexfem.system.rows``), with their
-first and second derivatives; a new joint is a new list of rows.
+rows of all joints are evaluated as one batch in compiled code (``flexfem.system.row_kernels``), with
+their first and second derivatives; a new joint is a new list of rows.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ __all__ = [
     "line_guidance",
     "parallelism",
     "perpendicular",
+    "turn_angle",
 ]
 
 _ZERO = np.zeros(3)
@@ -180,4 +181,19 @@ def equal_rotation(a: Pose, b: Pose, turned: FloatArray | None = None) -> tuple[
     return tuple(
         Row(RowKind.AXES, u=start[:, i].copy(), v=relative[j].copy())
         for i, j in ((1, 2), (2, 0), (0, 1))
+    )
+
+
+def turn_angle(axis: FloatArray, a: Pose, b: Pose, angle: float) -> Row:
+    """Row that holds the angle (rad) by which b has turned from a since the start.
+
+    The axis is given in inertial components at the start and stays fixed in a.
+    """
+    p, _ = perpendicular(axis)
+    return Row(
+        RowKind.ANGLE,
+        u=a.rotation.T @ axis,
+        p=a.rotation.T @ p,
+        v=b.rotation.T @ p,
+        target=angle,
     )

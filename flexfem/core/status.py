@@ -13,4 +13,3 @@ class Status(Enum):
     NOT_CONVERGED = "the Newton iteration did not converge"
     DIVERGED = "the Newton iteration diverged"
     SINGULAR = "the iteration matrix is singular: redundant constraints or a singular position"
-    STEP_TOO_SMALL = "the step size fell below its limit"

@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.la.kernel import tabulate
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into
@@ -79,7 +80,7 @@ def _put_laws(data: FloatArray, offsets: IntArray, laws: FloatArray, section: in
 
 @inlined
 def _add_force(
-    cells: CellArray, c: int, turned: bool, Q: FloatArray, turn: int, force: FloatArray,
+    cells: IndexArray, c: int, turned: bool, Q: FloatArray, turn: int, force: FloatArray,
     scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add the force on both ends of a cell to its nodes, turned back into their axes."""
@@ -100,7 +101,7 @@ def _add_force(
 
 @kernel
 def add_residual(
-    address: int, offsets: IntArray, gravity: FloatArray, cells: CellArray, turned: BoolArray,
+    address: int, offsets: IntArray, gravity: FloatArray, cells: IndexArray, turned: BoolArray,
     turns: FloatArray, twists: FloatArray, lengths: FloatArray, damping: FloatArray,
     sections: IntArray, laws: FloatArray, frames: FloatArray, velocity: FloatArray,
     acceleration: FloatArray, scale: float, residual: FloatArray,
@@ -131,10 +132,10 @@ def add_residual(
 @kernel
 def add_action(
     address: int, offsets: IntArray, constants: FloatArray, stiffness_factor: float,
-    cells: CellArray, turned: BoolArray, turns: FloatArray, twists: FloatArray, lengths: FloatArray,
-    damping: FloatArray, sections: IntArray, laws: FloatArray, frames: FloatArray,
-    velocity: FloatArray, increments: FloatArray, step: FloatArray, scale: float,
-    residual: FloatArray,
+    cells: IndexArray, turned: BoolArray, turns: FloatArray, twists: FloatArray,
+    lengths: FloatArray, damping: FloatArray, sections: IntArray, laws: FloatArray,
+    frames: FloatArray, velocity: FloatArray, increments: FloatArray, step: FloatArray,
+    scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale (k K + (c C + m M) T^-1) step`` of all cells to ``residual`` (n, 6).
 
@@ -191,7 +192,7 @@ def _turn_matrix(Q1: FloatArray, Q2: FloatArray, K: FloatArray, work: FloatArray
 @kernel
 def add_tangent(
     stiffness: int, stiffness_offsets: IntArray, gravity: FloatArray, inertia: int,
-    inertia_offsets: IntArray, shifts: FloatArray, cells: CellArray, turned: BoolArray,
+    inertia_offsets: IntArray, shifts: FloatArray, cells: IndexArray, turned: BoolArray,
     turns: FloatArray, twists: FloatArray, lengths: FloatArray, damping: FloatArray,
     sections: IntArray, laws: FloatArray, frames: FloatArray, velocity: FloatArray,
     increments: FloatArray, scale: float, values: FloatArray,

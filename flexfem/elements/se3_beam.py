@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_loops import (
     add_action,
@@ -43,14 +42,14 @@ class BeamCells:
         damping: (m,) stiffness-proportional damping, s.
     """
 
-    cells: npt.NDArray[np.int32]
+    cells: IndexArray
     body: IntArray
     section: IntArray
     frames: FloatArray
     damping: FloatArray
 
 
-def node_frames(cells: npt.NDArray[np.integer], frames: FloatArray, count: int) -> FloatArray:
+def node_frames(cells: IndexArray, frames: FloatArray, count: int) -> FloatArray:
     """One frame per node: that of the first cell end there (others are turned against it)."""
     result = np.zeros((count, 12))
     ends, first = np.unique(cells.ravel(), return_index=True)
@@ -64,7 +63,6 @@ class SE3Beams:
     Attributes:
         data: constant data of the cells.
         lengths: (m,) arc lengths at the start, m.
-        resultant_names: names of the stress resultants in their order.
     """
 
     def __init__(
@@ -105,7 +103,11 @@ class SE3Beams:
         self._inertia = compile_kernel(comm, forms.inertia, coefficients)
         self._action = compile_kernel(comm, forms.action, coefficients)
 
-    def _cell_data(self) -> tuple[npt.NDArray[np.generic], ...]:
+    def _cell_data(
+        self,
+    ) -> tuple[
+        IndexArray, BoolArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray
+    ]:
         data = self.data
         return (
             data.cells, self._turned, self._turns, self._twists, self.lengths, data.damping,
@@ -122,7 +124,7 @@ class SE3Beams:
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> FloatArray:
-        """Cell matrices (m, 12, 12) of ``scale (k K + (c C + m M) T^-1)``, ``shifts`` = (c, m, k)."""
+        """Matrices (m, 12, 12) ``scale (k K + (c C + m M) T^-1)``, ``shifts`` = (c, m, k)."""
         values = np.empty((len(self.data.cells), 144))
         add_tangent(
             self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,

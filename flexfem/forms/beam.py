@@ -12,17 +12,17 @@ exactly as ``f(1/2) -/+ 1/2 df/dxi``, so one quadrature point carries the whole 
 increments and residuals are components in the nodes' own frames.
 
 Inertia follows the Euler–Poincaré equations of the kinetic energy ``1/2 sum_ij M_ij v_i . m v_j``
-with ``M = L/6 [[2, 1], [1, 2]]``: ``r_i = sum_j M_ij m a_j - ad_{v_i}^T sum_j M_ij m v_j``. It keeps
-linear and angular momentum exactly (Noether), which an interpolated local inertia force does not.
+with ``M = L/6 [[2, 1], [1, 2]]``: ``r_i = sum_j M_ij m a_j - ad_{v_i}^T sum_j M_ij m v_j``. It
+keeps linear and angular momentum exactly (Noether), which an interpolated local inertia force does
+not.
 """
 
 from dataclasses import dataclass
 
 import basix.ufl
 import ufl
-from ufl.core.expr import Expr
 
-from flexfem.forms.lie import coadjoint_product, se3_log, se3_relative_rate
+from flexfem.forms.lie import Expr, coadjoint_product, se3_log, se3_relative_rate
 
 __all__ = ["BeamForms", "beam_forms"]
 
@@ -32,7 +32,7 @@ class BeamForms:
     """Forms of one family of beams and the order in which they expect their data.
 
     Attributes:
-        residual: rank 1, internal + inertia + gravity force minus nothing else.
+        residual: rank 1, internal and inertia forces minus the weight.
         stiffness: rank 2, exact derivative of ``residual`` with respect to the configuration.
         inertia: rank 2, ``shift_v * dr/dv + shift_a * dr/da``.
         action: rank 1, ``stiffness`` applied to "turn" plus ``inertia`` applied to "change".
@@ -59,7 +59,7 @@ def _frame_rows(rotation: Expr) -> Expr:
 
 def _sym(values: Expr) -> Expr:
     """Symmetric 6x6 matrix from its 21 upper-triangle entries, row by row."""
-    index = {}
+    index: dict[tuple[int, int], int] = {}
     for i in range(6):
         for j in range(i, 6):
             index[i, j] = index[j, i] = len(set(index.values()))
@@ -140,7 +140,8 @@ def beam_forms(damped: bool) -> BeamForms:
 
     def work(integrand: Expr) -> ufl.Form:
         # the integrand is the virtual work of the whole element: divide by the cell's length
-        return integrand / ufl.CellVolume(mesh) * ufl.dx(mesh, degree=0)
+        form: ufl.Form = integrand / ufl.CellVolume(mesh) * ufl.dx(mesh, degree=0)
+        return form
 
     residual = work(internal + inertial + gravitational)
     stiffness = work(

@@ -15,6 +15,7 @@ from typing import Any
 import ufl
 
 __all__ = [
+    "Expr",
     "coadjoint_product",
     "se3_inverse_tangent_apply",
     "se3_inverse_tangent_left",

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Consistent start of a constrained system: positions checked, velocities and accelerations solved."""
+"""Consistent start: positions are checked, velocities and accelerations are solved for."""
 
 from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
+from flexfem.integrators.redundancy import check_independence
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.system import Shifts, System
 
@@ -29,7 +31,7 @@ def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Sta
     differences over ``dt`` (s), since a motion need not be defined before the start.
 
     Raises:
-        ValueError: a joint is not satisfied at the start, named with its violation.
+        InputError: a joint is not satisfied at the start, or constraints are redundant; named.
     """
     rows = system.constraints
     rows.multipliers[:] = 0.0
@@ -38,6 +40,7 @@ def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Sta
         part.block.acceleration[:] = 0.0
     _evaluate(system)
     _check_gaps(system)
+    check_independence(system)
     tangent.assemble(_MASS)
     system.counters.mass_factorizations += 1
     if not tangent.factor():
@@ -91,7 +94,7 @@ def _check_gaps(system: System) -> None:
         joint, gap = worst[first]
         text = f"{joint.owner}: the markers violate the joint at the start by {gap:.6g}"
     texts = [t for t in system.comm.allgather(text) if t is not None]
-    raise ValueError(texts[0])
+    raise InputError(texts[0])
 
 
 def _drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:

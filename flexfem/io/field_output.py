@@ -25,36 +25,28 @@ class FieldOutput:
     """The series of one run; every call is collective."""
 
     def __init__(self, folder: Path, system: System, serial: Assembly) -> None:
-        """Declare the series that the model needs."""
+        """Declare all series; those without anything to show only remove what is there."""
         self._system = system
         model, comm = serial.model, system.comm
         self._parts = {part.block.name: part for part in system.parts}
         size = _GLYPH * _extent(serial)
-        self._beams = self._bodies = self._joints = None
-        if model.beams:
-            self._beams = BeamWriter(folder, comm, [s.outline for s in serial.sections])
-        if model.rigid_bodies:
-            surfaces = [
-                body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies
-            ]
-            self._bodies = RigidBodyWriter(folder, comm, surfaces)
-        if model.joints:
-            self._joints = JointWriter(folder, comm, [type(j).__name__ for j in model.joints], size)
+        outlines = [s.outline for s in serial.sections] if model.beams else []
+        self._beams = BeamWriter(folder, comm, outlines)
+        surfaces = [body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies]
+        self._bodies = RigidBodyWriter(folder, comm, surfaces)
+        self._joints = JointWriter(folder, comm, [type(j).__name__ for j in model.joints], size)
 
     def write(self, time: float, step: int) -> None:
         """Write the accepted state."""
-        if self._beams is not None:
-            self._beams.write(time, step, _beam_fields(self._parts["beams"]))
-        if self._bodies is not None:
-            self._bodies.write(time, step, _body_fields(self._parts["rigid_bodies"]))
-        if self._joints is not None:
-            self._joints.write(time, step, _joint_fields(self._system))
+        beams, bodies = self._parts.get("beams"), self._parts.get("rigid_bodies")
+        self._beams.write(time, step, _beam_fields(beams) if beams else BeamFields.empty())
+        self._bodies.write(time, step, _body_fields(bodies) if bodies else RigidBodyFields.empty())
+        self._joints.write(time, step, _joint_fields(self._system))
 
     def close(self) -> None:
         """End all series."""
         for writer in (self._beams, self._bodies, self._joints):
-            if writer is not None:
-                writer.close()
+            writer.close()
 
 
 def _extent(serial: Assembly) -> float:
@@ -96,7 +88,8 @@ def _beam_fields(part: BlockPart) -> BeamFields:
 
 
 def _body_fields(part: BlockPart) -> RigidBodyFields:
-    return RigidBodyFields(*_motion(part.block), part.block.node_ids)
+    position, rotation, velocity, spin = _motion(part.block)
+    return RigidBodyFields(position, rotation, velocity, spin, part.block.node_ids)
 
 
 def _joint_fields(system: System) -> JointFields:
@@ -115,10 +108,10 @@ def _joint_fields(system: System) -> JointFields:
         axis.append(np.zeros(3) if direction is None else turn @ direction)
         force.append(_force(system, i, pair))
         number.append(placed.index)
-    count = len(number)
+    vectors = (np.array(v, dtype=np.float64).reshape(-1, 3) for v in (a, b, axis, force))
     return JointFields(
-        *(np.array(v, dtype=np.float64).reshape(count, 3) for v in (a, b, axis, force)),
-        np.array(number, dtype=np.int64),
+        **dict(zip(("a", "b", "axis", "force"), vectors, strict=True)),
+        joint=np.array(number, dtype=np.int64),
     )
 
 

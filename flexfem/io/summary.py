@@ -40,6 +40,12 @@ def write_summary(path: Path, data: Mapping[str, Any], comm: MPI.Comm | None = N
     replace_file(path, [text.encode(), b"\n"])
 
 
+def remove_summary(path: Path, comm: MPI.Comm) -> None:
+    """Remove the summary of an earlier run, which a killed run would leave in place; rank 0."""
+    if comm.rank == 0:
+        Path(path).unlink(missing_ok=True)
+
+
 def _plain(value: Any, where: str) -> Any:
     if isinstance(value, Mapping):
         return {str(k): _plain(v, f"{where}.{k}") for k, v in value.items()}

@@ -161,8 +161,13 @@ class VtuSeries:
             self._index(time, step, headers, present[0])
 
     def close(self) -> None:
-        """End the series; collective: on return its files are complete for every rank."""
+        """End the series; collective: on return its files are complete for every rank.
+
+        Of a series that was never written, what an earlier run left is removed.
+        """
         if not self._closed:
+            if not self._started:
+                self._start()
             self._closed = True
             self.comm.barrier()
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
-from flexfem.core.joint import AxisJoint, Row, RowKind, perpendicular
+from flexfem.core.joint import AxisJoint, Row, turn_angle
 from flexfem.core.pose import Pose
 
 __all__ = ["PrescribedAngle"]
@@ -39,13 +39,4 @@ class PrescribedAngle(AxisJoint):
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        p, _ = perpendicular(self.direction)
-        return (
-            Row(
-                RowKind.ANGLE,
-                u=a.rotation.T @ self.direction,
-                p=a.rotation.T @ p,
-                v=b.rotation.T @ p,
-                target=float(self.angle(t)),
-            ),
-        )
+        return (turn_angle(self.direction, a, b, float(self.angle(t))),)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Spring and damper about an axis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flexfem import _checks
-from flexfem.core.joint import AxisJoint, Row, RowKind, perpendicular
+from flexfem.core.joint import AxisJoint, Row, turn_angle
 from flexfem.core.pose import Pose
 
 __all__ = ["TorsionalSpringDamper"]
@@ -40,15 +40,5 @@ class TorsionalSpringDamper(AxisJoint):
 
     def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        p, _ = perpendicular(self.direction)
-        return (
-            Row(
-                RowKind.ANGLE,
-                u=a.rotation.T @ self.direction,
-                p=a.rotation.T @ p,
-                v=b.rotation.T @ p,
-                target=self.rest_angle,
-                stiffness=self.stiffness,
-                damping=self.damping,
-            ),
-        )
+        rigid = turn_angle(self.direction, a, b, self.rest_angle)
+        return (replace(rigid, stiffness=self.stiffness, damping=self.damping),)

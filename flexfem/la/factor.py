@@ -43,7 +43,6 @@ class Factor:
         self._pc.setOperators(self._matrix)
         self._pc.setUp()
         self._factor = self._pc.getFactorMatrix()
-        self._rhs, self._solution = self._matrix.createVecs()
         self._arrays: dict[int, tuple[PETSc.Vec, FloatArray]] = {}
 
     def solve(self, rhs: FloatArray, solution: FloatArray) -> None:

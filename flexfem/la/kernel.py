@@ -70,7 +70,8 @@ def compile_kernel(
 def _nodes(coefficient: ufl.Coefficient) -> int:
     """Number of points that carry the values of a Lagrange coefficient."""
     element = coefficient.ufl_element()
-    return element.dim // prod(element.reference_value_shape)
+    count: int = element.dim // prod(element.reference_value_shape)
+    return count
 
 
 @intrinsic

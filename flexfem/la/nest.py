@@ -12,7 +12,13 @@ import numpy.typing as npt
 
 from flexfem._types import FloatArray, IntArray
 
-__all__ = ["CoordinateMatrix", "block_indices", "create_nest_matrix", "create_nest_vector", "direct_solver"]
+__all__ = [
+    "CoordinateMatrix",
+    "block_indices",
+    "create_nest_matrix",
+    "create_nest_vector",
+    "direct_solver",
+]
 
 
 class CoordinateMatrix:

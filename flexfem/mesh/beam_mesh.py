@@ -10,7 +10,7 @@ import basix.ufl
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 
 __all__ = ["BeamMesh", "create_beam_mesh"]
 
@@ -20,14 +20,12 @@ class BeamMesh:
     """This rank's part of the mesh of all beams.
 
     Attributes:
-        mesh: the DOLFINx mesh.
         index_map: distribution of the nodes (owned first, then ghosts).
         cells: (m, 2) nodes of each cell as local indices; the cells of a body run along it.
         cell_ids: (m,) index of each cell in the input.
         node_ids: (n,) index of each local node in the input.
     """
 
-    mesh: Any
     index_map: Any
     cells: npt.NDArray[np.int32]
     cell_ids: IntArray
@@ -35,7 +33,7 @@ class BeamMesh:
 
 
 def create_beam_mesh(
-    comm: MPI.Intracomm, points: FloatArray, cells: IntArray, destination: IntArray
+    comm: MPI.Intracomm, points: FloatArray, cells: IndexArray, destination: IntArray
 ) -> BeamMesh:
     """Distribute an interval mesh (collective).
 
@@ -56,7 +54,8 @@ def create_beam_mesh(
         links = destination[mine].astype(np.int32)[:, np.newaxis]
         return dolfinx.graph.adjacencylist(links)._cpp_object
 
-    element = basix.ufl.element("Lagrange", "interval", 1, shape=(3,))
+    # its stub does not know the base class of the elements
+    element: Any = basix.ufl.element("Lagrange", "interval", 1, shape=(3,))
     mesh = dolfinx.mesh.create_mesh(
         comm, cells[mine].astype(np.int64), element, points[share(len(points))], partitioner,
         max_facet_to_cell_links=max(2, int(np.bincount(cells.ravel(), minlength=1).max())),
@@ -71,4 +70,4 @@ def create_beam_mesh(
     ids, dofs = ids[order], dofs[order]
     flipped = nodes[dofs[:, 0]] != cells[ids, 0]
     dofs = np.where(flipped[:, np.newaxis], dofs[:, ::-1], dofs)
-    return BeamMesh(mesh, space.dofmap.index_map, np.ascontiguousarray(dofs), ids, nodes)
+    return BeamMesh(space.dofmap.index_map, np.ascontiguousarray(dofs), ids, nodes)

@@ -28,11 +28,6 @@ class Line:
     reversed: np.typing.NDArray[np.bool_]
     nodes: IntArray
 
-    @property
-    def closed(self) -> bool:
-        """Whether the line ends where it starts."""
-        return bool(self.nodes[0] == self.nodes[-1])
-
 
 def trace_lines(cells: IntArray) -> list[Line]:
     """Split cells into lines that end at free ends and at branching nodes.

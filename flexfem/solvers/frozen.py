@@ -7,8 +7,8 @@ all, so that a step costs one residual, one product ``Z^T r``, a small system
 ``S dL = Phi - G~ A^-1 r`` with ``S = G~ A^-1 G^T + compliance``, and one solve with the factors.
 Rigid bodies are always exact: their 6x6 matrices are inverted at every step.
 
-A rank eliminates the multipliers that only it evaluates. What remains between ranks is summed by one
-reduction and solved on all of them alike.
+A rank eliminates the multipliers that only it evaluates. What remains between ranks is summed by
+one reduction and solved on all of them alike.
 """
 
 from dataclasses import dataclass
@@ -206,7 +206,7 @@ class FrozenSolver:
         return True, self._put(solution)
 
     def _refinement(self, shifts: Shifts, solution: FloatArray) -> FloatArray:
-        """Correction that the exact tangent asks for: GMRES preconditioned by the frozen factors."""
+        """Correction that the exact tangent asks for: GMRES, preconditioned by the frozen solve."""
         count = self._sizes[-1]
 
         def apply(vector: FloatArray) -> FloatArray:

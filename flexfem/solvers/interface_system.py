@@ -77,7 +77,8 @@ class InterfaceSystem:
 
         Args:
             comm: communicator.
-            i, j: row and column of every entry, numbered on this rank.
+            i: row of every entry, numbered on this rank.
+            j: its column.
             interior: number of rows of this rank alone; they come first.
             shared: number of each other row among the shared rows of all ranks.
             shared_size: number of shared rows of all ranks.

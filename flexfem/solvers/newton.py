@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf, isfinite
 
 from mpi4py import MPI
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
+from flexfem.solvers.schur_kernels import largest_entry
 from flexfem.system.system import Shifts, System
 
 __all__ = ["LinearStep", "NewtonOptions", "iterate"]
@@ -55,7 +57,7 @@ def iterate(
             the last; it may refresh the matrix.
     """
     rows = system.constraints
-    previous = np.inf
+    previous = inf
     for iteration in range(1, options.max_iterations + 1):
         system.evaluate(shifts)
         system.counters.newton_iterations += 1
@@ -66,7 +68,7 @@ def iterate(
         if sizes[2] > 0.0:
             return Status.SINGULAR
         size = max(sizes[0], sizes[1])
-        if not np.isfinite(size):
+        if not (isfinite(sizes[0]) and isfinite(sizes[1])):
             return Status.DIVERGED
         converged = sizes[0] <= options.tolerance and sizes[1] <= options.tolerance
         contraction = size / previous if previous > 0.0 else 0.0
@@ -84,11 +86,10 @@ def _largest(
     comm: MPI.Intracomm, largest: float, change: FloatArray, success: bool
 ) -> tuple[float, float, float]:
     """Largest steps of blocks and multipliers over all ranks, and whether a rank failed."""
-    multiplier = float(np.abs(change).max()) if len(change) else 0.0
-    values = [largest, multiplier, 0.0 if success else 1.0]
-    if comm.size > 1:
-        # MPI's maximum does not order NaN
-        buffer = np.nan_to_num(np.array(values), nan=np.inf)
-        comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
-        values = buffer.tolist()
-    return values[0], values[1], values[2]
+    values = (largest, largest_entry(change), 0.0 if success else 1.0)
+    if comm.size == 1:
+        return values
+    # MPI's maximum does not order NaN
+    buffer = np.nan_to_num(np.array(values), nan=np.inf)
+    comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
+    return float(buffer[0]), float(buffer[1]), float(buffer[2])

@@ -2,9 +2,9 @@
 """When the iteration matrix is assembled and factorised.
 
 ``updated`` takes a fresh matrix in every iteration. ``frozen`` keeps the factors of the bodies for
-each step size. ``auto`` does the same, but refreshes them where the iteration contracts slowly. Both
-fall back to the fresh matrix for a step on which they fail; what then fails is left to the
-integrator, which cuts the step.
+each step size. ``auto`` does the same, but refreshes them where the iteration contracts slowly.
+Both fall back to the fresh matrix for a step on which they fail; what then fails is left to the
+driver, which halves the step.
 """
 
 from collections.abc import Callable

@@ -7,11 +7,13 @@ nodes. ``Z = A^-1 J^T`` holds the body's response to unit forces there, ``C = J 
 
 import numpy as np
 
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie.compiled import kernel
 
 __all__ = [
     "interface_response",
     "invert_blocks",
+    "largest_entry",
     "lu_factor",
     "lu_solve",
     "multiply_blocks",
@@ -53,9 +55,15 @@ def schur(
     """Entries of ``G~ C G^T``: for every body, all pairs of the row sides that act on it.
 
     Args:
-        sides: (k, 3) row, side, slot, grouped by body; side_start: (n_bodies + 1,).
-        slot_column: first column of a slot within its body; slot_active: its number of columns.
-        compliances: all C matrices one after the other; compliance_start: where each begins.
+        sides: (k, 3) row, side, slot, grouped by body.
+        side_start: (n_bodies + 1,) first side of each body.
+        slot_column: first column of each slot within its body.
+        slot_active: number of columns of each slot.
+        column_start: (n_bodies + 1,) first column of each body.
+        compliances: all C matrices one after the other.
+        compliance_start: where each of them begins.
+        force_jacobian: (r, 2, 6) rows of G.
+        step_jacobian: (r, 2, 6) rows of G~.
         values: pairs in the order (body, second side, first side).
     """
     at = 0
@@ -188,3 +196,14 @@ def rigid_responses(
                 compliances[compliance_start[b] + c * count + d] = A[
                     component, columns[first + d, 1]
                 ]
+
+
+@kernel
+def largest_entry(x: FloatArray) -> float:
+    """Largest absolute value, 0 if there is none; NaN stays."""
+    largest = 0.0
+    for value in x:
+        size = abs(value)
+        if size > largest or size != size:
+            largest = size
+    return largest

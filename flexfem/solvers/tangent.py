@@ -23,7 +23,12 @@ __all__ = ["TangentSolver", "part_pattern", "part_values"]
 
 
 class TangentSolver:
-    """Newton steps with a fresh matrix and a fresh factorisation each."""
+    """Newton steps with a fresh matrix and a fresh factorisation each.
+
+    Attributes:
+        matrix: the nest of all blocks.
+        multiplier_step: (r,) multipliers' part of the last solution, for all rows of this rank.
+    """
 
     def __init__(self, system: System) -> None:
         """Create patterns of all blocks (collective)."""
@@ -34,36 +39,9 @@ class TangentSolver:
         if rows.size_global:
             sizes.append((rows.owned_count, rows.size_global))
         self._couplings = _JointPattern(system)
-        self.diagonal = []
-        grid: list[list[CoordinateMatrix | None]] = []
-        for i, part in enumerate(parts):
-            line: list[CoordinateMatrix | None] = []
-            for j in range(len(parts)):
-                pattern = part_pattern(part) if i == j else (np.empty(0, int), np.empty(0, int))
-                joint = self._couplings.pattern(i, j)
-                line.append(
-                    CoordinateMatrix(
-                        comm,
-                        sizes[i],
-                        sizes[j],
-                        np.concatenate([pattern[0], joint[0]]),
-                        np.concatenate([pattern[1], joint[1]]),
-                    )  # fmt: skip
-                )
-            line.append(CoordinateMatrix(comm, sizes[i], sizes[-1], *self._couplings.gradient(i)))
-            grid.append(line)
-        if rows.size_global:
-            bottom = [
-                CoordinateMatrix(comm, sizes[-1], sizes[j], *self._couplings.gradient(j)[::-1])
-                for j in range(len(parts))
-            ]
-            own = rows.numbers[rows.owned_rows]
-            grid.append([*bottom, CoordinateMatrix(comm, sizes[-1], sizes[-1], own, own)])
-        else:
-            grid = [line[:-1] for line in grid]
-        self._grid = grid
+        self._grid = self._create_grid(sizes)
         self.matrix = create_nest_matrix(
-            [[entry.mat if entry is not None else None for entry in line] for line in grid], comm
+            [[entry.mat for entry in line] for line in self._grid], comm
         )
         self._ksp = direct_solver(self.matrix, "tangent_")
         self._rhs, self._solution = (create_nest_vector(sizes, comm) for _ in range(2))
@@ -76,6 +54,29 @@ class TangentSolver:
             last = self._rhs.getNestSubVecs()[-1]
             self._scatter = PETSc.Scatter().create(last, index, self._multipliers, None)
 
+    def _create_grid(self, sizes: list[tuple[int, int]]) -> list[list[CoordinateMatrix]]:
+        """Matrices of all blocks; ``sizes`` (local, global) of the parts, then of multipliers."""
+        comm, rows, parts = self.system.comm, self.system.constraints, self.system.parts
+        grid: list[list[CoordinateMatrix]] = []
+        for i, part in enumerate(parts):
+            line = []
+            for j in range(len(parts)):
+                row, column = self._couplings.pattern(i, j)
+                if i == j:
+                    own = part_pattern(part)
+                    row, column = np.concatenate([own[0], row]), np.concatenate([own[1], column])
+                line.append(CoordinateMatrix(comm, sizes[i], sizes[j], row, column))
+            grid.append(line)
+        if rows.size_global:
+            last, bottom = sizes[-1], []
+            for i, line in enumerate(grid):
+                unknown, multiplier = self._couplings.gradient(i)
+                line.append(CoordinateMatrix(comm, sizes[i], last, unknown, multiplier))
+                bottom.append(CoordinateMatrix(comm, last, sizes[i], multiplier, unknown))
+            own_rows = rows.numbers[rows.owned_rows]
+            grid.append([*bottom, CoordinateMatrix(comm, last, last, own_rows, own_rows)])
+        return grid
+
     def assemble(self, shifts: Shifts) -> None:
         """Set the numbers of all blocks at the trial state (collective)."""
         system, rows = self.system, self.system.constraints
@@ -87,20 +88,15 @@ class TangentSolver:
                 values = [self._couplings.values(i, j, hessians)]
                 if i == j:
                     values.insert(0, part_values(system, part, shifts))
-                self._entry(i, j).assemble(np.concatenate(values))
+                self._grid[i][j].assemble(np.concatenate(values))
             if rows.size_global:
                 forces = self._couplings.side_values(i, rows.force_jacobian)
                 steps = rows.step_jacobian if shifts.stiffness else rows.rigid_jacobian()
-                self._entry(i, count).assemble(forces)
-                self._entry(count, i).assemble(self._couplings.side_values(i, steps))
+                self._grid[i][count].assemble(forces)
+                self._grid[count][i].assemble(self._couplings.side_values(i, steps))
         if rows.size_global:
-            self._entry(count, count).assemble(-rows.compliance[rows.owned_rows])
+            self._grid[count][count].assemble(-rows.compliance[rows.owned_rows])
         self.matrix.assemble()
-
-    def _entry(self, i: int, j: int) -> CoordinateMatrix:
-        entry = self._grid[i][j]
-        assert entry is not None
-        return entry
 
     def factor(self) -> bool:
         """Factorise the assembled matrix; False when it is singular."""

@@ -24,6 +24,8 @@ class Assembly:
         model: the validated model.
         cells: all beam cells with their frames; node numbers count the nodes used by beams.
         points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6).
+        sections: the beams' different sections, by the numbers in ``cells``.
+        rigid_frames: (n, 12) frames of the rigid bodies.
     """
 
     def __init__(self, model: Model) -> None:
@@ -99,11 +101,12 @@ class Assembly:
 
     def marker_frame(self, marker: Attachment) -> FloatArray:
         """Frame (12,) of a marker relative to its node; absolute for the ground."""
+        if not isinstance(marker, Marker):
+            return se3.frame(marker.position, marker.rotation)
         key = self.key(marker)
-        if key is None:
-            return se3.frame(marker.position, marker.rotation)  # type: ignore[union-attr]
+        assert key is not None
         turn = se3.rotation(self.node_frame(key)).T @ marker.rotation
-        return se3.frame(marker.offset, turn)  # type: ignore[union-attr]
+        return se3.frame(marker.offset, turn)
 
     def marker_pose(self, marker: Attachment) -> Pose:
         """Pose of a marker at the start."""

@@ -73,7 +73,7 @@ def _part(
 
 
 def _check_joints(serial: Assembly) -> None:
-    """Raise for joints that are not satisfied at the start."""
+    """Raise for joints without rows at the start, such as a spring between coinciding markers."""
     for joint in serial.model.joints:
         poses = serial.marker_pose(joint.a), serial.marker_pose(joint.b)
         joint.rows(*poses, 0.0)
@@ -143,7 +143,7 @@ def _connect(
     return interface, joints
 
 
-def rigid_inertia(body: RigidBody) -> FloatArray:
+def _rigid_inertia(body: RigidBody) -> FloatArray:
     """Inertia matrix (6, 6) about the reference point in body axes, translation first."""
     first = body.mass * so3.skew(body.centre)
     about_point = body.inertia - first @ so3.skew(body.centre)
@@ -157,7 +157,7 @@ def _masses(serial: Assembly, kind: int, block: FrameBlock) -> NodeMasses:
     if kind == RIGID:
         nodes += range(block.owned)
         numbers = block.node_ids[: block.owned]
-        matrices += [rigid_inertia(serial.model.rigid_bodies[i]) for i in numbers]
+        matrices += [_rigid_inertia(serial.model.rigid_bodies[i]) for i in numbers]
     for mass in serial.model.point_masses:
         local = serial.local_node(mass.marker, kind, block)
         if local >= 0:

@@ -60,8 +60,13 @@ class Constraints:
         owned: (r,) 1 for rows whose multipliers this rank owns.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
+        elastic: (r, 3) flag, stiffness and damping of rows with compliance.
         values, compliance: (r,) residuals and compliances of the last evaluation.
-        force_jacobian, step_jacobian: (r, 2, 6); row_slots: (r, 2) slots of both sides.
+        force_jacobian: (r, 2, 6) gradients with respect to the nodes' local twists.
+        step_jacobian: (r, 2, 6) derivatives of ``values`` along these twists.
+        row_slots: (r, 2) interface slots of both sides.
+        numbers: (r,) global numbers of the multipliers, ``size_global`` in all.
+        shared_numbers: numbers of the shared rows among those of all ranks, ``shared_size`` in all.
     """
 
     def __init__(
@@ -113,8 +118,8 @@ class Constraints:
         """Global numbers of the multipliers: owners number their rows, the others ask by joint."""
         count = int(self.owned.sum())
         offset = comm.scan(count) - count
-        self.owned_count, self.offset = count, offset
-        self.size_global = comm.allreduce(count)
+        self.owned_count = count
+        self.size_global: int = comm.allreduce(count)
         first = {}
         at = offset
         for i, joint in enumerate(self.joints):
@@ -209,12 +214,12 @@ class Constraints:
 
     def turning_forces(self, steps: FloatArray) -> FloatArray:
         """(n_slots, 6) change of the constraint forces on the nodes along steps of the slots."""
-        slots = np.array([j.slots for j in self.joints], dtype=np.int64).reshape(-1, 2)
+        slots = self._marker_slot
         padded = np.concatenate([steps, np.zeros((1, 6))])
         along = padded[slots].reshape(-1, 12, 1)
         change = (self.hessians(self.multipliers) @ along).reshape(-1, 6)
         out = np.zeros((len(steps) + 1, 6))
-        np.add.at(out, slots.ravel(), change)
+        np.add.at(out, slots, change)
         return out[:-1]
 
     def second_rates(self) -> FloatArray:

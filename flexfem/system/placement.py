@@ -27,13 +27,11 @@ class Placement:
         cells: rank of each beam cell, beams in the model's order.
         rigid: rank of each rigid body.
         body_ranks: ranks that hold a part of a body, by body name, ascending.
-        ranks: number of ranks.
     """
 
     cells: list[IntArray]
     rigid: IntArray
     body_ranks: dict[str, tuple[int, ...]]
-    ranks: int
 
     def joint_ranks(self, joint: Joint) -> tuple[int, ...]:
         """Ranks that evaluate a joint, ascending; its multipliers belong to the first of them."""
@@ -65,4 +63,4 @@ def place(model: Model, ranks: int, split_above: int) -> Placement:
     )
     for body, rank in zip(model.rigid_bodies, rigid, strict=True):
         body_ranks[body.name] = (int(rank),)
-    return Placement(cells, rigid, body_ranks, ranks)
+    return Placement(cells, rigid, body_ranks)

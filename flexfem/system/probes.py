@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Recording of the model's probes.
 
-Each rank keeps the motion of its own probe markers for some steps; then the first rank receives them
-all at once and evaluates the columns. What is sent is a few numbers per marker, not the model.
+Each rank keeps the motion of its own probe markers for some steps; then the first rank receives
+them all at once and evaluates the columns. What is sent is a few numbers per marker, not the model.
 """
 
 from collections.abc import Iterator

@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import inverse_tangent_into
 from flexfem.system.row_kernels import (
@@ -15,7 +16,7 @@ from flexfem.system.row_kernels import (
     rotate_back_into,
 )
 
-__all__ = ["add_dampers", "add_hessians", "row_hessian", "second_rates"]
+__all__ = ["add_dampers", "add_hessians", "second_rates"]
 
 
 @kernel
@@ -54,7 +55,7 @@ def _add(out: FloatArray, i: int, j: int, sign: float, B: FloatArray) -> None:
 
 
 @kernel
-def row_hessian(
+def _row_hessian(
     kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
     h: FloatArray,
 ) -> None:  # fmt: skip
@@ -212,7 +213,7 @@ def add_hessians(
             continue
         a, b = row_marker[r, 0], row_marker[r, 1]
         d = directions[r]
-        row_hessian(kinds[r], poses[a], poses[b], d[0], d[1], d[2], h)
+        _row_hessian(kinds[r], poses[a], poses[b], d[0], d[1], d[2], h)
         for side in range(2):
             m = row_marker[r, side]
             J[side] = 0.0
@@ -239,7 +240,9 @@ def second_rates(
     h, J, v = np.empty((12, 12)), np.empty((6, 6)), np.empty(12)
     for r in range(kinds.size):
         d = directions[r]
-        row_hessian(kinds[r], poses[row_marker[r, 0]], poses[row_marker[r, 1]], d[0], d[1], d[2], h)
+        _row_hessian(
+            kinds[r], poses[row_marker[r, 0]], poses[row_marker[r, 1]], d[0], d[1], d[2], h
+        )
         v[:] = 0.0
         for side in range(2):
             m = row_marker[r, side]
@@ -260,7 +263,7 @@ def add_dampers(
     marker_offset: FloatArray, row_marker: IntArray, kinds: IntArray, directions: FloatArray,
     elastic: FloatArray, dynamics: FloatArray, step_jacobian: FloatArray,
 ) -> None:  # fmt: skip
-    """Exact ``step_jacobian`` of rows with damping: their rate depends on position and increment."""
+    """Exact ``step_jacobian`` of damped rows: their rate depends on position and increment."""
     h, J, Tinv = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(36)
     v, w, rate = np.empty(12), np.empty(6), np.empty(6)
     for r in range(kinds.size):
@@ -269,7 +272,9 @@ def add_dampers(
             continue
         scale = 1.0 / (k + c * dynamics[0])
         d = directions[r]
-        row_hessian(kinds[r], poses[row_marker[r, 0]], poses[row_marker[r, 1]], d[0], d[1], d[2], h)
+        _row_hessian(
+            kinds[r], poses[row_marker[r, 0]], poses[row_marker[r, 1]], d[0], d[1], d[2], h
+        )
         v[:] = 0.0
         J[:] = 0.0
         for side in range(2):

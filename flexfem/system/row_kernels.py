@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled evaluation of constraint rows: values and gradients.
 
-Markers have frames ``H_a = (x_a, R_a)`` and ``H_b``; gradients are taken with respect to their local
-twists ``(V_a, Omega_a, V_b, Omega_b)`` (12 numbers). The derivation uses ``dx = R V``,
-``dR = R skew(Omega)`` and nothing else.
+Markers have frames ``H_a = (x_a, R_a)`` and ``H_b``; gradients are taken with respect to their
+local twists ``(V_a, Omega_a, V_b, Omega_b)`` (12 numbers). The derivation uses ``dx = R V``, ``dR =
+R skew(Omega)`` and nothing else.
 """
 
 import numpy as np
 
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.joint import RowKind
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
 
@@ -27,8 +29,7 @@ __all__ = [
     "update_angles",
 ]
 
-# the values of flexfem.core.joint.RowKind
-INERTIAL, ALONG, AXES, DISTANCE, ANGLE = range(5)
+INERTIAL, ALONG, AXES, DISTANCE, ANGLE = (int(kind) for kind in RowKind)
 
 
 @kernel
@@ -49,6 +50,7 @@ def rotate_back_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> 
 
 @kernel
 def cross_into(a: FloatArray, b: FloatArray, out: FloatArray, at: int) -> None:
+    """``a x b``."""
     out[at] = a[1] * b[2] - a[2] * b[1]
     out[at + 1] = a[2] * b[0] - a[0] * b[2]
     out[at + 2] = a[0] * b[1] - a[1] * b[0]
@@ -56,7 +58,9 @@ def cross_into(a: FloatArray, b: FloatArray, out: FloatArray, at: int) -> None:
 
 @kernel
 def dot(a: FloatArray, b: FloatArray) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    """``a . b``."""
+    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return product
 
 
 @kernel
@@ -87,7 +91,8 @@ def _row(
         rotate_back_into(Hb, s[4], s[0], 0)
         cross_into(v, s[0], g, 9)
         angle = np.arctan2(sine, cosine)
-        return memory + np.arctan2(np.sin(angle - memory), np.cos(angle - memory))
+        turned: float = memory + np.arctan2(np.sin(angle - memory), np.cos(angle - memory))
+        return turned
     for i in range(3):
         s[0, i] = Hb[i] - Ha[i]
     if kind == ALONG:
@@ -172,16 +177,23 @@ def evaluate_rows(
     """Evaluate every row at the trial configuration.
 
     Args:
-        frames: (n, 12) frames of the nodes that carry markers; velocities: (n, 6) local twists.
-        marker_node: (m,) node of each marker, -1 for ground; marker_offset: (m, 12).
-        row_marker: (r, 2); kinds: (r,); directions: (r, 3, 3) u, v, p; targets, memory: (r,).
+        frames: (n, 12) frames of the nodes that carry markers.
+        velocities: (n, 6) local twists of these nodes.
+        marker_node: (m,) node of each marker, -1 for ground.
+        marker_offset: (m, 12) frame of each marker relative to its node, absolute for ground.
+        row_marker: (r, 2) markers a and b of each row.
+        kinds: (r,) values of ``RowKind``.
+        directions: (r, 3, 3) u, v and p.
+        targets: (r,) values that the constraint functions take.
+        memory: (r,) continuous angles at the accepted state.
         elastic: (r, 3) flag, stiffness, damping of rows with compliance.
         dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
         multipliers: (r,) scaled by ``beta h^2``.
         poses: (m, 12) work.
         force_jacobian: (r, 2, 6) gradient with respect to the nodes' local twists.
         step_jacobian: (r, 2, 6) derivative of ``values`` along them; dampers: see ``add_dampers``.
-        values: (r,) residual of the row; compliance: (r,) what couples its own multiplier.
+        values: (r,) residual of the row.
+        compliance: (r,) what couples its own multiplier.
     """
     marker_poses(frames, marker_node, marker_offset, poses)
     g, scratch = np.empty(12), np.empty((5, 3))
@@ -203,7 +215,7 @@ def evaluate_rows(
                 rate += force_jacobian[r, side, i] * velocities[node, i]
         values[r], compliance[r] = value, 0.0
         if elastic[r, 0] != 0.0:
-            # force k value + c rate: divided by k + c gamma/(beta h) the row is scaled as a rigid one
+            # divided by k + c gamma/(beta h) the force k value + c rate is scaled as a rigid row
             k, c = elastic[r, 1], elastic[r, 2]
             scale = 1.0 / (k + c * dynamics[0])
             values[r] = scale * (k * value + c * rate - multipliers[r] / dynamics[1])

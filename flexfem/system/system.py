@@ -110,6 +110,7 @@ class System:
         parts: the blocks that exist, in the order of the nest (beams, rigid bodies).
         interface, constraints: nodes with joints and the rows between them.
         part_of_slot, body_of_slot: part and body of every interface slot.
+        gravity: (3,) acceleration in inertial axes, m/s^2.
         counters: what the run has counted so far.
         time: time of the trial state, s.
         smooth: accelerations improved the prediction of the last step.
@@ -182,7 +183,7 @@ class System:
                 self.constraints.add_forces(multipliers, part.slots, part.block.residual)
 
     def subtract_tangent(self, shifts: Shifts) -> None:
-        """Subtract the exact tangent applied to the blocks' steps from their residuals (collective).
+        """Subtract the exact tangent's action on the blocks' steps from the residuals (collective).
 
         Residuals of ghosts must be zero.
         """
@@ -209,7 +210,8 @@ class System:
 
     def correct(self, sign: float) -> float:
         """Apply the blocks' steps; largest entry on this rank."""
-        return max((part.block.correct(sign) for part in self.parts), default=0.0)
+        # NumPy's maximum keeps a NaN, Python's may drop it
+        return float(np.max([part.block.correct(sign) for part in self.parts], initial=0.0))
 
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: trial state becomes the state, and the better predictor is chosen."""

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Linear algebra below the Newton iteration against dense NumPy solutions."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from flexfem.la.factor import Factor
+from flexfem.la.nest import CoordinateMatrix
+from flexfem.solvers.interface_system import InterfaceSystem
+from flexfem.solvers.minimal_residual import minimal_residual
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.mark.parametrize("most", [3, 8, 12])
+def test_minimal_residual_is_the_best_of_its_krylov_space(most, rng):
+    """GMRES without restart: never beaten by any combination of the same vectors."""
+    size = 12
+    B = np.eye(size) + 0.4 * rng.normal(size=(size, size))
+    right = rng.normal(size=size)
+    found = minimal_residual(lambda v: B @ v, right.copy(), np.dot, 0.0, most)
+    krylov = [right]
+    for _ in range(most - 1):
+        krylov.append(B @ krylov[-1] / np.linalg.norm(krylov[-1]))
+    basis = np.linalg.qr(np.array(krylov).T)[0]
+    best = basis @ np.linalg.lstsq(B @ basis, right)[0]
+    # a Richardson iteration, or a basis that is not orthogonal, leaves residuals of order 1
+    left, least = (np.linalg.norm(right - B @ z) for z in (found, best))
+    assert left <= least * (1.0 + 1e-6) + 1e-10
+    if most == size:
+        np.testing.assert_allclose(B @ found, right, atol=1e-9)
+
+
+def test_minimal_residual_stops_at_its_tolerance(rng):
+    B = np.eye(9) + 0.05 * rng.normal(size=(9, 9))
+    right, calls = rng.normal(size=9), []
+
+    def apply(vector):
+        calls.append(None)
+        return B @ vector
+
+    tolerance = 1e-3 * np.linalg.norm(right)
+    found = minimal_residual(apply, right, np.dot, tolerance, 9)
+    assert np.linalg.norm(right - B @ found) <= tolerance * (1.0 + 1e-9)
+    assert len(calls) <= 6  # contraction of about 0.15 a vector
+
+
+def test_minimal_residual_of_the_identity_and_of_nothing(rng):
+    right = rng.normal(size=5)
+    np.testing.assert_allclose(minimal_residual(np.copy, right, np.dot, 0.0, 4), right, rtol=1e-13)
+    np.testing.assert_array_equal(
+        minimal_residual(np.copy, np.zeros(5), np.dot, 0.0, 4), np.zeros(5)
+    )
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("interior", [0, 5, 50], ids=["shared only", "dense", "sparse"])
+@pytest.mark.parametrize("shared", [0, 4], ids=["alone", "shared"])
+def test_interface_system_equals_a_dense_solve(interior, shared, rng):
+    """Interior rows of every rank and rows of several ranks, whose entries add up."""
+    rank, size = COMM.rank, COMM.size
+    total = interior * size + shared
+    if total == 0:
+        pytest.skip("nothing to solve")
+    # what each rank contributes couples its own rows, banded, and its shared rows
+    every, mine = np.zeros((total, total)), None
+    for r in range(size):
+        numbers = np.concatenate(
+            [interior * r + np.arange(interior), interior * size + np.arange(shared)]
+        ).astype(np.int64)
+        count = len(numbers)
+        block = rng.normal(size=(count, count)) + (3.0 + count) * np.eye(count)
+        near = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) <= 4
+        near[interior:] = near[:, interior:] = True
+        block *= near
+        every[np.ix_(numbers, numbers)] += block
+        if r == rank:
+            mine = block, near, numbers
+    block, near, numbers = mine
+    i, j = (k.astype(np.int64) for k in np.nonzero(near))
+    # entries given twice add up
+    i, j = np.concatenate([i, i[:3]]), np.concatenate([j, j[:3]])
+    values = block[i, j].copy()
+    values[:3] *= 0.25
+    values[-3:] *= 0.75
+    if len(values) < 6:
+        values[:] = block[i, j] / np.array([np.sum((i == a) & (j == b)) for a, b in zip(i, j)])
+    system = InterfaceSystem(COMM, i, j, interior, np.arange(shared), shared)
+    right = rng.normal(size=total)
+    expected = np.linalg.solve(every, right)
+    for factor in (1.0, 2.0):  # the pattern is kept, the numbers change
+        assert system.factor(factor * values)
+        x = np.zeros(interior + shared)
+        x[:interior] = right[numbers[:interior]]
+        if rank == 0:  # right-hand sides of shared rows are summed over the ranks
+            x[interior:] = right[numbers[interior:]]
+        system.solve(x)
+        # round-off; a row summed twice or not at all is wrong by order 1
+        np.testing.assert_allclose(factor * x, expected[numbers], atol=1e-11)
+
+
+@pytest.mark.three_ranks
+def test_interface_system_reports_a_singular_matrix():
+    i = j = np.arange(3)
+    system = InterfaceSystem(COMM, i, j, 3, np.zeros(0, dtype=np.int64), 0)
+    assert not system.factor(np.array([1.0, 0.0, 2.0]))
+    assert system.factor(np.array([1.0, 3.0, 2.0]))
+
+
+@pytest.mark.parametrize("local", [True, False], ids=["own factors", "distributed"])
+def test_factor_equals_a_dense_solve(local, rng):
+    """Unsymmetric banded matrix in blocks of six, with and without couplings between ranks."""
+    nodes = 4
+    size, first = 6 * nodes * COMM.size, 6 * nodes * COMM.rank
+    dense = rng.normal(size=(size, size)) + 20.0 * np.eye(size)
+    blocks = np.arange(size) // 6
+    keep = np.abs(np.subtract.outer(blocks, blocks)) <= 1
+    if local:
+        ranks = np.arange(size) // (6 * nodes)
+        keep &= np.equal.outer(ranks, ranks)
+    dense *= keep
+    rows = np.arange(first, first + 6 * nodes)
+    i, j = np.nonzero(keep[rows])
+    shape = (6 * nodes, size)
+    matrix = CoordinateMatrix(COMM, shape, shape, i + first, j)
+    matrix.assemble(dense[rows][i, j])
+    factor = Factor(matrix.mat, local=local)
+    right = rng.normal(size=size)
+    rhs, solution = right[rows].reshape(-1, 6).copy(), np.zeros((nodes, 6))
+    for solve, A in ((factor.solve, dense), (factor.solve_transpose, dense.T)):
+        for scale in (1.0, -3.0):  # the same arrays again, with other numbers
+            rhs[:] = scale * right[rows].reshape(-1, 6)
+            solve(rhs, solution)
+            expected = scale * np.linalg.solve(A, right)
+            # round-off; the transpose in place of the matrix is wrong by order 1
+            np.testing.assert_allclose(solution.ravel(), expected[rows], atol=1e-12)

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Policies of the iteration matrix: the same answers, the promised counts, failures survived."""
+
+import importlib.util
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.core.status import Status
+from flexfem.mesh.line_mesh import LineMesh
+from flexfem.options import RunOptions
+from flexfem.simulation import Simulation, simulate
+
+POLICIES = ("updated", "frozen", "auto")
+STEEL = ff.Material(2.1e9, 0.3, 7850.0)
+
+
+def _case(name: str):
+    path = Path(__file__).parents[2] / "cases" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _mechanism() -> ff.Model:
+    """Two damped beams, two rigid bodies, all kinds of couplings between them and the ground."""
+    x = np.linspace(0.0, 1.0, 5)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    points = np.concatenate([x, x + [1.0, 0.0, 0.0]])
+    cells = np.array([[i, i + 1] for i in range(9) if i != 4])
+    mesh = LineMesh(points, cells, {"one": np.arange(4), "two": np.arange(4, 8)})
+    section = ff.Section.rectangle(0.03, 0.02, STEEL)
+    model = ff.Model("mechanism", mesh=mesh)
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Beam("one", section, damping=1e-4),
+        ff.Beam("two", section),
+        ff.RigidBody("hub", 2.0, (0.02, 0.03, 0.04), position=(2.0, 0.1, 0.0)),
+        ff.RigidBody("ball", 1.0, (0.01, 0.01, 0.01), position=(2.5, 0.1, 0.3)),
+        ff.Revolute("root", ff.Ground(), ff.Marker("one", "start"), axis=(0, 1, 0)),
+        ff.Spherical("knee", ff.Marker("one", "end"), ff.Marker("two", "start")),
+        ff.Rigid("flange", ff.Marker("two", "end"), ff.Marker("hub", offset=(0, -0.1, 0))),
+        ff.Spherical("arm", ff.Marker("hub"), ff.Marker("ball", offset=(-0.5, 0, -0.3))),
+        ff.SpringDamper(
+            "spring", ff.Marker("one", 0.5, offset=(0, 0, 0.05)), ff.Marker("ball"),
+            stiffness=400.0, damping=3.0, rest_length=1.0,
+        ),
+        ff.TorsionalSpringDamper(
+            "twist", ff.Ground(), ff.Marker("one", "start"), axis=(0, 1, 0),
+            stiffness=20.0, damping=0.1, rest_angle=0.2,
+        ),
+        ff.PointForce("push", ff.Marker("hub", offset=(0.1, 0, 0)), (0, 40.0, 0), follower=True),
+        ff.PositionProbe("tip", ff.Marker("ball")),
+    )  # fmt: skip
+    return model
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """History of the mechanism under every policy, converged tightly."""
+    outcomes = {}
+    for policy in POLICIES:
+        options = RunOptions(dt=2e-3, t_end=0.2, iteration_matrix=policy, tolerance=1e-9)
+        outcomes[policy] = simulate(_mechanism(), options)
+    return outcomes
+
+
+@pytest.mark.parametrize("policy", ["frozen", "auto"])
+def test_policies_agree(runs, policy):
+    """Elastic rows, dampers, drives and followers included: the matrix must not change the answer."""
+    reference, outcome = runs["updated"], runs[policy]
+    assert outcome.status == reference.status == "ok"
+    for name, column in outcome.history.items():
+        # both stop at steps below 1e-9; a force missing from one of the residuals is 1e-3 and more
+        np.testing.assert_allclose(column, reference.history[name], atol=2e-8)
+
+
+def test_frozen_factorises_once(runs):
+    summary = runs["frozen"].summary
+    assert summary["factorizations"] == 1
+    assert summary["fallbacks"] == summary["rejected_steps"] == 0
+    # a fresh matrix takes one factorisation per iteration
+    updated = runs["updated"].summary
+    assert updated["factorizations"] == updated["newton_iterations"]
+    # quadratic convergence of the exact tangent: a term missing in it costs an iteration a step
+    assert updated["newton_iterations"] <= 4.0 * updated["steps"]
+
+
+def test_exact_tangent_converges_quadratically():
+    simulation = Simulation(
+        _mechanism(), RunOptions(dt=5e-3, t_end=1.0, iteration_matrix="updated", tolerance=1e-11)
+    )
+    sizes: list[list[float]] = []
+    correct = simulation.system.correct
+
+    def observed(sign: float) -> float:
+        largest = simulation.system.comm.allreduce(correct(sign), op=MPI.MAX)
+        sizes[-1].append(largest)
+        return largest
+
+    simulation.system.correct = observed
+    for _ in range(6):
+        sizes.append([])
+        assert simulation.advance(5e-3) is Status.OK
+    for steps in sizes[2:]:
+        # linear convergence at 0.01 would leave 1e-2 of the step before
+        for previous, step in zip(steps[:-1], steps[1:], strict=True):
+            assert step <= max(20.0 * previous**2, 1e-11)
+
+
+def test_singular_matrix_is_a_status_and_can_be_left(monkeypatch):
+    """Constraints that become redundant: every attempt reports it, and none spoils the next."""
+    for policy in POLICIES:
+        options = RunOptions(dt=1e-3, t_end=1.0, iteration_matrix=policy)
+        simulation = Simulation(_mechanism(), options)
+        assert simulation.advance(1e-3) is Status.OK
+        rows = simulation.system.constraints
+        kept = rows._directions.copy()
+        rows._directions[:] = 0.0
+        before = simulation.time
+        for _ in range(2):  # the direct solver must survive its first failure
+            assert simulation.advance(1e-3) in (Status.SINGULAR, Status.DIVERGED)
+        assert simulation.time == before
+        rows._directions[:] = kept
+        assert simulation.advance(1e-3) is Status.OK
+
+
+@pytest.mark.serial
+def test_frozen_slider_crank_keeps_close_to_the_iterations_of_a_fresh_matrix():
+    """50 turns a second, one factorisation in the whole run."""
+    case, summaries = _case("slider_crank"), {}
+    for policy in ("updated", "frozen"):
+        options = RunOptions(dt=5e-4, t_end=0.2, iteration_matrix=policy)
+        summaries[policy] = simulate(case.build(elements=6), options).summary
+    frozen, updated = summaries["frozen"], summaries["updated"]
+    assert frozen["factorizations"] == 1
+    assert frozen["fallbacks"] == frozen["rejected_steps"] == 0
+    # unrefined frozen steps take about 1.4 times as many
+    assert frozen["newton_iterations"] <= 1.15 * updated["newton_iterations"]
