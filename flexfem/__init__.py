@@ -28,8 +28,15 @@ h, rho_inf         time step; spectral radius of generalised-alpha at infinite f
 =================  ================================================================================
 """
 
+import sys
 from importlib import import_module
 from typing import Any
+
+from flexfem import launch
+
+if launch.launched_in_parallel():
+    # a script may fail on one rank before it comes to anything of ours
+    sys.excepthook = launch.excepthook
 
 __version__ = "0.1.0"
 

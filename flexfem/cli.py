@@ -31,7 +31,16 @@ Put "mpirun -n N" in front to run on N MPI ranks.
 
 
 class UsageError(Exception):
-    """Wrong input from the user; the message is what to print, in one line."""
+    """Wrong input from the user; the message is what to print, in one line.
+
+    Args:
+        message: The message.
+        agreed: All ranks know it already.
+    """
+
+    def __init__(self, message: str, *, agreed: bool = False) -> None:
+        super().__init__(message)
+        self.agreed = agreed
 
 
 class _Parser(argparse.ArgumentParser):
@@ -81,13 +90,22 @@ def command(argv: Sequence[str] | None = None) -> int:
 
 
 def _exit_code(action: Callable[[], int]) -> int:
-    """Turn the user's errors and Ctrl-C into one line and an exit code; the rest ends all ranks."""
+    """Turn the user's errors and Ctrl-C into one line and an exit code; the rest ends all ranks.
+
+    Whatever ends before a run starts is told to the other ranks, which may have got further.
+    """
     sys.excepthook = launch.excepthook
     try:
         return action()
     except UsageError as error:
-        launch.say("error: " + " ".join(str(error).split()), error=True)
+        message = str(error) if error.agreed else launch.first_message(str(error))
+        launch.say("error: " + " ".join(message.split()), error=True)
         return 2
+    except SystemExit:
+        if message := launch.first_message(""):
+            launch.say("error: " + " ".join(message.split()), error=True)
+            return 2
+        raise
     except KeyboardInterrupt:
         launch.say("interrupted", error=True)
         launch.abort(130)
@@ -115,6 +133,8 @@ def _dispatch(argv: Sequence[str]) -> int:
     width = max(map(len, cases), default=0)
     for name, case in cases.items():
         launch.say(f"{name:{width}}  {case.summary}")
+    if message := launch.first_message(""):
+        raise UsageError(message, agreed=True)
     return 0
 
 
@@ -161,7 +181,7 @@ def _run(case: Case, argv: Sequence[str], prog: str | None) -> int:
     except InputError as error:
         for folder in folders:
             folder.rmdir()
-        raise UsageError(str(error)) from error
+        raise UsageError(str(error), agreed=True) from error
     except OSError as error:
         launch.say(f"failed: {error}", error=True)
         launch.abort(1)
@@ -318,5 +338,5 @@ def _prepare(
     if message:
         for folder in created:
             folder.rmdir()
-        raise UsageError(message)
+        raise UsageError(message, agreed=True)
     return model, created

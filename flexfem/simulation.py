@@ -130,6 +130,7 @@ class _Recorder:
         self._simulation, self._every = simulation, options.every
         self._probes = ProbeRecorder(system, simulation.serial)
         self._rows: list[FloatArray] = []
+        self._time = 0.0  # of the last record
         self._table = self._fields = None
         if options.output is not None:
             remove_summary(options.output / "summary.json", system.comm)
@@ -144,6 +145,7 @@ class _Recorder:
     def record(self, step: int, last: bool = False) -> None:
         """Note the accepted state of a step."""
         simulation = self._simulation
+        self._time = simulation.time
         self._probes.record(simulation.time)
         due = step % self._every == 0 or last
         if due or self._probes.full:  # the table is never behind the fields
@@ -152,6 +154,17 @@ class _Recorder:
             self._fields.write(simulation.time, step)
         counters = simulation.system.counters
         self._progress.update(simulation.time, counters.newton_iterations, counters.factorizations)
+
+    def record_last(self, step: int) -> None:
+        """Note the state reached before a step that failed, which may lie within the step."""
+        system = self._simulation.system
+        system.reset()
+        system.interface.update()
+        system.constraints.accept()
+        if system.time > self._time:
+            self.record(step, last=True)
+        elif self._fields is not None:
+            self._fields.write(system.time, step - 1)
 
     def _flush(self) -> None:
         for t, values in self._probes.flush():
@@ -247,6 +260,7 @@ class _Run:
             if step == 1:
                 self._first = self._elapsed()
             if status is not Status.OK:
+                self._recorder.record_last(step)
                 break
             self._recorder.record(step, last=step == count)
         return status

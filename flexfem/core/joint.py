@@ -2,8 +2,8 @@
 """Joints as rows of elementary scalar constraints between two markers.
 
 A joint is data: the list of its rows, each with directions fixed in the axes of its markers. All
-rows of all joints are evaluated as one batch in compiled code (``flexfem.system.row_kernels``), with
-their first and second derivatives; a new joint is a new list of rows.
+rows of all joints are evaluated as one batch in compiled code (``flexfem.system.row_kernels``),
+with their first and second derivatives; a new joint is a new list of rows.
 """
 
 from __future__ import annotations

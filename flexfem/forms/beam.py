@@ -66,13 +66,8 @@ def _sym(values: Expr) -> Expr:
     return ufl.as_matrix([[values[index[i, j]] for j in range(6)] for i in range(6)])
 
 
-def beam_forms(damped: bool) -> BeamForms:
-    """Build the forms of the SE(3) beam on an abstract interval mesh in three dimensions.
-
-    Args:
-        damped: with stiffness-proportional damping; without it the kernels are shorter.
-    """
-    mesh = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(3,)))
+def _coefficients(mesh: ufl.Mesh) -> dict[str, ufl.Coefficient]:
+    """Data of a cell: nodal values as linear fields, the rest as constants of the cell."""
     linear = {n: basix.ufl.element("Lagrange", "interval", 1, shape=(n,)) for n in (3, 6, 9)}
     constant = {
         n: basix.ufl.element("DG", "interval", 0, shape=(n,) if n > 1 else ()) for n in (1, 6, 21)
@@ -90,8 +85,40 @@ def beam_forms(damped: bool) -> BeamForms:
         "turn": linear[6],
         "change": linear[6],
     }
-    fields = {k: ufl.Coefficient(ufl.FunctionSpace(mesh, e)) for k, e in layout.items()}
-    space = ufl.FunctionSpace(mesh, linear[6])
+    return {k: ufl.Coefficient(ufl.FunctionSpace(mesh, e)) for k, e in layout.items()}
+
+
+def _work(mesh: ufl.Mesh, integrand: Expr) -> ufl.Form:
+    """Form of the virtual work of a whole element, which is divided by the cell's length."""
+    form: ufl.Form = integrand / ufl.CellVolume(mesh) * ufl.dx(mesh, degree=0)
+    return form
+
+
+def _inertial_work(
+    mass: Expr, v: tuple[Expr, Expr], a: tuple[Expr, Expr], w: tuple[Expr, Expr]
+) -> Expr:
+    """Work of the inertia force on the twists ``w`` of both ends; ``mass`` is ``L/6 m``."""
+    p = (mass * (2 * v[0] + v[1]), mass * (v[0] + 2 * v[1]))
+    q = (mass * (2 * a[0] + a[1]), mass * (a[0] + 2 * a[1]))
+    return ufl.dot(w[0], q[0] - coadjoint_product(v[0], p[0])) + ufl.dot(
+        w[1], q[1] - coadjoint_product(v[1], p[1])
+    )
+
+
+def _weight_work(half: Expr, g: Expr, w: Expr) -> Expr:
+    """Work on the twist ``w`` of one end in the local acceleration ``g``; ``half`` is ``L/2 m``."""
+    return ufl.dot(w, half * ufl.as_vector([g[0], g[1], g[2], 0, 0, 0]))
+
+
+def beam_forms(damped: bool) -> BeamForms:
+    """Build the forms of the SE(3) beam on an abstract interval mesh in three dimensions.
+
+    Args:
+        damped: with stiffness-proportional damping; without it the kernels are shorter.
+    """
+    mesh = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(3,)))
+    fields = _coefficients(mesh)
+    space = ufl.FunctionSpace(mesh, basix.ufl.element("Lagrange", "interval", 1, shape=(6,)))
     gravity = ufl.Constant(mesh, shape=(3,))
     shifts = ufl.Constant(mesh, shape=(2,))
     test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
@@ -99,61 +126,35 @@ def beam_forms(damped: bool) -> BeamForms:
     jacobian = ufl.Jacobian(mesh)
     x_1, x_2 = _ends(fields["position"], jacobian)
     R_1, R_2 = (_frame_rows(r) for r in _ends(fields["rotation"], jacobian))
-    v_1, v_2 = _ends(fields["velocity"], jacobian)
-    a_1, a_2 = _ends(fields["acceleration"], jacobian)
-    w_1, w_2 = _ends(test, jacobian)
-    dw_1, dw_2 = _ends(trial, jacobian)
-    length = fields["length"]
+    v, a = (_ends(fields[name], jacobian) for name in ("velocity", "acceleration"))
+    w, dw = _ends(test, jacobian), _ends(trial, jacobian)
+    length, m = fields["length"], _sym(fields["inertia"])
 
     d = ufl.variable(se3_log(R_1.T * (x_2 - x_1), R_1.T * R_2))
 
-    def rate(twist_1: Expr, twist_2: Expr) -> Expr:
+    def rate(twists: tuple[Expr, Expr]) -> Expr:
         """Change of ``d`` along the local twists of both ends."""
-        return se3_relative_rate(d, twist_1, twist_2)
+        return se3_relative_rate(d, *twists)
 
     stretch = d - fields["relative_twist"]
     if damped:
-        stretch += fields["damping"] * rate(v_1, v_2)
-    strain = stretch / length
-    resultant = _sym(fields["stiffness"]) * strain
-    internal = ufl.dot(resultant, rate(w_1, w_2))
+        stretch += fields["damping"] * rate(v)
+    internal = ufl.dot(_sym(fields["stiffness"]) * (stretch / length), rate(w))
+    inertial = _inertial_work(length / 6 * m, v, a, w)
 
-    m = _sym(fields["inertia"])
+    gravitational, turning = [], []
+    for R, w_i, dw_i in ((R_1, w[0], dw[0]), (R_2, w[1], dw[1])):
+        g = R.T * gravity
+        turn = ufl.as_vector([dw_i[3], dw_i[4], dw_i[5]])
+        gravitational.append(_weight_work(length / 2 * m, g, w_i))
+        turning.append(_weight_work(length / 2 * m, ufl.cross(g, turn), w_i))
 
-    def inertia_force(v: tuple[Expr, Expr], a: tuple[Expr, Expr]) -> Expr:
-        p = (length / 6 * m * (2 * v[0] + v[1]), length / 6 * m * (v[0] + 2 * v[1]))
-        q = (length / 6 * m * (2 * a[0] + a[1]), length / 6 * m * (a[0] + 2 * a[1]))
-        return ufl.dot(w_1, q[0] - coadjoint_product(v[0], p[0])) + ufl.dot(
-            w_2, q[1] - coadjoint_product(v[1], p[1])
-        )
-
-    def weight(rotation: Expr, w: Expr) -> Expr:
-        g = rotation.T * gravity
-        return ufl.dot(w, length / 2 * m * ufl.as_vector([g[0], g[1], g[2], 0, 0, 0]))
-
-    def weight_tangent(rotation: Expr, w: Expr, dw: Expr) -> Expr:
-        g = ufl.cross(rotation.T * gravity, ufl.as_vector([dw[3], dw[4], dw[5]]))
-        return ufl.dot(w, length / 2 * m * ufl.as_vector([g[0], g[1], g[2], 0, 0, 0]))
-
-    inertial = inertia_force((v_1, v_2), (a_1, a_2))
-    gravitational = -weight(R_1, w_1) - weight(R_2, w_2)
-
-    def work(integrand: Expr) -> ufl.Form:
-        # the integrand is the virtual work of the whole element: divide by the cell's length
-        form: ufl.Form = integrand / ufl.CellVolume(mesh) * ufl.dx(mesh, degree=0)
-        return form
-
-    residual = work(internal + inertial + gravitational)
-    stiffness = work(
-        ufl.dot(ufl.diff(internal, d), rate(dw_1, dw_2))
-        - weight_tangent(R_1, w_1, dw_1)
-        - weight_tangent(R_2, w_2, dw_2)
-    )
-    by_velocity = ufl.derivative(work(internal + inertial), fields["velocity"], trial)
-    by_acceleration = ufl.derivative(work(inertial), fields["acceleration"], trial)
+    stiffness = _work(mesh, ufl.dot(ufl.diff(internal, d), rate(dw)) - turning[0] - turning[1])
+    by_velocity = ufl.derivative(_work(mesh, internal + inertial), fields["velocity"], trial)
+    by_acceleration = ufl.derivative(_work(mesh, inertial), fields["acceleration"], trial)
     inertia = shifts[0] * by_velocity + shifts[1] * by_acceleration
     return BeamForms(
-        residual=residual,
+        residual=_work(mesh, internal + inertial + (-gravitational[0] - gravitational[1])),
         stiffness=stiffness,
         inertia=inertia,
         action=ufl.action(stiffness, fields["turn"]) + ufl.action(inertia, fields["change"]),

@@ -255,7 +255,7 @@ class FrozenSolver:
             at += len(group.entries)
         self._values[at:] = rows.owned * rows.compliance
         if rows.size_global:
-            regular = self._interface.factor(self._values) and regular
+            regular = self._interface.factor(self._values, regular)
         return regular
 
     def _solve(self, values: FloatArray) -> FloatArray:

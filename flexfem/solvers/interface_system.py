@@ -101,20 +101,33 @@ class InterfaceSystem:
             at = np.where(i[select] >= interior, i[select] - interior, i[select])
             to = np.where(j[select] >= interior, j[select] - interior, j[select])
             self._blocks.append((at * shape[1] + to, select, np.zeros(shape)))
-        self._matrix = np.zeros((shared_size, shared_size))
+        # the complement on the shared rows and a flag of failure, for one reduction
+        self._buffer = np.zeros(shared_size**2 + 1)
+        self._matrix = self._buffer[:-1].reshape(shared_size, shared_size)
         self._vector = np.zeros(shared_size)
         self._pivots = np.zeros(shared_size, dtype=np.int64)
 
-    def factor(self, values: FloatArray) -> bool:
-        """Factorise (collective if rows are shared); False when the system is singular.
+    def factor(self, values: FloatArray, regular: bool = True) -> bool:
+        """Factorise (collective); False on all ranks when the system is singular on one.
 
         Args:
             values: one number per entry of the pattern.
+            regular: what this rank knows already.
         """
         inner = values if self._whole else values[self._inner]
-        regular = self._interior.factor(inner) if self._count else True
-        if self._shared_size == 0:
+        if self._count:
+            regular = self._interior.factor(inner) and regular
+        if self._comm.size == 1:
             return regular
+        self._buffer[:] = 0.0
+        if self._shared_size:
+            self._gather_shared(values, regular)
+        self._buffer[-1] = 0.0 if regular else 1.0
+        self._comm.Allreduce(MPI.IN_PLACE, self._buffer, op=MPI.SUM)
+        return bool(lu_factor(self._matrix, self._pivots)) and self._buffer[-1] == 0.0
+
+    def _gather_shared(self, values: FloatArray, regular: bool) -> None:
+        """This rank's part of the complement on the shared rows."""
         for index, select, out in self._blocks:
             out[:] = 0.0
             _scatter_add(index, select, values, out.reshape(-1))
@@ -124,10 +137,7 @@ class InterfaceSystem:
             for column in self._columns:
                 self._interior.solve(column)
             outer -= self._from_inner @ self._columns.T
-        self._matrix[:] = 0.0
         self._matrix[np.ix_(self._shared, self._shared)] = outer
-        self._comm.Allreduce(MPI.IN_PLACE, self._matrix, op=MPI.SUM)
-        return bool(lu_factor(self._matrix, self._pivots)) and regular
 
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective if shared)."""

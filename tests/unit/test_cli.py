@@ -213,15 +213,6 @@ def test_unexpected_error_ends_all_ranks(
     assert "RuntimeError: a bug" in capsys.readouterr().err
 
 
-def test_only_rank_0_prints(own_case: Path) -> None:
-    for arguments in (["--dt", "0"], ["--help"]):
-        first = run_python(str(own_case), *arguments, PMI_RANK="0", PMI_SIZE="2")
-        second = run_python(str(own_case), *arguments, PMI_RANK="1", PMI_SIZE="2")
-        assert first.returncode == second.returncode == (2 if "--dt" in arguments else 0)
-        assert first.stdout + first.stderr
-        assert second.stdout + second.stderr == ""
-
-
 @pytest.mark.parametrize(
     "arguments", ["run {own} --help", "run {own} --dt 0", "list", "run nothing"]
 )

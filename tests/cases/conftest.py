@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Running programs as a user does, with or without mpirun."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="session")
+def environment() -> dict[str, str]:
+    """Environment without what a launcher has set, one thread per process."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "OMPI_", "HYDI_"))}
+    return kept | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+
+
+@pytest.fixture(scope="session")
+def command_line() -> Callable[..., list[str]]:
+    """Command line of a Python program on some ranks; skips the test without mpirun."""
+
+    def make(ranks: int, *arguments: object) -> list[str]:
+        program = [sys.executable, *map(str, arguments)]
+        if ranks == 1:
+            return program
+        # the one beside this Python belongs to its MPI
+        mpirun = shutil.which("mpirun", path=str(Path(sys.executable).parent)) or shutil.which(
+            "mpirun"
+        )
+        if mpirun is None:
+            pytest.skip("no mpirun")
+        return [mpirun, "-n", str(ranks), *program]
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def run(environment: dict[str, str], command_line: Callable[..., list[str]]) -> Run:
+    """Run a Python program on some ranks; a run that hangs is a failure."""
+
+    def start(
+        ranks: int, *arguments: object, cwd: Path | None = None, timeout: float = 120
+    ) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            command_line(ranks, *arguments),
+            capture_output=True,
+            text=True,
+            check=False,
+            env=environment,
+            cwd=cwd,
+            timeout=timeout,
+        )
+
+    return start

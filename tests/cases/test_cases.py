@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The shipped cases as a user runs them: results, ranks, interruption and failure."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from flexfem.cli import load_case
+from flexfem.io import read_history
+
+pytestmark = pytest.mark.serial
+
+ROOT = Path(__file__).parents[2]
+CASES = sorted(path.stem for path in (ROOT / "cases").glob("[!_]*.py"))
+SUMMARY_KEYS = {
+    "case", "ranks", "unknowns", "multipliers", "steps", "rejected_steps", "newton_iterations",
+    "factorizations", "residual_evaluations", "wall_seconds", "wall_seconds_setup", "status",
+    "results",
+}  # fmt: skip
+POLICIES = ("auto", "frozen", "updated")
+
+# Runs every case with every iteration matrix, whole and split bodies, in one go.
+ALL_RUNS = """\
+import sys
+from itertools import product
+from pathlib import Path
+
+import flexfem as ff
+from flexfem.cli import load_case
+
+# enough elements for a share of each of three ranks
+MORE = {"slider_crank": ["--elements", "5"], "flying_spaghetti": ["--elements", "7"],
+        "chain": ["--elements", "3"]}
+folder, names = Path(sys.argv[1]), sys.argv[2:]
+for name, policy, split in product(names, ("auto", "frozen", "updated"), ("1", "4000")):
+    argv = ["--smoke", "--quiet", "--iteration-matrix", policy, "--split-above", split,
+            "--output", str(folder / f"{name}-{policy}-{split}"), *MORE.get(name, [])]
+    code = ff.main(load_case(name), argv)
+    if code:
+        sys.exit(f"{argv} ended with {code}")
+"""
+
+# A pendulum whose bob is driven along X: out of reach, or not a number, from some time on.
+FAILING = """\
+import sys
+
+import flexfem as ff
+
+
+def build(drive):
+    model = ff.Model("failing")
+    motion = {
+        "far": lambda t: 50.0 * t,
+        "nan": lambda t: 0.0 if t < 5.5e-3 else float("nan"),
+    }[drive]
+    model.add(
+        ff.RigidBody("bob", 1.0, (0.1, 0.1, 0.1), position=(0.6, 0.0, -0.8)),
+        ff.Spherical("pin", ff.Ground(), ff.Marker("bob", offset=(-0.6, 0.0, 0.8))),
+        ff.PrescribedTranslation(
+            "drive", ff.Ground((0.6, 0.0, -0.8)), ff.Marker("bob"), motion, axis=(1.0, 0.0, 0.0)
+        ),
+        ff.PositionProbe("path", ff.Marker("bob")),
+    )
+    return model
+
+
+CASE = ff.Case(name="failing", summary="", build=build, dt=1e-3, t_end=2e-2,
+               options=(ff.Option("drive", str, "far", "motion", choices=("far", "nan")),))
+
+if __name__ == "__main__":
+    sys.exit(ff.main(CASE))
+"""
+
+
+def instants(pvd: Path) -> list[float]:
+    """Times of a series all of whose files, pieces included, are there."""
+    times = []
+    for entry in ET.parse(pvd).getroot().iter("DataSet"):
+        file = pvd.parent / entry.attrib["file"]
+        assert file.is_file()
+        if file.suffix == ".pvtu":
+            pieces = [p.attrib["Source"] for p in ET.parse(file).getroot().iter("Piece")]
+            assert pieces
+            assert all((file.parent / piece).is_file() for piece in pieces)
+        times.append(float(entry.attrib["timestep"]))
+    return times
+
+
+@pytest.fixture(scope="module")
+def smoke(run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Folder of a smoke run, made once."""
+    done: dict[tuple[str, int], Path] = {}
+
+    def folder(case: str, ranks: int) -> Path:
+        if (case, ranks) not in done:
+            output = tmp_path_factory.mktemp(case) / "results"
+            ended = run(ranks, ROOT / "cases" / f"{case}.py", "--smoke", "--output", output)
+            assert (ended.returncode, ended.stderr) == (0, "")
+            assert ended.stdout == f"results are in {output}\n"
+            done[case, ranks] = output
+        return done[case, ranks]
+
+    return folder
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("case", CASES)
+def test_smoke_run_leaves_complete_results(
+    case: str, ranks: int, smoke: Callable[..., Path]
+) -> None:
+    folder = smoke(case, ranks)
+    history = read_history(folder / "history.csv")
+    summary = json.loads((folder / "summary.json").read_text())
+    declared = load_case(case)
+    values = declared.values({}, smoke=True)
+    steps = round(values["t_end"] / values["dt"])
+    assert next(iter(history)) == "t"
+    assert len(history) > 1
+    assert all(np.isfinite(column).all() for column in history.values())
+    np.testing.assert_allclose(history["t"], np.linspace(0.0, values["t_end"], steps + 1))
+    assert set(summary) >= SUMMARY_KEYS
+    assert (summary["case"], summary["ranks"], summary["status"]) == (case, ranks, "ok")
+    assert summary["steps"] == steps
+    assert (summary["unknowns"] > 0) and (summary["newton_iterations"] >= steps)
+    assert summary["results"]
+    assert all(isinstance(value, float) for value in summary["results"].values())
+    series = sorted(folder.glob("*.pvd"))
+    assert series
+    for pvd in series:
+        assert instants(pvd)[0] == 0.0
+        assert instants(pvd)[-1] == pytest.approx(values["t_end"])
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_docstring_names_the_columns(case: str, smoke: Callable[..., Path]) -> None:
+    text = load_case(case).description
+    assert "History:" in text
+    for column in read_history(smoke(case, 1) / "history.csv"):
+        assert column == "t" or re.search(rf"\b{column}\b", text), column
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_help_lists_every_option(case: str, run: Callable[..., Any]) -> None:
+    ended = run(1, ROOT / "cases" / f"{case}.py", "--help", timeout=20)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    text = " ".join(ended.stdout.split())
+    for option in load_case(case).all_options():
+        unit = f"[{option.unit}] " if option.unit else ""
+        described = " ".join(f"{option.help} {unit}(default: {option.default})".split())
+        assert described in text, option.name
+        assert option.flag in text
+    for flag in ("--output DIR", "--quiet", "--smoke"):
+        assert flag in text
+
+
+@pytest.fixture(scope="module")
+def histories(
+    run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory
+) -> dict[int, Path]:
+    """Folders of all runs on one, two and three ranks."""
+    folders = {ranks: tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2, 3)}
+    for ranks, folder in folders.items():
+        script = folder / "all_runs.py"
+        script.write_text(ALL_RUNS)
+        ended = run(ranks, script, folder, *CASES, timeout=300)
+        assert (ended.returncode, ended.stderr) == (0, "")
+    return folders
+
+
+@pytest.mark.parametrize("split", ["1", "4000"])
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("case", CASES)
+def test_same_history_on_any_number_of_ranks(
+    case: str, policy: str, split: str, histories: dict[int, Path]
+) -> None:
+    name = f"{case}-{policy}-{split}"
+    one, *others = (read_history(folder / name / "history.csv") for folder in histories.values())
+    for other in others:
+        assert list(other) == list(one)
+        for column, values in one.items():
+            error = np.abs(other[column] - values).max()
+            # what symmetry keeps at zero is measured by the other components of its vector
+            family = [v for k, v in one.items() if k.rpartition("_")[0] == column.rpartition("_")[0]]
+            assert error <= 1e-9 * max(np.abs(v).max() for v in family), column
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_iteration_matrices_agree(case: str, histories: dict[int, Path]) -> None:
+    """To what the tolerance of the iteration leaves open."""
+    reference, *others = (
+        read_history(histories[1] / f"{case}-{policy}-4000" / "history.csv") for policy in POLICIES
+    )
+    for other in others:
+        for column, values in reference.items():
+            scale = max(np.abs(values).max(), 1.0)
+            assert np.abs(other[column] - values).max() <= 1e-4 * scale, column
+
+
+def test_bodies_are_split_over_ranks(histories: dict[int, Path]) -> None:
+    for split, pieces in (("1", 3), ("4000", 1)):
+        file = histories[3] / f"flying_spaghetti-auto-{split}" / "beams" / "beams_000000.pvtu"
+        assert len(list(ET.parse(file).getroot().iter("Piece"))) == pieces
+
+
+def start_long_run(
+    output: Path, environment: dict[str, str], command: list[str]
+) -> "subprocess.Popen[str]":
+    """Start a run that takes minutes, and wait until some of it is written."""
+    long = ["--dt", "5e-5", "--every", "5", "--output", str(output)]
+    process = subprocess.Popen(
+        command + long, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    )
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end and process.poll() is None:
+        pvd = output / "beams.pvd"
+        if pvd.exists() and pvd.read_text().count("DataSet") > 10:
+            return process
+        time.sleep(0.02)
+    process.kill()
+    pytest.fail(f"nothing was written: {process.communicate()[1]}")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_killed_run_leaves_readable_results(
+    ranks: int, tmp_path: Path, environment: dict[str, str],
+    command_line: Callable[..., list[str]],
+) -> None:  # fmt: skip
+    (tmp_path / "summary.json").write_text("{}")  # of an earlier run
+    case = ROOT / "cases" / "flying_spaghetti.py"
+    process = start_long_run(tmp_path, environment, command_line(ranks, case))
+    process.kill()
+    process.wait(timeout=60)
+    process.communicate()
+    time.sleep(0.0 if ranks == 1 else 0.5)  # the ranks end after mpirun
+    history = read_history(tmp_path / "history.csv")
+    times = instants(tmp_path / "beams.pvd")
+    assert all(np.isfinite(column).all() for column in history.values())
+    np.testing.assert_allclose(np.diff(history["t"]), 5e-5)
+    assert len(times) > 9
+    assert history["t"][-1] >= times[-1]
+    assert not (tmp_path / "summary.json").exists()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_interrupted_run_exits_with_130(
+    ranks: int, tmp_path: Path, environment: dict[str, str],
+    command_line: Callable[..., list[str]],
+) -> None:  # fmt: skip
+    case = ROOT / "cases" / "flying_spaghetti.py"
+    process = start_long_run(tmp_path, environment, command_line(ranks, case))
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors.splitlines()[0] == "interrupted"
+    assert "Traceback" not in errors
+    history = read_history(tmp_path / "history.csv")
+    assert history["t"][-1] >= instants(tmp_path / "beams.pvd")[-1]
+    if ranks == 1:
+        assert errors == "interrupted\n"
+        summary = json.loads((tmp_path / "summary.json").read_text())
+        assert summary["status"].startswith("interrupted at t = ")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("drive", "reason"),
+    [("far", r" at t = 0.007\d* s$"), ("nan", r'^PrescribedTranslation "drive": .*not finite')],
+)
+def test_failed_run_keeps_what_it_has(
+    drive: str, reason: str, ranks: int, tmp_path: Path, run: Callable[..., Any]
+) -> None:
+    case, output = tmp_path / "failing.py", tmp_path / "results"
+    case.write_text(FAILING)
+    ended = run(ranks, case, "--drive", drive, "--output", output)
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert ended.stderr.count("\n") == 1
+    assert ended.stderr.startswith("failed: ")
+    summary = json.loads((output / "summary.json").read_text())
+    assert re.search(reason, summary["status"])
+    assert ended.stderr == f"failed: {summary['status']}\n"
+    assert summary["rejected_steps"] > 0
+    assert set(summary) >= SUMMARY_KEYS
+    history = read_history(output / "history.csv")
+    assert all(np.isfinite(column).all() for column in history.values())
+    assert history["t"][-1] > 0.0049
+    for name in ("rigid_bodies", "joints"):
+        assert instants(output / f"{name}.pvd")[-1] == history["t"][-1]
+
+
+def test_earlier_results_of_another_model_are_removed(
+    tmp_path: Path, run: Callable[..., Any]
+) -> None:
+    for case, series in (
+        ("chain", {"beams", "beam_surfaces", "joints"}),
+        ("heavy_top", {"rigid_bodies", "joints"}),
+        ("flying_spaghetti", {"beams"}),
+    ):
+        ended = run(1, ROOT / "cases" / f"{case}.py", "--smoke", "--output", tmp_path)
+        assert ended.returncode == 0
+        assert {pvd.stem for pvd in tmp_path.glob("*.pvd")} == series
+        assert {file.parent.name for file in tmp_path.rglob("*.vtu")} == series
+
+
+def test_full_disk_is_told_in_one_line(
+    tmp_path: Path, environment: dict[str, str], command_line: Callable[..., list[str]]
+) -> None:
+    """A limit on the size of files stands for a full disk."""
+    script = tmp_path / "limited.py"
+    script.write_text(
+        "import resource, sys\n"
+        "from mpi4py import MPI  # maps memory by files\n"
+        "import flexfem as ff\nfrom flexfem.cli import load_case\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
+        "sys.exit(ff.main(load_case('heavy_top'), ['--output', sys.argv[1], '--t-end', '0.5']))\n"
+    )
+    output = tmp_path / "results"
+    ended = subprocess.run(
+        [*command_line(1, script), str(output)], capture_output=True, text=True, check=False,
+        env=environment | {"NUMBA_CACHE_DIR": os.devnull}, timeout=120,
+    )  # fmt: skip
+    assert ended.returncode == 1
+    assert ended.stderr.count("\n") == 1
+    assert ended.stderr.startswith("failed: ")
+    assert len(read_history(output / "history.csv")["t"]) > 50
