@@ -5,29 +5,21 @@ from dataclasses import dataclass
 
 import numpy.typing as npt
 
-from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.core.load import NOTHING, Amplitude, Load
+from flexfem.core.load import NOTHING, Amplitude
 from flexfem.core.marker import Marker
+from flexfem.loads.point_load import PointLoad
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class PointMoment(Load):
+class PointMoment(PointLoad):
     """Moment at a marker.
 
     Attributes:
-        name: Unique name in the model.
-        marker: Where it acts.
         moment: In inertial axes, or in the marker's axes for a follower, shape (3,), N m.
-        follower: Whether it turns with the marker.
-        amplitude: Factor as a function of time, None for the constant 1.
     """
 
-    name: str
-    marker: Marker
     moment: FloatArray
-    follower: bool
-    amplitude: Amplitude | None
 
     def __init__(
         self,
@@ -44,16 +36,7 @@ class PointMoment(Load):
             TypeError: An argument has the wrong type.
             ValueError: An argument has the wrong shape or is not finite.
         """
-        _checks.assign(self, name=name, marker=marker, follower=follower, amplitude=amplitude)
-        owner = self._check()
-        _checks.instance(owner, "marker", marker, Marker)
-        _checks.instance(owner, "follower", follower, bool)
-        _checks.assign(self, moment=_checks.vector(owner, "moment", moment))
-
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        """Markers the load acts at."""
-        return (self.marker,)
+        self._assign(name, marker, "moment", moment, follower, amplitude)
 
     @property
     def wrench(self) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Wrong input of every kind: one line that names the culprit, exit code 2, nothing written."""
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexfem import cli
+
+pytestmark = pytest.mark.serial
+
+OWN_CASE = """\
+import sys
+
+import flexfem as ff
+from flexfem import launch
+
+
+def link(model, name="link_1", section=None):
+    material = ff.Material(youngs_modulus=1e9, poisson_ratio=0.3, density=1000.0)
+    model.add(ff.Beam(name, section or ff.Section.rectangle(0.01, 0.01, material), group="link_1"))
+    return ff.Marker(name, "start")
+
+
+def bob(model, *joints):
+    model.add(ff.RigidBody("bob", 1.0, (0.1, 0.1, 0.1), position=(1.0, 0.0, 0.0)), *joints)
+
+
+def pin(name, kind=ff.Spherical, y=0.0, **more):
+    return kind(name, ff.Ground((0.0, y, 0.0)), ff.Marker("bob", offset=(-1.0, y, 0.0)), **more)
+
+
+def build(what, mesh, size):
+    model = ff.Model("m", mesh=None if mesh else ff.build_mesh("chain", links=1, elements=2))
+    if mesh:
+        model = ff.Model("m", mesh=ff.read_mesh(mesh))
+        model.add(ff.Beam("rod", ff.Section.general([1.0] * 6, [1.0] * 6)))
+    elif what == "good":
+        bob(model, pin("pin"))
+    elif what == "value on rank 1" and launch.rank() == 1:
+        raise ValueError('Beam "rod": only on rank 1')
+    elif what == "folder on rank 1" and launch.rank() == 1:
+        open("/nothing/here")
+    elif what == "bug on rank 1" and launch.rank() == 1:
+        raise RuntimeError("a bug")
+    elif what == "nothing":
+        return None
+    elif what == "type":
+        model.add(ff.RigidBody("bob", "heavy", (1.0, 1.0, 1.0)))
+    elif what == "negative mass":
+        model.add(ff.RigidBody("bob", -2.0, (1.0, 1.0, 1.0)))
+    elif what == "section":
+        link(model, section=ff.Section.general([1.0, 1.0, 1.0, 0.0, 1.0, 1.0], [1.0] * 6))
+    elif what == "group":
+        model.add(ff.Beam("rod", ff.Section.general([1.0] * 6, [1.0] * 6), group="road"))
+    elif what == "same name":
+        bob(model, pin("bob"))
+    elif what == "unknown body":
+        model.add(ff.Spherical("pin", ff.Ground(), ff.Marker("bib")))
+    elif what == "unknown point":
+        link(model)
+        model.add(ff.Spherical("pin", ff.Ground(), ff.Marker("link_1", "middle")))
+    elif what == "empty":
+        pass
+    elif what == "apart":
+        bob(model, pin("pin"), ff.Spherical("far", ff.Ground((0.0, 0.0, 1.0)), ff.Marker("bob")))
+    elif what == "beam twice":
+        start = link(model)
+        model.add(ff.Spherical("a", ff.Ground(), start), ff.Spherical("b", ff.Ground(), start))
+    elif what == "pins twice":
+        bob(model, pin("one"), pin("two"))
+    elif what == "hinges":
+        axis = (0.0, 1.0, 0.0)
+        bob(model, *(pin(f"hinge_{i}", ff.Revolute, 0.1 * i, axis=axis) for i in range(6)))
+    elif what == "stretched":
+        drive = ff.PrescribedTranslation(
+            "drive", ff.Ground((1.0, 0.0, 0.0)), ff.Marker("bob"), lambda t: t, axis=(1.0, 0.0, 0.0)
+        )
+        bob(model, pin("pin"), drive)
+    elif what == "drive":
+        bob(model, pin("pin", ff.PrescribedTranslation, displacement=lambda t: (0.0, 0.0)))
+    elif what == "mesh parameter":
+        ff.build_mesh("chain", links=1, elements=0)
+    elif what == "mesh name":
+        ff.build_mesh("chains")
+    else:
+        bob(model, pin("pin"))
+    return model
+
+
+CASE = ff.Case(
+    name="own", summary="", build=build, dt=1e-3, t_end=3e-3,
+    options=(
+        ff.Option("what", str, "good", "mistake"),
+        ff.Option("mesh", str, "", "mesh file"),
+        ff.Option("size", float, 1.0, "size", unit="m", above=0),
+    ),
+)
+
+if __name__ == "__main__":
+    sys.exit(ff.main(CASE))
+"""
+
+NODES = "$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 2 0 0\n$EndNodes\n"
+HEAD = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+ROD = '$PhysicalNames\n1\n1 1 "rod"\n$EndPhysicalNames\n'
+LINES = "$Elements\n2\n1 1 2 1 1 1 2\n2 1 2 1 1 2 3\n$EndElements\n"
+MESHES = {
+    "rod.msh": HEAD + ROD + NODES + LINES,
+    "rod.txt": HEAD + ROD + NODES + LINES,
+    "empty.msh": "",
+    "noise.msh": "\x01\x02\x7f no mesh\n" * 20,
+    "truncated.msh": (HEAD + ROD + NODES + LINES)[:105],
+    "halved.msh": (HEAD + ROD + NODES + LINES)[:-32],
+    "unnamed.msh": HEAD + NODES + LINES,
+    "other.msh": HEAD + ROD.replace("rod", "bar") + NODES + LINES,
+    "point.msh": HEAD
+    + ROD.replace("1 1", "0 1")
+    + NODES
+    + "$Elements\n1\n1 15 2 1 1 1\n$EndElements\n",
+    "curved.msh": HEAD + ROD + NODES + "$Elements\n1\n1 8 2 1 1 1 3 2\n$EndElements\n",
+    "short.msh": HEAD + ROD + NODES.replace("2 1 0 0", "2 0 0 0") + LINES,
+    "nan.msh": HEAD + ROD + NODES.replace("2 1 0 0", "2 nan 0 0") + LINES,
+}
+
+# What is given on the command line, and parts of the message.
+COMMANDS = {
+    "run slider_crank --elements 1": ("--elements", "'1'"),
+    "run slider_crank --elements 2.0": ("--elements", "'2.0'"),
+    "run slider_crank --dt 1e-3 --t-end 1e-4": ("dt 0.001 s exceeds t_end 0.0001 s",),
+    "run slider_crank --links 3": ("--links",),
+    "run chain --links 0": ("--links", "'0'"),
+    "run chain --elements many": ("--elements", "'many'"),
+    "run heavy_top --spin slowly": ("--spin", "'slowly'", "fast, slow"),
+    "run heavy_top --rho-inf 1.01": ("--rho-inf", "'1.01'"),
+    "run heavy_top --tolerance 0.2": ("--tolerance", "'0.2'"),
+    "run heavy_top --split-above 0": ("--split-above", "'0'"),
+    "run heavy_top --every -1": ("--every", "'-1'"),
+    "run heavy_top fast": ("fast",),
+    "run heavytop": ("heavytop", "heavy_top"),
+    "run own": ("'own'", "chain"),
+    "run nowhere/own.py": ("nowhere/own.py",),
+    "run own.py --size 0": ("--size", "'0'"),
+    "run own.py --size": ("--size",),
+    "go heavy_top": ("'go'",),
+}
+FILES = {
+    "--mesh missing.msh": ("missing.msh", "does not exist"),
+    "--mesh folder.msh": ("folder.msh", "does not exist"),
+    "--mesh rod.txt": ("rod.txt", ".msh"),
+    "--mesh empty.msh": ("empty.msh",),
+    "--mesh noise.msh": ("noise.msh",),
+    "--mesh truncated.msh": ("truncated.msh",),
+    "--mesh halved.msh": ("halved.msh",),
+    "--mesh unnamed.msh": ("unnamed.msh", "no named physical group"),
+    "--mesh other.msh": ('"rod"', "bar"),
+    "--mesh point.msh": ("point.msh", "no line elements"),
+    "--mesh curved.msh": ("curved.msh", '"rod"', "first order"),
+    "--mesh short.msh": ("short.msh", '"rod"', "zero length"),
+    "--mesh nan.msh": ("nan.msh", "nan"),
+    "--output taken": ("--output", "'taken'", "not a folder"),
+    "--output taken/below": ("--output", "'taken/below'", "'taken' is not a folder"),
+    "--output ./folder.msh/../taken": ("--output", "taken", "not a folder"),
+    "--output=": ("--output", "''"),
+    f"--output {'x' * 300}": ("x" * 300,),
+    "--output /proc/self/results": ("/proc/self/results",),
+}
+MODELS = {
+    "nothing": ("case 'own'", "None"),
+    "type": ('RigidBody "bob"', "mass", "'heavy'"),
+    "negative mass": ('RigidBody "bob"', "mass", "-2.0"),
+    "section": ("Section", "stiffness"),
+    "group": ('Beam "rod"', '"road"'),
+    "same name": ('Spherical "bob"', "RigidBody"),
+    "unknown body": ('Spherical "pin"', '"bib"'),
+    "unknown point": ("link_1", '"middle"'),
+    "empty": ("no bodies",),
+    "apart": ('Spherical "far"', "1"),
+    "beam twice": ('Spherical "a", Spherical "b"', "3 of 6 constraints are redundant"),
+    "pins twice": ('Spherical "one", Spherical "two"', "3 of 6 constraints are redundant"),
+    "hinges": ('Revolute "hinge_3" and 2 more', "25 of 30 constraints are redundant"),
+    "stretched": ('Spherical "pin", PrescribedTranslation "drive"', "1 of 4", "singular"),
+    "drive": ('PrescribedTranslation "pin"', "displacement"),
+    "mesh parameter": ('mesh "chain"', "elements", "0"),
+    "mesh name": ('"chains"', "chain, "),
+}
+# Tried on two ranks as well; the last two go wrong on one of them only.
+ON_TWO_RANKS = {
+    "--size -1": ("--size", "'-1'"),
+    "--mesh missing.msh": FILES["--mesh missing.msh"],
+    "--mesh curved.msh": FILES["--mesh curved.msh"],
+    "--output taken": FILES["--output taken"],
+    "--output /proc/self/results": FILES["--output /proc/self/results"],
+    "--what=group": MODELS["group"],
+    "--what=apart": MODELS["apart"],
+    "--what=beam twice": MODELS["beam twice"],
+    "--what=hinges": MODELS["hinges"],
+    "--what=value on rank 1": ('Beam "rod": only on rank 1',),
+    "--what=folder on rank 1": ("/nothing/here",),
+}
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working directory with an own case and wrong files."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "own.py").write_text(OWN_CASE)
+    for name, text in MESHES.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "taken").touch()
+    (tmp_path / "folder.msh").mkdir()
+    return tmp_path
+
+
+def contents(folder: Path) -> set[Path]:
+    return {path for path in folder.rglob("*") if "__pycache__" not in path.parts}
+
+
+def check_message(text: str, parts: tuple[str, ...]) -> None:
+    assert text.count("\n") == 1
+    assert text.startswith("error: ")
+    for part in parts:
+        assert part in text
+
+
+def refused(
+    arguments: list[str], parts: tuple[str, ...], here: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Run in this process: the message comes from compiled libraries as well as from Python."""
+    before = contents(here)
+    assert cli.command(arguments) == 2
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    check_message(captured.err, parts)
+    assert contents(here) == before
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_command_lines(line: str, here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    refused(line.split(), COMMANDS[line], here, capfd)
+
+
+@pytest.mark.parametrize("line", FILES)
+def test_meshes_and_outputs(line: str, here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    refused(["run", "own.py", *line.split()], FILES[line], here, capfd)
+
+
+@pytest.mark.parametrize("what", MODELS)
+def test_models(what: str, here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    refused(["run", "own.py", "--what", what, "--output", "a/b"], MODELS[what], here, capfd)
+
+
+@pytest.mark.parametrize("line", ON_TWO_RANKS)
+def test_on_two_ranks(line: str, here: Path, run: Callable[..., Any]) -> None:
+    before = contents(here)
+    option, _, value = line.replace(" ", "=", 1 if "=" not in line else 0).partition("=")
+    ended = run(2, here / "own.py", f"{option}={value}", cwd=here, timeout=60)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    check_message(ended.stderr, ON_TWO_RANKS[line])
+    assert contents(here) == before
+
+
+@pytest.mark.parametrize("where", ["build", "module"])
+def test_bug_on_one_rank_ends_both(where: str, here: Path, run: Callable[..., Any]) -> None:
+    script = here / "own.py"
+    if where == "module":
+        script.write_text(
+            script.read_text().replace(
+                "CASE =", "if launch.rank() == 1:\n    raise RuntimeError('a bug')\nCASE ="
+            )
+        )
+    ended = run(2, script, "--what", "bug on rank 1", cwd=here, timeout=60)
+    assert ended.returncode != 0
+    assert ended.stderr.count("RuntimeError: a bug") == 1
+
+
+def test_case_that_fails_on_one_rank_only(here: Path, run: Callable[..., Any]) -> None:
+    (here / "half.py").write_text(
+        "from flexfem import launch\nif launch.rank() == 1:\n    raise ValueError('half a case')\n"
+        + OWN_CASE
+    )
+    (here / "flexfem_command.py").write_text(
+        "import sys\nfrom flexfem.cli import command\nsys.exit(command())\n"
+    )
+    for more in ([], ["--help"]):
+        ended = run(2, here / "flexfem_command.py", "run", "half.py", *more, cwd=here, timeout=60)
+        assert ended.returncode == 2
+        check_message(ended.stderr, ("half.py", "half a case"))
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--size", "0"]])
+def test_one_rank_speaks_for_all(
+    arguments: list[str], here: Path, run: Callable[..., Any]
+) -> None:
+    ended = run(2, here / "own.py", *arguments, cwd=here, timeout=60)
+    text = ended.stdout + ended.stderr
+    assert text.count("--size") >= 1
+    assert text.count("usage:") + text.count("error:") == 1
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_folder_without_permission(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (here / "folder.msh").chmod(0o500)
+    parts = ("--output", "no permission", "folder.msh")
+    refused(["run", "own.py", "--output", "folder.msh/below"], parts, here, capfd)
+
+
+def test_relative_folders_are_created(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert cli.command(["run", "own.py", "--quiet", "--output", "some/../new/folder"]) == 0
+    assert (here / "new" / "folder" / "history.csv").is_file()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_mesh_file_that_is_fine(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert cli.command(["run", "own.py", "--quiet", "--mesh", "rod.msh"]) == 0
+    assert capfd.readouterr() == ("", "")
