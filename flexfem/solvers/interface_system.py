@@ -117,7 +117,7 @@ class InterfaceSystem:
         inner = values if self._whole else values[self._inner]
         if self._count:
             regular = self._interior.factor(inner) and regular
-        if self._comm.size == 1:
+        if self._comm.size == 1 and self._shared_size == 0:
             return regular
         self._buffer[:] = 0.0
         if self._shared_size:
