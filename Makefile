@@ -33,8 +33,8 @@ run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)
 	$(BIN)/python postprocess/render.py results/$(CASE)
 	$(BIN)/python postprocess/plot_history.py results/$(CASE)
 	@echo "files made in results/$(CASE):"
-	@find results/$(CASE) -type f -name '*.vt?' -prune -o -type f -print | sort
-	@echo "and $$(find results/$(CASE) -type f -name '*.vt?' | wc -l) ParaView field files"
+	@find results/$(CASE) -type f ! -name '*vtu' | sort
+	@echo "and $$(find results/$(CASE) -type f -name '*vtu' | wc -l) ParaView field files"
 
 lint: $(STAMP) ## style, types, architecture
 	$(BIN)/ruff check
@@ -48,10 +48,15 @@ test: lint ## lint, then all tests on 1 and 2 ranks, some on 3
 	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
 
 bench: $(BENCH_STAMP) ## timings, against Exudyn where it has the same problem
-	@set -e; for script in tests/benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script; done
+	$(BIN)/python tests/benchmarks/chain_against_exudyn.py --ranks 2
 
-check-paraview: $(STAMP) ## open the results in the installed ParaView
-	PYTHON="$(CURDIR)/$(BIN)/python" sh tests/paraview/check.sh
+check-paraview: $(STAMP) ## open short runs of all cases, on 1 and 2 ranks, in the installed ParaView
+	@set -e; folders=; for case in $$(cd cases && ls *.py | sed 's/\.py$$//'); do \
+		for ranks in 1 $(RANKS); do \
+			folder=results/check-paraview/$$case-$$ranks; folders="$$folders $$folder"; \
+			$(BIN)/mpirun -n $$ranks $(BIN)/flexfem run $$case --smoke --every 2 --output $$folder; \
+		done; \
+	done; sh tests/paraview/check.sh $$folders
 
 clean: ## remove .venv, results and caches
 	rm -rf $(VENV) results build dist .pytest_cache .mypy_cache .ruff_cache

@@ -9,6 +9,7 @@ import argparse
 import difflib
 import os
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from flexfem.model.model import Model
 
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
+#: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
+_PATIENCE = 0.5
 _OUTPUTS = """\
 Writes history.csv (one row per step), summary.json and ParaView files into the output folder.
 Put "mpirun -n N" in front to run on N MPI ranks.
@@ -39,6 +42,7 @@ class UsageError(Exception):
     """
 
     def __init__(self, message: str, *, agreed: bool = False) -> None:
+        """Keep the message."""
         super().__init__(message)
         self.agreed = agreed
 
@@ -107,7 +111,9 @@ def _exit_code(action: Callable[[], int]) -> int:
             return 2
         raise
     except KeyboardInterrupt:
-        launch.say("interrupted", error=True)
+        if launch.rank() > 0:
+            time.sleep(_PATIENCE)  # whoever gets here next: the first rank may hang in a receive
+        print("interrupted", file=sys.stderr, flush=True)
         launch.abort(130)
         return 130
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Plot the history table of a result folder: history.png, one panel per group of columns.
+"""Plot the history table of a result folder: history.png, one panel per quantity.
 
-Columns that differ only behind the last underscore (tip_x, tip_y, tip_z) share a panel:
+Components (tip_x, tip_y, tip_z or force_1, force_2) share a panel:
 
     python postprocess/plot_history.py results/slider_crank --columns tip_x,tip_y,energy
 """
@@ -58,11 +58,12 @@ def choose(table: dict[str, np.ndarray], columns: str | None, path: Path) -> lis
 
 
 def grouped(columns: list[str]) -> list[tuple[str, list[str]]]:
-    """Groups (label, columns) with a common prefix, in the order of their first columns."""
+    """Groups (label, columns) of components, in the order of their first columns."""
     groups: dict[str, list[str]] = {}
     for name in columns:
         prefix, _, last = name.rpartition("_")
-        groups.setdefault(prefix if prefix and last else name, []).append(name)
+        component = prefix and (last in ("x", "y", "z") or last.isdigit())
+        groups.setdefault(prefix if component else name, []).append(name)
     return [(g if len(names) > 1 else names[0], names) for g, names in groups.items()]
 
 

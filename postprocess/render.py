@@ -272,7 +272,7 @@ def decorate(plotter: Any, instant: Instant, scene: Scene, coloured: Any) -> Non
         height=0.6,
         width=0.06,
         n_labels=5,
-        fmt="%.3g",
+        fmt="%.0f" if 100.0 <= scene.limits[1] < 1e6 else "%.3g",
         color=INK,
         title_font_size=scene.size[1] // 48,
         label_font_size=scene.size[1] // 54,

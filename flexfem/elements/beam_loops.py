@@ -40,19 +40,23 @@ def _put_frame(
     Q: FloatArray, cell: int,
 ) -> None:  # fmt: skip
     """Write the section frame at one end of a cell."""
-    at, to = offsets[_POSITION] + 3 * side, offsets[_ROTATION] + 9 * side
-    for i in range(3):
-        data[at + i] = frames[node, i]
-        k = 3 + 3 * i
-        for j in range(3):
-            if turned:
-                data[to + 3 * i + j] = (
-                    frames[node, k] * Q[cell, side, j]
-                    + frames[node, k + 1] * Q[cell, side, 3 + j]
-                    + frames[node, k + 2] * Q[cell, side, 6 + j]
-                )
-            else:
-                data[to + 3 * i + j] = frames[node, k + j]
+    if offsets[_POSITION] >= 0:
+        at = offsets[_POSITION] + 3 * side
+        for i in range(3):
+            data[at + i] = frames[node, i]
+    if offsets[_ROTATION] >= 0:
+        to = offsets[_ROTATION] + 9 * side
+        for i in range(3):
+            k = 3 + 3 * i
+            for j in range(3):
+                if turned:
+                    data[to + 3 * i + j] = (
+                        frames[node, k] * Q[cell, side, j]
+                        + frames[node, k + 1] * Q[cell, side, 3 + j]
+                        + frames[node, k + 2] * Q[cell, side, 6 + j]
+                    )
+                else:
+                    data[to + 3 * i + j] = frames[node, k + j]
 
 
 @inlined
@@ -134,8 +138,8 @@ def add_action(
     address: int, offsets: IntArray, constants: FloatArray, stiffness_factor: float,
     cells: IndexArray, turned: BoolArray, turns: FloatArray, twists: FloatArray,
     lengths: FloatArray, damping: FloatArray, sections: IntArray, laws: FloatArray,
-    frames: FloatArray, velocity: FloatArray, increments: FloatArray, step: FloatArray,
-    scale: float, residual: FloatArray,
+    frames: FloatArray, velocity: FloatArray, acceleration: FloatArray, increments: FloatArray,
+    step: FloatArray, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale (k K + (c C + m M) T^-1) step`` of all cells to ``residual`` (n, 6).
 
@@ -151,6 +155,9 @@ def add_action(
             node = cells[c, side]
             _put_frame(data, offsets, side, frames, node, at, turns, turn)
             _put_twist(data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side)
+            _put_twist(
+                data, offsets[_ACCELERATION] + 6 * side, acceleration, node, at, turns, turn, side
+            )
             first = offsets[_TURN] + 6 * side
             _put_twist(data, first, step, node, at, turns, turn, side)
             for i in range(6):
@@ -195,7 +202,7 @@ def add_tangent(
     inertia_offsets: IntArray, shifts: FloatArray, cells: IndexArray, turned: BoolArray,
     turns: FloatArray, twists: FloatArray, lengths: FloatArray, damping: FloatArray,
     sections: IntArray, laws: FloatArray, frames: FloatArray, velocity: FloatArray,
-    increments: FloatArray, scale: float, values: FloatArray,
+    acceleration: FloatArray, increments: FloatArray, scale: float, values: FloatArray,
 ) -> None:  # fmt: skip
     """Write ``scale (k K + (c C + m M) T^-1)`` of all cells to ``values`` (m, 144).
 
@@ -211,11 +218,13 @@ def add_tangent(
         for data, offsets in ((k_data, stiffness_offsets), (m_data, inertia_offsets)):
             for side in range(2):
                 node = cells[c, side]
-                if offsets[_POSITION] >= 0:
-                    _put_frame(data, offsets, side, frames, node, at, turns, turn)
+                _put_frame(data, offsets, side, frames, node, at, turns, turn)
                 if offsets[_VELOCITY] >= 0:
                     first = offsets[_VELOCITY] + 6 * side
                     _put_twist(data, first, velocity, node, at, turns, turn, side)
+                if offsets[_ACCELERATION] >= 0:
+                    first = offsets[_ACCELERATION] + 6 * side
+                    _put_twist(data, first, acceleration, node, at, turns, turn, side)
             _put_cell(data, offsets, c, twists, lengths, damping)
             if sections[c] != law:
                 _put_laws(data, offsets, laws, sections[c])

@@ -129,7 +129,7 @@ class SE3Beams:
         add_tangent(
             self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
             self._inertia.offsets, shifts, *self._cell_data(), block.frames, block.velocity,
-            block.increment, scale, values,
+            block.acceleration, block.increment, scale, values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
 
@@ -140,7 +140,8 @@ class SE3Beams:
         constants = np.concatenate([gravity, shifts[:2]])
         add_action(
             self._action.address, self._action.offsets, constants, shifts[2], *self._cell_data(),
-            block.frames, block.velocity, block.increment, block.step, scale, block.residual,
+            block.frames, block.velocity, block.acceleration, block.increment, block.step, scale,
+            block.residual,
         )  # fmt: skip
 
     def resultants(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,10 +11,12 @@ The fields are continuous piecewise linears; on an interval their nodal values c
 exactly as ``f(1/2) -/+ 1/2 df/dxi``, so one quadrature point carries the whole element. All
 increments and residuals are components in the nodes' own frames.
 
-Inertia follows the Euler–Poincaré equations of the kinetic energy ``1/2 sum_ij M_ij v_i . m v_j``
-with ``M = L/6 [[2, 1], [1, 2]]``: ``r_i = sum_j M_ij m a_j - ad_{v_i}^T sum_j M_ij m v_j``. It
-keeps linear and angular momentum exactly (Noether), which an interpolated local inertia force does
-not.
+The kinetic energy is that of masses that move with the linear field of the nodes' inertial
+velocities, ``1/2 sum_ij M_ij m (R_i V_i) . (R_j V_j)`` with ``M = L/6 [[2, 1], [1, 2]]``, plus that
+of the rotary inertia (and of the first moment, where the mass centre lies off the axis) lumped at
+the nodes. Translation is exact in any bent state; interpolated local velocities would lose the mass
+``theta^2/6`` of an element whose ends are turned by ``theta`` against each other. The
+Euler–Poincaré equations of this energy keep linear and angular momentum exactly (Noether).
 """
 
 from dataclasses import dataclass
@@ -25,6 +27,10 @@ import ufl
 from flexfem.forms.lie import Expr, coadjoint_product, se3_log, se3_relative_rate
 
 __all__ = ["BeamForms", "beam_forms"]
+
+
+#: values at both ends of an element
+_Pair = tuple[Expr, Expr]
 
 
 @dataclass(frozen=True)
@@ -94,15 +100,41 @@ def _work(mesh: ufl.Mesh, integrand: Expr) -> ufl.Form:
     return form
 
 
-def _inertial_work(
-    mass: Expr, v: tuple[Expr, Expr], a: tuple[Expr, Expr], w: tuple[Expr, Expr]
-) -> Expr:
-    """Work of the inertia force on the twists ``w`` of both ends; ``mass`` is ``L/6 m``."""
-    p = (mass * (2 * v[0] + v[1]), mass * (v[0] + 2 * v[1]))
-    q = (mass * (2 * a[0] + a[1]), mass * (a[0] + 2 * a[1]))
-    return ufl.dot(w[0], q[0] - coadjoint_product(v[0], p[0])) + ufl.dot(
-        w[1], q[1] - coadjoint_product(v[1], p[1])
+def _halves(twist: Expr) -> tuple[Expr, Expr]:
+    """Translation and rotation of a twist."""
+    return ufl.as_vector([twist[i] for i in range(3)]), ufl.as_vector(
+        [twist[i] for i in range(3, 6)]
     )
+
+
+def _inertial_work(
+    length: Expr, m: Expr, R_12: Expr, v: _Pair, a: _Pair, w: _Pair, dw: _Pair
+) -> _Pair:
+    """Work of the inertia force on the twists ``w`` of both ends, and its change as they turn.
+
+    Args:
+        length: of the element.
+        m: section inertia, 6x6.
+        R_12: rotation from the axes of the second end to those of the first.
+        v: local twists of both ends.
+        a: their rates.
+        w: test twists.
+        dw: local twists by which the ends turn.
+    """
+    mass = m[0, 0]
+    lumped = m - mass * ufl.as_matrix([[float(i == j < 3) for j in range(6)] for i in range(6)])
+    # inertial accelerations of the nodes in their own axes
+    b = [_halves(a[i])[0] + ufl.cross(_halves(v[i])[1], _halves(v[i])[0]) for i in range(2)]
+    force, change = [], []
+    for i, R in enumerate((R_12, R_12.T)):  # R turns the other end's components into this one's
+        j = 1 - i
+        u, turn, other = _halves(w[i])[0], _halves(dw[i])[1], _halves(dw[j])[1]
+        at_node = lumped * a[i] - coadjoint_product(v[i], lumped * v[i])
+        force.append(length / 2 * ufl.dot(w[i], at_node))
+        force.append(length / 6 * mass * ufl.dot(u, 2 * b[i] + R * b[j]))
+        turned = R * ufl.cross(other, b[j]) - ufl.cross(turn, R * b[j])
+        change.append(length / 6 * mass * ufl.dot(u, turned))
+    return sum(force[1:], force[0]), change[0] + change[1]
 
 
 def _weight_work(half: Expr, g: Expr, w: Expr) -> Expr:
@@ -140,7 +172,7 @@ def beam_forms(damped: bool) -> BeamForms:
     if damped:
         stretch += fields["damping"] * rate(v)
     internal = ufl.dot(_sym(fields["stiffness"]) * (stretch / length), rate(w))
-    inertial = _inertial_work(length / 6 * m, v, a, w)
+    inertial, inertial_change = _inertial_work(length, m, R_1.T * R_2, v, a, w, dw)
 
     gravitational, turning = [], []
     for R, w_i, dw_i in ((R_1, w[0], dw[0]), (R_2, w[1], dw[1])):
@@ -149,7 +181,10 @@ def beam_forms(damped: bool) -> BeamForms:
         gravitational.append(_weight_work(length / 2 * m, g, w_i))
         turning.append(_weight_work(length / 2 * m, ufl.cross(g, turn), w_i))
 
-    stiffness = _work(mesh, ufl.dot(ufl.diff(internal, d), rate(dw)) - turning[0] - turning[1])
+    stiffness = _work(
+        mesh,
+        ufl.dot(ufl.diff(internal, d), rate(dw)) + inertial_change - turning[0] - turning[1],
+    )
     by_velocity = ufl.derivative(_work(mesh, internal + inertial), fields["velocity"], trial)
     by_acceleration = ufl.derivative(_work(mesh, inertial), fields["acceleration"], trial)
     inertia = shifts[0] * by_velocity + shifts[1] * by_acceleration

@@ -60,7 +60,7 @@ def build(what, mesh, size):
     elif what == "same name":
         bob(model, pin("bob"))
     elif what == "unknown body":
-        model.add(ff.Spherical("pin", ff.Ground(), ff.Marker("bib")))
+        bob(model, ff.Spherical("pin", ff.Ground(), ff.Marker("bib")))
     elif what == "unknown point":
         link(model)
         model.add(ff.Spherical("pin", ff.Ground(), ff.Marker("link_1", "middle")))
@@ -163,7 +163,7 @@ FILES = {
     "--mesh short.msh": ("short.msh", '"rod"', "zero length"),
     "--mesh nan.msh": ("nan.msh", "nan"),
     "--output taken": ("--output", "'taken'", "not a folder"),
-    "--output taken/below": ("--output", "'taken/below'", "'taken' is not a folder"),
+    "--output taken/below": ("--output", "'taken/below'", "taken' is not a folder"),
     "--output ./folder.msh/../taken": ("--output", "taken", "not a folder"),
     "--output=": ("--output", "''"),
     f"--output {'x' * 300}": ("x" * 300,),
@@ -296,9 +296,7 @@ def test_case_that_fails_on_one_rank_only(here: Path, run: Callable[..., Any]) -
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["--size", "0"]])
-def test_one_rank_speaks_for_all(
-    arguments: list[str], here: Path, run: Callable[..., Any]
-) -> None:
+def test_one_rank_speaks_for_all(arguments: list[str], here: Path, run: Callable[..., Any]) -> None:
     ended = run(2, here / "own.py", *arguments, cwd=here, timeout=60)
     text = ended.stdout + ended.stderr
     assert text.count("--size") >= 1

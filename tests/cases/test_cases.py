@@ -42,8 +42,9 @@ MORE = {"slider_crank": ["--elements", "5"], "flying_spaghetti": ["--elements", 
         "chain": ["--elements", "3"]}
 folder, names = Path(sys.argv[1]), sys.argv[2:]
 for name, policy, split in product(names, ("auto", "frozen", "updated"), ("1", "4000")):
-    argv = ["--smoke", "--quiet", "--every", "1000", "--iteration-matrix", policy, "--split-above", split,
-            "--output", str(folder / f"{name}-{policy}-{split}"), *MORE.get(name, [])]
+    argv = ["--smoke", "--quiet", "--every", "1000", "--iteration-matrix", policy]
+    argv += ["--split-above", split, *MORE.get(name, [])]
+    argv += ["--output", str(folder / f"{name}-{policy}-{split}")]
     code = ff.main(load_case(name), argv)
     if code:
         sys.exit(f"{argv} ended with {code}")
@@ -130,7 +131,8 @@ def test_smoke_run_leaves_complete_results(
     assert set(summary) >= SUMMARY_KEYS
     assert (summary["case"], summary["ranks"], summary["status"]) == (case, ranks, "ok")
     assert summary["steps"] == steps
-    assert (summary["unknowns"] > 0) and (summary["newton_iterations"] >= steps)
+    assert summary["unknowns"] > 0
+    assert summary["newton_iterations"] >= steps
     assert summary["results"]
     assert all(isinstance(value, float) for value in summary["results"].values())
     series = sorted(folder.glob("*.pvd"))
@@ -163,9 +165,7 @@ def test_help_lists_every_option(case: str, run: Callable[..., Any]) -> None:
 
 
 @pytest.fixture(scope="module")
-def histories(
-    run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory
-) -> dict[int, Path]:
+def histories(run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
     """Folders of all runs on one, two and three ranks."""
     folders = {ranks: tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2, 3)}
     for ranks, folder in folders.items():
@@ -189,7 +189,9 @@ def test_same_history_on_any_number_of_ranks(
         for column, values in one.items():
             error = np.abs(other[column] - values).max()
             # what symmetry keeps at zero is measured by the other components of its vector
-            family = [v for k, v in one.items() if k.rpartition("_")[0] == column.rpartition("_")[0]]
+            family = [
+                v for k, v in one.items() if k.rpartition("_")[0] == column.rpartition("_")[0]
+            ]
             assert error <= 1e-9 * max(np.abs(v).max() for v in family), column
 
 

@@ -18,6 +18,8 @@ import flexfem.joints
 from flexfem.core.joint import Joint, RowKind
 from flexfem.core.pose import Pose
 from flexfem.lie import se3, so3
+from flexfem.options import RunOptions
+from flexfem.simulation import Simulation
 from flexfem.system.constraints import Constraints, PlacedJoint
 
 AXIS = np.array([0.6, -0.3, 0.8])
@@ -267,15 +269,11 @@ def test_driven_joints_follow_their_function(name, rng):
         relative = se3.compose(se3.inverse(start[0]), start[1])
         local = se3.rotation(start[0]).T @ UNIT
         shift, turn = example.driven(t, local)
-        moved = se3.frame(
-            se3.position(relative) + shift, so3.exp(turn) @ se3.rotation(relative)
-        )
+        moved = se3.frame(se3.position(relative) + shift, so3.exp(turn) @ se3.rotation(relative))
         motion = se3.exp(rng.normal(size=6))  # wherever marker a may be
         first = se3.compose(motion, first)
         joint.face.frames[0] = se3.compose(first, se3.inverse(joint.offsets[0]))
-        joint.face.frames[1] = se3.compose(
-            se3.compose(first, moved), se3.inverse(joint.offsets[1])
-        )
+        joint.face.frames[1] = se3.compose(se3.compose(first, moved), se3.inverse(joint.offsets[1]))
         # the opposite direction, or an axis left in inertial axes, shows as 0.1 and more
         np.testing.assert_allclose(joint.evaluate(), 0.0, atol=1e-13)
         joint.face.frames[1] = se3.retract(joint.face.frames[1], np.full(6, 0.1))
@@ -317,7 +315,7 @@ def test_torsional_spring_damper_moment(rng):
     joint = Placed(EXAMPLES["TorsionalSpringDamper"], rng)
     spin, angle = 2.5, 0.0
     start = se3.compose(joint.start[1], joint.offsets[1])
-    axis = so3.exp(np.zeros(3)) @ UNIT
+    axis = UNIT
     while angle < 7.0:
         angle += 0.25
         turned = se3.frame(se3.position(start), so3.exp(angle * axis) @ se3.rotation(start))
@@ -331,9 +329,7 @@ def test_torsional_spring_damper_moment(rng):
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_angles_stay_continuous_over_turns(direction, rng):
-    example = EXAMPLES["PrescribedAngle"]
-    joint, angle = Placed(example, rng), 0.0
-    joint.rows.set_time(0.0)
+    joint, angle = Placed(EXAMPLES["PrescribedAngle"], rng), 0.0
     start = se3.compose(joint.start[1], joint.offsets[1])
     for _ in range(30):
         angle += 2.0 * direction  # less than half a turn a step
@@ -359,3 +355,45 @@ def test_step_jacobian_of_elastic_rows(name, ground, rng):
     # the multiplier enters its own row through the compliance alone
     joint.rows.multipliers[:] = 0.7 + 1.0
     np.testing.assert_allclose(values - joint.evaluate(), joint.rows.compliance, rtol=1e-9)
+
+
+def _model(joint: Joint) -> ff.Model:
+    model = ff.Model("test")
+    model.add(ff.RigidBody("body", 2.0, (0.2, 0.3, 0.4), position=(0.5, -0.2, 0.3)), joint)
+    return model
+
+
+@pytest.mark.parametrize("name", ["Spherical", "Revolute", "Rigid", "Cylindrical", "PointOnLine",
+                                  "PointOnPlane", "Prismatic"])  # fmt: skip
+def test_joint_with_a_gap_at_the_start_is_refused(name):
+    example = EXAMPLES[name]
+    marker = ff.Marker("body", offset=(0.1, 0.2, 0.3))
+    joint = example.cls("elbow", ff.Ground((0.0, 1.0, 0.0)), marker, **example.arguments)
+    with pytest.raises(ValueError, match=f'^{name} "elbow": .*violate') as raised:
+        Simulation(_model(joint), RunOptions(dt=1e-3, t_end=1.0))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("name", [n for n, e in EXAMPLES.items() if e.driven])
+def test_drive_that_starts_elsewhere_is_refused(name):
+    example = EXAMPLES[name]
+    late = {
+        key: (lambda t, f=value: f(t + 0.5)) if callable(value) else value
+        for key, value in example.arguments.items()
+    }
+    joint = example.cls("motor", ff.Ground(), ff.Marker("body"), **late)
+    with pytest.raises(ValueError, match=f'^{example.cls.__name__} "motor": .*violate'):
+        Simulation(_model(joint), RunOptions(dt=1e-3, t_end=1.0))
+
+
+def test_redundant_joints_are_named():
+    axis, arm = np.array([0.3, 0.5, -0.8]), np.array([0.1, 0.2, 0.3])
+    model = ff.Model("test")
+    model.add(ff.RigidBody("body", 2.0, (0.2, 0.3, 0.4), position=(0.5, -0.2, 0.3)))
+    for name, shift in (("one", 0.0), ("two", 0.7)):
+        place, marker = arm + shift * axis, ff.Marker("body", offset=arm + shift * axis)
+        ground = ff.Ground(place + np.array([0.5, -0.2, 0.3]))
+        model.add(ff.Revolute(name, ground, marker, axis=axis))
+    # an answer would have arbitrary multipliers
+    with pytest.raises(ValueError, match=r'"one".*"two".*redundant'):
+        Simulation(model, RunOptions(dt=1e-3, t_end=1.0))

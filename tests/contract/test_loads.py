@@ -253,9 +253,7 @@ def test_point_masses_make_a_rigid_body_of_the_same_inertia():
     inertia = about_point - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     whole = ff.Model("whole")
     whole.add(
-        ff.RigidBody(
-            "body", mass, inertia, position=(1.0, 2.0, 3.0), rotation=START, centre=centre
-        )
+        ff.RigidBody("body", mass, inertia, position=(1.0, 2.0, 3.0), rotation=START, centre=centre)
     )
     one, two = (_masses(model, np.random.default_rng(5)) for model in (parts, whole))
     # round-off; a sign of the first moment or a missing Steiner term is of the order of the mass

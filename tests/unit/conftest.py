@@ -76,9 +76,7 @@ class OneBeam:
     def action(self, step: np.ndarray, shifts: np.ndarray, scale: float) -> np.ndarray:
         """Owned rows of the tangent's action on a step."""
         self.block.step[:] = step
-        return self._collect(
-            lambda: self.beams.add_action(self.block, self.gravity, shifts, scale)
-        )
+        return self._collect(lambda: self.beams.add_action(self.block, self.gravity, shifts, scale))
 
     def product(self, step: np.ndarray, shifts: np.ndarray, scale: float) -> np.ndarray:
         """Owned rows of the cell matrices times a step."""

@@ -160,9 +160,7 @@ def test_roll_up_to_a_circle_needs_the_end_moment_only(one_beam):
     np.testing.assert_allclose(beam.gather(beam.residual()), expected, atol=1e-11)
 
 
-@pytest.mark.parametrize(
-    ("shape", "damping"), [("straight", 0.03), ("arc", 0.0), ("helix", 0.03)]
-)
+@pytest.mark.parametrize(("shape", "damping"), [("straight", 0.03), ("arc", 0.0), ("helix", 0.03)])
 def test_compiled_loops_equal_dolfinx_assembly(one_beam, shape, damping, rng):
     """Residual and both tangents of the same forms, assembled by DOLFINx on its own mesh."""
     beam = one_beam(SHAPES[shape], SECTION, damping)
@@ -253,9 +251,7 @@ def _dense(dolfinx, form, space, nodes, n):
     every[begin:end] = nodes[:owned]
     every = space.mesh.comm.allreduce(every)
     # rows are this rank's, columns all of them
-    to, at = (
-        (6 * k[:, np.newaxis] + np.arange(6)).ravel() for k in (every, nodes[:owned])
-    )
+    to, at = ((6 * k[:, np.newaxis] + np.arange(6)).ravel() for k in (every, nodes[:owned]))
     out = np.zeros((6 * n, 6 * n))
     out[np.ix_(at, to)] = matrix.to_dense()[: 6 * owned]
     return out

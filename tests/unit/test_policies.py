@@ -2,6 +2,7 @@
 """Policies of the iteration matrix: the same answers, the promised counts, failures survived."""
 
 import importlib.util
+from itertools import pairwise
 from pathlib import Path
 
 from mpi4py import MPI
@@ -30,7 +31,7 @@ def _case(name: str):
 def _mechanism() -> ff.Model:
     """Two damped beams, two rigid bodies, all kinds of couplings between them and the ground."""
     x = np.linspace(0.0, 1.0, 5)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
-    points = np.concatenate([x, x + [1.0, 0.0, 0.0]])
+    points = np.concatenate([x, x + np.array([1.0, 0.0, 0.0])])
     cells = np.array([[i, i + 1] for i in range(9) if i != 4])
     mesh = LineMesh(points, cells, {"one": np.arange(4), "two": np.arange(4, 8)})
     section = ff.Section.rectangle(0.03, 0.02, STEEL)
@@ -71,7 +72,7 @@ def runs():
 
 @pytest.mark.parametrize("policy", ["frozen", "auto"])
 def test_policies_agree(runs, policy):
-    """Elastic rows, dampers, drives and followers included: the matrix must not change the answer."""
+    """Elastic rows, dampers and followers included: the matrix must not change the answer."""
     reference, outcome = runs["updated"], runs[policy]
     assert outcome.status == reference.status == "ok"
     for name, column in outcome.history.items():
@@ -108,7 +109,7 @@ def test_exact_tangent_converges_quadratically():
         assert simulation.advance(5e-3) is Status.OK
     for steps in sizes[2:]:
         # linear convergence at 0.01 would leave 1e-2 of the step before
-        for previous, step in zip(steps[:-1], steps[1:], strict=True):
+        for previous, step in pairwise(steps):
             assert step <= max(20.0 * previous**2, 1e-11)
 
 
