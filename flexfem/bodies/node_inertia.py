@@ -8,8 +8,8 @@ axes) obeys the Euler–Poincaré equation ``M dv/dt - ad_v^T (M v) - M (R^T g, 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_kernels import step_rates_into
 from flexfem.lie.compiled import kernel
-from flexfem.lie.se3 import inverse_tangent_into
 
 __all__ = ["add_inertia", "inertia_tangent"]
 
@@ -75,24 +75,25 @@ def _gyroscopic(M: FloatArray, v: FloatArray, C: FloatArray) -> None:
 
 @kernel
 def inertia_tangent(
-    nodes: IntArray, masses: FloatArray, gravity: FloatArray, frames: FloatArray,
-    velocity: FloatArray, increments: FloatArray, shifts: FloatArray, scale: float, out: FloatArray,
+    nodes: IntArray, masses: FloatArray, gravity: FloatArray, inertial: bool, frames: FloatArray,
+    velocity: FloatArray, acceleration: FloatArray, increments: FloatArray, shifts: FloatArray,
+    scale: float, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Write ``scale (k K + (c C + m M) T^-1)`` of every mass to ``out``.
+    """Write ``scale (k K + C dv + M dw)`` of every mass to ``out``.
 
-    ``shifts`` holds c, m and k; T is the tangent operator of the node's increment over the step.
+    ``shifts`` holds dv/dn, dw/dn and k, see ``frame_kernels.step_rates_into`` for dv and dw.
     """
-    g, T, K = np.empty(3), np.empty(36), np.empty((6, 3))
-    C = np.empty((6, 6))
+    g, K, C = np.empty(3), np.empty((6, 3)), np.empty((6, 6))
+    by_v, by_w = np.empty(36), np.empty(36)
     for k in range(nodes.size):
         node, M = nodes[k], masses[k]
         _gravity_in_node(frames[node], gravity, g)
-        inverse_tangent_into(increments[node], T)
+        step_rates_into(
+            inertial and shifts[2] != 0.0, increments[node], velocity[node], acceleration[node],
+            shifts, by_v, by_w,
+        )  # fmt: skip
         C[:] = 0.0
         _gyroscopic(M, velocity[node], C)
-        for i in range(6):
-            for j in range(6):
-                C[i, j] = shifts[1] * M[i, j] + shifts[0] * C[i, j]
         for i in range(6):  # -M (g x theta, 0)
             K[i, 0] = -(M[i, 1] * g[2] - M[i, 2] * g[1])
             K[i, 1] = -(M[i, 2] * g[0] - M[i, 0] * g[2])
@@ -101,5 +102,5 @@ def inertia_tangent(
             for j in range(6):
                 total = shifts[2] * K[i, j - 3] if j > 2 else 0.0
                 for m in range(6):
-                    total += C[i, m] * T[6 * m + j]
+                    total += C[i, m] * by_v[6 * m + j] + M[i, m] * by_w[6 * m + j]
                 out[k, i, j] = scale * total

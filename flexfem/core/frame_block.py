@@ -8,9 +8,12 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.core.frame_kernels import accept, correct, predict
+from flexfem.core.frame_kernels import accept, correct, predict, to_inertial
 
 __all__ = ["FrameBlock"]
+
+#: law of prediction that stays at the accepted state
+_NOTHING = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
 class FrameBlock:
@@ -22,7 +25,10 @@ class FrameBlock:
     Attributes:
         name: stable name of the block ("beams", "rigid_bodies").
         owned: number of nodes of this rank.
-        frames, increment, velocity, acceleration: trial state, (n, 12) and (n, 6), local axes.
+        frames, velocity, acceleration: trial state, (n, 12) and (n, 6), local axes.
+        increment: (n, 6) increment over the step: on SE(3) a twist; with ``inertial`` the
+            translation in inertial axes and a rotation vector in local ones.
+        inertial: translations are integrated in inertial axes (R^3 x SO(3)).
         start_frames: (n, 12) frames at t = 0.
         residual, step: (n, 6) right-hand side and Newton step; views into vectors with ghosts.
         node_ids: (n,) index of each node in the model's input order.
@@ -31,7 +37,7 @@ class FrameBlock:
 
     def __init__(
         self, name: str, comm: MPI.Intracomm, frames: FloatArray, velocity: FloatArray,
-        node_ids: IntArray, index_map: Any,
+        node_ids: IntArray, index_map: Any, inertial: bool,
     ) -> None:  # fmt: skip
         """Create a block (collective).
 
@@ -42,10 +48,11 @@ class FrameBlock:
             velocity: (n, 6) local velocities at the start.
             node_ids: (n,) index of each node in the input.
             index_map: DOLFINx index map of the nodes.
+            inertial: integrate translations in inertial axes (R^3 x SO(3)) instead of on SE(3).
         """
         from dolfinx import la
 
-        self.name, self.comm = name, comm
+        self.name, self.comm, self.inertial = name, comm, inertial
         self.node_ids, self.index_map = node_ids, index_map
         self.owned = int(index_map.size_local)
         self.size_global = int(index_map.size_global)
@@ -54,10 +61,10 @@ class FrameBlock:
         count = len(frames)
         self.start_frames = frames.copy()
         self.frames0, self.frames = frames.copy(), frames.copy()
-        self.velocity0, self.velocity = velocity.copy(), velocity.copy()
-        self.acceleration0, self.acceleration = np.zeros((count, 6)), np.zeros((count, 6))
-        #: acceleration-like variable of the time integrator
-        self.auxiliary0 = np.zeros((count, 6))
+        self.velocity, self.acceleration = velocity.copy(), np.zeros((count, 6))
+        # accepted rates of the increments and the integrator's acceleration-like variable
+        self._velocity0, self._acceleration0 = np.zeros((count, 6)), np.zeros((count, 6))
+        self._auxiliary0 = np.zeros((count, 6))
         self.increment = np.zeros((count, 6))
         self._velocity_base, self._acceleration_base = np.zeros((count, 6)), np.zeros((count, 6))
         self._rates, self._misses = np.zeros(2), np.zeros(2)
@@ -83,17 +90,18 @@ class FrameBlock:
         """Start a step; see ``frame_kernels.predict``."""
         self._rates = rates
         predict(
-            self.frames0, self.velocity0, self.auxiliary0, self.acceleration0, law, rates,
-            self.frames, self.increment, self.velocity, self.acceleration, self._velocity_base,
-            self._acceleration_base,
+            self.inertial, self.frames0, self._velocity0, self._auxiliary0, self._acceleration0,
+            law, rates, self.frames, self.increment, self.velocity, self.acceleration,
+            self._velocity_base, self._acceleration_base,
         )  # fmt: skip
 
     def correct(self, sign: float) -> float:
         """Move by the twists ``sign * step``; returns the largest entry of the step."""
         self.spread_step()
         largest: float = correct(
-            self.frames0, self.increment, self._velocity_base, self._acceleration_base,
-            self._rates, self.frames, self.velocity, self.acceleration, self.step, sign,
+            self.inertial, self.frames0, self.increment, self._velocity_base,
+            self._acceleration_base, self._rates, self.frames, self.velocity, self.acceleration,
+            self.step, sign,
         )  # fmt: skip
         return largest
 
@@ -104,15 +112,22 @@ class FrameBlock:
             (2,) how far predictions from velocity alone and from acceleration too were off.
         """
         accept(
-            self.frames0, self.velocity0, self.auxiliary0, self.acceleration0, self.frames,
-            self.increment, self.velocity, self.acceleration, law, h, self.owned, self._misses,
+            self.frames0, self._velocity0, self._auxiliary0, self._acceleration0, self.frames,
+            self.increment, self._velocity_base, self._acceleration_base, self._rates, law, h,
+            self.owned, self._misses,
         )  # fmt: skip
         return self._misses
 
+    def start(self) -> None:
+        """Accept the trial velocities and accelerations as those of the start."""
+        self._velocity0[:], self._acceleration0[:] = self.velocity, self.acceleration
+        if self.inertial:
+            to_inertial(self.frames, self._velocity0, self._acceleration0)
+        self._auxiliary0[:] = self._acceleration0
+
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""
-        self.frames[:], self.velocity[:] = self.frames0, self.velocity0
-        self.acceleration[:], self.increment[:] = self.acceleration0, 0.0
+        self.predict(_NOTHING, np.zeros(2))
 
     def spread_step(self) -> None:
         """Copy the owners' steps to ghosts."""

@@ -4,61 +4,155 @@
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.lie.compiled import kernel
-from flexfem.lie.se3 import inverse_tangent_apply, retract_into
+from flexfem.lie import so3
+from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into, retract_into
 
-__all__ = ["accept", "correct", "predict"]
+__all__ = ["accept", "correct", "predict", "step_rates_into", "to_inertial"]
 
 
-@kernel
+@inlined
 def _configure(
-    frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray, rates: FloatArray,
-    frames: FloatArray, v: FloatArray, w: FloatArray, i: int,
+    inertial: bool, frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray,
+    rates: FloatArray, frames: FloatArray, v: FloatArray, w: FloatArray, i: int,
 ) -> None:  # fmt: skip
-    """Configuration, velocity and acceleration of node ``i`` from its increment ``n[i]``."""
-    retract_into(frames0[i], n[i], frames[i])
+    """Configuration, local velocity and acceleration of node ``i`` from its increment ``n[i]``."""
     for k in range(6):
         v[i, k] = v_base[i, k] + rates[0] * n[i, k]
         w[i, k] = w_base[i, k] + rates[1] * n[i, k]
+    if not inertial:
+        retract_into(frames0[i], n[i], frames[i])
+        return
+    u0, u1, u2 = n[i, 0], n[i, 1], n[i, 2]
+    n[i, :3] = 0.0
+    retract_into(frames0[i], n[i], frames[i])
+    n[i, 0], n[i, 1], n[i, 2] = u0, u1, u2
+    for k in range(3):
+        frames[i, k] += n[i, k]
+    _to_local(frames[i], v[i], w[i])
+
+
+@inlined
+def _to_local(H: FloatArray, v: FloatArray, w: FloatArray) -> None:
+    """Turn inertial velocity and acceleration of a node's origin into its local twist and rate."""
+    x0, x1, x2, a0, a1, a2 = v[0], v[1], v[2], w[0], w[1], w[2]
+    for k in range(3):
+        v[k] = H[3 + k] * x0 + H[6 + k] * x1 + H[9 + k] * x2
+    for k in range(3):
+        p, q = (k + 1) % 3, (k + 2) % 3
+        w[k] = H[3 + k] * a0 + H[6 + k] * a1 + H[9 + k] * a2 - v[3 + p] * v[q] + v[3 + q] * v[p]
+
+
+@kernel
+def to_inertial(frames: FloatArray, v: FloatArray, w: FloatArray) -> None:
+    """Turn local twists and their rates into inertial velocities and accelerations, in place."""
+    a = np.empty(3)
+    for i in range(frames.shape[0]):
+        H = frames[i]
+        for k in range(3):
+            p, q = (k + 1) % 3, (k + 2) % 3
+            a[k] = w[i, k] + v[i, 3 + p] * v[i, q] - v[i, 3 + q] * v[i, p]
+        x0, x1, x2 = v[i, 0], v[i, 1], v[i, 2]
+        for k in range(3):
+            j = 3 + 3 * k
+            v[i, k] = H[j] * x0 + H[j + 1] * x1 + H[j + 2] * x2
+            w[i, k] = H[j] * a[0] + H[j + 1] * a[1] + H[j + 2] * a[2]
+
+
+@inlined
+def step_rates_into(
+    inertial: bool, n: FloatArray, v: FloatArray, w: FloatArray, rates: FloatArray,
+    by_v: FloatArray, by_w: FloatArray,
+) -> None:  # fmt: skip
+    """Change of a node's local velocity and its rate along its local twist, 6x6 row by row.
+
+    On SE(3) both are multiples of the inverse tangent operator of the increment. With inertial
+    translations ``dV = v' u + V x theta`` and ``dW = w' u + A x theta - dOmega x V - Omega x dV``,
+    W being the rate of V, A the acceleration in local axes, v' and w' the ``rates`` (2,).
+    """
+    if not inertial:
+        inverse_tangent_into(n, by_w)
+        for k in range(36):
+            by_v[k] = rates[0] * by_w[k]
+            by_w[k] *= rates[1]
+        return
+    by_v[:] = 0.0
+    by_w[:] = 0.0
+    T = np.empty(9)
+    so3.inverse_tangent_into(n[3:], T)
+    for i in range(3):
+        for j in range(3):
+            by_v[6 * (3 + i) + 3 + j] = rates[0] * T[3 * i + j]
+            by_w[6 * (3 + i) + 3 + j] = rates[1] * T[3 * i + j]
+    for k in range(3):
+        p, q = (k + 1) % 3, (k + 2) % 3
+        by_v[7 * k] = rates[0]
+        by_w[7 * k] = rates[1]
+        # V x theta
+        by_v[6 * k + 3 + q] += v[p]
+        by_v[6 * k + 3 + p] -= v[q]
+        # A x theta, A = dV/dt + Omega x V
+        a_p = w[p] + v[3 + q] * v[k] - v[3 + k] * v[q]
+        a_q = w[q] + v[3 + k] * v[p] - v[3 + p] * v[k]
+        by_w[6 * k + 3 + q] += a_p
+        by_w[6 * k + 3 + p] -= a_q
+    for k in range(3):
+        p, q = (k + 1) % 3, (k + 2) % 3
+        for j in range(6):
+            # V x dOmega - Omega x dV
+            by_w[6 * k + j] += v[p] * by_v[6 * (3 + q) + j] - v[q] * by_v[6 * (3 + p) + j]
+            by_w[6 * k + j] -= v[3 + p] * by_v[6 * q + j] - v[3 + q] * by_v[6 * p + j]
 
 
 @kernel
 def predict(
-    frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray, law: FloatArray,
-    rates: FloatArray, frames: FloatArray, n: FloatArray, v: FloatArray, w: FloatArray,
-    v_base: FloatArray, w_base: FloatArray,
+    inertial: bool, frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray,
+    law: FloatArray, rates: FloatArray, frames: FloatArray, n: FloatArray, v: FloatArray,
+    w: FloatArray, v_base: FloatArray, w_base: FloatArray,
 ) -> None:  # fmt: skip
     """Start a step: ``n = law . (v0, a0)`` and the affine laws ``v(n)``, ``w(n)``.
 
     ``law`` (7,) holds the factors of v0 and a0 in the predicted increment, of v0 and a0 in
-    ``v_base``, and of v0, a0 and w0 in ``w_base``; ``rates`` (2,) dv/dn and dw/dn.
+    ``v_base``, and of v0, a0 and w0 in ``w_base``; ``rates`` (2,) dv/dn and dw/dn. With
+    ``inertial`` the translations of all of these are in inertial axes; v and w are local always.
     """
     for i in range(n.shape[0]):
         for k in range(6):
             n[i, k] = law[0] * v0[i, k] + law[1] * a0[i, k]
             v_base[i, k] = law[2] * v0[i, k] + law[3] * a0[i, k]
             w_base[i, k] = law[4] * v0[i, k] + law[5] * a0[i, k] + law[6] * w0[i, k]
-        _configure(frames0, n, v_base, w_base, rates, frames, v, w, i)
+        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, i)
 
 
 @kernel
 def correct(
-    frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray, rates: FloatArray,
-    frames: FloatArray, v: FloatArray, w: FloatArray, step: FloatArray, sign: float,
+    inertial: bool, frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray,
+    rates: FloatArray, frames: FloatArray, v: FloatArray, w: FloatArray, step: FloatArray,
+    sign: float,
 ) -> float:  # fmt: skip
     """Move by the local twists ``sign * step`` and return the largest entry of the step.
 
-    The increment follows to first order, ``n += Tinv(n) sign step``: at the solution both agree.
+    Increments follow to first order: ``Tinv(n) sign step`` on SE(3), ``R u`` for inertial
+    translations. At the solution this is exact.
     """
-    largest, change = 0.0, np.empty(6)
+    largest, change, T = 0.0, np.empty(6), np.empty(9)
     for i in range(n.shape[0]):
-        inverse_tangent_apply(n[i], step[i], change)
+        if inertial:
+            so3.inverse_tangent_into(n[i, 3:], T)
+            for k in range(3):
+                j = 3 + 3 * k
+                change[k], change[3 + k] = 0.0, 0.0
+                for m in range(3):
+                    change[k] += frames[i, j + m] * step[i, m]
+                    change[3 + k] += T[3 * k + m] * step[i, 3 + m]
+        else:
+            inverse_tangent_apply(n[i], step[i], change)
         for k in range(6):
             n[i, k] += sign * change[k]
             size = abs(step[i, k])
             if size > largest or size != size:  # a NaN stays the largest
                 largest = size
-        _configure(frames0, n, v_base, w_base, rates, frames, v, w, i)
+        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, i)
     return largest
 
 
@@ -81,8 +175,8 @@ def _orthonormalise(H: FloatArray) -> None:
 @kernel
 def accept(
     frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray, frames: FloatArray,
-    n: FloatArray, v: FloatArray, w: FloatArray, law: FloatArray, h: float, owned: int,
-    misses: FloatArray,
+    n: FloatArray, v_base: FloatArray, w_base: FloatArray, rates: FloatArray, law: FloatArray,
+    h: float, owned: int, misses: FloatArray,
 ) -> None:  # fmt: skip
     """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0.
 
@@ -97,8 +191,8 @@ def accept(
                 misses[0] = max(misses[0], abs(miss))
                 misses[1] = max(misses[1], abs(miss - 0.5 * h * h * a0[i, k]))
             a0[i, k] = law[0] * n[i, k] + law[1] * v0[i, k] + law[2] * a0[i, k]
-            v0[i, k] = v[i, k]
-            w0[i, k] = w[i, k]
+            v0[i, k] = v_base[i, k] + rates[0] * n[i, k]
+            w0[i, k] = w_base[i, k] + rates[1] * n[i, k]
             n[i, k] = 0.0
         _orthonormalise(frames[i])
         for k in range(12):

@@ -4,16 +4,16 @@
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.frame_kernels import step_rates_into
 from flexfem.la.kernel import tabulate
 from flexfem.lie.compiled import inlined, kernel
-from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into
 
 __all__ = ["add_action", "add_residual", "add_tangent", "cell_resultants"]
 
 # positions in the order of forms.beam.BeamForms.coefficients
 _POSITION, _ROTATION, _VELOCITY, _ACCELERATION = 0, 1, 2, 3
 _TWIST, _LENGTH, _DAMPING, _STIFFNESS, _INERTIA = 4, 5, 6, 7, 8
-_TURN, _CHANGE = 9, 10
+_TURN, _VELOCITY_CHANGE, _ACCELERATION_CHANGE = 9, 10, 11
 
 
 @inlined
@@ -135,18 +135,18 @@ def add_residual(
 
 @kernel
 def add_action(
-    address: int, offsets: IntArray, constants: FloatArray, stiffness_factor: float,
+    address: int, offsets: IntArray, gravity: FloatArray, shifts: FloatArray, inertial: bool,
     cells: IndexArray, turned: BoolArray, turns: FloatArray, twists: FloatArray,
     lengths: FloatArray, damping: FloatArray, sections: IntArray, laws: FloatArray,
     frames: FloatArray, velocity: FloatArray, acceleration: FloatArray, increments: FloatArray,
     step: FloatArray, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
-    """Add ``scale (k K + (c C + m M) T^-1) step`` of all cells to ``residual`` (n, 6).
+    """Add ``scale (k K + C dv + M dw) step`` of all cells to ``residual`` (n, 6).
 
-    ``constants`` holds gravity, c and m, ``stiffness_factor`` is k.
+    ``shifts`` holds dv/dn, dw/dn and k, see ``frame_kernels.step_rates_into`` for dv and dw.
     """
     data, force = np.empty(offsets[-1]), np.empty(12)
-    change = np.empty((1, 6))
+    by_v, by_w, change = np.empty(36), np.empty(36), np.empty((2, 6))
     points, law = np.zeros(6), -1
     points[3] = 1.0
     for c in range(cells.shape[0]):
@@ -161,15 +161,25 @@ def add_action(
             first = offsets[_TURN] + 6 * side
             _put_twist(data, first, step, node, at, turns, turn, side)
             for i in range(6):
-                data[first + i] *= stiffness_factor
-            inverse_tangent_apply(increments[node], step[node], change[0])
-            _put_twist(data, offsets[_CHANGE] + 6 * side, change, 0, at, turns, turn, side)
+                data[first + i] *= shifts[2]
+            step_rates_into(
+                inertial, increments[node], velocity[node], acceleration[node], shifts, by_v, by_w
+            )
+            for i in range(6):
+                change[0, i], change[1, i] = 0.0, 0.0
+                for j in range(6):
+                    change[0, i] += by_v[6 * i + j] * step[node, j]
+                    change[1, i] += by_w[6 * i + j] * step[node, j]
+            first = offsets[_VELOCITY_CHANGE] + 6 * side
+            _put_twist(data, first, change, 0, at, turns, turn, side)
+            first = offsets[_ACCELERATION_CHANGE] + 6 * side
+            _put_twist(data, first, change, 1, at, turns, turn, side)
         _put_cell(data, offsets, c, twists, lengths, damping)
         if sections[c] != law:
             law = sections[c]
             _put_laws(data, offsets, laws, law)
         force[:] = 0.0
-        tabulate(address, force, data, constants, points)
+        tabulate(address, force, data, gravity, points)
         _add_force(cells, c, at, turns, turn, force, scale, residual)
 
 
@@ -199,18 +209,20 @@ def _turn_matrix(Q1: FloatArray, Q2: FloatArray, K: FloatArray, work: FloatArray
 @kernel
 def add_tangent(
     stiffness: int, stiffness_offsets: IntArray, gravity: FloatArray, inertia: int,
-    inertia_offsets: IntArray, shifts: FloatArray, cells: IndexArray, turned: BoolArray,
-    turns: FloatArray, twists: FloatArray, lengths: FloatArray, damping: FloatArray,
-    sections: IntArray, laws: FloatArray, frames: FloatArray, velocity: FloatArray,
-    acceleration: FloatArray, increments: FloatArray, scale: float, values: FloatArray,
+    inertia_offsets: IntArray, shifts: FloatArray, inertial: bool, cells: IndexArray,
+    turned: BoolArray, turns: FloatArray, twists: FloatArray, lengths: FloatArray,
+    damping: FloatArray, sections: IntArray, laws: FloatArray, frames: FloatArray,
+    velocity: FloatArray, acceleration: FloatArray, increments: FloatArray, scale: float,
+    values: FloatArray,
 ) -> None:  # fmt: skip
-    """Write ``scale (k K + (c C + m M) T^-1)`` of all cells to ``values`` (m, 144).
+    """Write ``scale (k K + C dv + M dw)`` of all cells to ``values`` (m, 144).
 
-    ``shifts`` holds c, m and k. T is the tangent operator of each node's increment over the step:
-    velocities depend on the increment, and ``T^-1`` turns local twists into its change.
+    ``shifts`` holds dv/dn, dw/dn and k, see ``frame_kernels.step_rates_into`` for dv and dw.
     """
     k_data, m_data = np.empty(stiffness_offsets[-1]), np.empty(inertia_offsets[-1])
-    K, M, T, work = np.empty(144), np.empty(144), np.empty((2, 36)), np.empty(6)
+    K, C, M, work = np.empty(144), np.empty(144), np.empty(144), np.empty(6)
+    by_v, by_w = np.empty((2, 36)), np.empty((2, 36))
+    only_v, only_w = np.array([1.0, 0.0]), np.array([0.0, 1.0])
     points, law = np.zeros(6), -1
     points[3] = 1.0
     for c in range(cells.shape[0]):
@@ -230,19 +242,26 @@ def add_tangent(
                 _put_laws(data, offsets, laws, sections[c])
         law = sections[c]
         for side in range(2):
-            inverse_tangent_into(increments[cells[c, side]], T[side])
-        K[:], M[:] = 0.0, 0.0
+            node = cells[c, side]
+            step_rates_into(
+                inertial, increments[node], velocity[node], acceleration[node], shifts, by_v[side],
+                by_w[side],
+            )  # fmt: skip
+        K[:], C[:], M[:] = 0.0, 0.0, 0.0
         tabulate(stiffness, K, k_data, gravity, points)
-        tabulate(inertia, M, m_data, shifts, points)
+        tabulate(inertia, C, m_data, only_v, points)
+        tabulate(inertia, M, m_data, only_w, points)
         if at:
             _turn_matrix(turns[c, 0], turns[c, 1], K, work)
+            _turn_matrix(turns[c, 0], turns[c, 1], C, work)
             _turn_matrix(turns[c, 0], turns[c, 1], M, work)
         for i in range(12):
             for side in range(2):
                 for j in range(6):
                     total = shifts[2] * K[12 * i + 6 * side + j]
                     for k in range(6):
-                        total += M[12 * i + 6 * side + k] * T[side, 6 * k + j]
+                        total += C[12 * i + 6 * side + k] * by_v[side, 6 * k + j]
+                        total += M[12 * i + 6 * side + k] * by_w[side, 6 * k + j]
                     values[c, 12 * i + 6 * side + j] = scale * total
 
 

@@ -57,6 +57,11 @@ def node_frames(cells: IndexArray, frames: FloatArray, count: int) -> FloatArray
     return result
 
 
+def _inertial(block: FrameBlock, shifts: FloatArray) -> bool:
+    """Translations are inertial, and it is not the mass matrix alone that is asked for."""
+    return bool(block.inertial and shifts[2] != 0.0)
+
+
 class SE3Beams:
     """Residual, tangent and stress resultants of all beams of this rank.
 
@@ -124,12 +129,12 @@ class SE3Beams:
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> FloatArray:
-        """Matrices (m, 12, 12) ``scale (k K + (c C + m M) T^-1)``, ``shifts`` = (c, m, k)."""
+        """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k)."""
         values = np.empty((len(self.data.cells), 144))
         add_tangent(
             self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
-            self._inertia.offsets, shifts, *self._cell_data(), block.frames, block.velocity,
-            block.acceleration, block.increment, scale, values,
+            self._inertia.offsets, shifts, _inertial(block, shifts), *self._cell_data(),
+            block.frames, block.velocity, block.acceleration, block.increment, scale, values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
 
@@ -137,11 +142,10 @@ class SE3Beams:
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> None:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
-        constants = np.concatenate([gravity, shifts[:2]])
         add_action(
-            self._action.address, self._action.offsets, constants, shifts[2], *self._cell_data(),
-            block.frames, block.velocity, block.acceleration, block.increment, block.step, scale,
-            block.residual,
+            self._action.address, self._action.offsets, gravity, shifts, _inertial(block, shifts),
+            *self._cell_data(), block.frames, block.velocity, block.acceleration, block.increment,
+            block.step, scale, block.residual,
         )  # fmt: skip
 
     def resultants(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:

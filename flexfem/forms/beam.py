@@ -41,7 +41,8 @@ class BeamForms:
         residual: rank 1, internal and inertia forces minus the weight.
         stiffness: rank 2, exact derivative of ``residual`` with respect to the configuration.
         inertia: rank 2, ``shift_v * dr/dv + shift_a * dr/da``.
-        action: rank 1, ``stiffness`` applied to "turn" plus ``inertia`` applied to "change".
+        action: rank 1, ``stiffness`` applied to "turn" plus the derivatives by velocity and by
+            acceleration applied to their changes.
         coefficients: the fields by name, in the order in which a cell's data is packed; those that
             a form does not need are left out there.
     """
@@ -89,7 +90,8 @@ def _coefficients(mesh: ufl.Mesh) -> dict[str, ufl.Coefficient]:
         "stiffness": constant[21],
         "inertia": constant[21],
         "turn": linear[6],
-        "change": linear[6],
+        "velocity_change": linear[6],
+        "acceleration_change": linear[6],
     }
     return {k: ufl.Coefficient(ufl.FunctionSpace(mesh, e)) for k, e in layout.items()}
 
@@ -192,6 +194,8 @@ def beam_forms(damped: bool) -> BeamForms:
         residual=_work(mesh, internal + inertial + (-gravitational[0] - gravitational[1])),
         stiffness=stiffness,
         inertia=inertia,
-        action=ufl.action(stiffness, fields["turn"]) + ufl.action(inertia, fields["change"]),
+        action=ufl.action(stiffness, fields["turn"])
+        + ufl.action(by_velocity, fields["velocity_change"])
+        + ufl.action(by_acceleration, fields["acceleration_change"]),
         coefficients=fields,
     )

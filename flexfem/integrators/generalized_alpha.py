@@ -3,8 +3,13 @@
 
 Brüls, Cardona, Arnold, "Lie group generalized-alpha time integration of constrained flexible
 multibody systems", Mech. Mach. Theory 48 (2012) 121-137, with the coefficients of Chung and Hulbert
-(1993). On SE(3) the method is of second order in positions, velocities and multipliers, from the
-first step on.
+(1993).
+
+Rigid bodies move on SE(3), where the method is of second order in positions, velocities and
+multipliers from the first step on. Nodes of beams move on R^3 x SO(3): their translations are
+integrated in inertial axes, which keeps the linear momentum of a flexible body, whereas SE(3) turns
+it by the error of the scheme (flying spaghetti, 40 elements, step 5e-3: the ends are off by 0.008
+within 15 s instead of 0.028). Equations and Newton steps are in the nodes' own axes in both.
 """
 
 from dataclasses import dataclass

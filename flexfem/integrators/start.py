@@ -35,9 +35,6 @@ def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Sta
     """
     rows = system.constraints
     rows.multipliers[:] = 0.0
-    system.reset()
-    for part in system.parts:
-        part.block.acceleration[:] = 0.0
     _evaluate(system)
     _check_gaps(system)
     check_independence(system)
@@ -51,7 +48,6 @@ def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Sta
         return Status.SINGULAR
     for part in system.parts:
         part.block.spread_step()
-        part.block.velocity0 += part.block.step
         part.block.velocity += part.block.step
     _evaluate(system)
     accelerations = _second(system, dt, values)
@@ -61,8 +57,8 @@ def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Sta
         return Status.SINGULAR
     for part in system.parts:
         part.block.spread_step()
-        for target in (part.block.acceleration0, part.block.auxiliary0, part.block.acceleration):
-            target[:] = part.block.step
+        part.block.acceleration[:] = part.block.step
+        part.block.start()
     rows.forces[:] = tangent.multiplier_step
     return Status.OK
 

@@ -90,8 +90,9 @@ def _beam_block(
     )
     frames = serial.frames[mesh.node_ids]
     block = FrameBlock(
-        "beams", comm, frames, serial.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map
-    )
+        "beams", comm, frames, serial.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
+        inertial=True,
+    )  # fmt: skip
     return block, SE3Beams(comm, mine, serial.sections, frames)
 
 
@@ -105,7 +106,9 @@ def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) ->
         velocity[i, :3] = body.rotation.T @ body.velocity
         velocity[i, 3:] = body.angular_velocity
     frames = serial.rigid_frames[mine]
-    return FrameBlock("rigid_bodies", comm, frames, velocity, mine, IndexMap(comm, len(mine)))
+    return FrameBlock(
+        "rigid_bodies", comm, frames, velocity, mine, IndexMap(comm, len(mine)), inertial=False
+    )
 
 
 def _connect(

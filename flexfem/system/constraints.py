@@ -190,7 +190,7 @@ class Constraints:
             add_dampers(
                 self._poses, face.increments, face.velocities, self._marker_slot,
                 self._marker_offset, self._row_marker, self._kinds, self._directions,
-                self.elastic, dynamics, self.step_jacobian,
+                self.elastic, face.inertial, dynamics, self.step_jacobian,
             )  # fmt: skip
 
     def add_forces(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> None:

@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.lie.compiled import kernel
 from flexfem.system.placement import NodeKey
@@ -73,6 +73,7 @@ class Interface:
         keys: node of each slot.
         frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
         steps: (n, 6) Newton steps after ``update_steps``.
+        inertial: (n,) whether translations are integrated in inertial axes.
         block: block of each slot; local: local node where owned, else -1.
     """
 
@@ -103,6 +104,10 @@ class Interface:
         self.increments = np.zeros((len(mine), 6))
         self.velocities = np.zeros((len(mine), 6))
         self.steps = np.zeros((len(mine), 6))
+        kinds = [block is not None and block.inertial for block in blocks]
+        self.inertial: BoolArray = np.array(
+            [kinds[kind] for kind in self.block.tolist()], dtype=np.bool_
+        )
         self._sources = [
             (block, self.local[slots], slots)
             for kind, block in enumerate(blocks)

@@ -36,11 +36,11 @@ class NodeMasses:
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> FloatArray:
-        """(k, 6, 6) of ``scale (k K + (c C + m M) T^-1)``, ``shifts`` = (c, m, k)."""
+        """(k, 6, 6) of ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k)."""
         out = np.empty_like(self.matrices)
         inertia_tangent(
-            self.nodes, self.matrices, gravity, block.frames, block.velocity, block.increment,
-            shifts, scale, out,
+            self.nodes, self.matrices, gravity, block.inertial, block.frames, block.velocity,
+            block.acceleration, block.increment, shifts, scale, out,
         )  # fmt: skip
         return out
 

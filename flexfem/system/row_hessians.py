@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.frame_kernels import step_rates_into
 from flexfem.lie.compiled import kernel
-from flexfem.lie.se3 import inverse_tangent_into
 from flexfem.system.row_kernels import (
     ALONG,
     ANGLE,
@@ -261,10 +261,14 @@ def second_rates(
 def add_dampers(
     poses: FloatArray, increments: FloatArray, velocities: FloatArray, marker_node: IntArray,
     marker_offset: FloatArray, row_marker: IntArray, kinds: IntArray, directions: FloatArray,
-    elastic: FloatArray, dynamics: FloatArray, step_jacobian: FloatArray,
+    elastic: FloatArray, inertial: BoolArray, dynamics: FloatArray, step_jacobian: FloatArray,
 ) -> None:  # fmt: skip
-    """Exact ``step_jacobian`` of damped rows: their rate depends on position and increment."""
-    h, J, Tinv = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(36)
+    """Exact ``step_jacobian`` of damped rows: their rate depends on position and increment.
+
+    ``inertial`` (n,) tells how each node's translation is integrated.
+    """
+    h, J, by_v, by_w = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(36), np.empty(36)
+    rates, nothing = np.array([dynamics[0], 0.0]), np.zeros(6)
     v, w, rate = np.empty(12), np.empty(6), np.empty(6)
     for r in range(kinds.size):
         k, c = elastic[r, 1], elastic[r, 2]
@@ -288,7 +292,10 @@ def add_dampers(
             m = row_marker[r, side]
             if marker_node[m] < 0:
                 continue
-            inverse_tangent_into(increments[marker_node[m]], Tinv)
+            node = marker_node[m]
+            step_rates_into(
+                inertial[node], increments[node], velocities[node], nothing, rates, by_v, by_w
+            )
             for j in range(6):
                 w[j] = 0.0
                 for i in range(12):
@@ -297,6 +304,6 @@ def add_dampers(
                 rate[j] = 0.0
                 for i in range(6):
                     rate[j] += w[i] * J[side, i, j]
-                    rate[j] += dynamics[0] * step_jacobian[r, side, i] * Tinv[6 * i + j]
+                    rate[j] += step_jacobian[r, side, i] * by_v[6 * i + j]
             for j in range(6):
                 step_jacobian[r, side, j] = scale * (k * step_jacobian[r, side, j] + c * rate[j])

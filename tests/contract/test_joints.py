@@ -124,7 +124,7 @@ class Placed:
         self.start, self.offsets, self.poses = nodes, offsets, poses
         self.face = SimpleNamespace(
             keys=[(1, 0), (1, 1)], frames=nodes.copy(), velocities=np.zeros((2, 6)),
-            increments=np.zeros((2, 6)),
+            increments=np.zeros((2, 6)), inertial=np.zeros(2, dtype=bool),
         )  # fmt: skip
         joint = example.cls("joint", ff.Ground(), ff.Ground(), **example.arguments)
         self.rows = Constraints(
@@ -158,13 +158,27 @@ class Placed:
             for sign in (1.0, -1.0):
                 step = sign * eps * np.eye(12)[k].reshape(2, 6)
                 face.frames[:] = se3.retract(kept[0], step)
-                n = se3.log(se3.compose(se3.exp(kept[2]), se3.exp(step)))
-                face.velocities[:] = kept[1] + DYNAMICS[0] * (n - kept[2])
-                face.increments[:] = n
+                if face.inertial.all():
+                    self._follow_inertial(kept, step)
+                else:
+                    n = se3.log(se3.compose(se3.exp(kept[2]), se3.exp(step)))
+                    face.velocities[:] = kept[1] + DYNAMICS[0] * (n - kept[2])
+                    face.increments[:] = n
                 sides.append(np.array(function(), copy=True))
             columns.append((sides[0] - sides[1]) / (2.0 * eps))
         face.frames[:], face.velocities[:], face.increments[:] = kept
         return np.stack(columns, axis=-1)
+
+    def _follow_inertial(self, kept: list[np.ndarray], step: np.ndarray) -> None:
+        """Velocities after a step where translations are integrated in inertial axes."""
+        face, (frames, velocities, increments) = self.face, kept
+        R, turned = se3.rotation(frames), se3.rotation(face.frames)
+        theta = so3.log(so3.exp(increments[:, 3:]) @ so3.exp(step[:, 3:]))
+        speed = np.einsum("nij,nj->ni", R, velocities[:, :3])
+        speed += DYNAMICS[0] * (face.frames[:, :3] - frames[:, :3])
+        face.velocities[:, :3] = np.einsum("nji,nj->ni", turned, speed)
+        face.velocities[:, 3:] = velocities[:, 3:] + DYNAMICS[0] * (theta - increments[:, 3:])
+        face.increments[:, 3:] = theta
 
 
 @EVERY
@@ -343,9 +357,11 @@ def test_angles_stay_continuous_over_turns(direction, rng):
 
 @pytest.mark.parametrize("name", ELASTIC)
 @pytest.mark.parametrize("ground", [False, True], ids=["bodies", "ground"])
-def test_step_jacobian_of_elastic_rows(name, ground, rng):
+@pytest.mark.parametrize("inertial", [False, True], ids=["se3", "inertial"])
+def test_step_jacobian_of_elastic_rows(name, ground, inertial, rng):
     """Their residual depends on positions, and on velocities through the increment."""
     joint = Placed(EXAMPLES[name], rng, ground)
+    joint.face.inertial[:] = inertial
     joint.disturb(rng)
     joint.rows.multipliers[:] = 0.7
     expected = joint.derivative(joint.evaluate).reshape(-1, 2, 6)

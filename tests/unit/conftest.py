@@ -15,7 +15,9 @@ class OneBeam:
     #: velocity, acceleration and stiffness factors of a step of about 0.1 s: no term dominates
     shifts = np.array([12.0, 70.0, 1.0])
 
-    def __init__(self, points: np.ndarray, section: Any, damping: float = 0.0) -> None:
+    def __init__(
+        self, points: np.ndarray, section: Any, damping: float = 0.0, inertial: bool = False
+    ) -> None:
         from mpi4py import MPI
 
         import flexfem as ff
@@ -32,6 +34,7 @@ class OneBeam:
         part = build(Assembly(model), self.comm, split_above=1).parts[0]
         self.block, self.beams = part.block, part.beams
         self.gravity = np.zeros(3)
+        self.block.inertial = inertial
 
     def random(self, rng: np.random.Generator, scale: float) -> np.ndarray:
         """Twists (n, 6) of the local nodes that ranks agree on."""
@@ -57,11 +60,41 @@ class OneBeam:
         from flexfem.lie import se3
 
         block = self.block
+        if block.inertial:
+            self._move_inertial(state, step, shifts)
+            return
         block.increment[:] = se3.log(se3.compose(se3.exp(state.increment), se3.exp(step)))
         change = block.increment - state.increment
         block.frames[:] = se3.retract(block.frames0, block.increment)
         block.velocity[:] = state.velocity + shifts[0] * change
         block.acceleration[:] = state.acceleration + shifts[1] * change
+
+    def _move_inertial(self, state: SimpleNamespace, step: np.ndarray, shifts: np.ndarray) -> None:
+        """The same where translations and their rates are integrated in inertial axes."""
+        from flexfem.lie import se3, so3
+
+        block = self.block
+
+        def increment(frames: np.ndarray) -> np.ndarray:
+            start = np.swapaxes(se3.rotation(block.frames0), -1, -2)
+            turned = so3.log(start @ se3.rotation(frames))
+            return np.concatenate([frames[:, :3] - block.frames0[:, :3], turned], axis=1)
+
+        block.frames[:] = se3.compose(state.frames, se3.exp(step))
+        block.increment[:] = increment(block.frames)
+        change = block.increment - increment(state.frames)
+        R = se3.rotation(state.frames)
+        V, spin = state.velocity[:, :3], state.velocity[:, 3:]
+        speed = np.einsum("nij,nj->ni", R, V) + shifts[0] * change[:, :3]
+        rate = state.acceleration[:, :3] + np.cross(spin, V)
+        rate = np.einsum("nij,nj->ni", R, rate) + shifts[1] * change[:, :3]
+        back = np.swapaxes(se3.rotation(block.frames), -1, -2)
+        block.velocity[:, :3] = np.einsum("nij,nj->ni", back, speed)
+        block.velocity[:, 3:] = spin + shifts[0] * change[:, 3:]
+        block.acceleration[:, :3] = np.einsum("nij,nj->ni", back, rate) - np.cross(
+            block.velocity[:, 3:], block.velocity[:, :3]
+        )
+        block.acceleration[:, 3:] = state.acceleration[:, 3:] + shifts[1] * change[:, 3:]
 
     def _collect(self, add: Callable[[], None]) -> np.ndarray:
         self.block.residual[:] = 0.0

@@ -49,10 +49,11 @@ SIMPLE = ff.Section.general((1e3, 400.0, 300.0, 20.0, 10.0, 5.0), (2.0, 2.0, 2.0
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("damping", [0.0, 0.03])
 @pytest.mark.parametrize("moving", [True, False], ids=["moving", "stiffness"])
+@pytest.mark.parametrize("inertial", [False, True], ids=["se3", "inertial"])
 def test_tangent_and_action_are_the_derivative_of_the_residual(
-    one_beam, shape, damping, moving, rng
+    one_beam, shape, damping, moving, inertial, rng
 ):
-    beam = one_beam(SHAPES[shape], SECTION, damping)
+    beam = one_beam(SHAPES[shape], SECTION, damping, inertial)
     shifts = beam.shifts if moving else np.array([0.0, 0.0, 1.0])
     beam.gravity = GRAVITY
     beam.disturb(rng)
