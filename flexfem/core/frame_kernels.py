@@ -14,33 +14,37 @@ __all__ = ["accept", "correct", "predict", "step_rates_into", "to_inertial"]
 @inlined
 def _configure(
     inertial: bool, frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray,
-    rates: FloatArray, frames: FloatArray, v: FloatArray, w: FloatArray, i: int,
+    rates: FloatArray, frames: FloatArray, v: FloatArray, w: FloatArray, turn: FloatArray, i: int,
 ) -> None:  # fmt: skip
-    """Configuration, local velocity and acceleration of node ``i`` from its increment ``n[i]``."""
+    """Configuration, local velocity and acceleration of node ``i`` from its increment ``n[i]``.
+
+    ``turn`` (9,) is work space.
+    """
     for k in range(6):
         v[i, k] = v_base[i, k] + rates[0] * n[i, k]
         w[i, k] = w_base[i, k] + rates[1] * n[i, k]
     if not inertial:
         retract_into(frames0[i], n[i], frames[i])
         return
-    u0, u1, u2 = n[i, 0], n[i, 1], n[i, 2]
-    n[i, :3] = 0.0
-    retract_into(frames0[i], n[i], frames[i])
-    n[i, 0], n[i, 1], n[i, 2] = u0, u1, u2
+    so3.exp_into(n[i, 3:], turn)
     for k in range(3):
-        frames[i, k] += n[i, k]
-    _to_local(frames[i], v[i], w[i])
+        frames[i, k] = frames0[i, k] + n[i, k]
+        r0, r1, r2 = frames0[i, 3 + 3 * k], frames0[i, 4 + 3 * k], frames0[i, 5 + 3 * k]
+        for m in range(3):
+            frames[i, 3 + 3 * k + m] = r0 * turn[m] + r1 * turn[3 + m] + r2 * turn[6 + m]
+    _to_local(frames, v, w, i)
 
 
 @inlined
-def _to_local(H: FloatArray, v: FloatArray, w: FloatArray) -> None:
-    """Turn inertial velocity and acceleration of a node's origin into its local twist and rate."""
-    x0, x1, x2, a0, a1, a2 = v[0], v[1], v[2], w[0], w[1], w[2]
+def _to_local(H: FloatArray, v: FloatArray, w: FloatArray, i: int) -> None:
+    """Turn inertial velocity and acceleration of node i's origin into its local twist and rate."""
+    x0, x1, x2, a0, a1, a2 = v[i, 0], v[i, 1], v[i, 2], w[i, 0], w[i, 1], w[i, 2]
     for k in range(3):
-        v[k] = H[3 + k] * x0 + H[6 + k] * x1 + H[9 + k] * x2
-    for k in range(3):
-        p, q = (k + 1) % 3, (k + 2) % 3
-        w[k] = H[3 + k] * a0 + H[6 + k] * a1 + H[9 + k] * a2 - v[3 + p] * v[q] + v[3 + q] * v[p]
+        v[i, k] = H[i, 3 + k] * x0 + H[i, 6 + k] * x1 + H[i, 9 + k] * x2
+        w[i, k] = H[i, 3 + k] * a0 + H[i, 6 + k] * a1 + H[i, 9 + k] * a2
+    w[i, 0] -= v[i, 4] * v[i, 2] - v[i, 5] * v[i, 1]
+    w[i, 1] -= v[i, 5] * v[i, 0] - v[i, 3] * v[i, 2]
+    w[i, 2] -= v[i, 3] * v[i, 1] - v[i, 4] * v[i, 0]
 
 
 @kernel
@@ -116,12 +120,13 @@ def predict(
     ``v_base``, and of v0, a0 and w0 in ``w_base``; ``rates`` (2,) dv/dn and dw/dn. With
     ``inertial`` the translations of all of these are in inertial axes; v and w are local always.
     """
+    turn = np.empty(9)
     for i in range(n.shape[0]):
         for k in range(6):
             n[i, k] = law[0] * v0[i, k] + law[1] * a0[i, k]
             v_base[i, k] = law[2] * v0[i, k] + law[3] * a0[i, k]
             w_base[i, k] = law[4] * v0[i, k] + law[5] * a0[i, k] + law[6] * w0[i, k]
-        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, i)
+        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, turn, i)
 
 
 @kernel
@@ -152,7 +157,7 @@ def correct(
             size = abs(step[i, k])
             if size > largest or size != size:  # a NaN stays the largest
                 largest = size
-        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, i)
+        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, T, i)
     return largest
 
 

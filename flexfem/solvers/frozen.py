@@ -200,9 +200,11 @@ class FrozenSolver:
         regular = self._factor_interface(shifts)
         if not regular:
             return False, np.zeros(rows.size)
-        solution = self._solve(rows.values)
-        if self.refine:
-            solution += self._refinement(shifts, solution)
+        self._solve(rows.values)
+        if not self.refine:
+            return True, -self._right
+        solution = self._collect()
+        solution += self._refinement(shifts, solution)
         return True, self._put(solution)
 
     def _refinement(self, shifts: Shifts, solution: FloatArray) -> FloatArray:
@@ -214,14 +216,16 @@ class FrozenSolver:
             for part in self.system.parts:
                 part.block.residual[:] = 0.0
             self.system.subtract_tangent(shifts)
-            result = -self._solve(self._nothing)
+            self._solve(self._nothing)
+            result = -self._collect()
             result[count:] += vector[count:]
             return result
 
         self._put(solution)
         # the residual holds A_0 s of the first solution s
         self.system.subtract_tangent(shifts)
-        residual = self._solve(self._nothing)
+        self._solve(self._nothing)
+        residual = self._collect()
         size = self._dot(solution, solution) ** 0.5
         self.defect = self._dot(residual, residual) ** 0.5 / size if size > 0.0 else 0.0
         return minimal_residual(apply, residual, self._dot, _INNER * size, _SWEEPS)
@@ -258,15 +262,19 @@ class FrozenSolver:
             regular = self._interface.factor(self._values, regular)
         return regular
 
-    def _solve(self, values: FloatArray) -> FloatArray:
+    def _collect(self) -> FloatArray:
+        """Steps of the owned nodes of all blocks, then of this rank's multipliers, as a vector."""
+        steps = [p.block.step[: p.block.owned].ravel() for p in self.system.parts]
+        # S dL = Phi - G~ y is the correction; steps are to be subtracted
+        return np.concatenate([*steps, -self._right])
+
+    def _solve(self, values: FloatArray) -> None:
         """Solve with the frozen operator for the blocks' residuals and the given row values.
 
-        The residuals get the constraint forces added that the solution implies.
-
-        Returns:
-            Steps of the owned nodes of all blocks, then of this rank's multipliers.
+        The residuals get the constraint forces added that the solution implies; the steps are left
+        in the blocks, the correction of the multipliers in ``_right``.
         """
-        rows, out = self.system.constraints, np.empty(self._sizes[-1] + len(values))
+        rows = self.system.constraints
         if rows.size_global:
             for group in self._groups:
                 interface_response(
@@ -280,16 +288,12 @@ class FrozenSolver:
             )  # fmt: skip
             self._interface.solve(self._right)
             self.system.add_constraint_forces(self._right)
-        for group, start, end in zip(self._groups, self._sizes[:-1], self._sizes[1:], strict=True):
+        for group in self._groups:
             block = group.part.block
             if group.part.beams is None:
                 multiply_blocks(self._inverses, block.residual, block.step)
             else:
                 self._factor.solve(block.residual[: block.owned], block.step[: block.owned])
-            out[start:end] = block.step[: block.owned].ravel()
-        # S dL = Phi - G~ y is the correction; steps are to be subtracted
-        np.negative(self._right, out=out[self._sizes[-1] :])
-        return out
 
     def _invert_rigid(self, group: _Bodies, shifts: Shifts) -> bool:
         """Fresh inverses of the rigid bodies' matrices and their compliances."""
