@@ -17,7 +17,7 @@ and ``rod_2_deflection``, the distance of rod II's middle node from the middle o
 
 Expected (Wu et al., Appl. Sci. 10 (2020) 1231): the largest deflection of rod II exceeds 5 % of its
 length, the crank passes 320 rad/s. Converged (``tests/data/slider_crank.csv``): 5.04 % at 0.1913 s,
-crank angle 8.0438 rad at 0.1 s; 24 elements with ``--dt 2e-5`` give 5.02 %, the default about 4.9 %.
+crank angle 8.0438 rad at 0.1 s. 24 elements with ``--dt 2e-5`` give 5.02 %, the default 4.9 %.
 Run: ``mpirun -n 2 python cases/slider_crank.py``.
 """
 
