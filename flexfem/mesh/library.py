@@ -2,7 +2,6 @@
 """The meshes that come with the package: one file each, with a function `build`."""
 
 import argparse
-import importlib.util
 import inspect
 from collections.abc import Callable
 from pathlib import Path
@@ -11,22 +10,10 @@ from typing import Any
 from flexfem import _checks
 from flexfem.mesh.gmsh_reader import session
 from flexfem.mesh.line_mesh import LineMesh
+from flexfem.resources import load_module, shipped_files
 
 #: Fills the current gmsh model with lines and named physical groups.
 Build = Callable[..., None]
-
-
-def mesh_folder() -> Path:
-    """Return the folder of the mesh files, in the installed package or the source tree.
-
-    Raises:
-        ValueError: There is no such folder.
-    """
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package / "meshes", package.parent / "meshes"):
-        if folder.is_dir():
-            return folder
-    raise ValueError(f'mesh library: no folder "meshes" in {package} or beside it')
 
 
 def build_mesh(name: str, **parameters: float) -> LineMesh:
@@ -96,16 +83,10 @@ def _write(name: str, build: Build, parameters: dict[str, Any], output: Path) ->
 def _load(name: str) -> Build:
     """Return the function `build` of a mesh file."""
     _checks.text("build_mesh", "name", name)
-    folder = mesh_folder()
-    known = sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("_"))
+    known = shipped_files("meshes")
     if name not in known:
         raise ValueError(f'mesh "{name}" is not in the library: {", ".join(known)}')
-    spec = importlib.util.spec_from_file_location(f"flexfem_meshes_{name}", folder / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    build: Build = module.build
+    build: Build = load_module(known[name], "flexfem_meshes").build
     return build
 
 

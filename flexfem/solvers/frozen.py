@@ -221,8 +221,7 @@ class FrozenSolver:
             result[count:] += vector[count:]
             return result
 
-        self._put(solution)
-        # the residual holds A_0 s of the first solution s
+        # the blocks hold the first solution s as their steps, and A_0 s as their residuals
         self.system.subtract_tangent(shifts)
         self._solve(self._nothing)
         residual = self._collect()

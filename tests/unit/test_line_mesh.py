@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.mesh.library import build_mesh, mesh_folder
+from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import (
     LineMesh,
     group_order,
@@ -21,6 +21,7 @@ from flexfem.mesh.line_mesh import (
     section_frames,
 )
 from flexfem.mesh.topology import trace_lines
+from flexfem.resources import shipped_folder
 
 pytestmark = pytest.mark.serial
 
@@ -313,7 +314,7 @@ def test_long_chain_is_fast():
 def run_mesh_file(name, *arguments, cwd):
     """Run a mesh file as a script, with the package under test."""
     return subprocess.run(
-        [sys.executable, mesh_folder() / f"{name}.py", *arguments],
+        [sys.executable, shipped_folder("meshes") / f"{name}.py", *arguments],
         capture_output=True,
         text=True,
         cwd=cwd,
@@ -323,7 +324,9 @@ def run_mesh_file(name, *arguments, cwd):
     )
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in mesh_folder().glob("*.py")))
+@pytest.mark.parametrize(
+    "name", sorted(path.stem for path in shipped_folder("meshes").glob("*.py"))
+)
 def test_meshes_run_as_scripts(name, tmp_path, no_gmsh):
     output = tmp_path / "mesh.msh"
     done = run_mesh_file(name, "--output", output, cwd=tmp_path)
