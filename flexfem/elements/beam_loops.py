@@ -60,20 +60,6 @@ def _put_frame(
 
 
 @inlined
-def _put_node(
-    data: FloatArray, offsets: IntArray, side: int, frames: FloatArray, velocity: FloatArray,
-    acceleration: FloatArray, node: int, turned: bool, Q: FloatArray, cell: int,
-) -> None:  # fmt: skip
-    """Write what the kernel needs of the state of one end of a cell."""
-    _put_frame(data, offsets, side, frames, node, turned, Q, cell)
-    if offsets[_VELOCITY] >= 0:
-        _put_twist(data, offsets[_VELOCITY] + 6 * side, velocity, node, turned, Q, cell, side)
-    if offsets[_ACCELERATION] >= 0:
-        at = offsets[_ACCELERATION] + 6 * side
-        _put_twist(data, at, acceleration, node, turned, Q, cell, side)
-
-
-@inlined
 def _put_cell(
     data: FloatArray, offsets: IntArray, c: int, twists: FloatArray, lengths: FloatArray,
     damping: FloatArray,
@@ -133,7 +119,11 @@ def add_residual(
         at, turn = turned[c], c * turned[c]
         for side in range(2):
             node = cells[c, side]
-            _put_node(data, offsets, side, frames, velocity, acceleration, node, at, turns, turn)
+            _put_frame(data, offsets, side, frames, node, at, turns, turn)
+            _put_twist(data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side)
+            _put_twist(
+                data, offsets[_ACCELERATION] + 6 * side, acceleration, node, at, turns, turn, side
+            )
         _put_cell(data, offsets, c, twists, lengths, damping)
         if sections[c] != law:
             law = sections[c]
@@ -163,7 +153,11 @@ def add_action(
         at, turn = turned[c], c * turned[c]
         for side in range(2):
             node = cells[c, side]
-            _put_node(data, offsets, side, frames, velocity, acceleration, node, at, turns, turn)
+            _put_frame(data, offsets, side, frames, node, at, turns, turn)
+            _put_twist(data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side)
+            _put_twist(
+                data, offsets[_ACCELERATION] + 6 * side, acceleration, node, at, turns, turn, side
+            )
             first = offsets[_TURN] + 6 * side
             _put_twist(data, first, step, node, at, turns, turn, side)
             for i in range(6):
@@ -235,10 +229,14 @@ def add_tangent(
         at, turn = turned[c], c * turned[c]
         for data, offsets in ((k_data, stiffness_offsets), (m_data, inertia_offsets)):
             for side in range(2):
-                _put_node(
-                    data, offsets, side, frames, velocity, acceleration, cells[c, side], at, turns,
-                    turn,
-                )  # fmt: skip
+                node = cells[c, side]
+                _put_frame(data, offsets, side, frames, node, at, turns, turn)
+                if offsets[_VELOCITY] >= 0:
+                    first = offsets[_VELOCITY] + 6 * side
+                    _put_twist(data, first, velocity, node, at, turns, turn, side)
+                if offsets[_ACCELERATION] >= 0:
+                    first = offsets[_ACCELERATION] + 6 * side
+                    _put_twist(data, first, acceleration, node, at, turns, turn, side)
             _put_cell(data, offsets, c, twists, lengths, damping)
             if sections[c] != law:
                 _put_laws(data, offsets, laws, sections[c])
