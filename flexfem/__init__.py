@@ -81,8 +81,8 @@ _MODULES = {
     "Case": "case",
     "Option": "options",
     "RunOptions": "options",
-    "Outcome": "simulation",
-    "simulate": "simulation",
+    "Outcome": "simulation.outcome",
+    "simulate": "simulation.dynamics",
     "main": "cli",
 }
 __all__ = [*_MODULES, "__version__"]  # noqa: PLE0604

@@ -1,84 +1,94 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Declaration of a case: a named model with options, time span and headline results."""
+"""Declaration of a case: a named model with options, an analysis and headline results."""
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flexfem.options import RUN_DEFAULTS, RUN_NAMES, RUN_OPTIONS, Option
+from flexfem.analysis import DYNAMICS, Analysis
+from flexfem.options import Option
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
 
 History = Mapping[str, npt.NDArray[np.float64]]
 
-_RESERVED = RUN_NAMES | {"smoke", "help", "restart", "checkpoint_every"}
+#: Arguments of the command line that are no numerical options.
+_RESERVED = {"output", "quiet", "smoke", "help", "restart", "checkpoint_every"}
 
 
-@dataclass(frozen=True)
 class Case:
     """A runnable case.
 
-    Args:
+    Attributes:
         name: Short name, also of the default output folder ``results/<name>``.
         summary: One line for ``flexfem list``.
         build: Called with one keyword argument per option, returns the model.
         options: The case's own options.
-        dt: Default time step, s.
-        t_end: Default end of the simulated time, s.
-        rho_inf: Default spectral radius of the integrator at infinite frequency.
-        iteration_matrix: Default of ``--iteration-matrix``.
-        tolerance: Default relative tolerance of the Newton iteration.
-        every: Default number of steps between two field outputs.
-        smoke: Values ``--smoke`` sets: names of own options or of dt, t_end, every, ….
-        results: Headline results from the history (column name -> values over all steps).
+        analysis: What is done with the model.
+        settings: The case's defaults of the options of its analysis.
+        smoke: Values ``--smoke`` sets: names of own options or of those of the analysis.
+        results: Headline results from the history (column name -> values over all rows).
         description: Longer text for ``--help``, usually the case file's ``__doc__``.
-
-    Raises:
-        ValueError: If a name is unusable or used twice, or a value is not admissible.
     """
 
-    name: str
-    summary: str
-    build: Callable[..., "Model"]
-    options: tuple[Option, ...] = ()
-    dt: float = 1e-3
-    t_end: float = 1.0
-    rho_inf: float = RUN_DEFAULTS["rho_inf"]
-    iteration_matrix: str = RUN_DEFAULTS["iteration_matrix"]
-    tolerance: float = RUN_DEFAULTS["tolerance"]
-    every: int = RUN_DEFAULTS["every"]
-    split_above: int = RUN_DEFAULTS["split_above"]
-    smoke: Mapping[str, Any] = field(default_factory=dict)
-    results: Callable[[History], Mapping[str, float]] | None = None
-    description: str = ""
+    def __init__(
+        self,
+        name: str,
+        summary: str,
+        build: Callable[..., "Model"],
+        options: Sequence[Option] = (),
+        *,
+        analysis: Analysis = DYNAMICS,
+        smoke: Mapping[str, Any] | None = None,
+        results: Callable[[History], Mapping[str, float]] | None = None,
+        description: str = "",
+        **settings: Any,
+    ) -> None:
+        """Declare a case; ``settings`` are its defaults, such as ``dt`` and ``t_end`` (s).
 
-    def __post_init__(self) -> None:
-        """Check names and defaults where the case is declared, not when it is run."""
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
-            raise ValueError(
-                f"Case '{self.name}': use lower-case letters, digits and _ in the name"
-            )
-        names = [option.name for option in self.options]
-        for name in names:
-            if name in _RESERVED or names.count(name) > 1:
-                raise ValueError(f"Case '{self.name}': option name '{name}' is already in use")
+        Raises:
+            TypeError: If a setting has the wrong type, or the analysis has none of that name.
+            ValueError: If a name is unusable or used twice, or a value is not admissible.
+        """
+        self.name, self.summary, self.build = name, summary, build
+        self.options, self.analysis, self.settings = tuple(options), analysis, settings
+        self.smoke, self.results, self.description = dict(smoke or {}), results, description
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+            raise ValueError(f"Case '{name}': use lower-case letters, digits and _ in the name")
+        self._check_names()
         known = {option.name: option for option in self.all_options()}
-        for name, value in self.smoke.items():
-            if name not in known:
-                raise ValueError(f"Case '{self.name}': smoke names an unknown option '{name}'")
+        for key, value in self.smoke.items():
+            if key not in known:
+                raise ValueError(f"Case '{name}': smoke names an unknown option '{key}'")
             try:
-                known[name].check(value)
+                known[key].check(value)
             except (TypeError, ValueError) as error:
-                raise ValueError(f"Case '{self.name}': smoke value {name} {error}") from None
+                raise ValueError(f"Case '{name}': smoke value {key} {error}") from None
+
+    def _check_names(self) -> None:
+        common = {option.name for option in self.analysis.settings.OPTIONS}
+        for key in self.settings:
+            if key not in common:
+                raise TypeError(f"Case '{self.name}': {self.analysis.name} has no option '{key}'")
+        for option in self.all_options():
+            if option in self.analysis.settings.OPTIONS and option.default is None:
+                raise ValueError(f"Case '{self.name}': give {option.name}")
+        names = [option.name for option in self.options]
+        for key in names:
+            if key in _RESERVED | common or names.count(key) > 1:
+                raise ValueError(f"Case '{self.name}': option name '{key}' is already in use")
 
     def all_options(self) -> tuple[Option, ...]:
-        """The case's own options followed by the common ones with this case's defaults."""
-        common = (replace(option, default=getattr(self, option.name)) for option in RUN_OPTIONS)
+        """The case's own options followed by those of its analysis with this case's defaults."""
+        common = (
+            replace(option, default=self.settings.get(option.name, option.default))
+            for option in self.analysis.settings.OPTIONS
+        )
         return (*self.options, *common)
 
     def values(self, given: Mapping[str, Any], *, smoke: bool = False) -> dict[str, Any]:

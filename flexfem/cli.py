@@ -18,7 +18,7 @@ import flexfem
 from flexfem import launch
 from flexfem._checks import InputError
 from flexfem.case import Case
-from flexfem.options import RUN_OPTIONS, Option, RunOptions
+from flexfem.options import Option, Settings
 from flexfem.resources import load_module, shipped_files
 
 if TYPE_CHECKING:
@@ -180,10 +180,8 @@ def _run(case: Case, argv: Sequence[str], prog: str | None) -> int:
     parameters, options = parse(case, argv, prog=prog)
     model, folders = _prepare(case, parameters, options)
 
-    from flexfem.simulation import simulate
-
     try:
-        outcome = simulate(model, options, case=case.name, results=case.results)
+        outcome = case.analysis.run(model, options, case=case.name, results=case.results)
     except InputError as error:
         for folder in folders:
             folder.rmdir()
@@ -202,7 +200,7 @@ def _run(case: Case, argv: Sequence[str], prog: str | None) -> int:
 
 def parse(
     case: Case, argv: Sequence[str], *, prog: str | None = None
-) -> tuple[dict[str, Any], RunOptions]:
+) -> tuple[dict[str, Any], Settings]:
     """Read a case's command line.
 
     Args:
@@ -223,10 +221,11 @@ def parse(
     quiet, smoke = given.pop("quiet"), given.pop("smoke")
     values = case.values(given, smoke=smoke)
     parameters = {option.name: values[option.name] for option in case.options}
-    numbers = {option.name: values[option.name] for option in RUN_OPTIONS}
+    settings = case.analysis.settings
+    numbers = {option.name: values[option.name] for option in settings.OPTIONS}
     try:
         _check_output(output)
-        return parameters, RunOptions(**numbers, output=output, quiet=quiet)
+        return parameters, settings(**numbers, output=output, quiet=quiet)
     except (OSError, ValueError) as error:
         raise UsageError(str(error)) from error
 
@@ -319,7 +318,7 @@ def _check_output(folder: Path) -> None:
 
 
 def _prepare(
-    case: Case, parameters: Mapping[str, Any], options: RunOptions
+    case: Case, parameters: Mapping[str, Any], options: Settings
 ) -> tuple["Model", list[Path]]:
     """Build and validate the model and create the output folder; ranks agree on success.
 

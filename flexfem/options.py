@@ -3,10 +3,10 @@
 
 import math
 import operator
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 MAX_STEPS = 1e9  # more steps than anyone waits for: dt or t_end was mistyped
 
@@ -122,8 +122,39 @@ class Option:
         return f"{text} [{self.unit}]" if self.unit else text
 
 
-# The numerical options of every case; dt and t_end have no default, each case sets its own.
-RUN_OPTIONS = (
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Numerical options of one kind of analysis; subclasses have one field for each option.
+
+    Args:
+        output: Folder of the results; None writes nothing.
+        quiet: No progress bar.
+    """
+
+    OPTIONS: ClassVar[tuple[Option, ...]] = ()
+
+    output: Path | None = None
+    quiet: bool = False
+
+    def __post_init__(self) -> None:
+        """Check every value and turn it into its plain Python type.
+
+        Raises:
+            TypeError: If a value has the wrong type.
+            ValueError: If a value is out of range.
+        """
+        for option in self.OPTIONS:
+            try:
+                value = option.check(getattr(self, option.name))
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"{type(self).__name__}: {option.name} {error}") from None
+            object.__setattr__(self, option.name, value)
+        if self.output is not None:
+            object.__setattr__(self, "output", Path(self.output))
+
+
+# dt and t_end have no default, each case sets its own.
+_RUN_OPTIONS = (
     Option("dt", float, None, "time step", unit="s", above=0),
     Option("t_end", float, None, "end of the simulated time", unit="s", above=0),
     Option(
@@ -159,12 +190,12 @@ RUN_OPTIONS = (
         minimum=1,
     ),
 )
-RUN_DEFAULTS: Mapping[str, Any] = {option.name: option.default for option in RUN_OPTIONS}
+_DEFAULTS = {option.name: option.default for option in _RUN_OPTIONS}
 
 
-@dataclass(frozen=True)
-class RunOptions:
-    """How to run a model.
+@dataclass(frozen=True, kw_only=True)
+class RunOptions(Settings):
+    """How to run a model in time.
 
     Args:
         dt: Time step, s.
@@ -175,34 +206,25 @@ class RunOptions:
             ``beta h^2`` must fall below it.
         every: Fields are written every that many steps.
         split_above: Elements above which one beam may be split over ranks.
-        output: Folder of the results; None writes nothing.
-        quiet: No progress bar.
 
     Raises:
         TypeError: If a value has the wrong type.
         ValueError: If a value is out of range, or the run would exceed 1e9 steps.
     """
 
+    OPTIONS = _RUN_OPTIONS
+
     dt: float
     t_end: float
-    rho_inf: float = RUN_DEFAULTS["rho_inf"]
-    iteration_matrix: str = RUN_DEFAULTS["iteration_matrix"]
-    tolerance: float = RUN_DEFAULTS["tolerance"]
-    every: int = RUN_DEFAULTS["every"]
-    split_above: int = RUN_DEFAULTS["split_above"]
-    output: Path | None = None
-    quiet: bool = False
+    rho_inf: float = _DEFAULTS["rho_inf"]
+    iteration_matrix: str = _DEFAULTS["iteration_matrix"]
+    tolerance: float = _DEFAULTS["tolerance"]
+    every: int = _DEFAULTS["every"]
+    split_above: int = _DEFAULTS["split_above"]
 
     def __post_init__(self) -> None:
-        """Check every value and turn it into its plain Python type."""
-        for option in RUN_OPTIONS:
-            try:
-                value = option.check(getattr(self, option.name))
-            except (TypeError, ValueError) as error:
-                raise type(error)(f"RunOptions: {option.name} {error}") from None
-            object.__setattr__(self, option.name, value)
-        if self.output is not None:
-            object.__setattr__(self, "output", Path(self.output))
+        """Check every value, and the values against each other."""
+        super().__post_init__()
         if self.dt > self.t_end:
             raise ValueError(f"RunOptions: dt {self.dt:g} s exceeds t_end {self.t_end:g} s")
         if self.t_end > MAX_STEPS * self.dt:
@@ -210,6 +232,3 @@ class RunOptions:
                 f"RunOptions: dt {self.dt:g} s up to t_end {self.t_end:g} s takes more than "
                 f"{MAX_STEPS:g} steps"
             )
-
-
-RUN_NAMES = frozenset(field.name for field in fields(RunOptions))

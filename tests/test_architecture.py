@@ -25,6 +25,7 @@ LAYERS = [
     {"solvers", "io"},
     {"integrators"},
     {"simulation"},
+    {"analysis"},
     {"case"},
     {"cli"},
 ]

@@ -19,7 +19,7 @@ from flexfem.core.joint import Joint, RowKind
 from flexfem.core.pose import Pose
 from flexfem.lie import se3, so3
 from flexfem.options import RunOptions
-from flexfem.simulation import Simulation
+from flexfem.simulation.stepping import Simulation
 from flexfem.system.constraints import Constraints, PlacedJoint
 
 AXIS = np.array([0.6, -0.3, 0.8])

@@ -112,9 +112,9 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         status = "no convergence at t = 1 s" if options.t_end == 7 else "ok"
         return types.SimpleNamespace(status=status, summary={})
 
-    module = types.ModuleType("flexfem.simulation")
+    module = types.ModuleType("flexfem.simulation.dynamics")
     module.simulate = simulate  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "flexfem.simulation", module)
+    monkeypatch.setitem(sys.modules, "flexfem.simulation.dynamics", module)
     monkeypatch.setattr(ff.Model, "validate", lambda self: None)
     return calls
 
@@ -298,7 +298,7 @@ def test_what_cannot_be_run(
     ],
 )
 def test_case_declarations_are_checked(changes: dict[str, Any], part: str) -> None:
-    valid = {"name": "own", "summary": "", "build": lambda: None}
+    valid = {"name": "own", "summary": "", "build": lambda: None, "dt": 1e-3, "t_end": 1.0}
     with pytest.raises(ValueError, match=part):
         ff.Case(**(valid | changes))
 

@@ -14,7 +14,8 @@ import flexfem as ff
 from flexfem.core.status import Status
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.options import RunOptions
-from flexfem.simulation import Simulation, simulate
+from flexfem.simulation.dynamics import simulate
+from flexfem.simulation.stepping import Simulation
 
 POLICIES = ("updated", "frozen", "auto")
 STEEL = ff.Material(2.1e9, 0.3, 7850.0)

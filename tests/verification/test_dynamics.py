@@ -12,7 +12,8 @@ import flexfem as ff
 from flexfem.core.status import Status
 from flexfem.lie import se3
 from flexfem.options import RunOptions
-from flexfem.simulation import Simulation, simulate
+from flexfem.simulation.dynamics import simulate
+from flexfem.simulation.stepping import Simulation
 
 pytestmark = pytest.mark.serial
 
