@@ -19,7 +19,9 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["Kernel", "compile_kernel", "tabulate"]
+from flexfem.la.batch import compile_batch
+
+__all__ = ["Kernel", "compile_kernel", "tabulate", "tabulate_batch"]
 
 #: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums.
 _COMPILE_ARGUMENTS = ["-O3", "-march=native", "-fno-math-errno", "-g0"]
@@ -33,16 +35,22 @@ class Kernel:
         address: address of the function ``tabulate_tensor_float64``.
         offsets: where each coefficient of the form starts in the packed coefficients of one cell,
             -1 for a coefficient that the kernel does not use; one more entry holds the length.
-        owner: keeps the loaded module alive.
+        batch: address of the variant for several cells at once, 0 if it was not asked for.
+        owner: keeps the loaded modules alive.
     """
 
     address: int
     offsets: npt.NDArray[np.int64]
+    batch: int
     owner: Any
 
 
 def compile_kernel(
-    comm: MPI.Intracomm, form: ufl.Form, coefficients: tuple[ufl.Coefficient, ...]
+    comm: MPI.Intracomm,
+    form: ufl.Form,
+    coefficients: tuple[ufl.Coefficient, ...],
+    *,
+    batched: bool = False,
 ) -> Kernel:
     """Compile the single cell integral of ``form`` (collective; cached on disk by FFCx).
 
@@ -50,6 +58,7 @@ def compile_kernel(
         comm: communicator whose first rank compiles.
         form: form with one cell integral.
         coefficients: the order in which offsets are reported.
+        batched: compile the variant of ``flexfem.la.batch`` as well.
     """
     from dolfinx.fem import compile_form
 
@@ -64,7 +73,10 @@ def compile_kernel(
         total += prod(coefficient.ufl_element().reference_value_shape) * _nodes(coefficient)
     offsets[-1] = total
     kernel = ufcx.form_integrals[0].tabulate_tensor_float64
-    return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, compiled)
+    batch, owner = 0, None
+    if batched:
+        batch, owner = compile_batch(comm, compiled.module, _COMPILE_ARGUMENTS)
+    return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, batch, (compiled, owner))
 
 
 def _nodes(coefficient: ufl.Coefficient) -> int:
@@ -87,11 +99,31 @@ def tabulate(typingctx, address, tensor, coefficients, constants, coordinates): 
             ir.VoidType(), [double, double, double, double, integer, byte, byte]
         )
         pointer = builder.inttoptr(arguments[0], function.as_pointer())
-        data = [
-            context.make_array(kind)(context, builder, value).data
-            for kind, value in zip(sig.args[1:], arguments[1:], strict=True)
-        ]
+        data = _data(context, builder, sig, arguments)
         builder.call(pointer, [*data, integer(None), byte(None), byte(None)])
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+@intrinsic
+def tabulate_batch(typingctx, address, tensor, coefficients, constants, coordinates):  # type: ignore
+    """Call a batched kernel; see ``flexfem.la.batch.compile_batch`` for the layout."""
+    signature = types.void(address, tensor, coefficients, constants, coordinates)
+
+    def codegen(context, builder, sig, arguments):  # type: ignore
+        double = ir.DoubleType().as_pointer()
+        function = ir.FunctionType(ir.VoidType(), [double] * 4)
+        pointer = builder.inttoptr(arguments[0], function.as_pointer())
+        builder.call(pointer, _data(context, builder, sig, arguments))
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+def _data(context, builder, sig, arguments):  # type: ignore
+    """Pointers to the data of the array arguments after the address."""
+    return [
+        context.make_array(kind)(context, builder, value).data
+        for kind, value in zip(sig.args[1:], arguments[1:], strict=True)
+    ]

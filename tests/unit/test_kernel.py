@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled cell kernels."""
+
+from mpi4py import MPI
+
+import numba
+import numpy as np
+import pytest
+
+from flexfem.forms.beam import beam_forms
+from flexfem.la.batch import LANES, _lane_by_lane
+from flexfem.la.kernel import compile_kernel, tabulate, tabulate_batch
+
+
+@numba.njit
+def _scalar(address, tensor, data, constants, points):
+    tabulate(address, tensor, data, constants, points)
+
+
+@numba.njit
+def _batch(address, tensor, data, constants, points):
+    tabulate_batch(address, tensor, data, constants, points)
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("damped", [False, True])
+def test_batched_kernel_treats_every_lane_as_the_kernel_of_one_cell(damped):
+    forms = beam_forms(damped)
+    kernel = compile_kernel(
+        MPI.COMM_WORLD, forms.residual, tuple(forms.coefficients.values()), batched=True
+    )
+    data = np.random.default_rng(7).normal(size=(kernel.offsets[-1], LANES))
+    gravity, points = np.array([0.1, 0.2, -9.81]), np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    together = np.ones((12, LANES))
+    _batch(kernel.batch, together, data, gravity, points)
+    for lane in range(LANES):
+        alone = np.ones(12)  # kernels add to what is there
+        _scalar(kernel.address, alone, data[:, lane].copy(), gravity, points)
+        # the same operations in the same order, but for contractions to fused products: an index
+        # moved to a wrong lane changes every digit
+        np.testing.assert_allclose(together[:, lane], alone, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.serial
+def test_code_of_another_shape_is_refused():
+    body = "void tabulate_tensor_x(double* A, const double* w)\n{{\n{}\n}}\n"
+    moved = _lane_by_lane(body.format("A[0] += w[(i) * 3 + 1];"))
+    assert moved.strip() == f"A[(0) * {LANES} + lane] += w[((i) * 3 + 1) * {LANES} + lane];"
+    with pytest.raises(ValueError, match="FFCx"):
+        _lane_by_lane(body.format("const double* v = w + 3;"))
