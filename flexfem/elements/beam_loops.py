@@ -5,7 +5,8 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_kernels import step_rates_into
-from flexfem.la.kernel import tabulate
+from flexfem.la.batch import LANES
+from flexfem.la.kernel import tabulate, tabulate_batch
 from flexfem.lie.compiled import inlined, kernel
 
 __all__ = ["add_action", "add_residual", "add_tangent", "cell_resultants"]
@@ -18,74 +19,76 @@ _TURN, _VELOCITY_CHANGE, _ACCELERATION_CHANGE = 9, 10, 11
 
 @inlined
 def _put_twist(
-    data: FloatArray, at: int, values: FloatArray, node: int, turned: bool, Q: FloatArray,
-    cell: int, side: int,
+    data: FloatArray, lane: int, at: int, values: FloatArray, node: int, turned: bool,
+    Q: FloatArray, cell: int, side: int,
 ) -> None:  # fmt: skip
     """Write a nodal twist, turned into the section axes if need be."""
     for half in range(0, 6, 3):
         for i in range(3):
             if turned:
-                data[at + half + i] = (
+                data[at + half + i, lane] = (
                     Q[cell, side, i] * values[node, half]
                     + Q[cell, side, i + 3] * values[node, half + 1]
                     + Q[cell, side, i + 6] * values[node, half + 2]
                 )
             else:
-                data[at + half + i] = values[node, half + i]
+                data[at + half + i, lane] = values[node, half + i]
 
 
 @inlined
 def _put_frame(
-    data: FloatArray, offsets: IntArray, side: int, frames: FloatArray, node: int, turned: bool,
-    Q: FloatArray, cell: int,
+    data: FloatArray, lane: int, offsets: IntArray, side: int, frames: FloatArray, node: int,
+    turned: bool, Q: FloatArray, cell: int,
 ) -> None:  # fmt: skip
     """Write the section frame at one end of a cell."""
     if offsets[_POSITION] >= 0:
         at = offsets[_POSITION] + 3 * side
         for i in range(3):
-            data[at + i] = frames[node, i]
+            data[at + i, lane] = frames[node, i]
     if offsets[_ROTATION] >= 0:
         to = offsets[_ROTATION] + 9 * side
         for i in range(3):
             k = 3 + 3 * i
             for j in range(3):
                 if turned:
-                    data[to + 3 * i + j] = (
+                    data[to + 3 * i + j, lane] = (
                         frames[node, k] * Q[cell, side, j]
                         + frames[node, k + 1] * Q[cell, side, 3 + j]
                         + frames[node, k + 2] * Q[cell, side, 6 + j]
                     )
                 else:
-                    data[to + 3 * i + j] = frames[node, k + j]
+                    data[to + 3 * i + j, lane] = frames[node, k + j]
 
 
 @inlined
 def _put_cell(
-    data: FloatArray, offsets: IntArray, c: int, twists: FloatArray, lengths: FloatArray,
+    data: FloatArray, lane: int, offsets: IntArray, c: int, twists: FloatArray, lengths: FloatArray,
     damping: FloatArray,
 ) -> None:  # fmt: skip
     """Write the constant data of one cell."""
     if offsets[_TWIST] >= 0:
         for i in range(6):
-            data[offsets[_TWIST] + i] = twists[c, i]
-    data[offsets[_LENGTH]] = lengths[c]
+            data[offsets[_TWIST] + i, lane] = twists[c, i]
+    data[offsets[_LENGTH], lane] = lengths[c]
     if offsets[_DAMPING] >= 0:
-        data[offsets[_DAMPING]] = damping[c]
+        data[offsets[_DAMPING], lane] = damping[c]
 
 
 @inlined
-def _put_laws(data: FloatArray, offsets: IntArray, laws: FloatArray, section: int) -> None:
+def _put_laws(
+    data: FloatArray, lane: int, offsets: IntArray, laws: FloatArray, section: int
+) -> None:
     """Write stiffness and inertia of a section: they stay while the section does."""
     for i in range(21):
         if offsets[_STIFFNESS] >= 0:
-            data[offsets[_STIFFNESS] + i] = laws[section, 0, i]
-        data[offsets[_INERTIA] + i] = laws[section, 1, i]
+            data[offsets[_STIFFNESS] + i, lane] = laws[section, 0, i]
+        data[offsets[_INERTIA] + i, lane] = laws[section, 1, i]
 
 
 @inlined
 def _add_force(
     cells: IndexArray, c: int, turned: bool, Q: FloatArray, turn: int, force: FloatArray,
-    scale: float, residual: FloatArray,
+    lane: int, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add the force on both ends of a cell to its nodes, turned back into their axes."""
     for side in range(2):
@@ -93,12 +96,12 @@ def _add_force(
         for half in range(0, 6, 3):
             at = 6 * side + half
             for i in range(3):
-                value = force[at + i]
+                value = force[at + i, lane]
                 if turned:
                     value = (
-                        Q[turn, side, 3 * i] * force[at]
-                        + Q[turn, side, 3 * i + 1] * force[at + 1]
-                        + Q[turn, side, 3 * i + 2] * force[at + 2]
+                        Q[turn, side, 3 * i] * force[at, lane]
+                        + Q[turn, side, 3 * i + 1] * force[at + 1, lane]
+                        + Q[turn, side, 3 * i + 2] * force[at + 2, lane]
                     )
                 residual[node, half + i] += scale * value
 
@@ -111,26 +114,33 @@ def add_residual(
     acceleration: FloatArray, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the force residual of all cells to ``residual`` (n, 6)."""
-    data, force = np.empty(offsets[-1]), np.empty(12)
-    points = np.zeros(6)
+    data, force = np.empty((offsets[-1], LANES)), np.empty((12, LANES))
+    points, law = np.zeros(6), np.full(LANES, -1)
     points[3] = 1.0  # the form does not depend on the size of the reference cell
-    law = -1
-    for c in range(cells.shape[0]):
-        at, turn = turned[c], c * turned[c]
-        for side in range(2):
-            node = cells[c, side]
-            _put_frame(data, offsets, side, frames, node, at, turns, turn)
-            _put_twist(data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side)
-            _put_twist(
-                data, offsets[_ACCELERATION] + 6 * side, acceleration, node, at, turns, turn, side
-            )
-        _put_cell(data, offsets, c, twists, lengths, damping)
-        if sections[c] != law:
-            law = sections[c]
-            _put_laws(data, offsets, laws, law)
+    count = cells.shape[0]
+    for first in range(0, count, LANES):
+        for lane in range(LANES):
+            c = min(first + lane, count - 1)  # the last cell fills the last batch
+            at, turn = turned[c], c * turned[c]
+            for side in range(2):
+                node, to = cells[c, side], 6 * side
+                _put_frame(data, lane, offsets, side, frames, node, at, turns, turn)
+                _put_twist(
+                    data, lane, offsets[_VELOCITY] + to, velocity, node, at, turns, turn, side
+                )
+                _put_twist(
+                    data, lane, offsets[_ACCELERATION] + to, acceleration, node, at, turns, turn,
+                    side,
+                )  # fmt: skip
+            _put_cell(data, lane, offsets, c, twists, lengths, damping)
+            if sections[c] != law[lane]:
+                law[lane] = sections[c]
+                _put_laws(data, lane, offsets, laws, law[lane])
         force[:] = 0.0
-        tabulate(address, force, data, gravity, points)
-        _add_force(cells, c, at, turns, turn, force, scale, residual)
+        tabulate_batch(address, force, data, gravity, points)
+        for lane in range(min(LANES, count - first)):
+            c = first + lane
+            _add_force(cells, c, turned[c], turns, c * turned[c], force, lane, scale, residual)
 
 
 @kernel
@@ -145,23 +155,22 @@ def add_action(
 
     ``shifts`` holds dv/dn, dw/dn and k, see ``frame_kernels.step_rates_into`` for dv and dw.
     """
-    data, force = np.empty(offsets[-1]), np.empty(12)
+    data, force = np.empty((offsets[-1], 1)), np.empty((12, 1))
     by_v, by_w, change = np.empty(36), np.empty(36), np.empty((2, 6))
     points, law = np.zeros(6), -1
     points[3] = 1.0
     for c in range(cells.shape[0]):
         at, turn = turned[c], c * turned[c]
         for side in range(2):
-            node = cells[c, side]
-            _put_frame(data, offsets, side, frames, node, at, turns, turn)
-            _put_twist(data, offsets[_VELOCITY] + 6 * side, velocity, node, at, turns, turn, side)
-            _put_twist(
-                data, offsets[_ACCELERATION] + 6 * side, acceleration, node, at, turns, turn, side
-            )
-            first = offsets[_TURN] + 6 * side
-            _put_twist(data, first, step, node, at, turns, turn, side)
+            node, to = cells[c, side], 6 * side
+            _put_frame(data, 0, offsets, side, frames, node, at, turns, turn)
+            _put_twist(data, 0, offsets[_VELOCITY] + to, velocity, node, at, turns, turn, side)
+            first = offsets[_ACCELERATION] + to
+            _put_twist(data, 0, first, acceleration, node, at, turns, turn, side)
+            first = offsets[_TURN] + to
+            _put_twist(data, 0, first, step, node, at, turns, turn, side)
             for i in range(6):
-                data[first + i] *= shifts[2]
+                data[first + i, 0] *= shifts[2]
             step_rates_into(
                 inertial, increments[node], velocity[node], acceleration[node], shifts, by_v, by_w
             )
@@ -170,17 +179,17 @@ def add_action(
                 for j in range(6):
                     change[0, i] += by_v[6 * i + j] * step[node, j]
                     change[1, i] += by_w[6 * i + j] * step[node, j]
-            first = offsets[_VELOCITY_CHANGE] + 6 * side
-            _put_twist(data, first, change, 0, at, turns, turn, side)
-            first = offsets[_ACCELERATION_CHANGE] + 6 * side
-            _put_twist(data, first, change, 1, at, turns, turn, side)
-        _put_cell(data, offsets, c, twists, lengths, damping)
+            first = offsets[_VELOCITY_CHANGE] + to
+            _put_twist(data, 0, first, change, 0, at, turns, turn, side)
+            first = offsets[_ACCELERATION_CHANGE] + to
+            _put_twist(data, 0, first, change, 1, at, turns, turn, side)
+        _put_cell(data, 0, offsets, c, twists, lengths, damping)
         if sections[c] != law:
             law = sections[c]
-            _put_laws(data, offsets, laws, law)
+            _put_laws(data, 0, offsets, laws, law)
         force[:] = 0.0
         tabulate(address, force, data, gravity, points)
-        _add_force(cells, c, at, turns, turn, force, scale, residual)
+        _add_force(cells, c, at, turns, turn, force, 0, scale, residual)
 
 
 @kernel
@@ -219,7 +228,7 @@ def add_tangent(
 
     ``shifts`` holds dv/dn, dw/dn and k, see ``frame_kernels.step_rates_into`` for dv and dw.
     """
-    k_data, m_data = np.empty(stiffness_offsets[-1]), np.empty(inertia_offsets[-1])
+    k_data, m_data = np.empty((stiffness_offsets[-1], 1)), np.empty((inertia_offsets[-1], 1))
     K, C, M, work = np.empty(144), np.empty(144), np.empty(144), np.empty(6)
     by_v, by_w = np.empty((2, 36)), np.empty((2, 36))
     only_v, only_w = np.array([1.0, 0.0]), np.array([0.0, 1.0])
@@ -230,16 +239,16 @@ def add_tangent(
         for data, offsets in ((k_data, stiffness_offsets), (m_data, inertia_offsets)):
             for side in range(2):
                 node = cells[c, side]
-                _put_frame(data, offsets, side, frames, node, at, turns, turn)
+                _put_frame(data, 0, offsets, side, frames, node, at, turns, turn)
                 if offsets[_VELOCITY] >= 0:
                     first = offsets[_VELOCITY] + 6 * side
-                    _put_twist(data, first, velocity, node, at, turns, turn, side)
+                    _put_twist(data, 0, first, velocity, node, at, turns, turn, side)
                 if offsets[_ACCELERATION] >= 0:
                     first = offsets[_ACCELERATION] + 6 * side
-                    _put_twist(data, first, acceleration, node, at, turns, turn, side)
-            _put_cell(data, offsets, c, twists, lengths, damping)
+                    _put_twist(data, 0, first, acceleration, node, at, turns, turn, side)
+            _put_cell(data, 0, offsets, c, twists, lengths, damping)
             if sections[c] != law:
-                _put_laws(data, offsets, laws, sections[c])
+                _put_laws(data, 0, offsets, laws, sections[c])
         law = sections[c]
         for side in range(2):
             node = cells[c, side]

@@ -103,7 +103,7 @@ class SE3Beams:
         damped = comm.allreduce(bool(np.any(data.damping > 0.0)), op=MPI.LOR)
         forms = beam_forms(damped)
         coefficients = tuple(forms.coefficients.values())
-        self._residual = compile_kernel(comm, forms.residual, coefficients)
+        self._residual = compile_kernel(comm, forms.residual, coefficients, batched=True)
         self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)
         self._inertia = compile_kernel(comm, forms.inertia, coefficients)
         self._action = compile_kernel(comm, forms.action, coefficients)
@@ -122,7 +122,7 @@ class SE3Beams:
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
         add_residual(
-            self._residual.address, self._residual.offsets, gravity, *self._cell_data(),
+            self._residual.batch, self._residual.offsets, gravity, *self._cell_data(),
             block.frames, block.velocity, block.acceleration, scale, block.residual,
         )  # fmt: skip
 

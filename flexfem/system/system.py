@@ -210,8 +210,9 @@ class System:
 
     def correct(self, sign: float) -> float:
         """Apply the blocks' steps; largest entry on this rank."""
+        sizes = [part.block.correct(sign) for part in self.parts]
         # NumPy's maximum keeps a NaN, Python's may drop it
-        return float(np.max([part.block.correct(sign) for part in self.parts], initial=0.0))
+        return sizes[0] if len(sizes) == 1 else float(np.max(sizes, initial=0.0))
 
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: trial state becomes the state, and the better predictor is chosen."""
