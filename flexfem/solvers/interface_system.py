@@ -12,12 +12,13 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel
+from flexfem.solvers.banded import band_factor, band_solve
 from flexfem.solvers.schur_kernels import lu_factor, lu_solve
 
 __all__ = ["InterfaceSystem"]
 
-#: Up to this size a dense factorisation beats the calls of a sparse one.
-_DENSE = 36
+#: Up to this half bandwidth a banded factorisation beats a sparse one.
+_WIDEST = 64
 
 
 @kernel
@@ -27,30 +28,35 @@ def _scatter_add(index: IntArray, select: IntArray, values: FloatArray, out: Flo
         out[index[k]] += values[select[k]]
 
 
-class _DenseInterior:
-    def __init__(self, i: IntArray, j: IntArray, size: int) -> None:
-        self._index = i * size + j
-        self._matrix, self._pivots = np.zeros((size, size)), np.zeros(size, dtype=np.int64)
+class _BandedInterior:
+    """Rows in the order of reverse Cuthill and McKee, which makes chains and trees narrow."""
+
+    def __init__(self, i: IntArray, j: IntArray, order: IntArray, half: int) -> None:
+        """Entries (i, j) in the new order, the old rows in this order, half bandwidth."""
+        self._order = order
+        self._band = np.zeros((len(order), 2 * half + 1))
+        self._index = i * (2 * half + 1) + j - i + half
         self._every = np.arange(len(i))
+        self._work = np.empty(len(order))
 
     def factor(self, values: FloatArray) -> bool:
-        self._matrix[:] = 0.0
-        _scatter_add(self._index, self._every, values, self._matrix.reshape(-1))
-        regular: bool = lu_factor(self._matrix, self._pivots)
+        self._band[:] = 0.0
+        _scatter_add(self._index, self._every, values, self._band.reshape(-1))
+        regular: bool = band_factor(self._band)
         return regular
 
     def solve(self, x: FloatArray) -> None:
-        lu_solve(self._matrix, self._pivots, x)
+        np.take(x, self._order, out=self._work)
+        band_solve(self._band, self._work)
+        x[self._order] = self._work
 
 
 class _SparseInterior:
     def __init__(self, i: IntArray, j: IntArray, size: int) -> None:
-        self._matrix = PETSc.Mat().createAIJ((size, size), comm=PETSc.COMM_SELF)
-        kind = PETSc.IntType
-        self._matrix.setPreallocationCOO(i.astype(kind), j.astype(kind))
+        self._matrix = _matrix(i, j, size)
         self._pc = PETSc.PC().create(comm=PETSc.COMM_SELF)
         self._pc.setType(PETSc.PC.Type.LU)
-        self._pc.setFactorOrdering("rcm")
+        self._pc.setFactorOrdering("nd")
         self._pc.setOperators(self._matrix)
         self._rhs, self._solution = self._matrix.createVecs()
 
@@ -64,6 +70,26 @@ class _SparseInterior:
         self._rhs.setArray(x)
         self._pc.apply(self._rhs, self._solution)
         x[:] = self._solution.getArray(readonly=True)
+
+
+def _matrix(i: IntArray, j: IntArray, size: int) -> PETSc.Mat:
+    matrix = PETSc.Mat().createAIJ((size, size), comm=PETSc.COMM_SELF)
+    kind = PETSc.IntType
+    matrix.setPreallocationCOO(i.astype(kind), j.astype(kind))
+    return matrix
+
+
+def _interior(i: IntArray, j: IntArray, size: int) -> _BandedInterior | _SparseInterior:
+    """Solver for the rows of this rank alone."""
+    matrix = _matrix(i, j, size)
+    matrix.setValuesCOO(np.ones(len(i)), PETSc.InsertMode.INSERT)
+    order = np.array(matrix.getOrdering("rcm")[0].getIndices(), dtype=np.int64)
+    rank = np.empty(size, dtype=np.int64)
+    rank[order] = np.arange(size)
+    half = int(np.abs(rank[i] - rank[j]).max(initial=0))
+    if half <= _WIDEST:
+        return _BandedInterior(rank[i], rank[j], order, half)
+    return _SparseInterior(i, j, size)
 
 
 class InterfaceSystem:
@@ -86,8 +112,8 @@ class InterfaceSystem:
         self._comm, self._count = comm, interior
         inner = (i < interior) & (j < interior)
         self._inner = np.flatnonzero(inner)
-        make = _DenseInterior if interior <= _DENSE else _SparseInterior
-        self._interior = make(i[inner], j[inner], interior)
+        if interior:
+            self._interior = _interior(i[inner], j[inner], interior)
         self._whole = bool(inner.all())
         self._shared, self._shared_size = shared, shared_size
         outer = len(shared)

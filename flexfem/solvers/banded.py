@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled LU factorisation of a banded matrix, without pivoting.
+
+Entry (i, j) of the matrix is stored at ``[i, j - i + b]`` of an array (n, 2 b + 1).
+"""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.lie.compiled import kernel
+
+__all__ = ["band_factor", "band_solve"]
+
+#: A pivot smaller than this part of the largest of its row before elimination is zero.
+_ZERO = 1e-14
+
+
+@kernel
+def band_factor(band: FloatArray) -> bool:
+    """Factorise in place; False when a pivot vanishes."""
+    n, width = band.shape
+    b = width // 2
+    sizes = np.empty(n)
+    for i in range(n):
+        sizes[i] = 0.0
+        for k in range(width):
+            sizes[i] = max(sizes[i], abs(band[i, k]))
+    for k in range(n):
+        pivot = band[k, b]
+        if not abs(pivot) > _ZERO * sizes[k]:
+            return False
+        for i in range(k + 1, min(k + b + 1, n)):
+            at = k - i + b
+            factor = band[i, at] / pivot
+            if factor != 0.0:
+                band[i, at] = factor
+                for m in range(1, b + 1):
+                    band[i, at + m] -= factor * band[k, b + m]
+    return True
+
+
+@kernel
+def band_solve(band: FloatArray, x: FloatArray) -> None:
+    """Solve in place with the factors."""
+    n, width = band.shape
+    b = width // 2
+    for i in range(n):
+        total = x[i]
+        for k in range(max(0, i - b), i):
+            total -= band[i, k - i + b] * x[k]
+        x[i] = total
+    for i in range(n - 1, -1, -1):
+        total = x[i]
+        for k in range(i + 1, min(i + b + 1, n)):
+            total -= band[i, k - i + b] * x[k]
+        x[i] = total / band[i, b]
