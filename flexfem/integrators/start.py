@@ -94,8 +94,9 @@ def _update_laws(system: System, tangent: TangentSolver) -> bool:
     Other laws give their forces at once, since they do not depend on multipliers.
     """
     rows, found = system.constraints, tangent.multiplier_step
-    change = float(np.max(np.abs(found - rows.multipliers)[_rubbing(rows)], initial=0.0))
-    size = float(np.max(np.abs(found)[_rubbing(rows)], initial=0.0))
+    rubbing = _rubbing(rows)
+    change = float(np.max(np.abs(found - rows.multipliers)[rubbing], initial=0.0))
+    size = float(np.max(np.abs(found)[rubbing], initial=0.0))
     worst = system.comm.allreduce(change > 1e-12 * size, op=MPI.LOR)
     if worst:
         rows.multipliers[:] = found
@@ -106,8 +107,10 @@ def _update_laws(system: System, tangent: TangentSolver) -> bool:
 
 
 def _rubbing(rows: Constraints) -> BoolArray:
-    """(r,) rows with friction."""
-    return np.asarray(rows.elastic[:, 0] >= LawKind.FRICTION, dtype=np.bool_)
+    """(r,) rows with friction and those that press on them."""
+    chosen = np.asarray(rows.elastic[:, 0] >= LawKind.FRICTION, dtype=np.bool_)
+    chosen[rows.normal_rows] = True
+    return chosen
 
 
 def _check_gaps(system: System) -> None:

@@ -103,6 +103,7 @@ EXAMPLES = {
     ),
 }  # fmt: skip
 
+
 def _ground(count: int) -> list[ff.Ground]:
     return [ff.Ground() for _ in range(count)]
 
