@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Joints as rows of elementary scalar constraints between two markers.
+"""Joints as rows: scalar constraints and force laws between markers.
 
-A joint is data: the list of its rows, each with directions fixed in the axes of its markers. All
-rows of all joints are evaluated as one batch in compiled code (``flexfem.system.row_kernels``),
-with their first and second derivatives; a new joint is a new list of rows.
+A joint is data: the list of its rows (``flexfem.core.row``), each a sum of elementary functions of
+two markers with directions fixed in their axes. All rows of all joints are evaluated as one batch
+in compiled code (``flexfem.system.row_kernels``), with their first and second derivatives; a new
+joint is a new list of rows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
@@ -19,65 +19,28 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.marker import Attachment, Ground, Marker
 from flexfem.core.pose import Pose
+from flexfem.core.row import Law, Row, RowKind, Term
 
 __all__ = [
     "AxisJoint",
     "Joint",
-    "Row",
-    "RowKind",
+    "JointAction",
+    "check_limits",
     "coincidence",
+    "displacement",
+    "distance",
     "equal_rotation",
     "line_guidance",
     "parallelism",
     "perpendicular",
     "turn_angle",
+    "unit",
 ]
-
-_ZERO = np.zeros(3)
-
-
-class RowKind(IntEnum):
-    """Elementary constraints between marker a (pose x_a, R_a) and marker b (x_b, R_b)."""
-
-    #: u . (x_b - x_a) - target, u in inertial axes
-    INERTIAL = 0
-    #: R_a u . (x_b - x_a) - target
-    ALONG = 1
-    #: R_a u . R_b v - target
-    AXES = 2
-    #: |x_b - x_a| - target
-    DISTANCE = 3
-    #: angle about R_a u from R_a p to R_b v - target; continuous over any number of turns
-    ANGLE = 4
-
-
-@dataclass(frozen=True)
-class Row:
-    """One scalar constraint, rigid or elastic.
-
-    Attributes:
-        kind: which elementary constraint.
-        u: direction in the axes of marker a (inertial axes for ``INERTIAL``).
-        v: direction in the axes of marker b.
-        p: zero direction of an angle, in the axes of marker a, perpendicular to ``u``.
-        target: value that the constraint function takes (m, rad or 1).
-        stiffness: None for a rigid row; else the row carries the force ``stiffness * value +
-            damping * rate`` (N/m or N m/rad).
-        damping: N s/m or N m s/rad, with a stiffness that may be zero.
-    """
-
-    kind: RowKind
-    u: FloatArray = field(default_factory=lambda: _ZERO)
-    v: FloatArray = field(default_factory=lambda: _ZERO)
-    p: FloatArray = field(default_factory=lambda: _ZERO)
-    target: float = 0.0
-    stiffness: float | None = None
-    damping: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A connection between two markers.
+    """A connection between two markers, or more where a joint says so.
 
     Attributes:
         name: unique name within the model.
@@ -91,6 +54,8 @@ class Joint:
 
     #: rows change with time: they are asked for at every step
     driven: ClassVar[bool] = False
+    #: relative motions left along ("translation") and about ("rotation") the axis of the joint
+    leaves: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         """Check the name and the markers.
@@ -99,8 +64,28 @@ class Joint:
             TypeError: the name is not a string, or a marker is not a Marker or Ground.
             ValueError: the name is empty or not printable.
         """
-        for label in ("a", "b"):
-            _checks.instance(self.owner, label, getattr(self, label), (Marker, Ground))
+        for label, marker in self.places:
+            _checks.instance(self.owner, label, marker, (Marker, Ground))
+
+    @property
+    def places(self) -> tuple[tuple[str, Attachment], ...]:
+        """All markers with the names by which messages call them; a and b unless overridden."""
+        return ("a", self.a), ("b", self.b)
+
+    @property
+    def markers(self) -> tuple[Attachment, ...]:
+        """All markers."""
+        return tuple(marker for _, marker in self.places)
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Markers that move relative to one another, by their numbers."""
+        return ((0, 1),)
+
+    @property
+    def partner(self) -> Joint | None:
+        """Joint with the same markers that this one acts on, such as the one that rubs."""
+        return None
 
     @property
     def owner(self) -> str:
@@ -112,8 +97,16 @@ class Joint:
         """Axis of the joint at the start in inertial axes (unit vector), None if it has none."""
         return None
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
-        """Rows of the joint at time ``t`` (s), given the poses of its markers at the start."""
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """Rows of the joint at time ``t`` (s).
+
+        Args:
+            poses: poses of its markers at the start.
+            t: time, s.
+
+        Raises:
+            ValueError: the poses leave no direction or no row.
+        """
         raise NotImplementedError
 
 
@@ -139,8 +132,90 @@ class AxisJoint(Joint):
     @property
     def direction(self) -> FloatArray:
         """See :attr:`Joint.direction`."""
-        axis = np.array(self.axis, dtype=np.float64)
-        return axis / np.linalg.norm(axis)
+        return unit(self.axis)
+
+
+@dataclass(frozen=True, eq=False)
+class JointAction(Joint):
+    """What acts on the motion that another joint leaves, between the markers of that joint.
+
+    Attributes:
+        joint: the other joint; in the model too.
+        motion: "translation" along or "rotation" about its axis; None for all that it leaves.
+    """
+
+    a: Attachment = field(init=False)
+    b: Attachment = field(init=False)
+    joint: Joint
+    motion: str | None = None
+
+    def __post_init__(self) -> None:
+        """Take markers and axis from the joint.
+
+        Raises:
+            TypeError: ``joint`` is not a joint.
+            ValueError: the joint leaves no such motion.
+        """
+        _checks.instance(self.owner, "joint", self.joint, Joint)
+        _checks.assign(self, a=self.joint.a, b=self.joint.b)
+        super().__post_init__()
+        if not self.motions:
+            what = "motion along or about an axis" if self.motion is None else str(self.motion)
+            raise ValueError(f"{self.owner}: {self.joint.owner} leaves no {what}")
+
+    @property
+    def motions(self) -> tuple[str, ...]:
+        """Motions acted on."""
+        return tuple(m for m in self.joint.leaves if self.motion in (None, m))
+
+    @property
+    def direction(self) -> FloatArray | None:
+        """See :attr:`Joint.direction`."""
+        return self.joint.direction
+
+    def terms(self, poses: Sequence[Pose]) -> list[Term]:
+        """Displacement (m) and angle (rad) of these motions."""
+        a, b = poses
+        axis = np.asarray(self.direction)
+        along = Term(RowKind.ALONG, u=a.rotation.T @ axis)
+        return [along if m == "translation" else turn_angle(axis, a, b) for m in self.motions]
+
+
+def unit(vector: Sequence[float] | FloatArray) -> FloatArray:
+    """Unit vector along a vector."""
+    array = np.array(vector, dtype=np.float64)
+    return np.asarray(array / np.linalg.norm(array))
+
+
+def distance(owner: str, poses: Sequence[Pose]) -> float:
+    """Distance of the first two markers at the start, m.
+
+    Raises:
+        ValueError: it is zero, so that its direction is unknown.
+    """
+    length = float(np.linalg.norm(poses[1].position - poses[0].position))
+    if length == 0.0:
+        raise ValueError(f"{owner}: the markers coincide at the start, no direction")
+    return length
+
+
+def check_limits(
+    owner: str, lower: float | None, upper: float | None, stiffness: float, damping: float
+) -> None:
+    """Check the numbers of a stop.
+
+    Raises:
+        TypeError: one of them is not a number.
+        ValueError: no limit, lower not below upper, stiffness not positive, damping negative.
+    """
+    if lower is None and upper is None:
+        raise ValueError(f"{owner}: needs lower or upper, got neither")
+    low = -np.inf if lower is None else _checks.number(owner, "lower", lower)
+    high = np.inf if upper is None else _checks.number(owner, "upper", upper)
+    if low >= high:
+        raise ValueError(f"{owner}: lower must be below upper, got {lower} and {upper}")
+    _checks.number(owner, "stiffness", stiffness, positive=True)
+    _checks.number(owner, "damping", damping, nonnegative=True)
 
 
 def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -150,50 +225,60 @@ def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     return p, np.cross(axis, p)
 
 
-def coincidence() -> tuple[Row, ...]:
-    """Three rows that keep the origins of both markers together."""
-    return tuple(Row(RowKind.INERTIAL, u=e) for e in np.eye(3))
+def coincidence(b: int = 1) -> tuple[Row, ...]:
+    """Three rows that keep the origins of the first marker and of marker ``b`` together."""
+    return tuple(Row((Term(RowKind.INERTIAL, u=e, b=b),)) for e in np.eye(3))
 
 
 def parallelism(axis: FloatArray, a: Pose, b: Pose) -> tuple[Row, ...]:
     """Two rows that keep an axis (inertial components at the start) common to both markers."""
     return tuple(
-        Row(RowKind.AXES, u=a.rotation.T @ direction, v=b.rotation.T @ axis)
+        Row((Term(RowKind.AXES, u=a.rotation.T @ direction, v=b.rotation.T @ axis),))
         for direction in perpendicular(axis)
     )
 
 
+def displacement(axis: FloatArray, a: Pose, target: float = 0.0, law: Law | None = None) -> Row:
+    """Row of the position of b relative to a along an axis that is fixed in a.
+
+    The axis is given in inertial components at the start.
+    """
+    return Row((Term(RowKind.ALONG, u=a.rotation.T @ axis),), target, law)
+
+
 def line_guidance(axis: FloatArray, a: Pose) -> tuple[Row, ...]:
     """Two rows that keep marker b on the line through marker a along an axis fixed in a."""
-    return tuple(
-        Row(RowKind.ALONG, u=a.rotation.T @ direction) for direction in perpendicular(axis)
-    )
+    return tuple(displacement(direction, a) for direction in perpendicular(axis))
 
 
-def equal_rotation(a: Pose, b: Pose, turned: FloatArray | None = None) -> tuple[Row, ...]:
+def equal_rotation(
+    a: Pose, b: Pose, turned: FloatArray | None = None, number: int = 1
+) -> tuple[Row, ...]:
     """Three rows that keep the initial relative rotation, turned by a matrix in marker a's axes.
 
     They hold the three off-diagonal products of the axes at zero: unique while the rotation error
-    stays below a quarter turn.
+    stays below a quarter turn. ``number`` is that of marker b within the joint.
     """
     start = np.eye(3) if turned is None else turned
     relative = a.rotation.T @ b.rotation
     return tuple(
-        Row(RowKind.AXES, u=start[:, i].copy(), v=relative[j].copy())
+        Row((Term(RowKind.AXES, u=start[:, i].copy(), v=relative[j].copy(), b=number),))
         for i, j in ((1, 2), (2, 0), (0, 1))
     )
 
 
-def turn_angle(axis: FloatArray, a: Pose, b: Pose, angle: float) -> Row:
-    """Row that holds the angle (rad) by which b has turned from a since the start.
+def turn_angle(axis: FloatArray, a: Pose, b: Pose, ends: tuple[int, int] = (0, 1)) -> Term:
+    """Angle (rad) by which b has turned from a since the start.
 
-    The axis is given in inertial components at the start and stays fixed in a.
+    The axis is given in inertial components at the start and stays fixed in a; ``ends`` are the
+    numbers of both markers within the joint.
     """
     p, _ = perpendicular(axis)
-    return Row(
+    return Term(
         RowKind.ANGLE,
         u=a.rotation.T @ axis,
         p=a.rotation.T @ p,
         v=b.rotation.T @ p,
-        target=angle,
+        a=ends[0],
+        b=ends[1],
     )

@@ -6,10 +6,12 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
+from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.constraints import Constraints
 from flexfem.system.system import Shifts, System
 
 __all__ = ["start_consistently"]
@@ -20,6 +22,8 @@ _GAP = 1e-6
 #: The mass matrix alone, nothing scaled; rates of elastic rows count as they are.
 _MASS = Shifts(velocity=0.0, acceleration=1.0, scale=1.0, stiffness=0.0)
 _RATES = np.array([1.0, 1.0])
+#: Friction at the start is found in at most so many iterations.
+_SWEEPS = 25
 
 
 def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Status:
@@ -52,9 +56,11 @@ def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Sta
     _evaluate(system)
     accelerations = _second(system, dt, values)
     blocks = [-p.block.residual[: p.block.owned] for p in system.parts]
-    elastic = rows.elastic[:, 0] * rows.values
-    if not tangent.solve(blocks, -_rigid(system, accelerations) - elastic):
-        return Status.SINGULAR
+    for _ in range(_SWEEPS):
+        if not tangent.solve(blocks, -_rigid(system, accelerations) - _compliant(system)):
+            return Status.SINGULAR
+        if not _update_laws(system, tangent):
+            break
     for part in system.parts:
         part.block.spread_step()
         part.block.acceleration[:] = part.block.step
@@ -71,7 +77,40 @@ def _evaluate(system: System) -> None:
 
 
 def _rigid(system: System, values: FloatArray) -> FloatArray:
-    return values * (1.0 - system.constraints.elastic[:, 0])
+    return values * system.constraints.rigid
+
+
+def _compliant(system: System) -> FloatArray:
+    """Equations of the rows that carry forces by laws, linearised, at zero multipliers."""
+    rows = system.constraints
+    values = rows.values + rows.compliance * rows.multipliers
+    np.add.at(values, rows.coupled[:, 0], rows.coupling * rows.multipliers[rows.coupled[:, 1]])
+    return values * ~rows.rigid
+
+
+def _update_laws(system: System, tangent: TangentSolver) -> bool:
+    """Linearise friction at the multipliers found; False when they have settled (collective).
+
+    Other laws give their forces at once, since they do not depend on multipliers.
+    """
+    rows, found = system.constraints, tangent.multiplier_step
+    rubbing = _rubbing(rows)
+    change = float(np.max(np.abs(found - rows.multipliers)[rubbing], initial=0.0))
+    size = float(np.max(np.abs(found)[rubbing], initial=0.0))
+    worst = system.comm.allreduce(change > 1e-12 * size, op=MPI.LOR)
+    if worst:
+        rows.multipliers[:] = found
+        rows.evaluate(_RATES)
+        tangent.assemble(_MASS)
+        worst = tangent.factor()
+    return bool(worst)
+
+
+def _rubbing(rows: Constraints) -> BoolArray:
+    """(r,) rows with friction and those that press on them."""
+    chosen = np.asarray(rows.elastic[:, 0] >= LawKind.FRICTION, dtype=np.bool_)
+    chosen[rows.normal_rows] = True
+    return chosen
 
 
 def _check_gaps(system: System) -> None:

@@ -115,7 +115,8 @@ class JointFields:
         a: Positions of the first markers (n, 3), inertial, m.
         b: Positions of the second markers (n, 3), inertial, m.
         axis: Joint axes (n, 3), inertial; zero for joints without one.
-        force: Constraint or spring forces (n, 3), inertial, N.
+        force: Forces (n, 3) on the first body, inertial, N.
+        moment: Moments (n, 3) on the first body about the first marker, inertial, N m.
         joint: Number of each joint (n,): index of its kind.
     """
 
@@ -123,13 +124,14 @@ class JointFields:
     b: FloatArray
     axis: FloatArray
     force: FloatArray
+    moment: FloatArray
     joint: IntArray
 
     @classmethod
     def empty(cls) -> JointFields:
         """Fields of a rank without joints."""
         v = np.zeros((0, 3))
-        return cls(v, v, v, v, np.zeros(0, dtype=np.int64))
+        return cls(v, v, v, v, v, np.zeros(0, dtype=np.int64))
 
 
 class JointWriter:
@@ -191,6 +193,7 @@ class JointWriter:
                 "joint": joints.joint[cell],
                 "force": joints.force[cell],
                 "force_magnitude": np.linalg.norm(joints.force, axis=1)[cell],
+                "moment": joints.moment[cell],
             },
         )
 

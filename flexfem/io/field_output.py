@@ -7,7 +7,6 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.joint import RowKind
 from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.surfaces import body_surface
@@ -51,7 +50,7 @@ class FieldOutput:
 
 def _extent(serial: Assembly) -> float:
     """Size of the model at the start, m."""
-    poses = [serial.marker_pose(m).position for j in serial.model.joints for m in (j.a, j.b)]
+    poses = [serial.marker_pose(m).position for j in serial.model.joints for m in j.markers]
     points = [se3.position(serial.rigid_frames), np.array(poses).reshape(-1, 3)]
     if serial.model.beams:
         points.append(serial.points)
@@ -93,39 +92,22 @@ def _body_fields(part: BlockPart) -> RigidBodyFields:
 
 
 def _joint_fields(system: System) -> JointFields:
-    """Markers, axes and forces of the joints that this rank owns."""
+    """Markers and axes of the joints that this rank owns, and their wrenches on the first body."""
     rows = system.constraints
-    frames = rows.marker_frames()
-    a, b, axis, force, number = [], [], [], [], []
-    for i, placed in enumerate(rows.joints):
-        if not placed.owned:
-            continue
-        pair = frames[2 * i : 2 * i + 2]
-        turn = pair[0, 3:].reshape(3, 3) @ placed.poses[0].rotation.T
-        direction = placed.joint.direction
-        a.append(pair[0, :3])
-        b.append(pair[1, :3])
-        axis.append(np.zeros(3) if direction is None else turn @ direction)
-        force.append(_force(system, i, pair))
-        number.append(placed.index)
-    vectors = (np.array(v, dtype=np.float64).reshape(-1, 3) for v in (a, b, axis, force))
+    owned = np.array([placed.owned for placed in rows.joints], dtype=bool)
+    first = rows.marker_start[:-1][owned]
+    frames, wrench = rows.marker_frames(), rows.reactions()[first]
+    axis = np.zeros((len(first), 3))
+    joints = [placed for placed in rows.joints if placed.owned]
+    for i, placed in enumerate(joints):
+        if placed.joint.direction is not None:
+            turn = se3.rotation(frames[first[i]]) @ placed.poses[0].rotation.T
+            axis[i] = turn @ placed.joint.direction
     return JointFields(
-        **dict(zip(("a", "b", "axis", "force"), vectors, strict=True)),
-        joint=np.array(number, dtype=np.int64),
+        a=frames[first, :3],
+        b=frames[first + 1, :3],
+        axis=axis,
+        force=wrench[:, :3],
+        moment=wrench[:, 3:],
+        joint=np.array([placed.index for placed in joints], dtype=np.int64),
     )
-
-
-def _force(system: System, joint: int, frames: FloatArray) -> FloatArray:
-    """Resultant force of a joint's rows in inertial axes, N."""
-    rows = system.constraints
-    total = np.zeros(3)
-    for r in range(rows.start[joint], rows.start[joint + 1]):
-        kind, direction = rows.kind_and_direction(r)
-        if kind == RowKind.INERTIAL:
-            total += rows.forces[r] * direction
-        elif kind == RowKind.ALONG:
-            total += rows.forces[r] * (frames[0, 3:].reshape(3, 3) @ direction)
-        elif kind == RowKind.DISTANCE:
-            link = frames[1, :3] - frames[0, :3]
-            total += rows.forces[r] * link / np.linalg.norm(link)
-    return total

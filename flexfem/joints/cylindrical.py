@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cylindrical joint."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem.core.joint import AxisJoint, Row, line_guidance, parallelism
+from flexfem.core.joint import AxisJoint, line_guidance, parallelism
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row
 
 __all__ = ["Cylindrical"]
 
@@ -13,6 +15,9 @@ __all__ = ["Cylindrical"]
 class Cylindrical(AxisJoint):
     """Leaves translation along and rotation about a common axis; four constraints."""
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    leaves = ("translation", "rotation")
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
+        a, b = poses
         return line_guidance(self.direction, a) + parallelism(self.direction, a, b)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Point on a plane."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem.core.joint import AxisJoint, Row, RowKind
+from flexfem.core.joint import AxisJoint, displacement
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row
 
 __all__ = ["PointOnPlane"]
 
@@ -17,6 +19,6 @@ class PointOnPlane(AxisJoint):
         axis: normal of the plane, fixed in marker a, given in inertial axes at the start.
     """
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        return (Row(RowKind.ALONG, u=a.rotation.T @ self.direction),)
+        return (displacement(self.direction, poses[0]),)

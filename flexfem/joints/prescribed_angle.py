@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Prescribed relative angle."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
-from flexfem.core.joint import AxisJoint, Row, turn_angle
+from flexfem.core.joint import AxisJoint, turn_angle
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row
 
 __all__ = ["PrescribedAngle"]
 
@@ -37,6 +38,7 @@ class PrescribedAngle(AxisJoint):
         super().__post_init__()
         _checks.function(self.owner, "angle", self.angle, ())
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        return (turn_angle(self.direction, a, b, float(self.angle(t))),)
+        a, b = poses
+        return (Row((turn_angle(self.direction, a, b),), float(self.angle(t))),)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Prescribed relative rotation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
-from flexfem.core.joint import Joint, Row, equal_rotation
+from flexfem.core.joint import Joint, equal_rotation
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row
 
 __all__ = ["PrescribedRotation"]
 
@@ -38,8 +39,9 @@ class PrescribedRotation(Joint):
         super().__post_init__()
         _checks.function(self.owner, "rotation", self.rotation, (3,))
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
+        a, b = poses
         from flexfem.lie import so3
 
         turned = so3.exp(np.asarray(self.rotation(t), dtype=np.float64))

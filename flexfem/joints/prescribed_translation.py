@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
-from flexfem.core.joint import Joint, Row, RowKind
+from flexfem.core.joint import Joint, unit
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind, Term
 
 __all__ = ["PrescribedTranslation"]
 
@@ -46,16 +47,16 @@ class PrescribedTranslation(Joint):
             self.owner, "displacement", self.displacement, () if self.axis is not None else (3,)
         )
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
+        a, b = poses
         start = a.rotation.T @ (b.position - a.position)
         if self.axis is None:
             directions = np.eye(3)
         else:
-            axis = np.array(self.axis, dtype=np.float64)
-            directions = (a.rotation.T @ (axis / np.linalg.norm(axis)))[np.newaxis]
+            directions = (a.rotation.T @ unit(self.axis))[np.newaxis]
         values = np.atleast_1d(np.asarray(self.displacement(t), dtype=np.float64))
         return tuple(
-            Row(RowKind.ALONG, u=u, target=float(u @ start + value))
+            Row((Term(RowKind.ALONG, u=u),), float(u @ start + value))
             for u, value in zip(directions, values, strict=True)
         )

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Revolute joint."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem.core.joint import AxisJoint, Row, coincidence, parallelism
+from flexfem.core.joint import AxisJoint, coincidence, parallelism
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row
 
 __all__ = ["Revolute"]
 
@@ -13,6 +15,9 @@ __all__ = ["Revolute"]
 class Revolute(AxisJoint):
     """Leaves one rotation about a common axis; five constraints."""
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    leaves = ("rotation",)
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
+        a, b = poses
         return coincidence() + parallelism(self.direction, a, b)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Spherical joint."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem.core.joint import Joint, Row, coincidence
+from flexfem.core.joint import Joint, coincidence
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row
 
 __all__ = ["Spherical"]
 
@@ -17,6 +19,6 @@ class Spherical(Joint):
     marker a.
     """
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
         return coincidence()

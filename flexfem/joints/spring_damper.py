@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Spring and damper between two points."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from flexfem import _checks
-from flexfem.core.joint import Joint, Row, RowKind
+from flexfem.core.joint import Joint, distance
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind, Term, spring
 
 __all__ = ["SpringDamper"]
 
@@ -42,10 +42,9 @@ class SpringDamper(Joint):
         if self.rest_length is not None:
             _checks.number(self.owner, "rest_length", self.rest_length, nonnegative=True)
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`; raises ValueError when both markers start at one point."""
-        distance = float(np.linalg.norm(b.position - a.position))
-        if distance == 0.0:
-            raise ValueError(f"{self.owner}: the markers coincide at the start, no direction")
-        rest = distance if self.rest_length is None else self.rest_length
-        return (Row(RowKind.DISTANCE, target=rest, stiffness=self.stiffness, damping=self.damping),)
+        length = distance(self.owner, poses)
+        rest = length if self.rest_length is None else self.rest_length
+        law = spring(self.stiffness, self.damping)
+        return (Row((Term(RowKind.DISTANCE),), rest, law),)

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Spring and damper about an axis."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from flexfem import _checks
-from flexfem.core.joint import AxisJoint, Row, turn_angle
+from flexfem.core.joint import AxisJoint, turn_angle
 from flexfem.core.pose import Pose
+from flexfem.core.row import Row, spring
 
 __all__ = ["TorsionalSpringDamper"]
 
@@ -38,7 +40,8 @@ class TorsionalSpringDamper(AxisJoint):
         _checks.stiffness_and_damping(self.owner, self.stiffness, self.damping)
         _checks.number(self.owner, "rest_angle", self.rest_angle)
 
-    def rows(self, a: Pose, b: Pose, t: float) -> tuple[Row, ...]:
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        rigid = turn_angle(self.direction, a, b, self.rest_angle)
-        return (replace(rigid, stiffness=self.stiffness, damping=self.damping),)
+        a, b = poses
+        law = spring(self.stiffness, self.damping)
+        return (Row((turn_angle(self.direction, a, b),), self.rest_angle, law),)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexfem import _checks
+from flexfem.core.joint import Joint
 from flexfem.core.marker import Attachment, Ground, Marker
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.model.bodies import Beam
@@ -30,7 +31,10 @@ def validate(model: Model) -> None:
         _check_beams(model)
     nodes = _check_markers(model)
     for joint in model.joints:
-        _check_ends(joint, nodes)
+        for pair in joint.pairs:
+            _check_ends(joint, pair, nodes)
+        if joint.partner is not None and joint.partner not in model.joints:
+            raise ValueError(f'{_owner(joint)}: {model!r} has no joint "{joint.partner.name}"')
     for load in model.loads:
         for name in load.beams:
             if not isinstance(model.get(name), Beam):
@@ -102,8 +106,8 @@ def _check_ownership(model: Model, mesh: LineMesh) -> None:
 def _marked(model: Model) -> Iterator[tuple[Any, Attachment]]:
     """Yield every marker in the model with the object that has it."""
     for joint in model.joints:
-        yield joint, joint.a
-        yield joint, joint.b
+        for marker in joint.markers:
+            yield joint, marker
     for mass in model.point_masses:
         yield mass, mass.marker
     for load in model.loads:
@@ -126,11 +130,12 @@ def _check_markers(model: Model) -> dict[int, int | None]:
     return nodes
 
 
-def _check_ends(joint: Any, nodes: dict[int, int | None]) -> None:
+def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, int | None]) -> None:
     """Check that a joint connects two frames that can move relative to one another."""
-    a, b = joint.a, joint.b
+    (first, a), (second, b) = (joint.places[number] for number in pair)
+    both = "both markers" if len(joint.places) == 2 else f"{first} and {second}"
     if isinstance(a, Ground) and isinstance(b, Ground):
-        raise ValueError(f"{_owner(joint)}: both markers are on the ground")
+        raise ValueError(f"{_owner(joint)}: {both} are on the ground")
     if (
         isinstance(a, Marker)
         and isinstance(b, Marker)
@@ -139,7 +144,7 @@ def _check_ends(joint: Any, nodes: dict[int, int | None]) -> None:
     ):
         node = nodes[id(a)]
         place = f'"{a.body}"' if node is None else f'node {node} of "{a.body}"'
-        raise ValueError(f"{_owner(joint)}: both markers are fixed to {place}")
+        raise ValueError(f"{_owner(joint)}: {both} are fixed to {place}")
 
 
 def _check_columns(model: Model) -> None:

@@ -121,8 +121,8 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])
     for joint in model.joints:
         if joint.driven:
-            poses = [simulation.serial.marker_pose(m) for m in (joint.a, joint.b)]
-            targets = [row.target for s in ahead for row in joint.rows(poses[0], poses[1], s)]
+            poses = [simulation.serial.marker_pose(m) for m in joint.markers]
+            targets = [row.target for s in ahead for row in joint.rows(poses, s)]
             if not np.isfinite(targets).all():
                 return f"{joint.owner}: the motion is not finite after t = {t:.6g} s"
     for load in model.loads:

@@ -96,7 +96,7 @@ class FrozenSolver:
         self._nothing = np.zeros(rows.size)
 
     def _bodies(self, part: BlockPart, active: IntArray) -> _Bodies:
-        """Interface columns of a part's bodies and the row sides that act on them."""
+        """Interface columns of a part's bodies and the sides of terms that act on them."""
         bodies, nodes, node_start = part.bodies()
         slots = np.flatnonzero(self.system.part_of_slot == self.system.parts.index(part))
         slots = slots[np.isin(self.system.body_of_slot[slots], bodies)]
@@ -126,12 +126,12 @@ class FrozenSolver:
         )
 
     def _sides(self, slots: IntArray, number: IntArray, count: int) -> tuple[IntArray, IntArray]:
-        """Row sides (row, side, slot) on the given slots, body by body, and their numbers."""
+        """Sides of terms (term, side, slot) on the given slots by body, and their numbers."""
         body_of_slot = np.full(len(self._slot_column) + 1, -1, dtype=np.int64)
         body_of_slot[slots] = number
-        row_slots = self.system.constraints.row_slots
-        row, side = np.nonzero(body_of_slot[row_slots] >= 0)  # slot -1 is the last entry, -1
-        sides = np.stack([row, side, row_slots[row, side]], axis=1).astype(np.int64)
+        slot = self.system.constraints.term_slots
+        term, side = np.nonzero(body_of_slot[slot] >= 0)  # slot -1 is the last entry, -1
+        sides = np.stack([term, side, slot[term, side]], axis=1).astype(np.int64)
         body = body_of_slot[sides[:, 2]]
         sides = np.ascontiguousarray(sides[np.argsort(body, kind="stable")])
         return sides, np.bincount(body, minlength=count).astype(np.int64)
@@ -142,12 +142,12 @@ class FrozenSolver:
         first, second = [], []
         for group in self._groups:
             for start, end in pairwise(group.side_start):
-                r = group.sides[start:end, 0]
+                r = rows.row_of_term[group.sides[start:end, 0]]
                 first.append(np.tile(r, len(r)))
                 second.append(np.repeat(r, len(r)))
         every = np.arange(rows.size)
-        i = np.concatenate([*first, every]).astype(np.int64)
-        j = np.concatenate([*second, every]).astype(np.int64)
+        i = np.concatenate([*first, every, rows.coupled[:, 0]]).astype(np.int64)
+        j = np.concatenate([*second, every, rows.coupled[:, 1]]).astype(np.int64)
         self._values, self._right = np.zeros(len(i)), np.zeros(rows.size)
         return InterfaceSystem(
             self.system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
@@ -256,7 +256,8 @@ class FrozenSolver:
             )  # fmt: skip
             self._values[at : at + len(group.entries)] = group.entries
             at += len(group.entries)
-        self._values[at:] = rows.owned * rows.compliance
+        self._values[at : at + rows.size] = rows.owned * rows.compliance
+        self._values[at + rows.size :] = rows.owned[rows.coupled[:, 0]] * rows.coupling
         if rows.size_global:
             regular = self._interface.factor(self._values, regular)
         return regular
@@ -282,8 +283,8 @@ class FrozenSolver:
                     self._response,
                 )  # fmt: skip
             row_products(
-                rows.row_slots, self._local_slot, rows.step_jacobian, self._response, rows.owned,
-                values, self._right,
+                rows.term_slots, rows.row_of_term, self._local_slot, rows.step_jacobian,
+                self._response, rows.owned, values, self._right,
             )  # fmt: skip
             self._interface.solve(self._right)
             self.system.add_constraint_forces(self._right)

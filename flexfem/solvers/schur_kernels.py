@@ -52,18 +52,18 @@ def schur(
     column_start: IntArray, compliances: FloatArray, compliance_start: IntArray,
     force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
 ) -> None:  # fmt: skip
-    """Entries of ``G~ C G^T``: for every body, all pairs of the row sides that act on it.
+    """Entries of ``G~ C G^T``: for every body, all pairs of the sides of terms that act on it.
 
     Args:
-        sides: (k, 3) row, side, slot, grouped by body.
+        sides: (k, 3) term, side, slot, grouped by body.
         side_start: (n_bodies + 1,) first side of each body.
         slot_column: first column of each slot within its body.
         slot_active: number of columns of each slot.
         column_start: (n_bodies + 1,) first column of each body.
         compliances: all C matrices one after the other.
         compliance_start: where each of them begins.
-        force_jacobian: (r, 2, 6) rows of G.
-        step_jacobian: (r, 2, 6) rows of G~.
+        force_jacobian: (t, 2, 6) terms of the rows of G.
+        step_jacobian: (t, 2, 6) terms of the rows of G~.
         values: pairs in the order (body, second side, first side).
     """
     at = 0
@@ -74,35 +74,40 @@ def schur(
             work = np.empty(count)
         C = compliance_start[b]
         for j in range(side_start[b], side_start[b + 1]):
-            row, side, slot = sides[j, 0], sides[j, 1], sides[j, 2]
+            term, side, slot = sides[j, 0], sides[j, 1], sides[j, 2]
             first, active = slot_column[slot], slot_active[slot]
             for c in range(count):
                 work[c] = 0.0
                 for k in range(active):
-                    work[c] += compliances[C + c * count + first + k] * force_jacobian[row, side, k]
+                    work[c] += (
+                        compliances[C + c * count + first + k] * force_jacobian[term, side, k]
+                    )
             for i in range(side_start[b], side_start[b + 1]):
-                row, side, slot = sides[i, 0], sides[i, 1], sides[i, 2]
+                term, side, slot = sides[i, 0], sides[i, 1], sides[i, 2]
                 column = slot_column[slot]
                 total = 0.0
                 for k in range(slot_active[slot]):
-                    total += step_jacobian[row, side, k] * work[column + k]
+                    total += step_jacobian[term, side, k] * work[column + k]
                 values[at] = total
                 at += 1
 
 
 @kernel
 def row_products(
-    row_slots: IntArray, local_slot: BoolArray, step_jacobian: FloatArray, y: FloatArray,
-    owned: FloatArray, row_values: FloatArray, out: FloatArray,
+    term_slots: IntArray, row_of_term: IntArray, local_slot: BoolArray, step_jacobian: FloatArray,
+    y: FloatArray, owned: FloatArray, row_values: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """``owned * row_values - G~ y`` of every row over the slots that this rank's bodies own."""
     for r in range(out.size):
         out[r] = owned[r] * row_values[r]
+    for t in range(row_of_term.size):
         for side in range(2):
-            slot = row_slots[r, side]
+            slot = term_slots[t, side]
             if slot >= 0 and local_slot[slot]:
+                total = 0.0
                 for k in range(6):
-                    out[r] -= step_jacobian[r, side, k] * y[slot, k]
+                    total += step_jacobian[t, side, k] * y[slot, k]
+                out[row_of_term[t]] -= total
 
 
 @kernel

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.la.nest import (
     CoordinateMatrix,
     block_indices,
@@ -73,9 +73,16 @@ class TangentSolver:
                 unknown, multiplier = self._couplings.gradient(i)
                 line.append(CoordinateMatrix(comm, sizes[i], last, unknown, multiplier))
                 bottom.append(CoordinateMatrix(comm, last, sizes[i], multiplier, unknown))
-            own_rows = rows.numbers[rows.owned_rows]
-            grid.append([*bottom, CoordinateMatrix(comm, last, last, own_rows, own_rows)])
+            held, pairs = rows.numbers[rows.owned_rows], rows.numbers[rows.coupled[self._coupled()]]
+            corners = np.concatenate([np.stack([held, held], axis=1), pairs])
+            corner = CoordinateMatrix(comm, last, last, corners[:, 0], corners[:, 1])
+            grid.append([*bottom, corner])
         return grid
+
+    def _coupled(self) -> BoolArray:
+        """Which couplings between multipliers this rank sets."""
+        rows = self.system.constraints
+        return rows.owned[rows.coupled[:, 0]] > 0.0
 
     def assemble(self, shifts: Shifts) -> None:
         """Set the numbers of all blocks at the trial state (collective)."""
@@ -95,7 +102,8 @@ class TangentSolver:
                 self._grid[i][count].assemble(forces)
                 self._grid[count][i].assemble(self._couplings.side_values(i, steps))
         if rows.size_global:
-            self._grid[count][count].assemble(-rows.compliance[rows.owned_rows])
+            own = rows.compliance[rows.owned_rows], rows.coupling[self._coupled()]
+            self._grid[count][count].assemble(-np.concatenate(own))
         self.matrix.assemble()
 
     def factor(self) -> bool:
@@ -176,20 +184,19 @@ class _JointPattern:
 
     def __init__(self, system: System) -> None:
         rows, face = system.constraints, system.interface
-        slots = np.array([j.slots for j in rows.joints], dtype=np.int64).reshape(-1, 2)
-        self._joint_owned = np.array([j.owned for j in rows.joints], dtype=bool)
         padded = np.append(system.part_of_slot, -1)  # slot -1 is the ground
-        self._joint_part = padded[slots]
-        self._joint_number = np.append(face.number, 0)[slots]
-        self._row_part = padded[rows.row_slots]
-        self._row_number = np.append(face.number, 0)[rows.row_slots]
-        self._rows = rows
+        number = np.append(face.number, 0)
+        self._pair_owned = rows.pair_owned
+        self._pair_part, self._pair_number = padded[rows.pair_slots], number[rows.pair_slots]
+        self._term_owned = rows.owned[rows.row_of_term] > 0.0
+        self._term_part, self._term_number = padded[rows.term_slots], number[rows.term_slots]
+        self._term_multiplier = rows.numbers[rows.row_of_term]
 
     def _pairs(self, i: int, j: int) -> list[tuple[int, int, IntArray]]:
-        """Sides (a, b) and joints whose node on side a is in part i and on side b in part j."""
+        """Sides (a, b) and pairs of markers with the node of a in part i, that of b in part j."""
         return [
             (a, b, np.flatnonzero(
-                self._joint_owned & (self._joint_part[:, a] == i) & (self._joint_part[:, b] == j)
+                self._pair_owned & (self._pair_part[:, a] == i) & (self._pair_part[:, b] == j)
             ))
             for a in range(2)
             for b in range(2)
@@ -197,7 +204,7 @@ class _JointPattern:
 
     def pattern(self, i: int, j: int) -> tuple[IntArray, IntArray]:
         """Entries of block (i, j)."""
-        number = self._joint_number
+        number = self._pair_number
         entries = [
             block_indices(number[k, a][:, np.newaxis], number[k, b][:, np.newaxis])
             for a, b, k in self._pairs(i, j)
@@ -205,22 +212,24 @@ class _JointPattern:
         return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
 
     def values(self, i: int, j: int, hessians: FloatArray) -> FloatArray:
-        """Values of block (i, j) from the joints' second derivatives (n_joints, 12, 12)."""
+        """Values of block (i, j) from the pairs' second derivatives (n_pairs, 12, 12)."""
         blocks = hessians.reshape(-1, 2, 6, 2, 6)
         return np.concatenate([blocks[k, a, :, b, :].ravel() for a, b, k in self._pairs(i, j)])
 
     def _sides(self, i: int) -> list[tuple[int, IntArray]]:
-        owned = self._rows.owned > 0.0
-        return [(s, np.flatnonzero(owned & (self._row_part[:, s] == i))) for s in range(2)]
+        return [
+            (side, np.flatnonzero(self._term_owned & (self._term_part[:, side] == i)))
+            for side in range(2)
+        ]
 
     def gradient(self, i: int) -> tuple[IntArray, IntArray]:
         """Entries (unknown, multiplier) of ``G^T`` in part i."""
         unknowns, numbers = [], []
-        for side, r in self._sides(i):
-            unknowns.append((6 * self._row_number[r, side][:, np.newaxis] + np.arange(6)).ravel())
-            numbers.append(np.repeat(self._rows.numbers[r], 6))
+        for side, t in self._sides(i):
+            unknowns.append((6 * self._term_number[t, side][:, np.newaxis] + np.arange(6)).ravel())
+            numbers.append(np.repeat(self._term_multiplier[t], 6))
         return np.concatenate(unknowns), np.concatenate(numbers)
 
     def side_values(self, i: int, jacobian: FloatArray) -> FloatArray:
-        """Values of ``gradient(i)`` from gradients (r, 2, 6)."""
-        return np.concatenate([jacobian[r, side].ravel() for side, r in self._sides(i)])
+        """Values of ``gradient(i)`` from gradients (t, 2, 6) of the terms."""
+        return np.concatenate([jacobian[t, side].ravel() for side, t in self._sides(i)])

@@ -14,10 +14,11 @@ from flexfem.lie import se3, so3
 from flexfem.mesh.beam_mesh import create_beam_mesh
 from flexfem.model.bodies import RigidBody
 from flexfem.system.assembly import Assembly
-from flexfem.system.constraints import Constraints, PlacedJoint
+from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
 from flexfem.system.node_loads import Force, NodeForces, NodeMasses
 from flexfem.system.placement import BEAMS, RIGID, NodeKey, Placement, place
+from flexfem.system.row_table import PlacedJoint
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
@@ -75,8 +76,7 @@ def _part(
 def _check_joints(serial: Assembly) -> None:
     """Raise for joints without rows at the start, such as a spring between coinciding markers."""
     for joint in serial.model.joints:
-        poses = serial.marker_pose(joint.a), serial.marker_pose(joint.b)
-        joint.rows(*poses, 0.0)
+        joint.rows([serial.marker_pose(m) for m in joint.markers], 0.0)
 
 
 def _beam_block(
@@ -119,7 +119,7 @@ def _connect(
     needed: dict[NodeKey, set[int]] = {}
     for joint in serial.model.joints:
         ranks = placement.joint_ranks(joint)
-        for marker in (joint.a, joint.b):
+        for marker in joint.markers:
             key = serial.key(marker)
             if key is not None:
                 needed.setdefault(key, set()).update(ranks)
@@ -130,15 +130,14 @@ def _connect(
         ranks = placement.joint_ranks(joint)
         if comm.rank not in ranks:
             continue
-        ends = [serial.key(m) for m in (joint.a, joint.b)]
-        slots = [-1 if k is None else interface.slot_of[k] for k in ends]
+        ends = [serial.key(m) for m in joint.markers]
         joints.append(
             PlacedJoint(
                 joint,
                 index,
-                (serial.marker_pose(joint.a), serial.marker_pose(joint.b)),
-                (slots[0], slots[1]),
-                np.array([serial.marker_frame(m) for m in (joint.a, joint.b)]),
+                tuple(serial.marker_pose(m) for m in joint.markers),
+                tuple(-1 if k is None else interface.slot_of[k] for k in ends),
+                np.array([serial.marker_frame(m) for m in joint.markers]),
                 owned=ranks[0] == comm.rank,
                 shared=len(ranks) > 1,
             )

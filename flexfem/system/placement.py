@@ -36,7 +36,7 @@ class Placement:
     def joint_ranks(self, joint: Joint) -> tuple[int, ...]:
         """Ranks that evaluate a joint, ascending; its multipliers belong to the first of them."""
         ranks: set[int] = set()
-        for marker in (joint.a, joint.b):
+        for marker in joint.markers:
             if isinstance(marker, Marker):
                 ranks.update(self.body_ranks[marker.body])
         return tuple(sorted(ranks))
@@ -51,7 +51,7 @@ def place(model: Model, ranks: int, split_above: int) -> Placement:
     }
     partner: dict[str, int] = {}
     for joint in model.joints:
-        names = [m.body for m in (joint.a, joint.b) if isinstance(m, Marker)]
+        names = [m.body for m in joint.markers if isinstance(m, Marker)]
         flexible = [name for name in names if name in body_ranks]
         for name in names:
             if flexible and name not in body_ranks:

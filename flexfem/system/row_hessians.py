@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled second derivatives of constraint rows; conventions as in ``row_kernels``."""
+"""Compiled second derivatives of the terms of rows; conventions as in ``row_kernels``."""
 
 import numpy as np
 
@@ -55,11 +55,11 @@ def _add(out: FloatArray, i: int, j: int, sign: float, B: FloatArray) -> None:
 
 
 @kernel
-def _row_hessian(
+def _term_hessian(
     kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
     h: FloatArray,
 ) -> None:  # fmt: skip
-    """Derivative of a row's gradient (12) along the local twists (12) in ``h`` (12, 12).
+    """Derivative of a term's gradient (12) along the local twists (12) in ``h`` (12, 12).
 
     It is not symmetric: increments of rotation do not commute.
     """
@@ -199,23 +199,23 @@ def _marker_map(offset: FloatArray, J: FloatArray) -> None:
 
 @kernel
 def add_hessians(
-    poses: FloatArray, marker_node: IntArray, marker_offset: FloatArray, row_marker: IntArray,
-    kinds: IntArray, directions: FloatArray, joint_of_row: IntArray, factor: FloatArray,
+    poses: FloatArray, marker_node: IntArray, marker_offset: FloatArray, term_marker: IntArray,
+    kinds: IntArray, directions: FloatArray, pair_of_term: IntArray, factor: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add ``factor`` times every row's second derivative to its joint's block of ``out``.
+    """Add ``factor`` times every term's second derivative to the block of its pair of markers.
 
     Rows and columns refer to the nodes' local twists.
     """
     h, J, left = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty((12, 12))
-    for r in range(kinds.size):
-        if factor[r] == 0.0:
+    for t in range(kinds.size):
+        if factor[t] == 0.0:
             continue
-        a, b = row_marker[r, 0], row_marker[r, 1]
-        d = directions[r]
-        _row_hessian(kinds[r], poses[a], poses[b], d[0], d[1], d[2], h)
+        a, b = term_marker[t, 0], term_marker[t, 1]
+        d = directions[t]
+        _term_hessian(kinds[t], poses[a], poses[b], d[0], d[1], d[2], h)
         for side in range(2):
-            m = row_marker[r, side]
+            m = term_marker[t, side]
             J[side] = 0.0
             if marker_node[m] >= 0:
                 _marker_map(marker_offset[m], J[side])
@@ -224,86 +224,87 @@ def add_hessians(
                 left[i, j] = 0.0
                 for k in range(6):
                     left[i, j] += h[i, 6 * (j // 6) + k] * J[j // 6, k, j % 6]
-        block = out[joint_of_row[r]]
+        block = out[pair_of_term[t]]
         for i in range(12):
             for j in range(12):
                 for k in range(6):
-                    block[i, j] += factor[r] * J[i // 6, k, i % 6] * left[6 * (i // 6) + k, j]
+                    block[i, j] += factor[t] * J[i // 6, k, i % 6] * left[6 * (i // 6) + k, j]
+
+
+@kernel
+def _marker_twists(
+    velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray, markers: IntArray,
+    J: FloatArray, v: FloatArray,
+) -> None:  # fmt: skip
+    """Maps ``J`` (2, 6, 6) from node twists to those of two markers, and these in ``v`` (12)."""
+    v[:] = 0.0
+    J[:] = 0.0
+    for side in range(2):
+        m = markers[side]
+        if marker_node[m] >= 0:
+            _marker_map(marker_offset[m], J[side])
+            for i in range(6):
+                for j in range(6):
+                    v[6 * side + i] += J[side, i, j] * velocities[marker_node[m], j]
 
 
 @kernel
 def second_rates(
     poses: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
-    row_marker: IntArray, kinds: IntArray, directions: FloatArray, out: FloatArray,
+    term_marker: IntArray, kinds: IntArray, directions: FloatArray, factors: FloatArray,
+    row_of_term: IntArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """``v . (d gradient / dq) v`` of every row: its second time derivative at constant v."""
-    h, J, v = np.empty((12, 12)), np.empty((6, 6)), np.empty(12)
-    for r in range(kinds.size):
-        d = directions[r]
-        _row_hessian(
-            kinds[r], poses[row_marker[r, 0]], poses[row_marker[r, 1]], d[0], d[1], d[2], h
+    h, J, v = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(12)
+    out[:] = 0.0
+    for t in range(kinds.size):
+        d = directions[t]
+        _term_hessian(
+            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2], h
         )
-        v[:] = 0.0
-        for side in range(2):
-            m = row_marker[r, side]
-            if marker_node[m] >= 0:
-                _marker_map(marker_offset[m], J)
-                for i in range(6):
-                    for j in range(6):
-                        v[6 * side + i] += J[i, j] * velocities[marker_node[m], j]
-        out[r] = 0.0
+        _marker_twists(velocities, marker_node, marker_offset, term_marker[t], J, v)
         for i in range(12):
             for j in range(12):
-                out[r] += v[i] * h[i, j] * v[j]
+                out[row_of_term[t]] += factors[t] * v[i] * h[i, j] * v[j]
 
 
 @kernel
 def add_dampers(
     poses: FloatArray, increments: FloatArray, velocities: FloatArray, marker_node: IntArray,
-    marker_offset: FloatArray, row_marker: IntArray, kinds: IntArray, directions: FloatArray,
-    elastic: FloatArray, inertial: BoolArray, dynamics: FloatArray, step_jacobian: FloatArray,
+    marker_offset: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
+    factors: FloatArray, row_of_term: IntArray, slopes: FloatArray, inertial: BoolArray,
+    dynamics: FloatArray, force_jacobian: FloatArray, step_jacobian: FloatArray,
 ) -> None:  # fmt: skip
-    """Exact ``step_jacobian`` of damped rows: their rate depends on position and increment.
+    """Add to ``step_jacobian`` that rates of rows depend on position and increment.
 
     ``inertial`` (n,) tells how each node's translation is integrated.
     """
     h, J, by_v, by_w = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(36), np.empty(36)
     rates, nothing = np.array([dynamics[0], 0.0]), np.zeros(6)
-    v, w, rate = np.empty(12), np.empty(6), np.empty(6)
-    for r in range(kinds.size):
-        k, c = elastic[r, 1], elastic[r, 2]
-        if elastic[r, 0] == 0.0 or c == 0.0:
+    v, w = np.empty(12), np.empty(6)
+    for t in range(kinds.size):
+        slope = slopes[row_of_term[t], 1]
+        if slope == 0.0:
             continue
-        scale = 1.0 / (k + c * dynamics[0])
-        d = directions[r]
-        _row_hessian(
-            kinds[r], poses[row_marker[r, 0]], poses[row_marker[r, 1]], d[0], d[1], d[2], h
+        d = directions[t]
+        _term_hessian(
+            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2], h
         )
-        v[:] = 0.0
-        J[:] = 0.0
+        _marker_twists(velocities, marker_node, marker_offset, term_marker[t], J, v)
         for side in range(2):
-            m = row_marker[r, side]
-            if marker_node[m] >= 0:
-                _marker_map(marker_offset[m], J[side])
-                for i in range(6):
-                    for j in range(6):
-                        v[6 * side + i] += J[side, i, j] * velocities[marker_node[m], j]
-        for side in range(2):
-            m = row_marker[r, side]
-            if marker_node[m] < 0:
+            node = marker_node[term_marker[t, side]]
+            if node < 0:
                 continue
-            node = marker_node[m]
             step_rates_into(
                 inertial[node], increments[node], velocities[node], nothing, rates, by_v, by_w
             )
             for j in range(6):
                 w[j] = 0.0
                 for i in range(12):
-                    w[j] += v[i] * h[i, 6 * side + j]
+                    w[j] += factors[t] * v[i] * h[i, 6 * side + j]
             for j in range(6):
-                rate[j] = 0.0
+                rate = 0.0
                 for i in range(6):
-                    rate[j] += w[i] * J[side, i, j]
-                    rate[j] += step_jacobian[r, side, i] * by_v[6 * i + j]
-            for j in range(6):
-                step_jacobian[r, side, j] = scale * (k * step_jacobian[r, side, j] + c * rate[j])
+                    rate += w[i] * J[side, i, j]
+                    rate += force_jacobian[t, side, i] * by_v[6 * i + j]
+                step_jacobian[t, side, j] += slope * rate

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled evaluation of constraint rows: values and gradients.
+"""Compiled evaluation of rows and their terms: values, gradients, forces.
 
 Markers have frames ``H_a = (x_a, R_a)`` and ``H_b``; gradients are taken with respect to their
 local twists ``(V_a, Omega_a, V_b, Omega_b)`` (12 numbers). The derivation uses ``dx = R V``, ``dR =
@@ -8,10 +8,11 @@ R skew(Omega)`` and nothing else.
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
-from flexfem.core.joint import RowKind
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.row import RowKind
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
+from flexfem.system.row_laws import NORMAL_FRICTION, RIGID, force_law
 
 __all__ = [
     "ALONG",
@@ -24,8 +25,10 @@ __all__ = [
     "dot",
     "evaluate_rows",
     "marker_poses",
+    "marker_wrenches",
     "rotate_back_into",
     "rotate_into",
+    "sums_of_terms",
     "update_angles",
 ]
 
@@ -64,11 +67,11 @@ def dot(a: FloatArray, b: FloatArray) -> float:
 
 
 @kernel
-def _row(
+def _term(
     kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
     memory: float, g: FloatArray, s: FloatArray,
 ) -> float:  # fmt: skip
-    """Value of one row without its target; gradient in ``g`` (12), scratch ``s`` (5, 3)."""
+    """Value of one elementary function; gradient in ``g`` (12), scratch ``s`` (5, 3)."""
     g[:] = 0.0
     if kind == AXES:
         rotate_into(Hb, v, s[0], 0)
@@ -138,41 +141,112 @@ def marker_poses(
 
 @kernel
 def update_angles(
-    poses: FloatArray, row_marker: IntArray, kinds: IntArray, directions: FloatArray,
+    poses: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
     memory: FloatArray,
 ) -> None:  # fmt: skip
-    """Store the continuous angle of each angle row (call it when a step is accepted)."""
+    """Store the continuous angle of each angle (call it when a step is accepted)."""
     g, scratch = np.empty(12), np.empty((5, 3))
-    for r in range(kinds.size):
-        if kinds[r] == ANGLE:
-            d = directions[r]
-            memory[r] = _row(
-                ANGLE, poses[row_marker[r, 0]], poses[row_marker[r, 1]], d[0], d[1], d[2],
-                memory[r], g, scratch,
+    for t in range(kinds.size):
+        if kinds[t] == ANGLE:
+            d = directions[t]
+            memory[t] = _term(
+                ANGLE, poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
+                memory[t], g, scratch,
             )  # fmt: skip
 
 
 @kernel
+def sums_of_terms(
+    poses: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
+    factors: FloatArray, memory: FloatArray, row_of_term: IntArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Values of all rows, their targets not subtracted."""
+    g, scratch = np.empty(12), np.empty((5, 3))
+    out[:] = 0.0
+    for t in range(kinds.size):
+        d = directions[t]
+        out[row_of_term[t]] += factors[t] * _term(
+            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
+            memory[t], g, scratch,
+        )  # fmt: skip
+
+
+@kernel
+def marker_wrenches(
+    poses: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
+    factors: FloatArray, row_of_term: IntArray, forces: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add to ``out`` (m, 6) the wrenches ``-G^T forces`` on the bodies, in inertial axes.
+
+    Moments are about the markers' origins.
+    """
+    g, scratch, turned = np.empty(12), np.empty((5, 3)), np.empty(3)
+    for t in range(kinds.size):
+        d = directions[t]
+        _term(
+            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
+            0.0, g, scratch,
+        )  # fmt: skip
+        size = -factors[t] * forces[row_of_term[t]]
+        for part in range(4):
+            m = term_marker[t, part // 2]
+            rotate_into(poses[m], g[3 * part : 3 * part + 3], turned, 0)
+            for i in range(3):
+                out[m, 3 * (part % 2) + i] += size * turned[i]
+
+
+@kernel
 def add_forces(
-    row_slots: IntArray, force_jacobian: FloatArray, multipliers: FloatArray, local: IntArray,
-    residual: FloatArray,
+    term_slots: IntArray, row_of_term: IntArray, force_jacobian: FloatArray,
+    multipliers: FloatArray, local: IntArray, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``G^T multipliers`` to the nodes ``local[slot]`` of a block (-1: another block)."""
-    for r in range(multipliers.size):
+    for t in range(row_of_term.size):
         for side in range(2):
-            slot = row_slots[r, side]
+            slot = term_slots[t, side]
             if slot >= 0 and local[slot] >= 0:
                 for i in range(6):
-                    residual[local[slot], i] += multipliers[r] * force_jacobian[r, side, i]
+                    residual[local[slot], i] += (
+                        multipliers[row_of_term[t]] * force_jacobian[t, side, i]
+                    )
+
+
+@kernel
+def _apply_law(
+    r: int, law: FloatArray, value: float, rate: float, dynamics: FloatArray,
+    multipliers: FloatArray, normal_start: IntArray, normal_rows: IntArray, values: FloatArray,
+    compliance: FloatArray, coupling: FloatArray, slopes: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Equation ``scale (F - L/s) = 0`` of row ``r`` with its derivatives.
+
+    The scale lies below ``s`` and below one over the slopes of the force: the equation has the
+    size of a rigid row's, whether the law is stiff or its force vanishes.
+    """
+    squares = 0.0
+    for k in range(normal_start[r], normal_start[r + 1]):
+        squares += multipliers[normal_rows[k]] ** 2
+    size = np.sqrt(squares)
+    force_law(law, value, rate, multipliers[r] / dynamics[1], size / dynamics[1], out)
+    scale = 1.0 / (1.0 / dynamics[1] + abs(out[1]) + abs(out[2]) * dynamics[0])
+    values[r] = scale * (out[0] - multipliers[r] / dynamics[1])
+    compliance[r] = scale / dynamics[1]
+    slopes[r, 0], slopes[r, 1] = scale * out[1], scale * out[2]
+    for k in range(normal_start[r], normal_start[r + 1]):
+        coupling[k] = 0.0
+        if law[0] == NORMAL_FRICTION and size > 0.0:
+            part = multipliers[normal_rows[k]] / size
+            coupling[k] = -compliance[r] * law[3] * out[3] * part
 
 
 @kernel
 def evaluate_rows(
     frames: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
-    row_marker: IntArray, kinds: IntArray, directions: FloatArray, targets: FloatArray,
-    memory: FloatArray, elastic: FloatArray, dynamics: FloatArray, multipliers: FloatArray,
-    poses: FloatArray, force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
-    compliance: FloatArray,
+    term_marker: IntArray, kinds: IntArray, directions: FloatArray, factors: FloatArray,
+    memory: FloatArray, term_start: IntArray, targets: FloatArray, active: BoolArray,
+    elastic: FloatArray, relaxation: float, normal_start: IntArray, normal_rows: IntArray,
+    dynamics: FloatArray, multipliers: FloatArray, poses: FloatArray, force_jacobian: FloatArray,
+    step_jacobian: FloatArray, values: FloatArray, compliance: FloatArray, coupling: FloatArray,
+    slopes: FloatArray,
 ) -> None:  # fmt: skip
     """Evaluate every row at the trial configuration.
 
@@ -181,42 +255,61 @@ def evaluate_rows(
         velocities: (n, 6) local twists of these nodes.
         marker_node: (m,) node of each marker, -1 for ground.
         marker_offset: (m, 12) frame of each marker relative to its node, absolute for ground.
-        row_marker: (r, 2) markers a and b of each row.
-        kinds: (r,) values of ``RowKind``.
-        directions: (r, 3, 3) u, v and p.
-        targets: (r,) values that the constraint functions take.
-        memory: (r,) continuous angles at the accepted state.
-        elastic: (r, 3) flag, stiffness, damping of rows with compliance.
+        term_marker: (t, 2) markers a and b of each term.
+        kinds: (t,) values of ``RowKind``.
+        directions: (t, 3, 3) u, v and p.
+        factors: (t,) coefficients of the terms.
+        memory: (t,) continuous angles at the accepted state.
+        term_start: (r + 1,) first term of each row.
+        targets: (r,) values that the sums take.
+        active: (r,) rows that are not released.
+        elastic: (r, 5) law, stiffness, damping and two parameters, see ``Law``.
+        relaxation: compliance of rigid rows.
+        normal_start: (r + 1,) where the rows begin whose resultant presses on each row.
+        normal_rows: (k,) these rows.
         dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
         multipliers: (r,) scaled by ``beta h^2``.
         poses: (m, 12) work.
-        force_jacobian: (r, 2, 6) gradient with respect to the nodes' local twists.
-        step_jacobian: (r, 2, 6) derivative of ``values`` along them; dampers: see ``add_dampers``.
+        force_jacobian: (t, 2, 6) gradient with respect to the nodes' local twists.
+        step_jacobian: (t, 2, 6) derivative of ``values`` along them; dampers: see ``add_dampers``.
         values: (r,) residual of the row.
         compliance: (r,) what couples its own multiplier.
+        coupling: (k,) what couples those of ``normal_rows``.
+        slopes: (r, 2) derivatives of ``values`` with respect to the row's sum and its rate.
     """
     marker_poses(frames, marker_node, marker_offset, poses)
-    g, scratch = np.empty(12), np.empty((5, 3))
-    for r in range(kinds.size):
-        a, b = row_marker[r, 0], row_marker[r, 1]
-        u, v, p = directions[r, 0], directions[r, 1], directions[r, 2]
-        value = _row(kinds[r], poses[a], poses[b], u, v, p, memory[r], g, scratch) - targets[r]
-        rate = 0.0
-        for side in range(2):
-            m = row_marker[r, side]
-            node = marker_node[m]
-            if node < 0:
-                force_jacobian[r, side] = 0.0
-                step_jacobian[r, side] = 0.0
-                continue
-            _to_node(marker_offset[m], g, 6 * side, force_jacobian[r, side])
-            for i in range(6):
-                step_jacobian[r, side, i] = force_jacobian[r, side, i]
-                rate += force_jacobian[r, side, i] * velocities[node, i]
-        values[r], compliance[r] = value, 0.0
-        if elastic[r, 0] != 0.0:
-            # divided by k + c gamma/(beta h) the force k value + c rate is scaled as a rigid row
-            k, c = elastic[r, 1], elastic[r, 2]
-            scale = 1.0 / (k + c * dynamics[0])
-            values[r] = scale * (k * value + c * rate - multipliers[r] / dynamics[1])
-            compliance[r] = scale / dynamics[1]
+    g, scratch, law = np.empty(12), np.empty((5, 3)), np.empty(4)
+    for r in range(targets.size):
+        value, rate = -targets[r], 0.0
+        for t in range(term_start[r], term_start[r + 1]):
+            d = directions[t]
+            value += factors[t] * _term(
+                kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
+                memory[t], g, scratch,
+            )  # fmt: skip
+            for side in range(2):
+                m = term_marker[t, side]
+                node = marker_node[m]
+                if node < 0:
+                    force_jacobian[t, side] = 0.0
+                    step_jacobian[t, side] = 0.0
+                    continue
+                _to_node(marker_offset[m], g, 6 * side, force_jacobian[t, side])
+                for i in range(6):
+                    force_jacobian[t, side, i] *= factors[t]
+                    step_jacobian[t, side, i] = force_jacobian[t, side, i]
+                    rate += force_jacobian[t, side, i] * velocities[node, i]
+        if active[r] and elastic[r, 0] == RIGID:
+            values[r], compliance[r] = value - relaxation * multipliers[r], relaxation
+            continue
+        if active[r]:
+            _apply_law(
+                r, elastic[r], value, rate, dynamics, multipliers, normal_start, normal_rows,
+                values, compliance, coupling, slopes, law,
+            )  # fmt: skip
+        else:
+            values[r], compliance[r], slopes[r, 0], slopes[r, 1] = -multipliers[r], 1.0, 0.0, 0.0
+        for t in range(term_start[r], term_start[r + 1]):
+            for side in range(2):
+                for i in range(6):
+                    step_jacobian[t, side, i] *= slopes[r, 0]

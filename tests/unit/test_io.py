@@ -273,7 +273,9 @@ def test_writers_accept_ranks_with_nothing(shared_tmp_path: Path) -> None:
     own = RigidBodyFields(one, np.eye(3)[None], one, one, i)
     bodies.write(0.0, 0, own if last else RigidBodyFields.empty())
     joints = JointWriter(shared_tmp_path, COMM, ["Revolute"], 0.1)
-    joints.write(0.0, 0, JointFields(one, 2 * one, one, one, i) if last else JointFields.empty())
+    joints.write(
+        0.0, 0, JointFields(one, 2 * one, one, one, one, i) if last else JointFields.empty()
+    )
     for writer in (beams, bodies, joints):
         writer.close()
     for name in ("beams", "beam_surfaces", "rigid_bodies", "joints"):
@@ -351,7 +353,7 @@ def test_joints_show_glyph_and_link(shared_tmp_path: Path) -> None:
     b[1] = a[1]  # an ideal joint: both markers at one place
     axis = np.tile([0.0, 0.0, 1.0], (n, 1))
     force = np.tile([3.0, 4.0, 0.0], (n, 1))
-    writer.write(0.0, 0, JointFields(a, b, axis, force, np.arange(n)))
+    writer.write(0.0, 0, JointFields(a, b, axis, force, 2.0 * force, np.arange(n)))
     writer.close()
     mesh = read(shared_tmp_path / pvd(shared_tmp_path / "joints.pvd")[0][1])
     assert np.isfinite(mesh.points).all()

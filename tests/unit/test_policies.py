@@ -121,13 +121,13 @@ def test_singular_matrix_is_a_status_and_can_be_left(monkeypatch):
         simulation = Simulation(_mechanism(), options)
         assert simulation.advance(1e-3) is Status.OK
         rows = simulation.system.constraints
-        kept = rows._directions.copy()
-        rows._directions[:] = 0.0
+        kept = rows.directions.copy()
+        rows.directions[:] = 0.0
         before = simulation.time
         for _ in range(2):  # the direct solver must survive its first failure
             assert simulation.advance(1e-3) in (Status.SINGULAR, Status.DIVERGED)
         assert simulation.time == before
-        rows._directions[:] = kept
+        rows.directions[:] = kept
         assert simulation.advance(1e-3) is Status.OK
 
 

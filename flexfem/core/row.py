@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Rows: scalar constraints and force laws between the markers of a joint, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+
+from flexfem._types import FloatArray
+
+__all__ = ["Law", "LawKind", "Row", "RowKind", "Term", "friction", "limit", "spring"]
+
+_ZERO = np.zeros(3)
+
+
+class RowKind(IntEnum):
+    """Elementary functions of marker a (pose x_a, R_a) and marker b (x_b, R_b)."""
+
+    #: u . (x_b - x_a), u in inertial axes
+    INERTIAL = 0
+    #: R_a u . (x_b - x_a)
+    ALONG = 1
+    #: R_a u . R_b v
+    AXES = 2
+    #: |x_b - x_a|
+    DISTANCE = 3
+    #: angle about R_a u from R_a p to R_b v; continuous over any number of turns
+    ANGLE = 4
+
+
+class LawKind(IntEnum):
+    """Laws of the force F that a row carries for its value x and its rate v."""
+
+    #: none: the value is zero and the force whatever this takes
+    RIGID = 0
+    #: F = k x + c v
+    SPRING = 1
+    #: zero within lower <= x <= upper; beyond by d, F = k d (1 + tanh(c v / (k d))) against it
+    LIMIT = 2
+    #: F = F_c tanh(v / v_0) + c v
+    FRICTION = 3
+    #: the same with F_c = mu N, N the resultant of other rows
+    NORMAL_FRICTION = 4
+
+
+@dataclass(frozen=True)
+class Law:
+    """Force law of a row.
+
+    Attributes:
+        kind: which law.
+        stiffness: k, N/m or N m/rad.
+        damping: c, N s/m or N m s/rad.
+        first, second: ``LIMIT``: lower and upper limit; ``FRICTION``: F_c (N or N m) and v_0 (m/s
+            or rad/s); ``NORMAL_FRICTION``: mu (1, or m for a moment) and v_0.
+    """
+
+    kind: LawKind
+    stiffness: float = 0.0
+    damping: float = 0.0
+    first: float = 0.0
+    second: float = 0.0
+
+
+def spring(stiffness: float, damping: float) -> Law:
+    """Linear spring and damper."""
+    return Law(LawKind.SPRING, stiffness, damping)
+
+
+def limit(lower: float | None, upper: float | None, stiffness: float, damping: float) -> Law:
+    """Stop below ``lower`` and above ``upper``, None for none.
+
+    Damping never makes it pull, and acts softly where it begins to press: the force stays between
+    none and twice that of the spring.
+    """
+    low, high = -np.inf if lower is None else lower, np.inf if upper is None else upper
+    return Law(LawKind.LIMIT, stiffness, damping, low, high)
+
+
+def friction(force: float, velocity: float, viscous: float, normal: bool = False) -> Law:
+    """Regularised Coulomb friction and a viscous part; ``normal``: ``force`` is a coefficient."""
+    kind = LawKind.NORMAL_FRICTION if normal else LawKind.FRICTION
+    return Law(kind, 0.0, viscous, force, velocity)
+
+
+@dataclass(frozen=True)
+class Term:
+    """One elementary function of two markers of a joint, times a factor.
+
+    Attributes:
+        kind: which function.
+        u: direction in the axes of marker a (inertial axes for ``INERTIAL``).
+        v: direction in the axes of marker b.
+        p: zero direction of an angle, in the axes of marker a, perpendicular to ``u``.
+        a, b: numbers of the two markers within the joint.
+        factor: coefficient in the row's sum.
+    """
+
+    kind: RowKind
+    u: FloatArray = field(default_factory=lambda: _ZERO)
+    v: FloatArray = field(default_factory=lambda: _ZERO)
+    p: FloatArray = field(default_factory=lambda: _ZERO)
+    a: int = 0
+    b: int = 1
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """A scalar constraint, or a force law where there is one.
+
+    Its value is the sum of its terms less the target.
+
+    Attributes:
+        terms: the functions that are summed.
+        target: value that the sum takes (m, rad or 1).
+        law: force that the row carries as a function of its value; None for a rigid row.
+        switchable: the row can be locked and released during a run.
+        locked: it holds at the start; a row that is released carries no force.
+    """
+
+    terms: tuple[Term, ...]
+    target: float = 0.0
+    law: Law | None = None
+    switchable: bool = False
+    locked: bool = True

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bushing: elastic and viscous in all six relative freedoms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.joint import Joint, turn_angle
+from flexfem.core.pose import Pose
+from flexfem.core.row import Law, Row, RowKind, Term, spring
+
+__all__ = ["Bushing"]
+
+#: Eigenvalues of a scaled matrix below this are zero.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Bushing(Joint):
+    """Linear elastic and viscous connection, ``w = K q + C dq/dt``.
+
+    The six coordinates q are the displacements of b from its place at the start (m, in the axes of
+    marker a) and the angles about the axes of marker a by which b has turned since (rad), each
+    measured between projections of an axis of either marker: exact for a turn of any size about one
+    axis, and the rotation vector to first order otherwise. The forces w are conjugate to them:
+    marker a is where the moments of the displacements' forces balance.
+
+    Attributes:
+        stiffness: K; six numbers of the diagonal or a symmetric matrix, shape (6, 6), positive
+            semidefinite; N/m, N m/rad.
+        damping: C; the same in N s/m, N m s/rad.
+    """
+
+    stiffness: npt.ArrayLike = (0.0,) * 6
+    damping: npt.ArrayLike = (0.0,) * 6
+
+    def __post_init__(self) -> None:
+        """Check both matrices.
+
+        Raises:
+            TypeError: they do not consist of numbers.
+            ValueError: wrong shape, not symmetric, not positive semidefinite, or both zero.
+        """
+        super().__post_init__()
+        K = _matrix(self.owner, "stiffness", self.stiffness)
+        C = _matrix(self.owner, "damping", self.damping)
+        if not K.any() and not C.any():
+            raise ValueError(f"{self.owner}: stiffness and damping must not both be zero")
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        a, b = poses
+        start = a.rotation.T @ (b.position - a.position)
+        along = [Term(RowKind.ALONG, u=e) for e in np.eye(3)]
+        about = [turn_angle(a.rotation[:, k], a, b) for k in range(3)]
+        zero = np.concatenate([start, np.zeros(3)])
+        K = _matrix(self.owner, "stiffness", self.stiffness)
+        C = _matrix(self.owner, "damping", self.damping)
+        if _diagonal(K) and _diagonal(C):
+            return tuple(
+                Row((term,), float(zero[i]), spring(float(K[i, i]), float(C[i, i])))
+                for i, term in enumerate((*along, *about))
+                if K[i, i] or C[i, i]
+            )
+        parts = [(vector, spring(1.0, 0.0)) for vector in _parts(K)]
+        parts += [(vector, spring(0.0, 1.0)) for vector in _parts(C)]
+        return tuple(_combined((*along, *about), zero, *part) for part in parts)
+
+
+def _combined(terms: Sequence[Term], zero: FloatArray, vector: FloatArray, law: Law) -> Row:
+    """Row with a law for the combination ``vector . q`` of the coordinates."""
+    used = tuple(
+        replace(term, factor=float(c)) for term, c in zip(terms, vector, strict=True) if c != 0.0
+    )
+    return Row(used, float(vector @ zero), law)
+
+
+def _matrix(owner: str, what: str, value: npt.ArrayLike) -> FloatArray:
+    """The full matrix of six numbers or of a matrix, checked."""
+    full = isinstance(value, (list, tuple, np.ndarray)) and np.ndim(value[0]) > 0
+    matrix = _checks.array(owner, what, value, (6, 6) if full else (6,))
+    if not full:
+        matrix = np.diag(matrix)
+    if np.abs(matrix - matrix.T).max() > 1e-9 * np.abs(matrix).max():
+        raise ValueError(f"{owner}: {what} must be symmetric, got {_checks.show(value)}")
+    scaled, _ = _scaled(matrix)
+    smallest = float(np.linalg.eigvalsh(scaled)[0])
+    if np.diag(matrix).min() < 0.0 or smallest < -_ROUNDING:
+        shown = _checks.show(value)
+        raise ValueError(f"{owner}: {what} must be positive semidefinite, got {shown}")
+    return matrix
+
+
+def _scaled(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The matrix with ones on its diagonal, and the roots of the diagonal: units cancel."""
+    root = np.sqrt(np.abs(np.diag(matrix)))
+    inverse = np.where(root > 0.0, 1.0 / np.where(root > 0.0, root, 1.0), 1.0)
+    return matrix * np.outer(inverse, inverse), root
+
+
+def _parts(matrix: FloatArray) -> list[FloatArray]:
+    """Vectors l with ``matrix = sum l l^T``."""
+    scaled, root = _scaled(matrix)
+    values, vectors = np.linalg.eigh(scaled)
+    kept = np.flatnonzero(values > _ROUNDING)
+    return [np.sqrt(values[k]) * root * vectors[:, k] for k in kept]
+
+
+def _diagonal(matrix: FloatArray) -> bool:
+    return not np.any(matrix - np.diag(np.diag(matrix)))

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Constant-velocity joint."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.joint import AxisJoint, coincidence, perpendicular, unit
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind, Term
+
+__all__ = ["ConstantVelocity"]
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantVelocity(AxisJoint):
+    """Homokinetic joint: both shafts turn at the same speed at any angle between them.
+
+    The shafts meet in one point, and the rotation that turns one into the other has no part along
+    them; four constraints. The shafts may be bent by less than a straight angle.
+
+    Attributes:
+        axis: shaft fixed in marker a, inertial axes at the start.
+        second_axis: shaft fixed in marker b in the same sense; None for the same direction.
+    """
+
+    second_axis: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the shafts.
+
+        Raises:
+            ValueError: a shaft is zero, or they point against each other.
+        """
+        super().__post_init__()
+        if self.second_axis is not None:
+            second = _checks.vector(self.owner, "second_axis", self.second_axis, nonzero=True)
+            if float(self.direction @ unit(second)) < -1.0 + 1e-9:
+                shown = _checks.show(self.second_axis)
+                raise ValueError(f"{self.owner}: second_axis must not oppose axis, got {shown}")
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        a, b = poses
+        second = self.direction if self.second_axis is None else unit(self.second_axis)
+        p, q = perpendicular(self.direction)
+        bend = _shortest_turn(self.direction, second)
+        terms = (
+            Term(RowKind.AXES, u=a.rotation.T @ p, v=b.rotation.T @ bend @ q),
+            Term(RowKind.AXES, u=a.rotation.T @ q, v=b.rotation.T @ bend @ p, factor=-1.0),
+        )
+        return (*coincidence(), Row(terms))
+
+
+def _shortest_turn(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Rotation matrix about the common perpendicular that turns one unit vector into another."""
+    n = np.cross(first, second)
+    skew = np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]])
+    return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + first @ second))

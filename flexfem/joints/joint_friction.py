@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Friction in a joint."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flexfem import _checks
+from flexfem.core.joint import Joint, JointAction
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row, friction
+
+__all__ = ["JointFriction"]
+
+
+@dataclass(frozen=True, eq=False)
+class JointFriction(JointAction):
+    """Regularised Coulomb friction and viscous drag on the motion that another joint leaves.
+
+    It acts against the relative velocity v with ``F_c tanh(v / v_0) + c v``, where ``F_c`` is
+    given, or ``mu N``, or ``mu r N`` for a rotation; N is the resultant of the joint's constraint
+    forces at its markers. What sticks creeps at less than ``v_0``.
+
+    Attributes:
+        joint: the joint that rubs; in the model too.
+        motion: "translation" along or "rotation" about its axis; None if it leaves only one.
+        force: F_c, N or N m; None with a coefficient.
+        coefficient: mu; None with a force.
+        radius: r of the rubbing surface, m; for a rotation with a coefficient.
+        velocity: v_0, m/s or rad/s.
+        viscous: c, N s/m or N m s/rad.
+    """
+
+    force: float | None = None
+    coefficient: float | None = None
+    radius: float | None = None
+    velocity: float = 1e-3
+    viscous: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check all arguments.
+
+        Raises:
+            TypeError: an argument has the wrong type.
+            ValueError: the joint leaves no such motion, not just one of force and coefficient, a
+                negative number, ``v_0`` not positive, a radius missing or out of place.
+        """
+        super().__post_init__()
+        if len(self.motions) != 1:
+            raise ValueError(
+                f"{self.owner}: motion must be translation or rotation, got {self.motion}"
+            )
+        if (self.force is None) == (self.coefficient is None):
+            raise ValueError(
+                f"{self.owner}: needs either force or coefficient, got {self.force} and "
+                f"{self.coefficient}"
+            )
+        for what in ("force", "coefficient", "viscous"):
+            value = getattr(self, what)
+            if value is not None:
+                _checks.number(self.owner, what, value, nonnegative=True)
+        _checks.number(self.owner, "velocity", self.velocity, positive=True)
+        arm = self.coefficient is not None and self.motions == ("rotation",)
+        if arm:
+            _checks.number(self.owner, "radius", self.radius, positive=True)
+        elif self.radius is not None:
+            raise ValueError(
+                f"{self.owner}: radius goes with the coefficient of a rotation, got {self.radius}"
+            )
+
+    @property
+    def partner(self) -> Joint:
+        """See :attr:`Joint.partner`."""
+        return self.joint
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        arm = 1.0 if self.radius is None else self.radius
+        if self.coefficient is None:
+            law = friction(self.force or 0.0, self.velocity, self.viscous)
+        else:
+            law = friction(self.coefficient * arm, self.velocity, self.viscous, normal=True)
+        return tuple(Row((term,), 0.0, law) for term in self.terms(poses))

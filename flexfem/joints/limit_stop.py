@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""End stop."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.joint import Joint, check_limits, displacement, distance, turn_angle, unit
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind, Term, limit
+
+__all__ = ["LimitStop"]
+
+_COORDINATES = ("displacement", "angle", "distance")
+
+
+@dataclass(frozen=True, eq=False)
+class LimitStop(Joint):
+    """Stop that presses where a relative coordinate x passes a limit.
+
+    Beyond the limit by d it presses with ``k d (1 + tanh(c v / (k d)))``, v the speed of d: a
+    spring and damper while the damper's force is small against the spring's, which begins softly
+    and never pulls.
+
+    Attributes:
+        coordinate: "displacement" of b from a along an axis fixed in a (m), "angle" by which b has
+            turned from a about it since the start (rad), or "distance" of the markers (m).
+        axis: for displacement and angle, inertial axes at the start.
+        lower, upper: limits; None for none on that side.
+        stiffness: k, N/m or N m/rad.
+        damping: c, N s/m or N m s/rad.
+    """
+
+    coordinate: str = "displacement"
+    axis: Sequence[float] | None = None
+    lower: float | None = None
+    upper: float | None = None
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check all arguments.
+
+        Raises:
+            TypeError: an argument has the wrong type.
+            ValueError: an unknown coordinate, no or a zero axis, no limit or lower above upper,
+                stiffness not positive, damping negative.
+        """
+        super().__post_init__()
+        if self.coordinate not in _COORDINATES:
+            raise ValueError(
+                f"{self.owner}: coordinate must be one of {', '.join(_COORDINATES)}, got "
+                f"{_checks.show(self.coordinate)}"
+            )
+        if self.coordinate == "distance":
+            if self.axis is not None:
+                raise ValueError(f"{self.owner}: a distance has no axis, got {self.axis}")
+        else:
+            _checks.vector(self.owner, "axis", self.axis, nonzero=True)
+        check_limits(self.owner, self.lower, self.upper, self.stiffness, self.damping)
+
+    @property
+    def direction(self) -> FloatArray | None:
+        """See :attr:`Joint.direction`."""
+        return None if self.axis is None else unit(self.axis)
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`; raises ValueError for a distance that is zero at the start."""
+        a, b = poses
+        law = limit(self.lower, self.upper, self.stiffness, self.damping)
+        if self.direction is None:
+            distance(self.owner, poses)
+            return (Row((Term(RowKind.DISTANCE),), 0.0, law),)
+        if self.coordinate == "angle":
+            return (Row((turn_angle(self.direction, a, b),), 0.0, law),)
+        return (displacement(np.asarray(self.direction), a, 0.0, law),)

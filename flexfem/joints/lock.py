@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Lock of a joint."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem.core.joint import Joint, JointAction
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind
+
+__all__ = ["Lock"]
+
+
+@dataclass(frozen=True, eq=False)
+class Lock(JointAction):
+    """Holds the motion that another joint leaves while it is locked; released it does nothing.
+
+    It is switched during a run by events, which lock it in the position reached.
+
+    Attributes:
+        joint: the joint to be locked; in the model too.
+        motion: "translation" along or "rotation" about its axis; None for all that it leaves.
+        locked: whether it holds at the start.
+    """
+
+    locked: bool = False
+
+    def __post_init__(self) -> None:
+        """Check all arguments.
+
+        Raises:
+            TypeError: ``joint`` is none, or ``locked`` is not a truth value.
+            ValueError: the joint leaves no such motion.
+        """
+        super().__post_init__()
+        _checks.instance(self.owner, "locked", self.locked, bool)
+
+    @property
+    def partner(self) -> Joint:
+        """See :attr:`Joint.partner`."""
+        return self.joint
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        a, b = poses
+        start = float(np.asarray(self.direction) @ (b.position - a.position))
+        return tuple(
+            Row(
+                (term,),
+                start if term.kind is RowKind.ALONG else 0.0,
+                switchable=True,
+                locked=self.locked,
+            )
+            for term in self.terms(poses)
+        )

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Prescribed displacement along an axis."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from flexfem import _checks
+from flexfem.core.joint import AxisJoint, displacement
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row
+
+__all__ = ["PrescribedDisplacement"]
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedDisplacement(AxisJoint):
+    """Drives the displacement of marker b from marker a along an axis; one constraint.
+
+    Attributes:
+        axis: direction fixed in marker a, inertial axes at the start.
+        displacement: function of time (s), m; added to the position at the start.
+    """
+
+    displacement: Callable[[float], float] = lambda t: 0.0
+
+    driven: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        """Check the function.
+
+        Raises:
+            TypeError: the displacement is not a function.
+            ValueError: its value at t = 0 is not a number.
+        """
+        super().__post_init__()
+        _checks.function(self.owner, "displacement", self.displacement, ())
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        a, b = poses
+        start = float(self.direction @ (b.position - a.position))
+        return (displacement(self.direction, a, start + float(self.displacement(t))),)

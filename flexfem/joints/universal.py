@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Universal joint."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flexfem import _checks
+from flexfem.core.joint import AxisJoint, coincidence, unit
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind, Term
+
+__all__ = ["Universal"]
+
+#: Largest cosine between the arms of the cross.
+_PERPENDICULAR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Universal(AxisJoint):
+    """Cardan joint: the arms of its cross, one fixed in each marker, stay perpendicular.
+
+    Leaves two rotations; four constraints. Between shafts at an angle b the speeds differ:
+    ``w_2 = w_1 cos b / (1 - sin^2 b cos^2 a)``, a the angle of the first arm from the plane of
+    the shafts.
+
+    Attributes:
+        axis: arm fixed in marker a, inertial axes at the start.
+        second_axis: arm fixed in marker b, perpendicular to the other.
+    """
+
+    second_axis: Sequence[float] = (1.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Check the arms.
+
+        Raises:
+            ValueError: an arm is zero, or they are not perpendicular.
+        """
+        super().__post_init__()
+        second = _checks.vector(self.owner, "second_axis", self.second_axis, nonzero=True)
+        cosine = float(self.direction @ unit(second))
+        if abs(cosine) > _PERPENDICULAR:
+            raise ValueError(
+                f"{self.owner}: second_axis must be perpendicular to axis, got a cosine of "
+                f"{cosine:.6g}"
+            )
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        a, b = poses
+        first, second = a.rotation.T @ self.direction, b.rotation.T @ unit(self.second_axis)
+        return (*coincidence(), Row((Term(RowKind.AXES, u=first, v=second),)))

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled force laws of rows: force, and its slopes with respect to value and rate."""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.row import LawKind
+from flexfem.lie.compiled import kernel
+
+__all__ = ["LIMIT", "NORMAL_FRICTION", "RIGID", "SPRING", "force_law"]
+
+RIGID, SPRING, LIMIT, FRICTION, NORMAL_FRICTION = (int(kind) for kind in LawKind)
+
+
+@kernel
+def _limit(law: FloatArray, value: float, rate: float, out: FloatArray) -> None:
+    k, c, lower, upper = law[1], law[2], law[3], law[4]
+    if value > upper:
+        depth, sign = value - upper, 1.0
+    elif value < lower:
+        depth, sign = lower - value, -1.0
+    else:
+        out[:] = 0.0
+        return
+    ratio = sign * c * rate / (k * depth)
+    part = np.tanh(ratio)
+    slope = 1.0 - part * part
+    turning = ratio * slope if abs(ratio) < 20.0 else 0.0  # infinity times zero at first contact
+    out[0] = sign * k * depth * (1.0 + part)
+    out[1] = k * (1.0 + part - turning)
+    out[2] = c * slope
+    out[3] = 0.0
+
+
+@kernel
+def _point_on_tanh(weight: float, z: float) -> float:
+    """Solution y of ``weight y + tanh(y) = z``.
+
+    For z > 0 the left side is concave: Newton's method from zero rises to the solution.
+    """
+    size, y = abs(z), 0.0
+    for _ in range(60):
+        t = np.tanh(y)
+        step = (size - weight * y - t) / (weight + 1.0 - t * t)
+        y += step
+        if step <= 1e-15 * y:
+            break
+    return y if z > 0.0 else -y
+
+
+@kernel
+def _friction(
+    limit: float, velocity: float, viscous: float, rate: float, force: float, out: FloatArray
+) -> None:
+    """Tangent of ``F = limit tanh(rate / velocity) + viscous rate`` near an iterate.
+
+    At a sliding velocity the law is flat, so that Newton's method would overshoot a body that comes
+    to rest, again and again. The tangent is therefore taken at that point of the curve on which
+    force and rate together project, the rate scaled to the force: the iteration tries sticking
+    where both disagree, as an active-set method does. On the curve it is the law itself.
+    """
+    if limit <= 0.0:
+        out[0], out[1], out[2], out[3] = viscous * rate, 0.0, viscous, 0.0
+        return
+    y = rate / velocity
+    weight = 1.0 / (1.0 + abs(y))
+    at = _point_on_tanh(weight, weight * y + (force - viscous * rate) / limit)
+    t = np.tanh(at)
+    slope = 1.0 - t * t
+    part = t + slope * (y - at)
+    out[0] = limit * part + viscous * rate
+    out[1] = 0.0
+    out[2] = limit * slope / velocity + viscous
+    out[3] = min(max(part, -1.0), 1.0)
+
+
+@kernel
+def force_law(
+    law: FloatArray, value: float, rate: float, force: float, normal: float, out: FloatArray
+) -> None:
+    """Force of a row in ``out``: (F, dF/dvalue, dF/drate, dF/dF_c), see ``LawKind``.
+
+    Args:
+        law: (5,) kind, stiffness, damping and two more.
+        value: of the row, less its target.
+        rate: its time derivative.
+        force: present iterate of the force.
+        normal: resultant that presses, for ``NORMAL_FRICTION``.
+        out: (4,).
+    """
+    if law[0] == SPRING:
+        out[0], out[1], out[2], out[3] = law[1] * value + law[2] * rate, law[1], law[2], 0.0
+    elif law[0] == LIMIT:
+        _limit(law, value, rate, out)
+    elif law[0] == NORMAL_FRICTION:
+        _friction(law[3] * normal, law[4], law[2], rate, force, out)
+    else:
+        _friction(law[3], law[4], law[2], rate, force, out)
