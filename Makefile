@@ -1,7 +1,7 @@
 # Every target makes the set-up it needs in .venv; "make help" lists them.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test lint bench check-paraview clean
+.PHONY: help setup run test lint verification bench check-paraview clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -47,8 +47,12 @@ test: lint ## lint, then all tests on 1 and 2 ranks, some on 3
 	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
 	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
 
+verification: $(STAMP) ## all benchmarks at full meshes: writes tests/verification/TABLE.md
+	$(BIN)/python -m tests.verification.table
+
 bench: $(BENCH_STAMP) ## timings, against Exudyn where it has the same problem
 	$(BIN)/python tests/benchmarks/chain_against_exudyn.py --ranks 2
+	$(BIN)/python tests/benchmarks/scaling.py
 
 check-paraview: $(STAMP) ## open short runs of all cases, on 1 and 2 ranks, in the installed ParaView
 	@set -e; folders=; for case in $$(cd cases && ls *.py | sed 's/\.py$$//'); do \
