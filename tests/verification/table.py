@@ -6,7 +6,7 @@ Run from the source tree::
     python -m tests.verification.table                  # writes tests/verification/TABLE.md
     python -m tests.verification.table rigid_pendulum   # some modules, to the terminal
 
-Each module in ``benchmarks/`` has a function ``results(full)`` that returns its lines; the tests run
+Each module in ``benchmarks/`` has a function ``results(full)`` that returns its lines; tests run
 the same functions with ``full=False``. The exit code is 1 when a line misses its tolerance.
 """
 
