@@ -44,6 +44,7 @@ __version__ = "0.1.0"
 _MODULES = {
     "Material": "materials.material",
     "Section": "materials.section",
+    "BeamLaw": "materials.beam_law",
     "LineMesh": "mesh.line_mesh",
     "read_mesh": "mesh.line_mesh",
     "build_mesh": "mesh.library",

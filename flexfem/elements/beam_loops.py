@@ -9,11 +9,11 @@ from flexfem.la.batch import LANES
 from flexfem.la.kernel import tabulate, tabulate_batch
 from flexfem.lie.compiled import inlined, kernel
 
-__all__ = ["add_action", "add_residual", "add_tangent", "cell_resultants"]
+__all__ = ["add_action", "add_residual", "add_tangent", "law_values", "linear_resultants"]
 
 # positions in the order of forms.beam.BeamForms.coefficients
 _POSITION, _ROTATION, _VELOCITY, _ACCELERATION = 0, 1, 2, 3
-_TWIST, _LENGTH, _DAMPING, _STIFFNESS, _INERTIA = 4, 5, 6, 7, 8
+_TWIST, _LENGTH, _DAMPING, _MATERIAL, _INERTIA = 4, 5, 6, 7, 8
 _TURN, _VELOCITY_CHANGE, _ACCELERATION_CHANGE = 9, 10, 11
 
 
@@ -78,11 +78,12 @@ def _put_cell(
 def _put_laws(
     data: FloatArray, lane: int, offsets: IntArray, laws: FloatArray, section: int
 ) -> None:
-    """Write stiffness and inertia of a section: they stay while the section does."""
+    """Write inertia and stiffness or parameters of a section: they stay while the section does."""
     for i in range(21):
-        if offsets[_STIFFNESS] >= 0:
-            data[offsets[_STIFFNESS] + i, lane] = laws[section, 0, i]
-        data[offsets[_INERTIA] + i, lane] = laws[section, 1, i]
+        data[offsets[_INERTIA] + i, lane] = laws[section, i]
+    if offsets[_MATERIAL] >= 0:
+        for i in range(laws.shape[1] - 21):
+            data[offsets[_MATERIAL] + i, lane] = laws[section, 21 + i]
 
 
 @inlined
@@ -275,16 +276,35 @@ def add_tangent(
 
 
 @kernel
-def cell_resultants(
-    twists: FloatArray, initial: FloatArray, lengths: FloatArray, sections: IntArray,
-    stiffness: FloatArray, strain: FloatArray, resultant: FloatArray,
-) -> None:  # fmt: skip
-    """Strain and resultants (m, 6) from the relative twists of all cells (without damping)."""
-    for c in range(lengths.size):
+def linear_resultants(
+    strain: FloatArray, sections: IntArray, stiffness: FloatArray, resultant: FloatArray
+) -> None:
+    """Resultants (m, 6) of all cells from their strains by the stiffness (s, 6, 6)."""
+    for c in range(sections.size):
         D = stiffness[sections[c]]
-        for i in range(6):
-            strain[c, i] = (twists[c, i] - initial[c, i]) / lengths[c]
         for i in range(6):
             resultant[c, i] = 0.0
             for j in range(6):
                 resultant[c, i] += D[i, j] * strain[c, j]
+
+
+@kernel
+def law_values(
+    address: int, offsets: IntArray, strain: FloatArray, sections: IntArray,
+    parameters: FloatArray, values: FloatArray,
+) -> None:  # fmt: skip
+    """Write what ``forms.beam_law.LawForm`` lists to ``values`` (m, k), at rest.
+
+    ``parameters`` (s, p) are those of each section.
+    """
+    data, nothing, points = np.zeros(offsets[-1]), np.zeros(1), np.zeros(6)
+    points[3] = 1.0
+    for c in range(sections.size):
+        if offsets[0] >= 0:
+            for i in range(6):
+                data[offsets[0] + i] = strain[c, i]
+        if offsets.size > 3 and offsets[2] >= 0:
+            for i in range(parameters.shape[1]):
+                data[offsets[2] + i] = parameters[sections[c], i]
+        values[c] = 0.0
+        tabulate(address, values[c], data, nothing, points)

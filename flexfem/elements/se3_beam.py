@@ -1,52 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The family of SE(3) beams: all beams of a model on one interval mesh, one kernel call each.
+"""The family of SE(3) beams: all beams of a model on one interval mesh.
 
-The physics is in ``flexfem.forms.beam``; here is its data per cell and the calls of the compiled
-loops.
+The physics is in ``flexfem.forms.beam``. Cells are grouped by material; each group has kernels of
+its own, and one call of a compiled loop treats all its cells.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.elements.beam_loops import (
-    add_action,
-    add_residual,
-    add_tangent,
-    cell_resultants,
-)
-from flexfem.forms.beam import beam_forms
-from flexfem.la.kernel import compile_kernel
-from flexfem.lie import se3
+from flexfem.elements.beam_group import BeamCells, BeamGroup
+from flexfem.elements.beam_material import LawMaterial, LinearMaterial, Material, grouped
+from flexfem.forms.beam_law import LawExpressions
 from flexfem.materials.section import Section
 
 __all__ = ["BeamCells", "SE3Beams", "node_frames"]
-
-_UPPER = np.triu_indices(6)
-
-
-@dataclass(frozen=True)
-class BeamCells:
-    """Constant data of cells.
-
-    Attributes:
-        cells: (m, 2) nodes.
-        body: (m,) number of the beam.
-        section: (m,) number of the section.
-        frames: (m, 2, 12) section frames at both ends at the start.
-        damping: (m,) stiffness-proportional damping, s.
-    """
-
-    cells: IndexArray
-    body: IntArray
-    section: IntArray
-    frames: FloatArray
-    damping: FloatArray
 
 
 def node_frames(cells: IndexArray, frames: FloatArray, count: int) -> FloatArray:
@@ -55,11 +27,6 @@ def node_frames(cells: IndexArray, frames: FloatArray, count: int) -> FloatArray
     ends, first = np.unique(cells.ravel(), return_index=True)
     result[ends] = frames.reshape(-1, 12)[first]
     return result
-
-
-def _inertial(block: FrameBlock, shifts: FloatArray) -> bool:
-    """Translations are inertial, and it is not the mass matrix alone that is asked for."""
-    return bool(block.inertial and shifts[2] != 0.0)
 
 
 class SE3Beams:
@@ -75,6 +42,7 @@ class SE3Beams:
         comm: MPI.Intracomm,
         data: BeamCells,
         sections: Sequence[Section],
+        owners: Sequence[str],
         start: FloatArray,
     ) -> None:
         """Compile the kernels (collective) and prepare the cells.
@@ -83,80 +51,89 @@ class SE3Beams:
             comm: communicator.
             data: constant data of this rank's cells.
             sections: the sections of the model.
+            owners: what messages call each section.
             start: (n, 12) frames of this rank's nodes at the start.
+
+        Raises:
+            ValueError: a section's law is not usable; on all ranks.
         """
         self.data = data
-        self._matrices = np.array([s.stiffness for s in sections]).reshape(-1, 6, 6)
-        self._laws = np.ascontiguousarray(
-            [[s.stiffness[_UPPER], s.inertia[_UPPER]] for s in sections], dtype=np.float64
-        )
-        ends = data.frames
-        self._twists = np.ascontiguousarray(
-            se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
-        )
-        self.lengths = np.linalg.norm(self._twists[:, :3], axis=1)
-        turns = np.swapaxes(se3.rotation(start[data.cells]), -1, -2) @ se3.rotation(ends)
-        self._turned = np.abs(turns - np.eye(3)).max(axis=(1, 2, 3), initial=0.0) > 1e-12
-        # one row for all cells whose section axes are the nodes' own
-        turns = turns if self._turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
-        self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
         damped = comm.allreduce(bool(np.any(data.damping > 0.0)), op=MPI.LOR)
-        forms = beam_forms(damped)
-        coefficients = tuple(forms.coefficients.values())
-        self._residual = compile_kernel(comm, forms.residual, coefficients, batched=True)
-        self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)
-        self._inertia = compile_kernel(comm, forms.inertia, coefficients)
-        self._action = compile_kernel(comm, forms.action, coefficients)
+        groups = grouped(sections).items()
+        # all laws are checked before the long compilation of the first
+        materials = [
+            _material(comm, law, numbers, sections, owners, damped) for law, numbers in groups
+        ]
+        self._groups: list[tuple[IntArray, BeamGroup]] = []
+        self.lengths = np.empty(len(data.cells))
+        for (_, numbers), material in zip(groups, materials, strict=True):
+            rows = np.flatnonzero(np.isin(data.section, numbers))
+            group = BeamGroup(comm, _part(data, rows, numbers), material, start)
+            self._groups.append((rows, group))
+            self.lengths[rows] = group.lengths
 
-    def _cell_data(
-        self,
-    ) -> tuple[
-        IndexArray, BoolArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray
-    ]:
-        data = self.data
-        return (
-            data.cells, self._turned, self._turns, self._twists, self.lengths, data.damping,
-            data.section, self._laws,
-        )  # fmt: skip
+    @property
+    def turned(self) -> int:
+        """Number of cells whose section axes differ from the axes of their nodes."""
+        return sum(int(group.turned.sum()) for _, group in self._groups)
 
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
-        add_residual(
-            self._residual.batch, self._residual.offsets, gravity, *self._cell_data(),
-            block.frames, block.velocity, block.acceleration, scale, block.residual,
-        )  # fmt: skip
+        for _, group in self._groups:
+            group.add_residual(block, gravity, scale)
 
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> FloatArray:
         """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k)."""
-        values = np.empty((len(self.data.cells), 144))
-        add_tangent(
-            self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
-            self._inertia.offsets, shifts, _inertial(block, shifts), *self._cell_data(),
-            block.frames, block.velocity, block.acceleration, block.increment, scale, values,
-        )  # fmt: skip
-        return values.reshape(-1, 12, 12)
+        if len(self._groups) == 1:
+            return self._groups[0][1].tangent(block, gravity, shifts, scale)
+        values = np.empty((len(self.data.cells), 12, 12))
+        for rows, group in self._groups:
+            values[rows] = group.tangent(block, gravity, shifts, scale)
+        return values
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> None:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
-        add_action(
-            self._action.address, self._action.offsets, gravity, shifts, _inertial(block, shifts),
-            *self._cell_data(), block.frames, block.velocity, block.acceleration, block.increment,
-            block.step, scale, block.residual,
-        )  # fmt: skip
+        for _, group in self._groups:
+            group.add_action(block, gravity, shifts, scale)
 
     def resultants(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Strains and stress resultants (m, 6) of all cells in section axes (damping left out)."""
-        ends = se3.frame(
-            se3.position(frames[self.data.cells]),
-            se3.rotation(frames[self.data.cells]) @ self._turns.reshape(-1, 2, 3, 3),
-        )
-        twists = se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
-        strain, resultant = np.empty_like(twists), np.empty_like(twists)
-        cell_resultants(
-            twists, self._twists, self.lengths, self.data.section, self._matrices, strain, resultant
-        )
+        strain, resultant, _ = self._response(frames)
         return strain, resultant
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m,) of all cells, J."""
+        return self._response(frames)[2]
+
+    def _response(self, frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        count = len(self.data.cells)
+        strain, resultant, energy = np.empty((count, 6)), np.empty((count, 6)), np.empty(count)
+        for rows, group in self._groups:
+            strain[rows], resultant[rows], energy[rows] = group.response(frames)
+        return strain, resultant, energy
+
+
+def _material(
+    comm: MPI.Intracomm, law: LawExpressions | None, numbers: Sequence[int],
+    sections: Sequence[Section], owners: Sequence[str], damped: bool,
+) -> Material:  # fmt: skip
+    """Material of the sections with the given numbers."""
+    own = [sections[i] for i in numbers]
+    if law is None:
+        return LinearMaterial(own, damped)
+    return LawMaterial(comm, law, own, [owners[i] for i in numbers])
+
+
+def _part(data: BeamCells, rows: IntArray, numbers: Sequence[int]) -> BeamCells:
+    """Some cells, with sections counted within the given ones."""
+    return BeamCells(
+        data.cells[rows],
+        data.body[rows],
+        np.searchsorted(numbers, data.section[rows]),
+        data.frames[rows],
+        data.damping[rows],
+    )

@@ -20,10 +20,12 @@ Euler–Poincaré equations of this energy keep linear and angular momentum exac
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import basix.ufl
 import ufl
 
+from flexfem.forms.beam_law import LawExpressions, constant_field, interval_mesh
 from flexfem.forms.lie import Expr, coadjoint_product, se3_log, se3_relative_rate
 
 __all__ = ["BeamForms", "beam_forms"]
@@ -73,27 +75,29 @@ def _sym(values: Expr) -> Expr:
     return ufl.as_matrix([[values[index[i, j]] for j in range(6)] for i in range(6)])
 
 
-def _coefficients(mesh: ufl.Mesh) -> dict[str, ufl.Coefficient]:
+def _linear_field(mesh: ufl.Mesh, size: int) -> ufl.Coefficient:
+    """A coefficient with values at the nodes."""
+    element = basix.ufl.element("Lagrange", "interval", 1, shape=(size,))
+    return ufl.Coefficient(ufl.FunctionSpace(mesh, element))
+
+
+def _coefficients(mesh: ufl.Mesh, law: LawExpressions | None) -> dict[str, ufl.Coefficient]:
     """Data of a cell: nodal values as linear fields, the rest as constants of the cell."""
-    linear = {n: basix.ufl.element("Lagrange", "interval", 1, shape=(n,)) for n in (3, 6, 9)}
-    constant = {
-        n: basix.ufl.element("DG", "interval", 0, shape=(n,) if n > 1 else ()) for n in (1, 6, 21)
+    material = ("stiffness", 21) if law is None else ("parameters", max(law.count, 1))
+    return {
+        "position": _linear_field(mesh, 3),
+        "rotation": _linear_field(mesh, 9),
+        "velocity": _linear_field(mesh, 6),
+        "acceleration": _linear_field(mesh, 6),
+        "relative_twist": constant_field(mesh, 6),
+        "length": constant_field(mesh),
+        "damping": constant_field(mesh),
+        material[0]: constant_field(mesh, material[1]),
+        "inertia": constant_field(mesh, 21),
+        "turn": _linear_field(mesh, 6),
+        "velocity_change": _linear_field(mesh, 6),
+        "acceleration_change": _linear_field(mesh, 6),
     }
-    layout = {
-        "position": linear[3],
-        "rotation": linear[9],
-        "velocity": linear[6],
-        "acceleration": linear[6],
-        "relative_twist": constant[6],
-        "length": constant[1],
-        "damping": constant[1],
-        "stiffness": constant[21],
-        "inertia": constant[21],
-        "turn": linear[6],
-        "velocity_change": linear[6],
-        "acceleration_change": linear[6],
-    }
-    return {k: ufl.Coefficient(ufl.FunctionSpace(mesh, e)) for k, e in layout.items()}
 
 
 def _work(mesh: ufl.Mesh, integrand: Expr) -> ufl.Form:
@@ -144,14 +148,29 @@ def _weight_work(half: Expr, g: Expr, w: Expr) -> Expr:
     return ufl.dot(w, half * ufl.as_vector([g[0], g[1], g[2], 0, 0, 0]))
 
 
-def beam_forms(damped: bool) -> BeamForms:
+def _stress(
+    fields: dict[str, ufl.Coefficient], stretch: Expr, rate: Expr, damped: bool,
+    law: LawExpressions | None,
+) -> Expr:  # fmt: skip
+    """Stress resultants from the change of the relative twist and its rate."""
+    length = fields["length"]
+    if law is not None:
+        return law.stress(stretch / length, rate / length, fields["parameters"])
+    if damped:
+        stretch += fields["damping"] * rate
+    return _sym(fields["stiffness"]) * (stretch / length)
+
+
+@cache
+def beam_forms(damped: bool, law: LawExpressions | None = None) -> BeamForms:
     """Build the forms of the SE(3) beam on an abstract interval mesh in three dimensions.
 
     Args:
         damped: with stiffness-proportional damping; without it the kernels are shorter.
+        law: the law of the section, None for the linear one of a stiffness matrix.
     """
-    mesh = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(3,)))
-    fields = _coefficients(mesh)
+    mesh = interval_mesh()
+    fields = _coefficients(mesh, law)
     space = ufl.FunctionSpace(mesh, basix.ufl.element("Lagrange", "interval", 1, shape=(6,)))
     gravity = ufl.Constant(mesh, shape=(3,))
     shifts = ufl.Constant(mesh, shape=(2,))
@@ -170,10 +189,8 @@ def beam_forms(damped: bool) -> BeamForms:
         """Change of ``d`` along the local twists of both ends."""
         return se3_relative_rate(d, *twists)
 
-    stretch = d - fields["relative_twist"]
-    if damped:
-        stretch += fields["damping"] * rate(v)
-    internal = ufl.dot(_sym(fields["stiffness"]) * (stretch / length), rate(w))
+    stress = _stress(fields, d - fields["relative_twist"], rate(v), damped, law)
+    internal = ufl.dot(stress, rate(w))
     inertial, inertial_change = _inertial_work(length, m, R_1.T * R_2, v, a, w, dw)
 
     gravitational, turning = [], []

@@ -26,76 +26,100 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.materials import constants
+from flexfem.materials.beam_law import BeamLaw
 from flexfem.materials.material import Material
-
-# Relative deviation from symmetry that input rounded to a dozen digits may have
-_SYMMETRY_TOLERANCE = 1e-10
-# Smallest eigenvalue, after scaling the diagonal to one, that still counts as positive
-_DEFINITE_TOLERANCE = 1e-12
+from flexfem.materials.matrices import check_definite, check_inertia_form
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Section:
-    """Section of a beam: stiffness and inertia, and an outline for pictures.
+    """Section of a beam: stiffness or law, inertia, and an outline for pictures.
 
     Attributes:
         stiffness: Maps strains (gamma, kappa) to forces and moments, shape (6, 6); N, N m, N m^2.
+            None where a law takes its place.
         inertia: Maps velocities (V, Omega) in section axes to momentum per length, shape (6, 6);
             kg/m, kg, kg m.
         outline: Vertices (y, z) of the outer boundary, the last one joined to the first, shape
             (k, 2), metres; None when unknown.
+        law: The section's own law; None for the linear one of the stiffness.
     """
 
-    stiffness: FloatArray
+    stiffness: FloatArray | None
     inertia: FloatArray
     outline: FloatArray | None
+    law: BeamLaw | None
 
     def __init__(
         self,
-        stiffness: npt.ArrayLike,
+        stiffness: npt.ArrayLike | None,
         inertia: npt.ArrayLike,
         outline: npt.ArrayLike | None = None,
+        *,
+        law: BeamLaw | None = None,
     ) -> None:
         """Create a section from its matrices; the other constructors are for common shapes.
 
         Raises:
-            TypeError: An argument does not consist of numbers.
+            TypeError: An argument does not consist of numbers, or the law is no BeamLaw.
             ValueError: The stiffness is not symmetric and positive definite, the inertia not
-                symmetric and positive semidefinite or not of the form `[[m I, -S], [S, J]]`, or
-                an argument has the wrong shape or is not finite.
+                symmetric and positive semidefinite or not of the form `[[m I, -S], [S, J]]`, an
+                argument has the wrong shape or is not finite, or both a stiffness and a law are
+                given.
         """
-        d = _checks.array("Section", "stiffness", stiffness, (6, 6))
+        if law is not None:
+            _checks.instance("Section", "law", law, BeamLaw)
+            if stiffness is not None:
+                raise ValueError(f"Section: give a stiffness or the {law.owner}, not both")
+            d = None
+        else:
+            d = _checks.array("Section", "stiffness", stiffness, (6, 6))
+            check_definite("Section", "stiffness", d, semidefinite=False)
         m = _checks.array("Section", "inertia", inertia, (6, 6))
-        _check_definite("stiffness", d, semidefinite=False)
-        _check_definite("inertia", m, semidefinite=True)
-        _check_inertia_form(m)
+        check_definite("Section", "inertia", m, semidefinite=True)
+        check_inertia_form("Section", m)
         if outline is not None:
             outline = _checks.array("Section", "outline", outline, (-1, 2))
             if len(outline) < 3:
                 raise ValueError(
                     f"Section: outline must have at least three vertices, got {len(outline)}"
                 )
-        _checks.assign(self, stiffness=d, inertia=m, outline=outline)
+        _checks.assign(self, stiffness=d, inertia=m, outline=outline, law=law)
 
     @classmethod
     def general(
         cls,
-        stiffness: npt.ArrayLike,
-        inertia: npt.ArrayLike,
+        stiffness: npt.ArrayLike | None = None,
+        inertia: npt.ArrayLike = (),
         outline: npt.ArrayLike | None = None,
+        *,
+        law: BeamLaw | None = None,
     ) -> Self:
         """Create a section from given matrices.
 
         Args:
-            stiffness: 6 x 6 matrix, or its diagonal (EA, GA2, GA3, GJ, EI22, EI33).
+            stiffness: 6 x 6 matrix, or its diagonal (EA, GA2, GA3, GJ, EI22, EI33); None with a
+                law.
             inertia: 6 x 6 matrix, or its diagonal (m, m, m, J1, J2, J3) per length.
             outline: Vertices (y, z) of the outer boundary, shape (k, 2), metres.
+            law: The section's own law, instead of the stiffness.
 
         Raises:
-            TypeError: An argument does not consist of numbers.
+            TypeError: An argument does not consist of numbers, or the law is no BeamLaw.
             ValueError: As for the class itself.
         """
-        return cls(_diagonal(stiffness), _diagonal(inertia), outline)
+        if stiffness is not None:
+            stiffness = _diagonal(stiffness)
+        return cls(stiffness, _diagonal(inertia), outline, law=law)
+
+    def with_law(self, law: BeamLaw) -> Self:
+        """Create a section with the same inertia and outline, and a law of its own.
+
+        Raises:
+            TypeError: The law is no BeamLaw.
+        """
+        _checks.instance("Section", "law", law, BeamLaw)
+        return type(self)(None, self.inertia, self.outline, law=law)
 
     @classmethod
     def rectangle(
@@ -327,46 +351,3 @@ def _inertia(shape: constants.Shape, density: float, centre: FloatArray) -> Floa
     steiner = skew.T @ skew / mass if mass > 0.0 else np.zeros((3, 3))
     rotary = density * np.diag([i22 + i33, i22, i33]) + steiner
     return np.block([[mass * np.eye(3), -skew], [skew, rotary]])
-
-
-def _check_definite(what: str, matrix: FloatArray, *, semidefinite: bool) -> None:
-    """Raise unless the matrix is symmetric and positive (semi)definite."""
-    diagonal = np.diagonal(matrix)
-    kind = "semidefinite" if semidefinite else "definite"
-    bad = diagonal < 0.0 if semidefinite else diagonal <= 0.0
-    if bad.any():
-        i = int(np.argmax(bad))
-        raise ValueError(
-            f"Section: {what} must be positive {kind}, but entry ({i + 1}, {i + 1}) is "
-            f"{diagonal[i]:g}"
-        )
-    # Scaling makes newtons and newton metres squared comparable
-    scale = np.where(diagonal > 0.0, np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
-    scaled = matrix / np.outer(scale, scale)
-    defect = np.abs(scaled - scaled.T)
-    if defect.max() > _SYMMETRY_TOLERANCE:
-        i, j = divmod(int(defect.argmax()), 6)
-        raise ValueError(
-            f"Section: {what} must be symmetric, but entries ({i + 1}, {j + 1}) and "
-            f"({j + 1}, {i + 1}) are {matrix[i, j]:g} and {matrix[j, i]:g}"
-        )
-    smallest = float(np.linalg.eigvalsh(scaled)[0])
-    if smallest < (-_SYMMETRY_TOLERANCE if semidefinite else _DEFINITE_TOLERANCE):
-        raise ValueError(
-            f"Section: {what} must be positive {kind}, but its smallest eigenvalue "
-            f"(diagonal scaled to one) is {smallest:.3g}"
-        )
-
-
-def _check_inertia_form(inertia: FloatArray) -> None:
-    """Raise unless the inertia is that of masses moving as one rigid slice."""
-    mass, coupling = inertia[:3, :3], inertia[3:, :3]
-    size = max(float(np.abs(inertia).max()), np.finfo(float).tiny)
-    if (
-        np.abs(mass - mass[0, 0] * np.eye(3)).max() > _SYMMETRY_TOLERANCE * size
-        or np.abs(coupling + coupling.T).max() > _SYMMETRY_TOLERANCE * size
-    ):
-        raise ValueError(
-            "Section: inertia must have the form [[m I, -S], [S, J]] with S skew-symmetric, got "
-            f"{_checks.show(inertia.tolist())}"
-        )

@@ -10,6 +10,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.se3_beam import BeamCells, SE3Beams
+from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
 from flexfem.mesh.beam_mesh import create_beam_mesh
 from flexfem.model.bodies import RigidBody
@@ -39,6 +40,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     placement = place(model, comm.size, split_above)
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
     _check_joints(serial)
+    _check_laws(serial)
     blocks: list[FrameBlock | None] = [None, None]
     beams = None
     if model.beams:
@@ -79,6 +81,23 @@ def _check_joints(serial: Assembly) -> None:
         joint.rows([serial.marker_pose(m) for m in joint.markers], 0.0)
 
 
+def _check_laws(serial: Assembly) -> None:
+    """Raise for laws of beams whose functions fail, and for damping of what has no stiffness."""
+    for beam in serial.model.beams:
+        law = beam.section.law
+        if law is None:
+            continue
+        try:
+            law_expressions(law)
+        except ValueError as error:
+            raise ValueError(f'Beam "{beam.name}": {error}') from None
+        if beam.damping > 0.0:
+            raise ValueError(
+                f'Beam "{beam.name}": damping {beam.damping:g} s is proportional to a stiffness, '
+                f"give the dissipation of its {law.owner} instead"
+            )
+
+
 def _beam_block(
     serial: Assembly, comm: MPI.Intracomm, placement: Placement
 ) -> tuple[FrameBlock, SE3Beams]:
@@ -93,7 +112,9 @@ def _beam_block(
         "beams", comm, frames, serial.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
         inertial=True,
     )  # fmt: skip
-    return block, SE3Beams(comm, mine, serial.sections, frames)
+    first = {id(b.section): f'Beam "{b.name}"' for b in reversed(serial.model.beams)}
+    owners = [first[id(s)] for s in serial.sections]
+    return block, SE3Beams(comm, mine, serial.sections, owners, frames)
 
 
 def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) -> FrameBlock:

@@ -123,8 +123,7 @@ class OneBeam:
 
     def energy(self) -> float:
         """Strain energy (collective)."""
-        strain, resultant = self.beams.resultants(self.block.frames)
-        return self.total(0.5 * np.einsum("mi,mi,m->m", strain, resultant, self.beams.lengths))
+        return self.total(self.beams.energies(self.block.frames))
 
     def total(self, values: np.ndarray) -> Any:
         """Sum over the first axis and all ranks."""

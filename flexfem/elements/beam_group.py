@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Beam cells of one material: their data and the calls of the compiled loops."""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.beam_loops import add_action, add_residual, add_tangent
+from flexfem.elements.beam_material import Material
+from flexfem.la.kernel import compile_kernel
+from flexfem.lie import se3
+
+__all__ = ["BeamCells", "BeamGroup"]
+
+
+@dataclass(frozen=True)
+class BeamCells:
+    """Constant data of cells.
+
+    Attributes:
+        cells: (m, 2) nodes.
+        body: (m,) number of the beam.
+        section: (m,) number of the section.
+        frames: (m, 2, 12) section frames at both ends at the start.
+        damping: (m,) stiffness-proportional damping, s.
+    """
+
+    cells: IndexArray
+    body: IntArray
+    section: IntArray
+    frames: FloatArray
+    damping: FloatArray
+
+
+def _inertial(block: FrameBlock, shifts: FloatArray) -> bool:
+    """Translations are inertial, and it is not the mass matrix alone that is asked for."""
+    return bool(block.inertial and shifts[2] != 0.0)
+
+
+class BeamGroup:
+    """Residual, tangent and stress resultants of the cells of one material on this rank.
+
+    Attributes:
+        data: constant data of the cells; sections count those of the material.
+        lengths: (m,) arc lengths at the start, m.
+        turned: (m,) whether section axes differ from the axes of the nodes.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, data: BeamCells, material: Material, start: FloatArray
+    ) -> None:
+        """Compile the kernels (collective) and prepare the cells.
+
+        Args:
+            comm: communicator.
+            data: constant data of this rank's cells.
+            material: what they are made of.
+            start: (n, 12) frames of this rank's nodes at the start.
+        """
+        self.data, self._material = data, material
+        ends = data.frames
+        self._twists = np.ascontiguousarray(
+            se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
+        )
+        self.lengths = np.linalg.norm(self._twists[:, :3], axis=1)
+        turns = np.swapaxes(se3.rotation(start[data.cells]), -1, -2) @ se3.rotation(ends)
+        self.turned = np.abs(turns - np.eye(3)).max(axis=(1, 2, 3), initial=0.0) > 1e-12
+        # one row for all cells whose section axes are the nodes' own
+        turns = turns if self.turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
+        self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
+        forms = material.forms
+        coefficients = tuple(forms.coefficients.values())
+        self._residual = compile_kernel(comm, forms.residual, coefficients, batched=True)
+        self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)
+        self._inertia = compile_kernel(comm, forms.inertia, coefficients)
+        self._action = compile_kernel(comm, forms.action, coefficients)
+
+    def _cell_data(
+        self,
+    ) -> tuple[
+        IndexArray, BoolArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray
+    ]:
+        data = self.data
+        return (
+            data.cells, self.turned, self._turns, self._twists, self.lengths, data.damping,
+            data.section, self._material.data,
+        )  # fmt: skip
+
+    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+        """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
+        add_residual(
+            self._residual.batch, self._residual.offsets, gravity, *self._cell_data(),
+            block.frames, block.velocity, block.acceleration, scale, block.residual,
+        )  # fmt: skip
+
+    def tangent(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
+    ) -> FloatArray:
+        """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k)."""
+        values = np.empty((len(self.data.cells), 144))
+        add_tangent(
+            self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
+            self._inertia.offsets, shifts, _inertial(block, shifts), *self._cell_data(),
+            block.frames, block.velocity, block.acceleration, block.increment, scale, values,
+        )  # fmt: skip
+        return values.reshape(-1, 12, 12)
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
+    ) -> None:
+        """Add ``scale`` times the tangent applied to the block's step to its residual."""
+        add_action(
+            self._action.address, self._action.offsets, gravity, shifts, _inertial(block, shifts),
+            *self._cell_data(), block.frames, block.velocity, block.acceleration, block.increment,
+            block.step, scale, block.residual,
+        )  # fmt: skip
+
+    def response(self, frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Strains and resultants (m, 6) in section axes, energies (m,) of the cells in J."""
+        ends = se3.frame(
+            se3.position(frames[self.data.cells]),
+            se3.rotation(frames[self.data.cells]) @ self._turns.reshape(-1, 2, 3, 3),
+        )
+        twists = se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
+        strain = (twists - self._twists) / self.lengths[:, np.newaxis]
+        resultant, energy = self._material.response(strain, self.data.section)
+        return strain, resultant, energy * self.lengths

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Materials of beam cells: the linear one of a stiffness matrix, and laws written by the user."""
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.elements.beam_loops import law_values, linear_resultants
+from flexfem.forms.beam import BeamForms, beam_forms
+from flexfem.forms.beam_law import LawExpressions, law_expressions, law_form
+from flexfem.la.kernel import Kernel, compile_kernel
+from flexfem.materials.beam_law import BeamLaw
+from flexfem.materials.matrices import check_definite
+from flexfem.materials.section import Section
+
+__all__ = ["LawMaterial", "LinearMaterial", "Material", "grouped"]
+
+_UPPER = np.triu_indices(6)
+#: Viscous stress at rest that still counts as round-off, relative to the viscosity.
+_AT_REST = 1e-12
+
+
+class Material(Protocol):
+    """What distinguishes the cells of one material from others.
+
+    Attributes:
+        forms: the beam's forms with this material.
+        data: (s, k) what the loops hand to the kernels for each section: 21 entries of the inertia,
+            then stiffness or parameters.
+    """
+
+    forms: BeamForms
+    data: FloatArray
+
+    def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Stress resultants (m, 6) and strain energies per length (m,) at rest."""
+        ...
+
+
+def grouped(sections: Sequence[Section]) -> Mapping[LawExpressions | None, list[int]]:
+    """Numbers of the sections that share kernels, by their law; None stands for the linear one.
+
+    Raises:
+        ValueError: a law's function fails or returns something unusable.
+    """
+    groups: dict[LawExpressions | None, list[int]] = {}
+    for number, section in enumerate(sections):
+        law = None if section.law is None else law_expressions(section.law)
+        groups.setdefault(law, []).append(number)
+    return groups
+
+
+def _data(sections: Sequence[Section], material: FloatArray) -> FloatArray:
+    inertia = np.array([s.inertia[_UPPER] for s in sections])
+    return np.ascontiguousarray(np.concatenate([inertia, material], axis=1))
+
+
+class LinearMaterial:
+    """Stiffness matrices, with stiffness-proportional damping on demand."""
+
+    def __init__(self, sections: Sequence[Section], damped: bool) -> None:
+        """Collect the matrices."""
+        self._matrices = np.array([s.stiffness for s in sections])
+        self.forms = beam_forms(damped)
+        self.data = _data(sections, self._matrices[:, *_UPPER])
+
+    def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
+        """See :class:`Material`."""
+        resultant = np.empty_like(strain)
+        linear_resultants(strain, sections, self._matrices, resultant)
+        return resultant, 0.5 * np.einsum("mi,mi->m", strain, resultant)
+
+
+class LawMaterial:
+    """Laws of the user that differ in the values of parameters only."""
+
+    def __init__(
+        self, comm: MPI.Intracomm, law: LawExpressions, sections: Sequence[Section],
+        owners: Sequence[str],
+    ) -> None:  # fmt: skip
+        """Compile the law and check it at zero strain (collective).
+
+        Raises:
+            ValueError: the law cannot be compiled, or is not usable at zero strain; on all ranks.
+        """
+        laws = [s.law for s in sections if s.law is not None]
+        self._parameters = np.array([list(p.parameters.values()) for p in laws])
+        self._size = law_form(law).size
+        self._kernel = _compile(comm, law, f"{owners[0]}: {laws[0].owner}")
+        self._check(laws, owners)
+        self.forms = beam_forms(False, law)
+        self.data = _data(sections, self._parameters)
+
+    def _values(self, strain: FloatArray, sections: IntArray) -> FloatArray:
+        values = np.empty((len(strain), self._size))
+        kernel = self._kernel
+        law_values(kernel.address, kernel.offsets, strain, sections, self._parameters, values)
+        return values
+
+    def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
+        """See :class:`Material`."""
+        values = self._values(strain, sections)
+        return np.ascontiguousarray(values[:, 1:7]), values[:, 0]
+
+    def _check(self, laws: Sequence[BeamLaw], owners: Sequence[str]) -> None:
+        values = self._values(np.zeros((len(laws), 6)), np.arange(len(laws)))
+        for law, owner, row in zip(laws, owners, values, strict=True):
+            where = f"{owner}: {law.owner}"
+            _check_energy(where, row, law.allow_unstable)
+            if law.dissipation is not None:
+                _check_dissipation(where, row[43:49], row[49:].reshape(6, 6))
+
+
+def _compile(comm: MPI.Intracomm, law: LawExpressions, owner: str) -> Kernel:
+    """Compile a law by itself: what the compiler does not understand fails here."""
+    form = law_form(law)
+    try:
+        return compile_kernel(comm, form.form, form.coefficients)
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"{owner}: cannot be compiled: {reason[:200]}") from error
+
+
+def _check_energy(owner: str, values: FloatArray, allow_unstable: bool) -> None:
+    """Check energy, stress and stiffness at zero strain."""
+    for what, part in (
+        ("energy", values[:1]), ("stress", values[1:7]), ("stiffness", values[7:43])
+    ):  # fmt: skip
+        if not np.isfinite(part).all():
+            bad = part[~np.isfinite(part)][0]
+            raise ValueError(f"{owner}: {what} at zero strain must be finite, got {bad:g}")
+    if not allow_unstable:
+        what = "stiffness at zero strain (unless allow_unstable=True)"
+        check_definite(owner, what, values[7:43].reshape(6, 6), semidefinite=False)
+
+
+def _check_dissipation(owner: str, stress: FloatArray, viscosity: FloatArray) -> None:
+    """Check that a beam at rest is under no viscous stress and that slow motion loses energy."""
+    if not (np.isfinite(stress).all() and np.isfinite(viscosity).all()):
+        raise ValueError(
+            f"{owner}: viscous stress and viscosity at zero strain and rate must be finite, got "
+            f"{stress.tolist()} and a matrix with the sum {viscosity.sum():g}"
+        )
+    if np.abs(stress).max() > _AT_REST * np.abs(viscosity).max():
+        raise ValueError(
+            f"{owner}: the viscous stress of a beam at rest must be zero, got {stress.tolist()}"
+        )
+    check_definite(owner, "viscosity at zero strain and rate", viscosity, semidefinite=True)

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The user's own law of a beam section: an energy, and a dissipation where it is viscous.
+
+Strains are in the order (gamma1, gamma2, gamma3, kappa1, kappa2, kappa3) of
+``flexfem.materials.section``, measured from the initial shape, in section axes. With the energy
+``phi`` and the dissipation potential ``psi`` the stress resultants are (Rayleigh 1873)
+
+``(N, Q2, Q3, T, M2, M3) = d phi / d strain + d psi / d strain_rate``.
+
+A potential instead of a viscous stress: both halves of a law are then one scalar, the damping
+matrix is symmetric, and that damping takes energy out can be checked.
+"""
+
+import keyword
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Self
+
+from flexfem import _checks
+
+__all__ = ["BeamLaw"]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class BeamLaw:
+    """Constitutive law of a beam section, written in UFL.
+
+    The functions are called when a system is built, with UFL vectors of six components and an
+    object with the parameters as attributes, and return a UFL scalar of these alone. Laws that
+    differ in the values of parameters only share their compiled code.
+
+    Attributes:
+        energy: ``energy(strain, p)``, the strain energy per length, J/m.
+        dissipation: ``dissipation(strain, strain_rate, p)``, the dissipation potential per length,
+            W/m: half the dissipated power where the viscous stress is linear in the rate. None for
+            none.
+        parameters: Values of the parameters by name.
+        allow_unstable: Whether the stiffness at zero strain need not be positive definite, as in a
+            beam that snaps between two shapes or a cable without bending stiffness.
+    """
+
+    energy: Callable[..., Any]
+    dissipation: Callable[..., Any] | None
+    parameters: Mapping[str, float]
+    allow_unstable: bool
+
+    def __init__(
+        self,
+        energy: Callable[..., Any],
+        *,
+        dissipation: Callable[..., Any] | None = None,
+        parameters: Mapping[str, float] | None = None,
+        allow_unstable: bool = False,
+    ) -> None:
+        """Create a law; whether its functions are usable is checked when a system is built.
+
+        Raises:
+            TypeError: A function cannot be called, or a parameter is not a number.
+            ValueError: A parameter is not finite, or its name cannot be an attribute.
+        """
+        if not callable(energy):
+            raise TypeError(
+                "BeamLaw: energy must be a function of strain and parameters, got "
+                f"{_checks.show(energy)}"
+            )
+        _checks.assign(self, energy=energy)
+        if dissipation is not None and not callable(dissipation):
+            raise TypeError(
+                f"{self.owner}: dissipation must be a function of strain, strain rate and "
+                f"parameters, got {_checks.show(dissipation)}"
+            )
+        _checks.instance(self.owner, "allow_unstable", allow_unstable, bool)
+        values = _values(self.owner, {} if parameters is None else parameters)
+        _checks.assign(
+            self, dissipation=dissipation, parameters=values, allow_unstable=allow_unstable
+        )
+
+    @property
+    def owner(self) -> str:
+        """Class and quoted name of the energy function, as messages begin."""
+        return f'BeamLaw "{getattr(self.energy, "__name__", type(self.energy).__name__)}"'
+
+    def with_parameters(self, **changes: float) -> Self:
+        """Create the same law with other values of some parameters.
+
+        Raises:
+            TypeError: A value is not a number.
+            ValueError: A value is not finite, or the law has no such parameter.
+        """
+        for name in changes:
+            if name not in self.parameters:
+                known = ", ".join(self.parameters) or "none"
+                raise ValueError(f'{self.owner}: no parameter "{name}", known are {known}')
+        return type(self)(
+            self.energy,
+            dissipation=self.dissipation,
+            parameters={**self.parameters, **changes},
+            allow_unstable=self.allow_unstable,
+        )
+
+
+def _values(owner: str, parameters: object) -> Mapping[str, float]:
+    """Return a read-only copy of the checked parameters."""
+    if not isinstance(parameters, Mapping):
+        raise TypeError(
+            f"{owner}: parameters must map names to numbers, got {_checks.show(parameters)}"
+        )
+    values = {}
+    for name, value in parameters.items():
+        usable = isinstance(name, str) and name.isidentifier() and not keyword.iskeyword(name)
+        if not usable or name.startswith("_"):
+            raise ValueError(
+                f"{owner}: the name of a parameter must be a plain Python identifier, got "
+                f"{_checks.show(name)}"
+            )
+        values[name] = _checks.number(owner, f'parameter "{name}"', value)
+    return MappingProxyType(values)
