@@ -204,7 +204,10 @@ def beam_forms(damped: bool, law: LawExpressions | None = None) -> BeamForms:
         mesh,
         ufl.dot(ufl.diff(internal, d), rate(dw)) + inertial_change - turning[0] - turning[1],
     )
-    by_velocity = ufl.derivative(_work(mesh, internal + inertial), fields["velocity"], trial)
+    # without viscosity this form is the same for all laws: it is compiled once
+    viscous = damped if law is None else law.dissipation is not None
+    moving = internal + inertial if viscous else inertial
+    by_velocity = ufl.derivative(_work(mesh, moving), fields["velocity"], trial)
     by_acceleration = ufl.derivative(_work(mesh, inertial), fields["acceleration"], trial)
     inertia = shifts[0] * by_velocity + shifts[1] * by_acceleration
     return BeamForms(
