@@ -25,9 +25,12 @@ def minimal_residual(
         dot: inner product, the same on all ranks.
         tolerance: stop when the norm of the residual falls below it.
         most: largest number of applications of B.
+
+    Returns:
+        The solution; not finite where residual or operator are not, which is left to the caller.
     """
     beta = dot(residual, residual) ** 0.5
-    if beta <= tolerance or beta == 0.0:
+    if beta <= tolerance or beta == 0.0 or not np.isfinite(beta):
         return residual.copy()  # one sweep of the fixed point, as good as B is close to one
     basis, hessenberg = [residual / beta], np.zeros((most + 1, most))
     right = np.zeros(most + 1)
@@ -40,6 +43,8 @@ def minimal_residual(
             vector -= hessenberg[i, k] * other
         hessenberg[k + 1, k] = dot(vector, vector) ** 0.5
         system = hessenberg[: k + 2, : k + 1]
+        if not np.isfinite(system).all():
+            return np.full_like(residual, np.nan)
         weights = np.linalg.lstsq(system, right[: k + 2])[0]
         left = float(np.linalg.norm(right[: k + 2] - system @ weights))
         if left <= tolerance or hessenberg[k + 1, k] <= 1e-14 * beta:
