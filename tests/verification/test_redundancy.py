@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Redundant constraints: found and named, or carried with the least multipliers."""
 
-import time
-
 import numpy as np
 import pytest
 
