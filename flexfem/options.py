@@ -181,6 +181,13 @@ _RUN_OPTIONS = (
         above=0,
         maximum=0.1,
     ),
+    Option(
+        "redundant_constraints",
+        str,
+        "refuse",
+        "constraints that hold a motion twice: refuse them by name, or carry them (least_norm)",
+        choices=("refuse", "least_norm"),
+    ),
     Option("every", int, 10, "write the ParaView fields every N-th step", minimum=1),
     Option(
         "split_above",
@@ -204,6 +211,8 @@ class RunOptions(Settings):
         iteration_matrix: "auto", "frozen" or "updated".
         tolerance: Newton steps of positions (m), rotations (rad) and multipliers times
             ``beta h^2`` must fall below it.
+        redundant_constraints: "refuse" names joints that hold the same motion twice; "least_norm"
+            carries them with the smallest forces that do.
         every: Fields are written every that many steps.
         split_above: Elements above which one beam may be split over ranks.
 
@@ -219,6 +228,7 @@ class RunOptions(Settings):
     rho_inf: float = _DEFAULTS["rho_inf"]
     iteration_matrix: str = _DEFAULTS["iteration_matrix"]
     tolerance: float = _DEFAULTS["tolerance"]
+    redundant_constraints: str = _DEFAULTS["redundant_constraints"]
     every: int = _DEFAULTS["every"]
     split_above: int = _DEFAULTS["split_above"]
 

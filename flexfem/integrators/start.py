@@ -22,17 +22,26 @@ _GAP = 1e-6
 #: The mass matrix alone, nothing scaled; rates of elastic rows count as they are.
 _MASS = Shifts(velocity=0.0, acceleration=1.0, scale=1.0, stiffness=0.0)
 _RATES = np.array([1.0, 1.0])
+#: Compliance of rigid rows that may be redundant, relative to that of the whole model's mass. A
+#: constraint is violated by this part of the distance its force moves the model within a step;
+#: rounding of positions, divided by it, disturbs the part of the multipliers that does no work.
+_COMPLIANCE = 1e-5
 #: Friction at the start is found in at most so many iterations.
 _SWEEPS = 25
 
 
-def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Status:
+def start_consistently(
+    system: System, tangent: TangentSolver, dt: float, least_norm: bool = False
+) -> Status:
     """Make velocities, accelerations and multipliers satisfy the constraints (collective).
 
     Velocities move by the least kinetic energy onto the constraints (they stay as they are if they
     satisfy them already); accelerations and multipliers follow from
     ``[[M, G^T], [G, 0]] (w, lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided
     differences over ``dt`` (s), since a motion need not be defined before the start.
+
+    With ``least_norm`` rigid rows get a tiny compliance c, ``Phi = c L``, which makes multipliers
+    unique where rows depend on one another: among those that give the same forces the smallest.
 
     Raises:
         InputError: a joint is not satisfied at the start, or constraints are redundant; named.
@@ -41,7 +50,10 @@ def start_consistently(system: System, tangent: TangentSolver, dt: float) -> Sta
     rows.multipliers[:] = 0.0
     _evaluate(system)
     _check_gaps(system)
-    check_independence(system)
+    if least_norm:
+        _relax(system, tangent)
+    else:
+        check_independence(system)
     tangent.assemble(_MASS)
     system.counters.mass_factorizations += 1
     if not tangent.factor():
@@ -78,6 +90,21 @@ def _evaluate(system: System) -> None:
 
 def _rigid(system: System, values: FloatArray) -> FloatArray:
     return values * system.constraints.rigid
+
+
+def _relax(system: System, tangent: TangentSolver) -> None:
+    """Compliance of rigid rows relative to the model's mass, and targets without rounding."""
+    rows, mass = system.constraints, 0.0
+    tangent.assemble(_MASS)
+    for i, part in enumerate(system.parts):
+        diagonal = tangent.matrix.getNestSubMatrix(i, i).getDiagonal().getArray(readonly=True)
+        mass += float(diagonal.reshape(part.block.owned, 6)[:, :3].sum()) / 3.0
+    rows.relaxation = _COMPLIANCE / system.comm.allreduce(mass)
+    # gaps within rounding would pull dependent rows against each other
+    driven = np.array([placed.joint.driven for placed in rows.joints], dtype=np.bool_)
+    held = rows.rigid & ~driven[rows.joint_of_row]
+    rows.targets[held] += rows.values[held]
+    rows.evaluate(_RATES)
 
 
 def _compliant(system: System) -> FloatArray:

@@ -81,7 +81,8 @@ def _combined(terms: Sequence[Term], zero: FloatArray, vector: FloatArray, law: 
 
 def _matrix(owner: str, what: str, value: npt.ArrayLike) -> FloatArray:
     """The full matrix of six numbers or of a matrix, checked."""
-    full = isinstance(value, (list, tuple, np.ndarray)) and np.ndim(value[0]) > 0
+    rows = value if isinstance(value, (list, tuple, np.ndarray)) else ()
+    full = any(isinstance(row, (list, tuple, np.ndarray)) for row in rows)
     matrix = _checks.array(owner, what, value, (6, 6) if full else (6,))
     if not full:
         matrix = np.diag(matrix)

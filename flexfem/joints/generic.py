@@ -56,7 +56,7 @@ class Generic(Joint):
         for name, values in self.limits.items():
             if name not in self.free:
                 raise ValueError(f'{self.owner}: limits on "{name}", which is not free')
-            if len(values) != 4:
+            if not isinstance(values, (tuple, list)) or len(values) != 4:
                 shown = _checks.show(values)
                 raise ValueError(f'{self.owner}: limits on "{name}" must be four, got {shown}')
             check_limits(self.owner, *values)

@@ -51,7 +51,9 @@ class Simulation:
         self.system.set_time(0.0)
         self._integrator = GeneralizedAlpha(options.rho_inf)
         tangent = TangentSolver(self.system)
-        self.status = start_consistently(self.system, tangent, options.dt)
+        self.status = start_consistently(
+            self.system, tangent, options.dt, options.redundant_constraints == "least_norm"
+        )
         newton = NewtonOptions(options.tolerance)
         self._policy: Policy = create_policy(options.iteration_matrix, self.system, newton, tangent)
         self.steps = self.rejected = 0

@@ -383,6 +383,32 @@ def test_forces_of_a_closed_joint_balance(example, rng):
     np.testing.assert_allclose(wrench, 0.0, atol=1e-13)
 
 
+@EVERY
+@pytest.mark.parametrize("ground", [False, True], ids=["bodies", "ground"])
+def test_reactions(example, ground, rng):
+    """Wrenches at the markers from those on the nodes; the ground's from balance."""
+    joint = Placed(example, rng, ground)
+    joint.disturb(rng)
+    joint.evaluate()
+    rows = joint.rows
+    rows.forces[:] = rng.normal(size=rows.size)
+    wrench = np.zeros((rows.marker_start[-1], 6))
+    for m, found in enumerate(rows.reactions()):
+        wrench[m % joint.count] += found  # a partner has the same markers
+    node = -np.einsum("r,rni->ni", rows.forces, joint.dense(rows.force_jacobian))
+    R = se3.rotation(joint.face.frames)
+    force, moment = (np.einsum("nij,nj->ni", R, part) for part in (node[:, :3], node[:, 3:]))
+    arm = np.einsum("nij,nj->ni", R, joint.offsets[:, :3])
+    expected = np.concatenate([force, moment - np.cross(arm, force)], axis=1)
+    if ground:
+        # all forces of a joint balance, in any state; so do moments, but for the three rows of
+        # coinciding points, whose moments balance where the points do coincide
+        expected[0, :3] = -expected[1:, :3].sum(axis=0)
+        expected[0, 3:] = wrench[0, 3:]
+    # a moment about the node instead of the marker is of order 1
+    np.testing.assert_allclose(wrench[: joint.count], expected, atol=1e-12)
+
+
 @pytest.mark.parametrize("name", [n for n, e in EXAMPLES.items() if e.driven])
 def test_driven_joints_follow_their_function(name, rng):
     example = EXAMPLES[name]
