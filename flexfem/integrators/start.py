@@ -136,7 +136,7 @@ def _update_laws(system: System, tangent: TangentSolver) -> bool:
 def _rubbing(rows: Constraints) -> BoolArray:
     """(r,) rows with friction and those that press on them."""
     chosen = np.asarray(rows.elastic[:, 0] >= LawKind.FRICTION, dtype=np.bool_)
-    chosen[rows.normal_rows] = True
+    chosen[rows.coupled[:, 1]] = True
     return chosen
 
 

@@ -257,7 +257,8 @@ class FrozenSolver:
             self._values[at : at + len(group.entries)] = group.entries
             at += len(group.entries)
         self._values[at : at + rows.size] = rows.owned * rows.compliance
-        self._values[at + rows.size :] = rows.owned[rows.coupled[:, 0]] * rows.coupling
+        if len(rows.coupling):
+            self._values[at + rows.size :] = rows.owned[rows.coupled[:, 0]] * rows.coupling
         if rows.size_global:
             regular = self._interface.factor(self._values, regular)
         return regular

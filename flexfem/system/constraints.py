@@ -186,7 +186,7 @@ class Constraints(RowTable):
         evaluate_rows(
             face.frames, face.velocities, self.marker_slot, self.marker_offset, self.term_marker,
             self.kinds, self.directions, self.factors, self.angles, self.term_start, self.targets,
-            self.active, self.elastic, self.relaxation, self.normal_start, self.normal_rows,
+            self.active, self.elastic, self.relaxation, self.coupled,
             dynamics, self.multipliers, self._poses, self.force_jacobian, self.step_jacobian,
             self.values, self.compliance, self.coupling, self.slopes,
         )  # fmt: skip

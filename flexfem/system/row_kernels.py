@@ -12,7 +12,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import RowKind
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
-from flexfem.system.row_laws import NORMAL_FRICTION, RIGID, force_law
+from flexfem.system.row_laws import RIGID, force_law
 
 __all__ = [
     "ALONG",
@@ -214,28 +214,28 @@ def add_forces(
 @kernel
 def _apply_law(
     r: int, law: FloatArray, value: float, rate: float, dynamics: FloatArray,
-    multipliers: FloatArray, normal_start: IntArray, normal_rows: IntArray, values: FloatArray,
+    multipliers: FloatArray, coupled: IntArray, at: int, values: FloatArray,
     compliance: FloatArray, coupling: FloatArray, slopes: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Equation ``scale (F - L/s) = 0`` of row ``r`` with its derivatives.
 
     The scale lies below ``s`` and below one over the slopes of the force: the equation has the
-    size of a rigid row's, whether the law is stiff or its force vanishes.
+    size of a rigid row's, whether the law is stiff or its force vanishes. The row's couplings
+    begin at ``at``.
     """
-    squares = 0.0
-    for k in range(normal_start[r], normal_start[r + 1]):
-        squares += multipliers[normal_rows[k]] ** 2
+    squares, end = 0.0, at
+    while end < coupling.size and coupled[end, 0] == r:
+        squares += multipliers[coupled[end, 1]] ** 2
+        end += 1
     size = np.sqrt(squares)
     force_law(law, value, rate, multipliers[r] / dynamics[1], size / dynamics[1], out)
     scale = 1.0 / (1.0 / dynamics[1] + abs(out[1]) + abs(out[2]) * dynamics[0])
     values[r] = scale * (out[0] - multipliers[r] / dynamics[1])
     compliance[r] = scale / dynamics[1]
     slopes[r, 0], slopes[r, 1] = scale * out[1], scale * out[2]
-    for k in range(normal_start[r], normal_start[r + 1]):
-        coupling[k] = 0.0
-        if law[0] == NORMAL_FRICTION and size > 0.0:
-            part = multipliers[normal_rows[k]] / size
-            coupling[k] = -compliance[r] * law[3] * out[3] * part
+    for k in range(at, end):
+        part = multipliers[coupled[k, 1]] / size if size > 0.0 else 0.0
+        coupling[k] = -compliance[r] * law[3] * out[3] * part
 
 
 @kernel
@@ -243,7 +243,7 @@ def evaluate_rows(
     frames: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
     term_marker: IntArray, kinds: IntArray, directions: FloatArray, factors: FloatArray,
     memory: FloatArray, term_start: IntArray, targets: FloatArray, active: BoolArray,
-    elastic: FloatArray, relaxation: float, normal_start: IntArray, normal_rows: IntArray,
+    elastic: FloatArray, relaxation: float, coupled: IntArray,
     dynamics: FloatArray, multipliers: FloatArray, poses: FloatArray, force_jacobian: FloatArray,
     step_jacobian: FloatArray, values: FloatArray, compliance: FloatArray, coupling: FloatArray,
     slopes: FloatArray,
@@ -265,8 +265,7 @@ def evaluate_rows(
         active: (r,) rows that are not released.
         elastic: (r, 5) law, stiffness, damping and two parameters, see ``Law``.
         relaxation: compliance of rigid rows.
-        normal_start: (r + 1,) where the rows begin whose resultant presses on each row.
-        normal_rows: (k,) these rows.
+        coupled: (k, 2) rows with friction, and rows whose resultant presses on them.
         dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
         multipliers: (r,) scaled by ``beta h^2``.
         poses: (m, 12) work.
@@ -274,11 +273,11 @@ def evaluate_rows(
         step_jacobian: (t, 2, 6) derivative of ``values`` along them; dampers: see ``add_dampers``.
         values: (r,) residual of the row.
         compliance: (r,) what couples its own multiplier.
-        coupling: (k,) what couples those of ``normal_rows``.
+        coupling: (k,) what couples those of ``coupled`` rows.
         slopes: (r, 2) derivatives of ``values`` with respect to the row's sum and its rate.
     """
     marker_poses(frames, marker_node, marker_offset, poses)
-    g, scratch, law = np.empty(12), np.empty((5, 3)), np.empty(4)
+    g, scratch, law, at = np.empty(12), np.empty((5, 3)), np.empty(4), 0
     for r in range(targets.size):
         value, rate = -targets[r], 0.0
         for t in range(term_start[r], term_start[r + 1]):
@@ -303,9 +302,11 @@ def evaluate_rows(
             values[r], compliance[r] = value - relaxation * multipliers[r], relaxation
             continue
         if active[r]:
+            while at < coupling.size and coupled[at, 0] < r:
+                at += 1
             _apply_law(
-                r, elastic[r], value, rate, dynamics, multipliers, normal_start, normal_rows,
-                values, compliance, coupling, slopes, law,
+                r, elastic[r], value, rate, dynamics, multipliers, coupled, at, values,
+                compliance, coupling, slopes, law,
             )  # fmt: skip
         else:
             values[r], compliance[r], slopes[r, 0], slopes[r, 1] = -multipliers[r], 1.0, 0.0, 0.0

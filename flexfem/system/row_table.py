@@ -59,8 +59,7 @@ class RowTable:
         angles: (t,) continuous angles at the accepted state.
         term_marker, term_slots: (t, 2) both markers and the slots of their nodes.
         pair_of_term: (t,) pair of markers of a term, ``pair_slots`` (p, 2), ``pair_owned`` (p,).
-        normal_start, normal_rows: (r + 1,) and (k,) rows whose resultant presses on a row.
-        coupled: (k, 2) every such pair of rows.
+        coupled: (k, 2) rows with friction, and rows whose resultant presses on them.
     """
 
     def __init__(self, joints: Sequence[PlacedJoint]) -> None:
@@ -123,18 +122,12 @@ class RowTable:
         number = {id(placed.joint): i for i, placed in enumerate(self.joints)}
         moving = np.isin(self.kinds[self.term_start[:-1]], (RowKind.INERTIAL, RowKind.ALONG))
         pressing = moving & (self.elastic[:, 0] == LawKind.RIGID)
-        counts, normals = np.zeros(len(self.targets), dtype=np.int64), []
+        pairs = [np.zeros((0, 2), dtype=np.int64)]
         for r in np.flatnonzero(self.elastic[:, 0] == LawKind.NORMAL_FRICTION):
-            partner = self.joints[self.joint_of_row[r]].joint.partner
-            i = number[id(partner)]
+            i = number[id(self.joints[self.joint_of_row[r]].joint.partner)]
             found = self.start[i] + np.flatnonzero(pressing[self.start[i] : self.start[i + 1]])
-            counts[r] = len(found)
-            normals.append(found)
-        self.normal_start = _starts(counts.tolist())
-        self.normal_rows: IntArray = np.concatenate([np.zeros(0, dtype=np.int64), *normals])
-        self.coupled: IntArray = np.stack(
-            [np.repeat(np.arange(len(counts)), counts), self.normal_rows], axis=1
-        )
+            pairs.append(np.stack([np.full(len(found), r), found], axis=1))
+        self.coupled: IntArray = np.concatenate(pairs)
 
 
 def _starts(counts: Sequence[int]) -> IntArray:

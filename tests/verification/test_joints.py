@@ -114,6 +114,7 @@ def test_constant_velocity_joint_turns_both_shafts_alike(straight):
     np.testing.assert_allclose(w2, w1, atol=1e-5)
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 def test_screw_advances_by_its_pitch():
     """Velocities at the start go to the motion of least distance in kinetic energy."""
     pitch, spin = 0.3, 20.0
@@ -164,6 +165,7 @@ def _block(slope: float, speed: float, options: dict, **arguments: object) -> Ru
     )  # fmt: skip
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 @pytest.mark.parametrize("law", [{"coefficient": 0.3}, {"force": 0.3 * 2.0 * 9.81}])
 def test_sliding_block_stops(law):
     """After v/(mu g) seconds and v^2/(2 mu g) metres, and stays."""
@@ -182,6 +184,7 @@ def test_sliding_block_stops(law):
     assert counters.newton_iterations < 3.0 * run.simulation.steps
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 @pytest.mark.parametrize("policy", POLICIES)
 def test_block_sticks_on_an_incline(policy):
     """Below the friction angle it creeps at v_0 atanh(tan(slope)/mu), above it slides."""
@@ -216,6 +219,7 @@ def test_friction_between_two_bodies_brings_them_to_one_speed():
     np.testing.assert_allclose(run.states()[1][:, 0], [0.5, 0.5], atol=1e-4)
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 @pytest.mark.parametrize("damping", [0.0, 15.0])
 @pytest.mark.parametrize("coordinate", ["displacement", "distance"])
 def test_limit_stop_returns_what_it_takes(damping, coordinate):
@@ -239,6 +243,7 @@ def test_limit_stop_returns_what_it_takes(damping, coordinate):
         assert speed == pytest.approx(0.889, abs=0.03)
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 def test_limit_stop_on_an_angle():
     run = Run(
         body("arm", np.zeros(3), angular_velocity=(0.0, 0.0, 2.0)),
@@ -250,6 +255,7 @@ def test_limit_stop_on_an_angle():
     assert run.states()[1][0, 5] == pytest.approx(-2.0, abs=5e-3)
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 @pytest.mark.parametrize("full", [True, False])
 def test_bushing_deflects_by_its_flexibility(full):
     """A body hung in a bushing comes to rest where K q is its weight."""
@@ -273,6 +279,7 @@ def test_bushing_deflects_by_its_flexibility(full):
     np.testing.assert_allclose(run.wrench("bushing", 1)[:3], -weight[:3], atol=1e-6)
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 def test_distance_pendulum():
     """From the horizontal to the bottom in K(1/2) sqrt(L/g), where the rod pulls with 3 m g."""
     length, g = 0.8, 9.81
@@ -290,6 +297,7 @@ def test_distance_pendulum():
     np.testing.assert_allclose(run.wrench("rod", 0), -run.wrench("rod", 1), atol=1e-10)
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 @pytest.mark.parametrize("policy", POLICIES)
 def test_lock_holds_until_it_is_released(policy):
     slider = ff.Prismatic("slider", ff.Ground(), ff.Marker("block"), axis=Z)
@@ -329,6 +337,7 @@ def test_rigid_nodes_move_as_one_body():
     np.testing.assert_allclose(x[1:, 3:], np.broadcast_to(x[0, 3:], (2, 9)), atol=1e-9)
 
 
+@pytest.mark.serial  # one body: nothing to share between ranks
 def test_generic_joint_stops_at_its_limits():
     """Free along x within limits: it bounces between both, and holds all else."""
     run = Run(
