@@ -99,18 +99,12 @@ def test_universal_joint_speed_ratio():
     np.testing.assert_allclose(w2, expected, atol=1e-3)
 
 
-@pytest.mark.parametrize("straight", [True, False])
-def test_constant_velocity_joint_turns_both_shafts_alike(straight):
-    bend = 0.6
+@pytest.mark.parametrize("bend", [0.0, 0.6])
+def test_constant_velocity_joint_turns_both_shafts_alike(bend):
     second = (np.cos(bend), np.sin(bend), 0.0)
-    arguments = {"axis": X} if straight else {"axis": X, "second_axis": second}
-    if straight:  # built straight, then bent by its own turn
-        run = _shafts(ff.ConstantVelocity, 0.0, **arguments)
-        bend = 0.0
-    else:
-        run = _shafts(ff.ConstantVelocity, bend, **arguments)
+    run = _shafts(ff.ConstantVelocity, bend, axis=X, second_axis=second)
     _, w1, w2 = np.array(run.go(1.0, lambda: _speeds(run, bend))).T
-    # a universal joint would be off by 0.5; what is left is the scheme's error
+    # a universal joint would be off by 0.5 when bent; what is left is the scheme's error
     np.testing.assert_allclose(w2, w1, atol=1e-5)
 
 
@@ -143,7 +137,7 @@ def test_gear_keeps_its_ratio():
         ff.Revolute("pin", ff.Ground(), ff.Marker("one"), axis=Z),
         ff.Revolute("pivot", ff.Ground(3.0 * X), ff.Marker("two"), axis=Y),
         ff.Gear("gear", ff.Ground(), ff.Marker("one"), ff.Ground(3.0 * X), ff.Marker("two"),
-                axis=Z, second_axis=Y, ratio=ratio),
+                axis=Z, second_axis=Y, ratio=ratio), dt=1e-2,
     )  # fmt: skip
     expected = 0.4 * spin / (0.4 + 0.3 * ratio**2)
     run.go(3.0)
