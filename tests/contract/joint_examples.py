@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""An example of every joint class, and one joint between nodes of its own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+import flexfem as ff
+from flexfem.core.joint import Joint
+from flexfem.core.pose import Pose
+from flexfem.lie import se3, so3
+from flexfem.system.constraints import Constraints
+from flexfem.system.row_table import PlacedJoint
+
+AXIS = np.array([0.6, -0.3, 0.8])
+UNIT = AXIS / np.linalg.norm(AXIS)
+ACROSS = np.cross(UNIT, [1.0, 0.0, 0.0])
+#: gamma/(beta h) and beta h^2 of some time step
+DYNAMICS = np.array([21.0, 0.013])
+
+
+@dataclass(frozen=True)
+class Example:
+    """A joint to be tested.
+
+    Attributes:
+        cls: its class; arguments: all but name and markers, of which there are ``markers``.
+        rows: number of its constraints.
+        gap: vector from marker a to marker b at the start, inertial axes.
+        driven: local motion of b relative to a (in a's axes) at time t that satisfies a drive.
+    """
+
+    cls: type[Joint]
+    rows: int
+    arguments: dict[str, Any]
+    gap: np.ndarray
+    driven: Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    elastic: bool = False
+    make: Callable[[], Joint] | None = None
+    markers: int = 2
+
+    def joint(self) -> Joint:
+        if self.make is not None:
+            return self.make()
+        return self.cls("joint", ff.Ground(), ff.Ground(), **self.arguments)
+
+
+def _vector(t: float) -> np.ndarray:
+    return np.array([0.3 * t, -0.2 * t * t, np.sin(t)])
+
+
+HERE, ALONG, APART = np.zeros(3), 1.3 * UNIT, np.array([0.4, 1.1, -0.7])
+EXAMPLES = {
+    "Spherical": Example(ff.Spherical, 3, {}, HERE),
+    "Revolute": Example(ff.Revolute, 5, {"axis": AXIS}, HERE),
+    "Rigid": Example(ff.Rigid, 6, {}, HERE),
+    "Cylindrical": Example(ff.Cylindrical, 4, {"axis": AXIS}, ALONG),
+    "Prismatic": Example(ff.Prismatic, 5, {"axis": AXIS}, ALONG),
+    "PointOnLine": Example(ff.PointOnLine, 2, {"axis": AXIS}, ALONG),
+    "PointOnPlane": Example(ff.PointOnPlane, 1, {"axis": AXIS}, 0.8 * ACROSS),
+    "PrescribedTranslation": Example(
+        ff.PrescribedTranslation, 3, {"displacement": _vector}, APART,
+        lambda t, axis: (_vector(t), np.zeros(3)),
+    ),
+    "PrescribedTranslation-axis": Example(
+        ff.PrescribedTranslation, 1, {"displacement": lambda t: 0.4 * t, "axis": AXIS}, APART,
+        lambda t, axis: (0.4 * t * axis, np.zeros(3)),
+    ),
+    "PrescribedRotation": Example(
+        ff.PrescribedRotation, 3, {"rotation": _vector}, APART,
+        lambda t, axis: (np.zeros(3), _vector(t)),
+    ),
+    "PrescribedAngle": Example(
+        ff.PrescribedAngle, 1, {"axis": AXIS, "angle": lambda t: 0.7 * t}, APART,
+        lambda t, axis: (np.zeros(3), 0.7 * t * axis),
+    ),
+    "SpringDamper": Example(
+        ff.SpringDamper, 1, {"stiffness": 70.0, "damping": 4.0, "rest_length": 0.9}, APART,
+        elastic=True,
+    ),
+    "SpringDamper-spring": Example(
+        ff.SpringDamper, 1, {"stiffness": 70.0}, APART, elastic=True
+    ),
+    "SpringDamper-damper": Example(
+        ff.SpringDamper, 1, {"stiffness": 0.0, "damping": 4.0}, APART, elastic=True
+    ),
+    "TorsionalSpringDamper": Example(
+        ff.TorsionalSpringDamper, 1,
+        {"axis": AXIS, "stiffness": 70.0, "damping": 4.0, "rest_angle": 0.3}, APART,
+        elastic=True,
+    ),
+}  # fmt: skip
+
+
+def _ground(count: int) -> list[ff.Ground]:
+    return [ff.Ground() for _ in range(count)]
+
+
+def _slider() -> ff.Cylindrical:
+    return ff.Cylindrical("slider", *_ground(2), axis=AXIS)
+
+
+ROOT = np.random.default_rng(3).normal(size=(6, 6))
+FULL, VISCOUS = ROOT @ ROOT.T, ROOT.T @ ROOT
+RADIAL = {"velocity": 0.8, "viscous": 0.3}
+EXAMPLES |= {
+    "Universal": Example(ff.Universal, 4, {"axis": AXIS, "second_axis": ACROSS}, HERE),
+    "ConstantVelocity": Example(ff.ConstantVelocity, 4, {"axis": AXIS}, HERE),
+    "ConstantVelocity-bent": Example(
+        ff.ConstantVelocity, 4, {"axis": AXIS, "second_axis": AXIS + 0.7 * ACROSS}, HERE
+    ),
+    "Screw": Example(ff.Screw, 5, {"axis": AXIS, "pitch": 0.4}, ALONG),
+    "Planar": Example(ff.Planar, 3, {"axis": AXIS}, 0.8 * ACROSS),
+    "Distance": Example(ff.Distance, 1, {}, APART),
+    "Gear": Example(
+        ff.Gear, 1, {}, APART, markers=4,
+        make=lambda: ff.Gear(
+            "joint", *_ground(4), axis=AXIS, second_axis=(1.0, 2.0, -0.5), ratio=-1.7
+        ),
+    ),
+    "RigidNodes": Example(
+        ff.RigidNodes, 12, {}, APART, markers=3,
+        make=lambda: ff.RigidNodes("joint", *_ground(1), nodes=_ground(2)),
+    ),
+    "Generic-locked": Example(ff.Generic, 6, {}, HERE),
+    "Generic-one": Example(ff.Generic, 4, {"free": ("x", "ry")}, HERE),
+    "Generic-two": Example(ff.Generic, 4, {"free": ("rz", "rx")}, HERE),
+    "Generic-three": Example(ff.Generic, 2, {"free": ("rz", "y", "rx", "ry")}, HERE),
+    "Generic-limits": Example(
+        ff.Generic, 6, {"free": ("x", "ry"), "limits": {
+            "x": (-0.01, 0.01, 30.0, 2.0), "ry": (-0.02, 0.01, 7.0, 0.5)}}, HERE, elastic=True,
+    ),
+    "Bushing": Example(
+        ff.Bushing, 6, {"stiffness": np.arange(1.0, 7.0), "damping": np.full(6, 0.2)}, APART,
+        elastic=True,
+    ),
+    "Bushing-full": Example(
+        ff.Bushing, 12, {"stiffness": FULL, "damping": VISCOUS}, APART, elastic=True
+    ),
+    "LimitStop": Example(
+        ff.LimitStop, 1, {"axis": AXIS, "upper": -3.0, "stiffness": 70.0, "damping": 9.0}, APART,
+        elastic=True,
+    ),
+    "LimitStop-angle": Example(
+        ff.LimitStop, 1, {"coordinate": "angle", "axis": AXIS, "lower": 2.9, "stiffness": 70.0,
+                          "damping": 9.0}, APART, elastic=True,
+    ),
+    "LimitStop-distance": Example(
+        ff.LimitStop, 1, {"coordinate": "distance", "lower": 0.1, "upper": 0.2, "stiffness": 70.0,
+                          "damping": 9.0}, APART, elastic=True,
+    ),
+    "JointFriction": Example(
+        ff.JointFriction, 1, {}, ALONG, elastic=True,
+        make=lambda: ff.JointFriction("joint", _slider(), "rotation", force=0.6, **RADIAL),
+    ),
+    "JointFriction-normal": Example(
+        ff.JointFriction, 1, {}, ALONG, elastic=True,
+        make=lambda: ff.JointFriction("joint", _slider(), "translation", coefficient=0.6, **RADIAL),
+    ),
+    "JointFriction-revolute": Example(
+        ff.JointFriction, 1, {}, HERE, elastic=True,
+        make=lambda: ff.JointFriction(
+            "joint", ff.Revolute("hinge", *_ground(2), axis=AXIS), coefficient=0.6, radius=0.3,
+            **RADIAL
+        ),
+    ),
+    "Lock": Example(ff.Lock, 2, {}, ALONG, make=lambda: ff.Lock("joint", _slider(), locked=True)),
+    "PrescribedDisplacement": Example(
+        ff.PrescribedDisplacement, 1,
+        {"displacement": ff.SmoothStep(0.0, 2.0, 0.0, 0.4), "axis": AXIS}, APART,
+        lambda t, axis: (ff.SmoothStep(0.0, 2.0, 0.0, 0.4)(t) * axis, np.zeros(3)),
+    ),
+    "PrescribedDistance": Example(
+        ff.PrescribedDistance, 1, {"elongation": ff.Table([0.0, 2.0], [0.0, 1.0])}, APART,
+    ),
+}  # fmt: skip
+
+
+class Placed:
+    """One joint between nodes, one for each marker, which has an offset and axes of its own."""
+
+    def __init__(self, example: Example, rng: np.random.Generator, ground: bool = False) -> None:
+        joint, n = example.joint(), example.markers
+        nodes = se3.exp(rng.normal(size=(n, 6)))
+        frames = [se3.compose(nodes[0], se3.exp(rng.normal(size=6)))]
+        for k in range(1, n):
+            turn = so3.exp(rng.normal(size=3))
+            frames.append(se3.frame(se3.position(frames[0]) + k * example.gap, turn))
+        offsets = se3.compose(se3.inverse(nodes), np.array(frames))
+        poses = tuple(Pose(se3.position(h), se3.rotation(h)) for h in frames)
+        slots = list(range(n))
+        if ground:  # the first marker does not move
+            offsets[0], slots[0] = frames[0], -1
+        self.start, self.offsets, self.poses, self.count = nodes, offsets, poses, n
+        self.face = SimpleNamespace(
+            keys=[(1, k) for k in range(n)], frames=nodes.copy(), velocities=np.zeros((n, 6)),
+            increments=np.zeros((n, 6)), inertial=np.zeros(n, dtype=bool),
+        )  # fmt: skip
+        placed = [PlacedJoint(joint, 0, poses, tuple(slots), offsets, owned=True, shared=False)]
+        if joint.partner is not None:
+            placed.insert(0, replace(placed[0], joint=joint.partner, index=1))
+        self.rows = Constraints(MPI.COMM_SELF, placed, self.face)
+
+    def evaluate(self) -> np.ndarray:
+        self.rows.evaluate(DYNAMICS)
+        return self.rows.values.copy()
+
+    def disturb(self, rng: np.random.Generator) -> None:
+        """A state off the constraints, moving, with a finite increment."""
+        n = self.count
+        self.face.frames[:] = se3.retract(self.start, 0.3 * rng.normal(size=(n, 6)))
+        self.face.velocities[:] = rng.normal(size=(n, 6))
+        self.face.increments[:] = 0.2 * rng.normal(size=(n, 6))
+
+    def rigid(self) -> None:
+        """Make all rows rigid and hold, so that values are those of the constraint functions."""
+        self.rows.elastic[:] = 0.0
+        self.rows.active[:] = True
+        self.rows._damped = False
+
+    def dense(self, jacobian: np.ndarray) -> np.ndarray:
+        """Sum (t, 2, 6) of terms to (r, n, 6) of rows and nodes."""
+        rows, out = self.rows, np.zeros((self.rows.size, self.count + 1, 6))
+        np.add.at(out, (rows.row_of_term[:, np.newaxis], rows.term_slots), jacobian)
+        return out[:, :-1]
+
+    def hessian(self, factor: np.ndarray) -> np.ndarray:
+        """Second derivatives of all rows over all nodes, (6 n, 6 n)."""
+        slots, n = self.rows.pair_slots, self.count
+        out = np.zeros((n + 1, n + 1, 6, 6))
+        blocks = self.rows.hessians(factor).reshape(-1, 2, 6, 2, 6).transpose(0, 1, 3, 2, 4)
+        np.add.at(out, (slots[:, :, np.newaxis], slots[:, np.newaxis, :]), blocks)
+        return out[:-1, :-1].transpose(0, 2, 1, 3).reshape(6 * n, 6 * n)
+
+    def derivative(self, function: Callable[[], np.ndarray], eps: float = 1e-5) -> np.ndarray:
+        """Central differences along all local twists; velocities follow the increments."""
+        face = self.face
+        kept = [a.copy() for a in (face.frames, face.velocities, face.increments)]
+        columns = []
+        for k in range(6 * self.count):
+            sides = []
+            for sign in (1.0, -1.0):
+                step = sign * eps * np.eye(6 * self.count)[k].reshape(-1, 6)
+                face.frames[:] = se3.retract(kept[0], step)
+                if face.inertial.all():
+                    self._follow_inertial(kept, step)
+                else:
+                    n = se3.log(se3.compose(se3.exp(kept[2]), se3.exp(step)))
+                    face.velocities[:] = kept[1] + DYNAMICS[0] * (n - kept[2])
+                    face.increments[:] = n
+                sides.append(np.array(function(), copy=True))
+            columns.append((sides[0] - sides[1]) / (2.0 * eps))
+        face.frames[:], face.velocities[:], face.increments[:] = kept
+        return np.stack(columns, axis=-1)
+
+    def _follow_inertial(self, kept: list[np.ndarray], step: np.ndarray) -> None:
+        """Velocities after a step where translations are integrated in inertial axes."""
+        face, (frames, velocities, increments) = self.face, kept
+        R, turned = se3.rotation(frames), se3.rotation(face.frames)
+        theta = so3.log(so3.exp(increments[:, 3:]) @ so3.exp(step[:, 3:]))
+        speed = np.einsum("nij,nj->ni", R, velocities[:, :3])
+        speed += DYNAMICS[0] * (face.frames[:, :3] - frames[:, :3])
+        face.velocities[:, :3] = np.einsum("nji,nj->ni", turned, speed)
+        face.velocities[:, 3:] = velocities[:, 3:] + DYNAMICS[0] * (theta - increments[:, 3:])
+        face.increments[:, 3:] = theta
