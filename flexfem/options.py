@@ -8,6 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+#: Time integrators by name: "module:class", see ``flexfem.integrators.integrator``.
+INTEGRATORS = {
+    "generalized_alpha": "flexfem.integrators.generalized_alpha:GeneralizedAlpha",
+    "stabilized_index2": "flexfem.integrators.stabilized_index2:StabilizedIndex2",
+}
 MAX_STEPS = 1e9  # more steps than anyone waits for: dt or t_end was mistyped
 
 
@@ -158,6 +163,13 @@ _RUN_OPTIONS = (
     Option("dt", float, None, "time step", unit="s", above=0),
     Option("t_end", float, None, "end of the simulated time", unit="s", above=0),
     Option(
+        "integrator",
+        str,
+        "generalized_alpha",
+        "scheme in time; stabilized_index2 satisfies the constraints on velocities as well",
+        choices=tuple(INTEGRATORS),
+    ),
+    Option(
         "rho_inf",
         float,
         0.9,
@@ -207,6 +219,7 @@ class RunOptions(Settings):
     Args:
         dt: Time step, s.
         t_end: End of the simulated time, s.
+        integrator: Name of the scheme, one of ``INTEGRATORS``.
         rho_inf: Spectral radius of generalised-alpha at infinite frequency, in [0, 1].
         iteration_matrix: "auto", "frozen" or "updated".
         tolerance: Newton steps of positions (m), rotations (rad) and multipliers times
@@ -225,6 +238,7 @@ class RunOptions(Settings):
 
     dt: float
     t_end: float
+    integrator: str = _DEFAULTS["integrator"]
     rho_inf: float = _DEFAULTS["rho_inf"]
     iteration_matrix: str = _DEFAULTS["iteration_matrix"]
     tolerance: float = _DEFAULTS["tolerance"]

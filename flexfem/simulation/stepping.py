@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from flexfem._checks import InputError
 from flexfem.core.status import Status
-from flexfem.integrators.generalized_alpha import GeneralizedAlpha
+from flexfem.integrators.integrator import create_integrator
 from flexfem.integrators.start import start_consistently
 from flexfem.model.model import Model
 from flexfem.options import RunOptions
@@ -49,7 +49,7 @@ class Simulation:
             raise InputError(str(error)) from error
         self.options = options
         self.system.set_time(0.0)
-        self._integrator = GeneralizedAlpha(options.rho_inf)
+        self._integrator = create_integrator(options.integrator, options.rho_inf)
         tangent = TangentSolver(self.system)
         self.status = start_consistently(
             self.system, tangent, options.dt, options.redundant_constraints == "least_norm"

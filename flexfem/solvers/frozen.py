@@ -207,6 +207,13 @@ class FrozenSolver:
         solution += self._refinement(shifts, solution)
         return True, self._put(solution)
 
+    def project(self, values: FloatArray) -> bool:
+        """Blocks' steps that the given row values (r,) alone ask for, after :meth:`step`."""
+        for part in self.system.parts:
+            part.block.residual[:] = 0.0
+        self._solve(values)
+        return True
+
     def _refinement(self, shifts: Shifts, solution: FloatArray) -> FloatArray:
         """Correction that the exact tangent asks for: GMRES, preconditioned by the frozen solve."""
         count = self._sizes[-1]

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from flexfem.core.status import Status
 from flexfem.solvers.frozen import FrozenSolver
-from flexfem.solvers.newton import NewtonOptions, iterate
+from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, iterate
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.system import Shifts, System
 
@@ -28,10 +28,15 @@ _REFINE_FROZEN, _REFINE_AUTO = 0.005, 0.1
 _RELAX = 0.2
 
 
+_POSITIONS = PositionLevel()
+
+
 class Policy(Protocol):
     """Solves the equations of one step."""
 
-    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
         """Iterate from the predicted state; ``restart`` returns to it for a second attempt."""
         ...
 
@@ -43,9 +48,14 @@ class UpdatedPolicy:
         """Store what is needed."""
         self._system, self._options, self._tangent = system, options, tangent
 
-    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
         """See :class:`Policy`."""
-        return iterate(self._system, shifts, self._tangent.step, self._options)
+        tangent = self._tangent
+        return iterate(
+            self._system, shifts, tangent.step, self._options, None, equations, tangent.project
+        )
 
 
 class FrozenPolicy:
@@ -62,7 +72,9 @@ class FrozenPolicy:
         self._fallback = UpdatedPolicy(system, options, tangent)
         self._frozen = FrozenSolver(system)
 
-    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
         """See :class:`Policy`."""
         frozen = self._frozen
         if frozen.shifts != shifts:
@@ -80,13 +92,15 @@ class FrozenPolicy:
                 refreshed = True
                 frozen.factor(shifts)
 
-        status = iterate(self._system, shifts, frozen.step, self._options, observe)
+        status = iterate(
+            self._system, shifts, frozen.step, self._options, observe, equations, frozen.project
+        )
         if status is Status.OK:
             frozen.refine = frozen.refine and frozen.defect > _RELAX * self.refine
             return status
         self._system.counters.fallbacks += 1
         restart()
-        return self._fallback.solve(shifts, restart)
+        return self._fallback.solve(shifts, restart, equations)
 
 
 class AutoPolicy(FrozenPolicy):

@@ -154,6 +154,10 @@ class TangentSolver:
         success = self.solve(blocks, self.system.constraints.values)
         return success, self.multiplier_step
 
+    def project(self, values: FloatArray) -> bool:
+        """Blocks' steps that the given row values (r,) alone ask for, with the kept factors."""
+        return self.solve([np.zeros((p.block.owned, 6)) for p in self.system.parts], values)
+
 
 def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
     """Entries of a block's own matrix: cells, masses, forces."""

@@ -175,6 +175,11 @@ class Constraints(RowTable):
         """Rows whose multipliers this rank owns, in the order of their global numbers."""
         return np.flatnonzero(self.owned).astype(np.int64)
 
+    @property
+    def driven(self) -> bool:
+        """A row of this rank changes with time."""
+        return bool(self._driven)
+
     def set_time(self, t: float) -> None:
         """Update the rows of driven joints to time ``t``."""
         for i, joint in self._driven:
@@ -197,6 +202,34 @@ class Constraints(RowTable):
                 self.row_of_term, self.slopes, face.inertial, dynamics, self.force_jacobian,
                 self.step_jacobian,
             )  # fmt: skip
+
+    def use_rates(self, velocity: float, by_time: FloatArray) -> FloatArray:
+        """Put the rates of the rigid rows in the place of their values, with exact derivatives.
+
+        Args:
+            velocity: dv/dn of the time integrator; rates are divided by it, which makes their
+                derivatives those of the values as the step shrinks.
+            by_time: (r,) rate of every row at held positions, from drives.
+
+        Returns:
+            The values of the rigid rows (r,), zero for elastic ones.
+        """
+        face, rigid = self.interface, 1.0 - self.elastic[:, 0]
+        values = rigid * self.values
+        self.values = np.where(rigid > 0.0, (self.rates() + by_time) / velocity, self.values)
+        # a rate is the residual of a damper of no stiffness
+        dampers = np.stack([rigid, np.zeros(self.size), rigid], axis=1)
+        add_dampers(
+            self._poses, face.increments, face.velocities, self._marker_slot, self._marker_offset,
+            self._row_marker, self._kinds, self._directions, dampers, face.inertial,
+            np.array([velocity, 0.0]), self.step_jacobian,
+        )  # fmt: skip
+        return values
+
+    def along(self, steps: FloatArray) -> FloatArray:
+        """(r,) change of the rigid rows along local twists (n_slots, 6) of the slots."""
+        padded = np.concatenate([steps, np.zeros((1, 6))])
+        return np.einsum("rsi,rsi->r", self.rigid_jacobian(), padded[self.row_slots])
 
     def add_forces(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> None:
         """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each slot."""

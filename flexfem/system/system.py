@@ -214,6 +214,15 @@ class System:
         # NumPy's maximum keeps a NaN, Python's may drop it
         return sizes[0] if len(sizes) == 1 else float(np.max(sizes, initial=0.0))
 
+    def shift(self, sign: float) -> float:
+        """Apply the blocks' steps to the positions alone; largest entry on this rank."""
+        return float(np.max([part.block.shift(sign) for part in self.parts], initial=0.0))
+
+    def acceleration_jump(self, law: FloatArray) -> float:
+        """Largest change of an acceleration over the step on any rank (collective)."""
+        jump = float(np.max([p.block.acceleration_jump(law) for p in self.parts], initial=0.0))
+        return self.comm.allreduce(jump, op=MPI.MAX) if self.comm.size > 1 else jump
+
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: trial state becomes the state, and the better predictor is chosen."""
         misses = np.zeros(2)
