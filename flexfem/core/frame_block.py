@@ -125,15 +125,19 @@ class FrameBlock:
         )  # fmt: skip
         return largest
 
-    def acceleration_jump(self, law: FloatArray) -> float:
-        """Largest change of the acceleration-like variable of an owned node over the step.
+    def jump_to_step(self, law: FloatArray, factor: float) -> None:
+        """Put ``factor`` times the change of the acceleration-like variable into the steps.
 
         Args:
             law: of acceptance, see ``frame_kernels.accept``.
+            factor: s^2.
         """
         increment = self.increment if self._offset is None else self.increment - self._offset
         jump = law[0] * increment + law[1] * self._velocity0 + (law[2] - 1.0) * self._auxiliary0
-        return float(np.abs(jump[: self.owned]).max(initial=0.0))
+        self.step[:] = factor * jump
+        if self.inertial:
+            turns = self.frames[:, 3:].reshape(-1, 3, 3)
+            self.step[:, :3] = np.einsum("nji,nj->ni", turns, self.step[:, :3])
 
     def accept(self, law: FloatArray, h: float) -> FloatArray:
         """End a step of size ``h`` (s); see ``frame_kernels.accept``.

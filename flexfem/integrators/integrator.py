@@ -40,7 +40,7 @@ class Integrator(Protocol):
         """
         ...
 
-    def error(self, system: System, h: float) -> float:
+    def error(self, system: System, policy: Policy, h: float) -> float:
         """Local error of the trial state of a step: largest over all nodes, m or rad (collective).
 
         It is the same number on all ranks, and of order ``order + 1`` in ``h``.

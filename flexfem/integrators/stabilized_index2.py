@@ -21,7 +21,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.solvers.newton import Equations, Project
+from flexfem.solvers.newton import Equations, SolveAgain
 from flexfem.system.system import Shifts, System
 
 __all__ = ["StabilizedIndex2"]
@@ -66,11 +66,13 @@ class _PositionsAndRates:
         rows.evaluate(shifts.dynamics)
         return total
 
-    def correct(self, system: System, project: Project | None) -> tuple[bool, float]:
+    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
         """See :class:`Equations`."""
-        assert project is not None
+        assert again is not None
         largest = system.correct(-1.0)
         system.interface.update_steps()
         gaps = self._gaps - system.constraints.along(system.interface.steps)
-        success = project(gaps)
+        for part in system.parts:
+            part.block.residual[:] = 0.0
+        success = again(gaps)
         return success, float(np.max([largest, system.shift(-1.0)]))

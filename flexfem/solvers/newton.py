@@ -15,12 +15,12 @@ from flexfem.core.status import Status
 from flexfem.solvers.schur_kernels import largest_entry
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Equations", "LinearStep", "NewtonOptions", "PositionLevel", "Project", "iterate"]
+__all__ = ["Equations", "LinearStep", "NewtonOptions", "PositionLevel", "SolveAgain", "iterate"]
 
 #: Solves for the steps of blocks (stored there) and multipliers (returned), with success.
 LinearStep = Callable[[Shifts], tuple[bool, FloatArray]]
-#: Solves again with the matrix of the last step for the blocks' steps that row values alone ask for.
-Project = Callable[[FloatArray], bool]
+#: Solves with the matrix of the last step, given the blocks' residuals (stored there) and rows.
+SolveAgain = Callable[[FloatArray], bool]
 
 #: Steps growing by more than this from one iteration to the next mean divergence.
 _DIVERGENCE = 2.0
@@ -49,7 +49,7 @@ class Equations(Protocol):
         """Residuals of blocks and constraints at the trial state (collective)."""
         ...
 
-    def correct(self, system: System, project: Project | None) -> tuple[bool, float]:
+    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
         """Subtract the blocks' steps: success, and the largest entry on this rank (collective)."""
         ...
 
@@ -61,7 +61,7 @@ class PositionLevel:
         """See :class:`Equations`."""
         system.evaluate(shifts)
 
-    def correct(self, system: System, project: Project | None) -> tuple[bool, float]:
+    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
         """See :class:`Equations`."""
         return True, system.correct(-1.0)
 
@@ -76,7 +76,7 @@ def iterate(
     options: NewtonOptions,
     observe: Callable[[int, float, bool], None] | None = None,
     equations: Equations = _POSITIONS,
-    project: Project | None = None,
+    again: SolveAgain | None = None,
 ) -> Status:
     """Iterate from the predicted state until every block's step is below the tolerance.
 
@@ -88,7 +88,7 @@ def iterate(
         observe: called after every iteration with its number, its contraction and whether it is
             the last; it may refresh the matrix.
         equations: what is solved.
-        project: solver for those that project positions.
+        again: second solver for equations that need one.
     """
     rows = system.constraints
     previous = inf
@@ -96,7 +96,7 @@ def iterate(
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
         success, change = linear_step(shifts)
-        projected, largest = equations.correct(system, project)
+        projected, largest = equations.correct(system, again)
         rows.multipliers -= change
         sizes = _largest(system.comm, largest, change, success and projected)
         if sizes[2] > 0.0:

@@ -154,9 +154,9 @@ class TangentSolver:
         success = self.solve(blocks, self.system.constraints.values)
         return success, self.multiplier_step
 
-    def project(self, values: FloatArray) -> bool:
-        """Blocks' steps that the given row values (r,) alone ask for, with the kept factors."""
-        return self.solve([np.zeros((p.block.owned, 6)) for p in self.system.parts], values)
+    def again(self, values: FloatArray) -> bool:
+        """Blocks' steps for their residuals and given row values (r,), with the last factors."""
+        return self.solve([p.block.residual[: p.block.owned] for p in self.system.parts], values)
 
 
 def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
