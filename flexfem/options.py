@@ -8,6 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+#: Time integrators by name: "module:class", see ``flexfem.integrators.integrator``.
+INTEGRATORS = {
+    "generalized_alpha": "flexfem.integrators.generalized_alpha:GeneralizedAlpha",
+    "stabilized_index2": "flexfem.integrators.stabilized_index2:StabilizedIndex2",
+}
 MAX_STEPS = 1e9  # more steps than anyone waits for: dt or t_end was mistyped
 
 
@@ -158,6 +163,13 @@ _RUN_OPTIONS = (
     Option("dt", float, None, "time step", unit="s", above=0),
     Option("t_end", float, None, "end of the simulated time", unit="s", above=0),
     Option(
+        "integrator",
+        str,
+        "generalized_alpha",
+        "scheme in time; stabilized_index2 satisfies the constraints on velocities as well",
+        choices=tuple(INTEGRATORS),
+    ),
+    Option(
         "rho_inf",
         float,
         0.9,
@@ -188,7 +200,22 @@ _RUN_OPTIONS = (
         "constraints that hold a motion twice: refuse them by name, or carry them (least_norm)",
         choices=("refuse", "least_norm"),
     ),
-    Option("every", int, 10, "write the ParaView fields every N-th step", minimum=1),
+    Option(
+        "adaptive",
+        bool,
+        False,
+        "halve and double steps below dt so that each keeps the error tolerance",
+    ),
+    Option(
+        "error_tolerance",
+        float,
+        1e-5,
+        "with adaptive: largest local error of a position or rotation (rad) in a step",
+        unit="m",
+        above=0,
+        maximum=0.1,
+    ),
+    Option("every", int, 10, "write the ParaView fields every N-th time step dt", minimum=1),
     Option(
         "split_above",
         int,
@@ -207,13 +234,19 @@ class RunOptions(Settings):
     Args:
         dt: Time step, s.
         t_end: End of the simulated time, s.
+        integrator: Name of the scheme, one of ``INTEGRATORS``.
         rho_inf: Spectral radius of generalised-alpha at infinite frequency, in [0, 1].
         iteration_matrix: "auto", "frozen" or "updated".
         tolerance: Newton steps of positions (m), rotations (rad) and multipliers times
             ``beta h^2`` must fall below it.
         redundant_constraints: "refuse" names joints that hold the same motion twice; "least_norm"
             carries them with the smallest forces that do.
-        every: Fields are written every that many steps.
+        adaptive: Steps are ``dt`` or ``2^-k`` of it, such that each keeps the error tolerance.
+        error_tolerance: Largest estimated local error of a node's position (m) or rotation (rad)
+            in one step. It is absolute: choose it relative to the motion of interest, 1e-5 of the
+            size of the mechanism for example. The error at the end is about that of one step times
+            the number of steps.
+        every: Fields are written every that many steps ``dt``.
         split_above: Elements above which one beam may be split over ranks.
 
     Raises:
@@ -225,10 +258,13 @@ class RunOptions(Settings):
 
     dt: float
     t_end: float
+    integrator: str = _DEFAULTS["integrator"]
     rho_inf: float = _DEFAULTS["rho_inf"]
     iteration_matrix: str = _DEFAULTS["iteration_matrix"]
     tolerance: float = _DEFAULTS["tolerance"]
     redundant_constraints: str = _DEFAULTS["redundant_constraints"]
+    adaptive: bool = _DEFAULTS["adaptive"]
+    error_tolerance: float = _DEFAULTS["error_tolerance"]
     every: int = _DEFAULTS["every"]
     split_above: int = _DEFAULTS["split_above"]
 

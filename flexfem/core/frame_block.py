@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.core.frame_kernels import accept, correct, predict, to_inertial
+from flexfem.core.frame_kernels import accept, correct, predict, shift, to_inertial
 
 __all__ = ["FrameBlock"]
 
@@ -67,6 +67,8 @@ class FrameBlock:
         self._auxiliary0 = np.zeros((count, 6))
         self.increment = np.zeros((count, 6))
         self._velocity_base, self._acceleration_base = np.zeros((count, 6)), np.zeros((count, 6))
+        # part of the increments that is not integrated from rates, see shift()
+        self._offset: FloatArray | None = None
         self._rates, self._misses = np.zeros(2), np.zeros(2)
         self._residual, self._step = la.vector(index_map, 6), la.vector(index_map, 6)
         self.residual: FloatArray = self._residual.array.reshape(-1, 6)
@@ -89,6 +91,8 @@ class FrameBlock:
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step; see ``frame_kernels.predict``."""
         self._rates = rates
+        if self._offset is not None:
+            self._offset[:] = 0.0
         predict(
             self.inertial, self.frames0, self._velocity0, self._auxiliary0, self._acceleration0,
             law, rates, self.frames, self.increment, self.velocity, self.acceleration,
@@ -105,12 +109,46 @@ class FrameBlock:
         )  # fmt: skip
         return largest
 
+    def shift(self, sign: float) -> float:
+        """Move by the twists ``sign * step``, velocities and accelerations held.
+
+        Returns:
+            The largest entry of the step.
+        """
+        self.spread_step()
+        if self._offset is None:
+            self._offset = np.zeros_like(self.increment)
+        largest: float = shift(
+            self.inertial, self.frames0, self.increment, self._velocity_base,
+            self._acceleration_base, self._rates, self.frames, self.velocity, self.acceleration,
+            self.step, sign, self._offset,
+        )  # fmt: skip
+        return largest
+
+    def jump_to_step(self, law: FloatArray, factor: float) -> None:
+        """Put ``factor`` times the change of the acceleration-like variable into the steps.
+
+        Args:
+            law: of acceptance, see ``frame_kernels.accept``.
+            factor: s^2.
+        """
+        increment = self.increment if self._offset is None else self.increment - self._offset
+        jump = law[0] * increment + law[1] * self._velocity0 + (law[2] - 1.0) * self._auxiliary0
+        self.step[:] = factor * jump
+        if self.inertial:
+            turns = self.frames[:, 3:].reshape(-1, 3, 3)
+            self.step[:, :3] = np.einsum("nji,nj->ni", turns, self.step[:, :3])
+
     def accept(self, law: FloatArray, h: float) -> FloatArray:
         """End a step of size ``h`` (s); see ``frame_kernels.accept``.
 
         Returns:
             (2,) how far predictions from velocity alone and from acceleration too were off.
         """
+        if self._offset is not None:
+            self.increment -= self._offset
+            self._velocity_base += self._rates[0] * self._offset
+            self._acceleration_base += self._rates[1] * self._offset
         accept(
             self.frames0, self._velocity0, self._auxiliary0, self._acceleration0, self.frames,
             self.increment, self._velocity_base, self._acceleration_base, self._rates, law, h,

@@ -8,7 +8,7 @@ from flexfem.lie import so3
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into, retract_into
 
-__all__ = ["accept", "correct", "predict", "step_rates_into", "to_inertial"]
+__all__ = ["accept", "correct", "predict", "shift", "step_rates_into", "to_inertial"]
 
 
 @inlined
@@ -129,6 +129,24 @@ def predict(
         _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, turn, i)
 
 
+@inlined
+def _change_into(
+    inertial: bool, H: FloatArray, n: FloatArray, step: FloatArray, change: FloatArray,
+    T: FloatArray,
+) -> None:  # fmt: skip
+    """Change of a node's increment along its local twist ``step``; ``T`` (9,) is work space."""
+    if not inertial:
+        inverse_tangent_apply(n, step, change)
+        return
+    so3.inverse_tangent_into(n[3:], T)
+    for k in range(3):
+        j = 3 + 3 * k
+        change[k], change[3 + k] = 0.0, 0.0
+        for m in range(3):
+            change[k] += H[j + m] * step[m]
+            change[3 + k] += T[3 * k + m] * step[3 + m]
+
+
 @kernel
 def correct(
     inertial: bool, frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray,
@@ -142,18 +160,35 @@ def correct(
     """
     largest, change, T = 0.0, np.empty(6), np.empty(9)
     for i in range(n.shape[0]):
-        if inertial:
-            so3.inverse_tangent_into(n[i, 3:], T)
-            for k in range(3):
-                j = 3 + 3 * k
-                change[k], change[3 + k] = 0.0, 0.0
-                for m in range(3):
-                    change[k] += frames[i, j + m] * step[i, m]
-                    change[3 + k] += T[3 * k + m] * step[i, 3 + m]
-        else:
-            inverse_tangent_apply(n[i], step[i], change)
+        _change_into(inertial, frames[i], n[i], step[i], change, T)
         for k in range(6):
             n[i, k] += sign * change[k]
+            size = abs(step[i, k])
+            if size > largest or size != size:  # a NaN stays the largest
+                largest = size
+        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, T, i)
+    return largest
+
+
+@kernel
+def shift(
+    inertial: bool, frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray,
+    rates: FloatArray, frames: FloatArray, v: FloatArray, w: FloatArray, step: FloatArray,
+    sign: float, offset: FloatArray,
+) -> float:  # fmt: skip
+    """Move by the local twists ``sign * step`` at held rates of the increments.
+
+    The parts of the increments that are not integrated from rates collect in ``offset`` (n, 6).
+    Returns the largest entry of the step.
+    """
+    largest, change, T = 0.0, np.empty(6), np.empty(9)
+    for i in range(n.shape[0]):
+        _change_into(inertial, frames[i], n[i], step[i], change, T)
+        for k in range(6):
+            n[i, k] += sign * change[k]
+            offset[i, k] += sign * change[k]
+            v_base[i, k] -= sign * rates[0] * change[k]
+            w_base[i, k] -= sign * rates[1] * change[k]
             size = abs(step[i, k])
             if size > largest or size != size:  # a NaN stays the largest
                 largest = size

@@ -12,4 +12,6 @@ class Status(Enum):
     OK = "ok"
     NOT_CONVERGED = "the Newton iteration did not converge"
     DIVERGED = "the Newton iteration diverged"
+    INACCURATE = "the smallest step misses the error tolerance"
+    EVENT = "an event cannot be followed"
     SINGULAR = "the iteration matrix is singular: redundant constraints or a singular position"

@@ -12,15 +12,14 @@ from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.constraints import Constraints
-from flexfem.system.system import Shifts, System
+from flexfem.system.system import MASS, System
 
-__all__ = ["start_consistently"]
+__all__ = ["make_consistent", "project_velocities", "start_consistently"]
 
 #: Largest violation of a constraint at the start (m or rad): more is a mistake in the model.
 _GAP = 1e-6
 
-#: The mass matrix alone, nothing scaled; rates of elastic rows count as they are.
-_MASS = Shifts(velocity=0.0, acceleration=1.0, scale=1.0, stiffness=0.0)
+#: rates of elastic rows count as they are
 _RATES = np.array([1.0, 1.0])
 #: Compliance of rigid rows that may be redundant, relative to that of the whole model's mass. A
 #: constraint is violated by this part of the distance its force moves the model within a step;
@@ -33,12 +32,7 @@ _SWEEPS = 25
 def start_consistently(
     system: System, tangent: TangentSolver, dt: float, least_norm: bool = False
 ) -> Status:
-    """Make velocities, accelerations and multipliers satisfy the constraints (collective).
-
-    Velocities move by the least kinetic energy onto the constraints (they stay as they are if they
-    satisfy them already); accelerations and multipliers follow from
-    ``[[M, G^T], [G, 0]] (w, lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided
-    differences over ``dt`` (s), since a motion need not be defined before the start.
+    """Check the positions, then make everything else consistent (collective).
 
     With ``least_norm`` rigid rows get a tiny compliance c, ``Phi = c L``, which makes multipliers
     unique where rows depend on one another: among those that give the same forces the smallest.
@@ -54,17 +48,22 @@ def start_consistently(
         _relax(system, tangent)
     else:
         check_independence(system)
-    tangent.assemble(_MASS)
-    system.counters.mass_factorizations += 1
-    if not tangent.factor():
-        return Status.SINGULAR
-    zeros = [np.zeros((p.block.owned, 6)) for p in system.parts]
-    values, rates = _drives(system, dt)
-    if not tangent.solve(zeros, -_rigid(system, rates)):
-        return Status.SINGULAR
-    for part in system.parts:
-        part.block.spread_step()
-        part.block.velocity += part.block.step
+    return make_consistent(system, tangent, dt)
+
+
+def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status:
+    """Make velocities, accelerations and multipliers satisfy the constraints (collective).
+
+    Velocities move by the least kinetic energy onto the constraints (they stay as they are if they
+    satisfy them already); accelerations and multipliers follow from
+    ``[[M, G^T], [G, 0]] (w, lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided
+    differences over ``dt`` (s), since a motion need not be defined before the start.
+    """
+    rows = system.constraints
+    status = project_velocities(system, tangent, dt, np.zeros(rows.size))
+    if status is not Status.OK:
+        return status
+    values, _ = _drives(system, dt)
     _evaluate(system)
     accelerations = _second(system, dt, values)
     blocks = [-p.block.residual[: p.block.owned] for p in system.parts]
@@ -78,6 +77,37 @@ def start_consistently(
         part.block.acceleration[:] = part.block.step
         part.block.start()
     rows.forces[:] = tangent.multiplier_step
+    return Status.OK
+
+
+def project_velocities(
+    system: System, tangent: TangentSolver, dt: float, restitution: FloatArray
+) -> Status:
+    """Move the velocities by the least kinetic energy onto the constraints (collective).
+
+    Accelerations are set to zero; the matrix stays factorised.
+
+    Args:
+        system: at its trial state.
+        tangent: solver of the exact matrix.
+        dt: span over which drives are differentiated, s.
+        restitution: (r,) rates of the rows are reversed by this factor; 0 makes them zero.
+    """
+    system.constraints.multipliers[:] = 0.0
+    for part in system.parts:
+        part.block.acceleration[:] = 0.0
+    _evaluate(system)
+    tangent.assemble(MASS)
+    system.counters.mass_factorizations += 1
+    if not tangent.factor():
+        return Status.SINGULAR
+    zeros = [np.zeros((p.block.owned, 6)) for p in system.parts]
+    _, rates = _drives(system, dt)
+    if not tangent.solve(zeros, -_rigid(system, (1.0 + restitution) * rates)):
+        return Status.SINGULAR
+    for part in system.parts:
+        part.block.spread_step()
+        part.block.velocity += part.block.step
     return Status.OK
 
 
@@ -95,7 +125,7 @@ def _rigid(system: System, values: FloatArray) -> FloatArray:
 def _relax(system: System, tangent: TangentSolver) -> None:
     """Compliance of rigid rows relative to the model's mass, and targets without rounding."""
     rows, mass = system.constraints, 0.0
-    tangent.assemble(_MASS)
+    tangent.assemble(MASS)
     for i, part in enumerate(system.parts):
         diagonal = tangent.matrix.getNestSubMatrix(i, i).getDiagonal().getArray(readonly=True)
         mass += float(diagonal.reshape(part.block.owned, 6)[:, :3].sum()) / 3.0
@@ -128,7 +158,7 @@ def _update_laws(system: System, tangent: TangentSolver) -> bool:
     if worst:
         rows.multipliers[:] = found
         rows.evaluate(_RATES)
-        tangent.assemble(_MASS)
+        tangent.assemble(MASS)
         worst = tangent.factor()
     return bool(worst)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The model: bodies, joints, loads and probes by name."""
+"""The model: bodies, joints, loads, probes and events by name."""
 
 from typing import Any, overload
 
@@ -13,6 +13,7 @@ from flexfem.core.marker import Attachment, Marker
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.event import Event
 from flexfem.model.probe import Probe
 from flexfem.model.resolve import beam_node
 from flexfem.model.validate import validate
@@ -25,6 +26,7 @@ _LISTS: tuple[tuple[type, str], ...] = (
     (Joint, "joints"),
     (Load, "loads"),
     (Probe, "probes"),
+    (Event, "events"),
 )
 
 
@@ -41,6 +43,8 @@ class Model:
         joints: Joints in the order they were added.
         loads: Loads in the order they were added.
         probes: Probes in the order they were added.
+        events: Events in the order they were added.
+        released: Names of joints that are open at the start.
     """
 
     def __init__(self, name: str = "model", *, mesh: LineMesh | None = None) -> None:
@@ -61,6 +65,8 @@ class Model:
         self.joints: list[Joint] = []
         self.loads: list[Load] = []
         self.probes: list[Probe] = []
+        self.events: list[Event] = []
+        self.released: list[str] = []
         self._named: dict[str, Any] = {}
 
     @overload
@@ -70,7 +76,7 @@ class Model:
     def add(self, *things: Any) -> None: ...
 
     def add(self, *things: Any) -> Any:
-        """Add bodies, joints, loads, probes or gravity.
+        """Add bodies, joints, loads, probes, events or gravity.
 
         Args:
             *things: What to add, in any order; references by name are checked by `validate`.
@@ -99,8 +105,8 @@ class Model:
         attribute = next((name for kind, name in _LISTS if isinstance(thing, kind)), None)
         if attribute is None:
             raise TypeError(
-                f"{self!r}: only bodies, joints, loads, probes and gravity can be added, got "
-                f"{_checks.show(thing)}"
+                f"{self!r}: only bodies, joints, loads, probes, events and gravity can be added, "
+                f"got {_checks.show(thing)}"
             )
         if thing.name in self._named:
             other = type(self._named[thing.name]).__name__
@@ -109,6 +115,14 @@ class Model:
             )
         self._named[thing.name] = thing
         getattr(self, attribute).append(thing)
+
+    def release(self, *joints: str) -> None:
+        """Leave joints open at the start, until the action of an event closes them.
+
+        Raises:
+            TypeError: A name is not a string.
+        """
+        self.released += [_checks.text(repr(self), "release", name) for name in joints]
 
     def __getitem__(self, name: str) -> Any:
         """Return the object of the given name.

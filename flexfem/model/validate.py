@@ -39,7 +39,18 @@ def validate(model: Model) -> None:
         for name in load.beams:
             if not isinstance(model.get(name), Beam):
                 raise ValueError(f'{_owner(load)}: {model!r} has no beam "{name}"')
+    for event in model.events:
+        for name in event.joints:
+            _check_joint(model, _owner(event), name)
+    for name in model.released:
+        _check_joint(model, f"{model!r}: release", name)
     _check_columns(model)
+
+
+def _check_joint(model: Model, owner: str, name: str) -> None:
+    """Check that there is a joint of a name, which may be open or closed."""
+    if not isinstance(model.get(name), Joint):
+        raise ValueError(f'{owner}: {model!r} has no joint "{name}"')
 
 
 def _owner(thing: Any) -> str:
@@ -116,6 +127,9 @@ def _marked(model: Model) -> Iterator[tuple[Any, Attachment]]:
     for probe in model.probes:
         for place in probe.markers:
             yield probe, place
+    for event in model.events:
+        for place in event.markers:
+            yield event, place
 
 
 def _check_markers(model: Model) -> dict[int, int | None]:

@@ -85,6 +85,8 @@ class _Run:
             return status
         self._recorder.record(0)
         self._setup = self._elapsed()
+        if options.adaptive:
+            simulation.observe = self._recorder.record_between
         count = max(1, round(options.t_end / options.dt))
         for step in range(1, count + 1):
             status = simulation.advance(options.t_end / count, options.t_end * step / count)
@@ -93,7 +95,10 @@ class _Run:
             if status is not Status.OK:
                 self._recorder.record_last(step)
                 break
-            self._recorder.record(step, last=step == count)
+            stopped = simulation.events.stopped_by is not None
+            self._recorder.record(step, last=stopped or step == count)
+            if stopped:
+                break
         return status
 
     def finish(self, reason: str) -> Outcome:
@@ -117,6 +122,15 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
         return "ok"
     t, model = simulation.time, simulation.serial.model
     text = f"{status.value} at t = {t:.6g} s"
+    if status is Status.EVENT:
+        if simulation.events.bad is not None:
+            name = simulation.events.bad
+            return f'Event "{name}": the function is not finite after t = {t:.6g} s'
+        name = simulation.events.fired[-1][0]
+        return (
+            f'Event "{name}": too many in one step at t = {t:.6g} s (what bounces comes to rest '
+            "with a rest_speed)"
+        )
     # the start looks three steps ahead to differentiate drives
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])
     for joint in model.joints:
@@ -148,6 +162,8 @@ def _summary(
         "mass_factorizations": counters.mass_factorizations,
         "fallbacks": counters.fallbacks,
         "residual_evaluations": counters.residual_evaluations,
+        "events": [{"name": name, "t": t} for name, t in simulation.events.fired],
+        "stopped_by": simulation.events.stopped_by,
         "wall_seconds": wall,
         # without the first step, which factorises and loads compiled code
         "wall_seconds_steps": sum(simulation.step_seconds[1:]),

@@ -59,6 +59,13 @@ class Recorder:
         counters = system.counters
         self._progress.update(system.time, counters.newton_iterations, counters.factorizations)
 
+    def record_between(self) -> None:
+        """Note the accepted state of a part of a step in the history."""
+        self._time = self._system.time
+        self._probes.record(self._system.time)
+        if self._probes.full:
+            self._flush()
+
     def record_last(self, step: int) -> None:
         """Note the state reached before a step that failed, which may lie within the step."""
         system = self._system

@@ -2,17 +2,20 @@
 """A system with its time integrator, stepped from Python."""
 
 import time
+from collections.abc import Callable
 
 from mpi4py import MPI
 
 from flexfem._checks import InputError
 from flexfem.core.status import Status
-from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.integrators.start import start_consistently
+from flexfem.integrators.integrator import create_integrator, discard
+from flexfem.integrators.start import make_consistent, start_consistently
 from flexfem.model.model import Model
 from flexfem.options import RunOptions
+from flexfem.simulation.events import Events
+from flexfem.simulation.step_control import HALVINGS, StepControl
 from flexfem.solvers.newton import NewtonOptions
-from flexfem.solvers.policies import Policy, create_policy
+from flexfem.solvers.policies import Policy, UpdatedPolicy, create_policy
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
@@ -20,8 +23,11 @@ from flexfem.system.system import System
 
 __all__ = ["HALVINGS", "Simulation"]
 
-#: A step is halved this often before the run gives up.
-HALVINGS = 12
+#: Events within one largest step after which the run gives up.
+_MOST_EVENTS = 200
+#: A step shorter than this part of its neighbours leaves accelerations of round-off: they are
+#: computed anew after it.
+_SHORT = 0.05
 
 
 class Simulation:
@@ -31,6 +37,8 @@ class Simulation:
         system: the assembled system.
         steps, rejected: accepted (partial) steps and rejected ones.
         step_seconds: wall-clock time of each call of :meth:`advance`, s.
+        events: the model's events and what became of them.
+        observe: called after every accepted step that does not end a call of :meth:`advance`.
     """
 
     def __init__(
@@ -49,15 +57,27 @@ class Simulation:
             raise InputError(str(error)) from error
         self.options = options
         self.system.set_time(0.0)
-        self._integrator = GeneralizedAlpha(options.rho_inf)
-        tangent = TangentSolver(self.system)
+        for name in model.released:
+            self.system.constraints.set_active(name, False)
+        self._integrator = create_integrator(options.integrator, options.rho_inf)
+        self._control = StepControl(
+            options.error_tolerance if options.adaptive else None, self._integrator.order
+        )
+        self._tangent = TangentSolver(self.system)
         self.status = start_consistently(
-            self.system, tangent, options.dt, options.redundant_constraints == "least_norm"
+            self.system, self._tangent, options.dt, options.redundant_constraints == "least_norm"
         )
         newton = NewtonOptions(options.tolerance)
-        self._policy: Policy = create_policy(options.iteration_matrix, self.system, newton, tangent)
+        self._policy: Policy = create_policy(
+            options.iteration_matrix, self.system, newton, self._tangent
+        )
+        # steps to and from events have sizes of their own: no factors are worth keeping
+        self._fresh: Policy = UpdatedPolicy(self.system, newton, self._tangent)
+        self.events = Events(self.system, self.serial, self._tangent, options.dt)
         self.steps = self.rejected = 0
         self.step_seconds: list[float] = []
+        self.observe: Callable[[], None] = _nothing
+        self._error, self._limit = 0.0, _MOST_EVENTS
 
     @property
     def time(self) -> float:
@@ -65,26 +85,119 @@ class Simulation:
         return self.system.time
 
     def advance(self, h: float, t: float | None = None) -> Status:
-        """Advance by ``h`` (s) in one step, or in halved steps where one step fails.
+        """Advance by ``h`` (s), in one step or in parts of it.
+
+        Steps are halved where one fails or misses the error tolerance, and shortened to end at
+        events. An event that ends the run ends the call there, with success.
 
         Args:
-            h: step size; factors are kept for equal step sizes, so pass the same number.
+            h: largest step; factors are kept for equal step sizes, so pass the same number.
             t: time reached, where the caller knows it free of accumulated rounding.
         """
-        begin = time.perf_counter()
-        status = self._advance(h, HALVINGS)
+        begin, start, control = time.perf_counter(), self.time, self._control
+        control.begin()
+        status, self._limit = Status.OK, len(self.events.fired) + _MOST_EVENTS
+        while not control.done and self.events.stopped_by is None:
+            status = self._substep(h * control.part, start + h * control.end)
+            if status is Status.OK:
+                control.accepted(self._error)
+                if control.done and t is not None and self.events.stopped_by is None:
+                    self.system.time = t
+                elif not control.done:
+                    self.observe()
+            elif status is Status.EVENT or not self._smaller(status):
+                break
         self.step_seconds.append(time.perf_counter() - begin)
-        if status is Status.OK and t is not None:
-            self.system.time = t
         return status
 
-    def _advance(self, h: float, halvings: int) -> Status:
-        status = self._integrator.step(self.system, self._policy, h)
-        if status is Status.OK:
-            self.steps += 1
-            return status
+    def _smaller(self, status: Status) -> bool:
+        """Count a step in vain and go on with smaller ones; False if there are none."""
         self.rejected += 1
-        if halvings == 0:
+        return self._control.refused(self._error if status is Status.INACCURATE else None)
+
+    def _substep(self, size: float, end: float) -> Status:
+        """One step of the grid to time ``end``, or in parts through an event within it."""
+        start = self.time
+        status = self._attempt(self._policy, size)
+        if status is not Status.OK or not len(self.events):
+            if status is Status.OK:
+                self._accept(size, end)
             return status
-        first = self._advance(0.5 * h, halvings - 1)
-        return self._advance(0.5 * h, halvings - 1) if first is Status.OK else first
+        values = self.events.evaluate()
+        if self.events.bad is None and not self.events.crossed(values).any():
+            self._accept(size, end)
+            self.events.passed(values)
+            return status
+        discard(self.system, start)
+        if self.events.bad is not None:
+            return Status.EVENT
+        return self._through_events(size, end)
+
+    def _attempt(self, policy: Policy, size: float) -> Status:
+        """Solve for a trial state and check its error; after a failure it is left again."""
+        start = self.time
+        status = self._integrator.solve(self.system, policy, size)
+        tolerance = self._control.tolerance
+        if status is Status.OK and tolerance is not None:
+            self._error = self._integrator.error(self.system, policy, size)
+            if not self._error <= tolerance:
+                discard(self.system, start)
+                return Status.INACCURATE
+        return status
+
+    def _accept(self, size: float, end: float) -> None:
+        self._integrator.accept(self.system, size)
+        self.system.time = end
+        self.steps += 1
+
+    def _through_events(self, whole: float, end: float) -> Status:
+        """From the accepted state to time ``end`` in steps of their own, through events on the way.
+
+        Steps that fail are halved, down to the smallest part of ``whole`` (s).
+        """
+        system, events, most = self.system, self.events, whole
+        while system.time < end and events.stopped_by is None:
+            start = system.time
+            size = min(most, end - start)
+            status = self._to_event(start, size, end)
+            if status is Status.OK and 0.0 < system.time - start < _SHORT * whole:
+                status = make_consistent(system, self._tangent, self.options.dt)
+            if status is Status.EVENT or len(events.fired) > self._limit:
+                return Status.EVENT
+            if status is not Status.OK:
+                self.rejected += 1
+                most = 0.5 * size
+                if most < whole * 0.5**HALVINGS:
+                    return status
+        return Status.OK
+
+    def _to_event(self, start: float, size: float, end: float) -> Status:
+        """One step of ``size`` (s), or to the first event within it, which is carried out."""
+        system, events = self.system, self.events
+
+        def trial(tau: float) -> Status:
+            discard(system, start)
+            return self._attempt(self._fresh, tau) if tau > 0.0 else Status.OK
+
+        status = trial(size)
+        if status is not Status.OK:
+            return status
+        values = events.evaluate()
+        if events.bad is None and not events.crossed(values).any():
+            self._accept(size, end if size == end - start else start + size)
+            events.passed(values)
+            return status
+        if events.bad is None:
+            status, size, hits = events.locate(trial, size, values)
+        if events.bad is not None:
+            status = Status.EVENT
+        if status is not Status.OK:
+            discard(system, start)
+            return status
+        if size > 0.0:
+            self._accept(size, start + size)
+        return events.carry_out(hits)
+
+
+def _nothing() -> None:
+    """Observe nothing."""

@@ -36,6 +36,8 @@ from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["FrozenSolver"]
 
+#: Step sizes whose factors are kept, the latest used: each costs the memory of all factors.
+_KEPT = 6
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
 _INNER, _SWEEPS = 0.02, 8
@@ -62,11 +64,22 @@ class _Bodies:
     entries: FloatArray
 
 
+@dataclass(frozen=True)
+class _Kept:
+    """Factors of the flexible bodies for one step size, with what follows from them."""
+
+    factor: Factor
+    responses: FloatArray
+    compliances: FloatArray
+
+
 class FrozenSolver:
     """Newton steps with kept factors of the flexible bodies.
 
+    Steps of several sizes, halved ones for example, keep their factors side by side.
+
     Attributes:
-        shifts: those of the factors, None before the first factorisation.
+        shifts: those of the factors in use, None before the first factorisation.
         refine: correct every step by the exact tangent's action.
         defect: relative size of what the frozen operator missed in the last refined step.
     """
@@ -75,6 +88,7 @@ class FrozenSolver:
         """Set up patterns (collective)."""
         self.system = system
         self.shifts: Shifts | None = None
+        self._kept: dict[Shifts, _Kept] = {}
         self.refine = False
         self.defect = 0.0
         rows, face = system.constraints, system.interface
@@ -153,6 +167,16 @@ class FrozenSolver:
             self.system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
         )
 
+    def use(self, shifts: Shifts) -> None:
+        """Take the kept factors of a step size, or factorise at the trial state (collective)."""
+        group, kept = self._beams, self._kept.pop(shifts, None)
+        if group is None or kept is None:
+            self.factor(shifts)
+            return
+        self._kept[shifts] = kept  # the latest used is the last
+        self.shifts, self._factor = shifts, kept.factor
+        group.responses, group.compliances = kept.responses, kept.compliances
+
     def factor(self, shifts: Shifts) -> None:
         """Factorise the flexible bodies at the trial state and compute their compliances."""
         self.shifts = shifts
@@ -160,6 +184,11 @@ class FrozenSolver:
         if group is None:
             return
         self.system.counters.factorizations += 1
+        self._kept.pop(shifts, None)
+        while len(self._kept) >= _KEPT:
+            del self._kept[next(iter(self._kept))]
+        group.responses = np.zeros(len(group.responses))
+        group.compliances = np.zeros(len(group.compliances))
         part = group.part
         self._matrix.assemble(part_values(self.system, part, shifts))
         self._factor = Factor(self._matrix.mat, local=not part.block.has_ghosts)
@@ -175,6 +204,7 @@ class FrozenSolver:
             rhs[local[held], columns[held, 1]] = 1.0
             self._factor.solve_transpose(rhs, solution)
             self._store(group, bodies, c, solution)
+        self._kept[shifts] = _Kept(self._factor, group.responses, group.compliances)
 
     def _store(self, group: _Bodies, bodies: IntArray, c: int, solution: FloatArray) -> None:
         """Column ``c`` of the responses, row ``c`` of the compliances of the given bodies."""
@@ -206,6 +236,11 @@ class FrozenSolver:
         solution = self._collect()
         solution += self._refinement(shifts, solution)
         return True, self._put(solution)
+
+    def again(self, values: FloatArray) -> bool:
+        """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
+        self._solve(values)
+        return True
 
     def _refinement(self, shifts: Shifts, solution: FloatArray) -> FloatArray:
         """Correction that the exact tangent asks for: GMRES, preconditioned by the frozen solve."""

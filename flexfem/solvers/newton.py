@@ -4,6 +4,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, isfinite
+from typing import Protocol
 
 from mpi4py import MPI
 
@@ -14,10 +15,12 @@ from flexfem.core.status import Status
 from flexfem.solvers.schur_kernels import largest_entry
 from flexfem.system.system import Shifts, System
 
-__all__ = ["LinearStep", "NewtonOptions", "iterate"]
+__all__ = ["Equations", "LinearStep", "NewtonOptions", "PositionLevel", "SolveAgain", "iterate"]
 
 #: Solves for the steps of blocks (stored there) and multipliers (returned), with success.
 LinearStep = Callable[[Shifts], tuple[bool, FloatArray]]
+#: Solves with the matrix of the last step, given the blocks' residuals (stored there) and rows.
+SolveAgain = Callable[[FloatArray], bool]
 
 #: Steps growing by more than this from one iteration to the next mean divergence.
 _DIVERGENCE = 2.0
@@ -39,12 +42,41 @@ class NewtonOptions:
     max_iterations: int = 25
 
 
+class Equations(Protocol):
+    """The equations at the end of a step."""
+
+    def evaluate(self, system: System, shifts: Shifts) -> None:
+        """Residuals of blocks and constraints at the trial state (collective)."""
+        ...
+
+    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
+        """Subtract the blocks' steps: success, and the largest entry on this rank (collective)."""
+        ...
+
+
+class PositionLevel:
+    """Dynamics, and the constraints on positions: index 3."""
+
+    def evaluate(self, system: System, shifts: Shifts) -> None:
+        """See :class:`Equations`."""
+        system.evaluate(shifts)
+
+    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
+        """See :class:`Equations`."""
+        return True, system.correct(-1.0)
+
+
+_POSITIONS = PositionLevel()
+
+
 def iterate(
     system: System,
     shifts: Shifts,
     linear_step: LinearStep,
     options: NewtonOptions,
     observe: Callable[[int, float, bool], None] | None = None,
+    equations: Equations = _POSITIONS,
+    again: SolveAgain | None = None,
 ) -> Status:
     """Iterate from the predicted state until every block's step is below the tolerance.
 
@@ -55,16 +87,18 @@ def iterate(
         options: tolerances.
         observe: called after every iteration with its number, its contraction and whether it is
             the last; it may refresh the matrix.
+        equations: what is solved.
+        again: second solver for equations that need one.
     """
     rows = system.constraints
     previous = inf
     for iteration in range(1, options.max_iterations + 1):
-        system.evaluate(shifts)
+        equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
         success, change = linear_step(shifts)
-        largest = system.correct(-1.0)
+        projected, largest = equations.correct(system, again)
         rows.multipliers -= change
-        sizes = _largest(system.comm, largest, change, success)
+        sizes = _largest(system.comm, largest, change, success and projected)
         if sizes[2] > 0.0:
             return Status.SINGULAR
         size = max(sizes[0], sizes[1])

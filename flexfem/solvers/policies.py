@@ -10,9 +10,10 @@ driver, which halves the step.
 from collections.abc import Callable
 from typing import Protocol
 
+from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.solvers.frozen import FrozenSolver
-from flexfem.solvers.newton import NewtonOptions, iterate
+from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, SolveAgain, iterate
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.system import Shifts, System
 
@@ -28,11 +29,20 @@ _REFINE_FROZEN, _REFINE_AUTO = 0.005, 0.1
 _RELAX = 0.2
 
 
+_POSITIONS = PositionLevel()
+
+
 class Policy(Protocol):
     """Solves the equations of one step."""
 
-    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
         """Iterate from the predicted state; ``restart`` returns to it for a second attempt."""
+        ...
+
+    def again(self, values: FloatArray) -> bool:
+        """Blocks' steps for their residuals and row values (r,), with the matrix used last."""
         ...
 
 
@@ -43,9 +53,18 @@ class UpdatedPolicy:
         """Store what is needed."""
         self._system, self._options, self._tangent = system, options, tangent
 
-    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
         """See :class:`Policy`."""
-        return iterate(self._system, shifts, self._tangent.step, self._options)
+        tangent = self._tangent
+        return iterate(
+            self._system, shifts, tangent.step, self._options, None, equations, tangent.again
+        )
+
+    def again(self, values: FloatArray) -> bool:
+        """See :class:`Policy`."""
+        return self._tangent.again(values)
 
 
 class FrozenPolicy:
@@ -61,12 +80,16 @@ class FrozenPolicy:
         self._system, self._options = system, options
         self._fallback = UpdatedPolicy(system, options, tangent)
         self._frozen = FrozenSolver(system)
+        self._again: SolveAgain = self._frozen.again
 
-    def solve(self, shifts: Shifts, restart: Callable[[], None]) -> Status:
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
         """See :class:`Policy`."""
         frozen = self._frozen
+        self._again = frozen.again
         if frozen.shifts != shifts:
-            frozen.factor(shifts)
+            frozen.use(shifts)
         refreshed = False
 
         def observe(iteration: int, contraction: float, converged: bool) -> None:
@@ -80,13 +103,20 @@ class FrozenPolicy:
                 refreshed = True
                 frozen.factor(shifts)
 
-        status = iterate(self._system, shifts, frozen.step, self._options, observe)
+        status = iterate(
+            self._system, shifts, frozen.step, self._options, observe, equations, frozen.again
+        )
         if status is Status.OK:
             frozen.refine = frozen.refine and frozen.defect > _RELAX * self.refine
             return status
         self._system.counters.fallbacks += 1
         restart()
-        return self._fallback.solve(shifts, restart)
+        self._again = self._fallback.again
+        return self._fallback.solve(shifts, restart, equations)
+
+    def again(self, values: FloatArray) -> bool:
+        """See :class:`Policy`."""
+        return self._again(values)
 
 
 class AutoPolicy(FrozenPolicy):

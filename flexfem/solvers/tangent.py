@@ -154,6 +154,10 @@ class TangentSolver:
         success = self.solve(blocks, self.system.constraints.values)
         return success, self.multiplier_step
 
+    def again(self, values: FloatArray) -> bool:
+        """Blocks' steps for their residuals and given row values (r,), with the last factors."""
+        return self.solve([p.block.residual[: p.block.owned] for p in self.system.parts], values)
+
 
 def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
     """Entries of a block's own matrix: cells, masses, forces."""

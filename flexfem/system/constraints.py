@@ -148,6 +148,35 @@ class Constraints(RowTable):
         """
         self._switch(self._switchable(name), False)
 
+    def rows_of(self, name: str) -> IntArray:
+        """Rows of a joint that can be switched, all if none is marked so.
+
+        There are none on a rank that does not evaluate it.
+        """
+        named = [i for i, placed in enumerate(self.joints) if placed.joint.name == name]
+        own = np.isin(self.joint_of_row, named)
+        chosen = own & self.switchable if (own & self.switchable).any() else own
+        return np.flatnonzero(chosen).astype(np.int64)
+
+    def set_active(self, name: str, active: bool, hold: bool = False) -> None:
+        """Make a joint's rows hold, or not; velocities must be made consistent by the caller.
+
+        Args:
+            name: of any joint; a rank that does not evaluate it does nothing.
+            active: whether its rows hold.
+            hold: they hold their present values, at the interface's state, not their targets.
+        """
+        rows = self.rows_of(name)
+        if hold:
+            face, sums = self.interface, np.zeros(self.size)
+            marker_poses(face.frames, self.marker_slot, self.marker_offset, self._poses)
+            sums_of_terms(
+                self._poses, self.term_marker, self.kinds, self.directions, self.factors,
+                self.angles, self.row_of_term, sums,
+            )  # fmt: skip
+            self.targets[rows] = sums[rows]
+        self._switch(rows, active)
+
     def _switchable(self, name: str) -> IntArray:
         named = [i for i, placed in enumerate(self.joints) if placed.joint.name == name]
         rows = np.flatnonzero(self.switchable & np.isin(self.joint_of_row, named)).astype(np.int64)
@@ -175,6 +204,11 @@ class Constraints(RowTable):
         """Rows whose multipliers this rank owns, in the order of their global numbers."""
         return np.flatnonzero(self.owned).astype(np.int64)
 
+    @property
+    def driven(self) -> bool:
+        """A row of this rank changes with time."""
+        return bool(self._driven)
+
     def set_time(self, t: float) -> None:
         """Update the rows of driven joints to time ``t``."""
         for i, joint in self._driven:
@@ -197,6 +231,38 @@ class Constraints(RowTable):
                 self.row_of_term, self.slopes, face.inertial, dynamics, self.force_jacobian,
                 self.step_jacobian,
             )  # fmt: skip
+
+    def use_rates(self, velocity: float, by_time: FloatArray) -> FloatArray:
+        """Put the rates of the rigid rows in the place of their values, with exact derivatives.
+
+        Args:
+            velocity: dv/dn of the time integrator; rates are divided by it, which makes their
+                derivatives those of the values as the step shrinks.
+            by_time: (r,) rate of every row at held positions, from drives.
+
+        Returns:
+            The values of the rigid rows (r,), zero for the others.
+        """
+        face, rigid = self.interface, self.rigid
+        values = self.values * rigid
+        rates = (self.rates() + by_time) / velocity - self.relaxation * self.multipliers
+        self.values = np.where(rigid, rates, self.values)
+        slopes = np.zeros((self.size, 2))
+        slopes[rigid, 1] = 1.0 / velocity
+        self.step_jacobian[rigid[self.row_of_term]] = 0.0
+        add_dampers(
+            self._poses, face.increments, face.velocities, self.marker_slot, self.marker_offset,
+            self.term_marker, self.kinds, self.directions, self.factors, self.row_of_term, slopes,
+            face.inertial, np.array([velocity, 0.0]), self.force_jacobian, self.step_jacobian,
+        )  # fmt: skip
+        return values
+
+    def along(self, steps: FloatArray) -> FloatArray:
+        """(r,) change of the rigid rows along local twists (n_slots, 6) of the slots."""
+        padded, out = np.concatenate([steps, np.zeros((1, 6))]), np.zeros(self.size)
+        change = np.einsum("tsi,tsi->t", self.rigid_jacobian(), padded[self.term_slots])
+        np.add.at(out, self.row_of_term, change)
+        return out
 
     def add_forces(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> None:
         """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each slot."""

@@ -21,7 +21,7 @@ from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
 from flexfem.system.node_loads import NodeForces, NodeMasses
 
-__all__ = ["BlockPart", "Counters", "Shifts", "System"]
+__all__ = ["MASS", "BlockPart", "Counters", "Shifts", "System"]
 
 
 @dataclass
@@ -60,6 +60,10 @@ class Shifts:
     def dynamics(self) -> FloatArray:
         """As the constraint rows expect it: (velocity, scale)."""
         return np.array([self.velocity, self.scale])
+
+
+#: The mass matrix alone, nothing scaled.
+MASS = Shifts(velocity=0.0, acceleration=1.0, scale=1.0, stiffness=0.0)
 
 
 @dataclass
@@ -187,32 +191,55 @@ class System:
 
         Residuals of ghosts must be zero.
         """
-        scale, gravity, array = shifts.scale, self.gravity, shifts.array
-        for part in self.parts:
-            block = part.block
-            block.spread_step()
-            if part.beams is not None:
-                block.residual[block.owned :] = 0.0
-                part.beams.add_action(block, gravity, array, -scale)
-                block.add_ghosts()
-            for nodes, matrices in (
-                (part.masses.nodes, part.masses.tangent(block, gravity, array, scale)),
-                (part.forces.nodes, part.forces.tangent(block, self._factors, scale)),
-            ):
-                np.subtract.at(
-                    block.residual, nodes, np.einsum("kij,kj->ki", matrices, block.step[nodes])
-                )
+        self._add_action(shifts, -shifts.scale)
         self.interface.update_steps()
         turning = self.constraints.turning_forces(self.interface.steps)
         for part in self.parts:
             held = part.slots >= 0
             np.subtract.at(part.block.residual, part.slots[held], turning[held])
 
+    def multiply_mass(self, factor: float) -> None:
+        """Residuals become ``factor`` times mass matrix times the blocks' steps (collective)."""
+        for part in self.parts:
+            part.block.residual[:] = 0.0
+        self._add_action(MASS, factor)
+
+    def _add_action(self, shifts: Shifts, scale: float) -> None:
+        """Add ``scale`` times the blocks' own tangents times their steps to the residuals."""
+        gravity, array = self.gravity, shifts.array
+        for part in self.parts:
+            block = part.block
+            block.spread_step()
+            if part.beams is not None:
+                block.residual[block.owned :] = 0.0
+                part.beams.add_action(block, gravity, array, scale)
+                block.add_ghosts()
+            for nodes, matrices in (
+                (part.masses.nodes, part.masses.tangent(block, gravity, array, scale)),
+                (
+                    part.forces.nodes,
+                    part.forces.tangent(block, self._factors, scale * shifts.stiffness),
+                ),
+            ):
+                np.add.at(
+                    block.residual, nodes, np.einsum("kij,kj->ki", matrices, block.step[nodes])
+                )
+
     def correct(self, sign: float) -> float:
         """Apply the blocks' steps; largest entry on this rank."""
         sizes = [part.block.correct(sign) for part in self.parts]
         # NumPy's maximum keeps a NaN, Python's may drop it
         return sizes[0] if len(sizes) == 1 else float(np.max(sizes, initial=0.0))
+
+    def shift(self, sign: float) -> float:
+        """Apply the blocks' steps to the positions alone; largest entry on this rank."""
+        return float(np.max([part.block.shift(sign) for part in self.parts], initial=0.0))
+
+    def largest_step(self) -> float:
+        """Largest entry of the blocks' steps on any rank (collective)."""
+        sizes = [np.abs(p.block.step[: p.block.owned]).max(initial=0.0) for p in self.parts]
+        largest = float(np.max(sizes, initial=0.0))
+        return self.comm.allreduce(largest, op=MPI.MAX) if self.comm.size > 1 else largest
 
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: trial state becomes the state, and the better predictor is chosen."""

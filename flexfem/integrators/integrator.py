@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What every time integrator offers, and integrators by name.
+
+A new scheme is a new file and its line in ``flexfem.options.INTEGRATORS``.
+"""
+
+from importlib import import_module
+from typing import ClassVar, Protocol
+
+from flexfem.core.status import Status
+from flexfem.options import INTEGRATORS
+from flexfem.solvers.policies import Policy
+from flexfem.system.system import Shifts, System
+
+__all__ = ["Integrator", "create_integrator", "discard"]
+
+
+class Integrator(Protocol):
+    """A one-step scheme, created with the spectral radius at infinite frequency.
+
+    Attributes:
+        order: order of positions and velocities in the step size.
+    """
+
+    order: ClassVar[int]
+
+    def __init__(self, rho_inf: float) -> None:
+        """Store the coefficients."""
+        ...
+
+    def shifts(self, h: float) -> Shifts:
+        """Factors of the iteration matrix at step size ``h`` (s)."""
+        ...
+
+    def solve(self, system: System, policy: Policy, h: float) -> Status:
+        """Solve for the trial state ``h`` (s) later (collective).
+
+        A trial state is taken by :meth:`accept` or left by :func:`discard`. After a failure the
+        system is at the accepted state.
+        """
+        ...
+
+    def error(self, system: System, policy: Policy, h: float) -> float:
+        """Local error of the trial state of a step: largest over all nodes, m or rad (collective).
+
+        It is the same number on all ranks, and of order ``order + 1`` in ``h``.
+        """
+        ...
+
+    def accept(self, system: System, h: float) -> None:
+        """Take the trial state (collective)."""
+        ...
+
+    def step(self, system: System, policy: Policy, h: float) -> Status:
+        """Advance the system by ``h`` (s); on failure it is left at the accepted state."""
+        status = self.solve(system, policy, h)
+        if status is Status.OK:
+            self.accept(system, h)
+        return status
+
+
+def create_integrator(name: str, rho_inf: float) -> Integrator:
+    """Integrator of the given name, one of ``flexfem.options.INTEGRATORS``."""
+    module, kind = INTEGRATORS[name].split(":")
+    integrator: Integrator = getattr(import_module(module), kind)(rho_inf)
+    return integrator
+
+
+def discard(system: System, start: float) -> None:
+    """Return from a trial state to the accepted state at time ``start`` (s)."""
+    system.set_time(start)
+    system.reset()

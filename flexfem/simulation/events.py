@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Events of a run: watched, located in time, carried out.
+
+Every rank evaluates the functions with the same marker states, and so decides alike.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import BoolArray, FloatArray
+from flexfem.core.status import Status
+from flexfem.integrators.start import make_consistent, project_velocities
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.assembly import Assembly
+from flexfem.system.marker_states import MarkerStates
+from flexfem.system.system import System
+
+__all__ = ["Events"]
+
+#: Round-off of a time, relative.
+_ROUND_OFF = 1e-15
+#: Evaluations after which a bracket must have halved; else it is bisected.
+_PATIENCE = 3
+
+
+@dataclass
+class _Impact:
+    """A rebound that an action asked for.
+
+    Attributes:
+        event: number of the event; the others as in ``Mechanism.rebound``.
+    """
+
+    event: int
+    joint: str
+    restitution: float
+    rest_speed: float
+
+
+class Events:
+    """The events of a model while it moves.
+
+    Attributes:
+        fired: name and time of each event so far.
+        stopped_by: name of the event that ended the run, None while it goes on.
+        bad: name of an event whose function was not finite, None if there is none.
+    """
+
+    def __init__(
+        self, system: System, serial: Assembly, tangent: TangentSolver, span: float
+    ) -> None:
+        """Evaluate all functions at the start (collective).
+
+        Args:
+            system: at its consistent start.
+            serial: serial data of its model.
+            tangent: solver of the exact matrix, for impacts.
+            span: over which drives are differentiated after an impact, s.
+
+        Raises:
+            InputError: a function does not return a finite number.
+        """
+        self._system, self._tangent, self._span = system, tangent, span
+        self._events = serial.model.events
+        self._states = MarkerStates(
+            system, serial, [m for event in self._events for m in event.markers]
+        )
+        self.fired: list[tuple[str, float]] = []
+        self.stopped_by: str | None = None
+        self.bad: str | None = None
+        self._reversing: BoolArray = np.array([e.reverses for e in self._events], dtype=np.bool_)
+        self._armed: BoolArray = np.ones(len(self._events), dtype=np.bool_)
+        try:
+            self.values = self.evaluate()
+        except TypeError as error:
+            raise InputError(str(error)) from error
+        if self.bad is not None:
+            raise InputError(f'Event "{self.bad}": function must be finite at t = 0')
+        self._sides = np.sign(self.values)
+
+    def __len__(self) -> int:
+        """Number of events."""
+        return len(self._events)
+
+    def evaluate(self) -> FloatArray:
+        """Values of all functions at the trial state (collective)."""
+        states, at, values = self._states.evaluate(), 0, np.zeros(len(self._events))
+        for i, event in enumerate(self._events):
+            count = len(event.markers)
+            values[i] = event.evaluate(self._system.time, states[at : at + count])
+            at += count
+            if not np.isfinite(values[i]):
+                self.bad = event.name
+        return values
+
+    def crossed(self, values: FloatArray) -> BoolArray:
+        """Which events have crossed zero in their direction, given the values of the functions."""
+        direction = np.array([event.direction for event in self._events], dtype=np.int64)
+        up = (self._sides < 0.0) & (values >= 0.0) & (direction >= 0)
+        down = (self._sides > 0.0) & (values <= 0.0) & (direction <= 0)
+        return self._armed & (up | down)
+
+    def passed(self, values: FloatArray) -> None:
+        """Note the values of an accepted state without events."""
+        self.values = values
+        self._sides = np.where(values != 0.0, np.sign(values), self._sides)
+
+    def locate(
+        self, trial: Callable[[float], Status], size: float, values: FloatArray
+    ) -> tuple[Status, float, BoolArray]:
+        """Find the first event within a step (collective).
+
+        Args:
+            trial: solves for the trial state so much later than the accepted state.
+            size: of the step whose end, the present trial state, lies behind the event.
+            values: of the functions there.
+
+        Returns:
+            Status, time after the accepted state, which is that of the trial state then, and the
+            events that happen there. Time and state lie just behind the event; but just before an
+            impact, whose next one may be so near that no state between them is seen.
+        """
+        left, right, low, high = 0.0, size, self.values, values
+        reached, widths = size, [size]
+        hit = self.crossed(values)
+        tolerance = min(e.tolerance for e, is_hit in zip(self._events, hit, strict=True) if is_hit)
+        tolerance = max(tolerance, _ROUND_OFF * self._system.time)
+        while right - left > tolerance:
+            tau = 0.5 * (left + right)
+            if len(widths) <= _PATIENCE or widths[-1] <= 0.5 * widths[-1 - _PATIENCE]:
+                hit = self.crossed(high)
+                roots = low[hit] / (low[hit] - high[hit])
+                tau = left + (right - left) * float(roots.min())
+            # converged from one side, the next trial lies just on the other
+            tau = min(max(tau, left + 0.5 * tolerance), right - 0.5 * tolerance)
+            status = trial(tau)
+            if status is not Status.OK:
+                return status, tau, hit
+            reached, found = tau, self.evaluate()
+            if self.bad is not None:
+                return Status.EVENT, tau, hit
+            if self.crossed(found).any():
+                right, high = tau, found
+            else:
+                left, low = tau, found
+            widths.append(right - left)
+        hit = self.crossed(high)
+        impacts = hit & self._reversing
+        at, hit = (left, impacts) if impacts.any() else (right, hit)
+        return (Status.OK if reached == at else trial(at)), at, hit
+
+    def carry_out(self, hits: BoolArray) -> Status:
+        """Carry out the actions of some events at the accepted state (collective).
+
+        Positions stay, velocities jump onto the constraints that hold then by the least kinetic
+        energy, accelerations and multipliers are computed anew.
+        """
+        system = self._system
+        system.reset()
+        system.interface.update()
+        mechanism = _Moving(system)
+        for i in np.flatnonzero(hits):
+            event = self._events[i]
+            self.fired.append((event.name, system.time))
+            if not event.reverses:
+                self._sides[i] = -self._sides[i]
+            self._armed[i] = not event.once
+            mechanism.event = int(i)
+            for act in event.actions:
+                act(mechanism)
+            if mechanism.stopped:
+                self.stopped_by = event.name
+                return Status.OK
+        status = Status.OK
+        for impact in mechanism.impacts:
+            status = self._rebound(impact) if status is Status.OK else status
+        if status is Status.OK and mechanism.changed:
+            status = make_consistent(system, self._tangent, self._span)
+            system.smooth = False
+        after = self.evaluate()
+        others = ~hits & (after != 0.0)
+        self.values = after
+        self._sides[others] = np.sign(after[others])
+        return status if self.bad is None else Status.EVENT
+
+    def _rebound(self, impact: _Impact) -> Status:
+        """Velocities after an impact at an open joint, which is open again afterwards."""
+        system, rows = self._system, self._system.constraints
+        rows.set_active(impact.joint, True)
+        system.interface.update()
+        rows.evaluate(np.array([1.0, 1.0]))
+        own, restitution = rows.rows_of(impact.joint), np.zeros(rows.size)
+        speed = system.comm.allreduce(float(np.abs(rows.rates()[own]).max(initial=0.0)), op=MPI.MAX)
+        rests = impact.restitution * speed <= impact.rest_speed
+        restitution[own] = 0.0 if rests else impact.restitution
+        status = project_velocities(system, self._tangent, self._span, restitution)
+        if rests:  # what is at rest on zero does not cross it
+            self._armed[impact.event] = False
+        else:
+            rows.set_active(impact.joint, False)
+        return status
+
+
+class _Moving:
+    """The system as actions see it; see ``flexfem.model.event.Mechanism``."""
+
+    def __init__(self, system: System) -> None:
+        self._rows, self.time = system.constraints, system.time
+        self.impacts: list[_Impact] = []
+        self.changed = self.stopped = False
+        self.event = 0
+
+    def set_active(self, joint: str, active: bool, hold: bool = False) -> None:
+        self._rows.set_active(joint, active, hold)
+        self.changed = True
+
+    def rebound(self, joint: str, restitution: float, rest_speed: float = 0.0) -> None:
+        self.impacts.append(_Impact(self.event, joint, restitution, rest_speed))
+        self.changed = True
+
+    def stop(self) -> None:
+        self.stopped = True

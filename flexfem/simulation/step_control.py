@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Which step is taken next: the largest one or 2^-k of it.
+
+Sizes are quantised so that the factors of few sizes serve a whole run, and steps are only doubled
+where they lie on the grid of the doubled step, so that every multiple of the largest step is hit.
+"""
+
+from math import ceil, log2
+
+__all__ = ["HALVINGS", "StepControl"]
+
+#: A step is halved this often before the run gives up.
+HALVINGS = 12
+_FULL = 1 << HALVINGS
+#: With error control a step is doubled after so many steps in a row whose doubles are expected to
+#: have less than this part of the admissible error.
+_PATIENCE, _SAFETY = 3, 0.5
+#: Halvings at once after an error that is too large.
+_MOST = 3
+
+
+class StepControl:
+    """Steps within one largest step, all of them on a grid of halves.
+
+    Without error control a failed step is halved, and the next one is as large as the grid allows.
+
+    Attributes:
+        tolerance: largest local error (m or rad) of a step, None for no error control.
+    """
+
+    def __init__(self, tolerance: float | None, order: int) -> None:
+        """Start with the largest step; ``order`` is that of the integrator."""
+        self.tolerance = tolerance
+        self._power = order + 1
+        self._level = self._position = self._good = 0
+
+    def begin(self) -> None:
+        """Start the next largest step."""
+        self._position = 0
+
+    @property
+    def done(self) -> bool:
+        """The largest step is complete."""
+        return self._position == _FULL
+
+    @property
+    def part(self) -> float:
+        """Size of the next step as a part of the largest one, a power of two."""
+        return 0.5**self._level
+
+    @property
+    def end(self) -> float:
+        """Where the next step ends, as a part of the largest one."""
+        return (self._position + (_FULL >> self._level)) / _FULL
+
+    def accepted(self, error: float) -> None:
+        """The step was taken with this local error (any number without error control)."""
+        self._position += _FULL >> self._level
+        if self.tolerance is None:
+            while self._may_double():
+                self._level -= 1
+            return
+        good = 2.0**self._power * error <= _SAFETY * self.tolerance
+        self._good = self._good + 1 if good else 0
+        if self._good >= _PATIENCE and self._may_double():
+            self._level -= 1
+            self._good = 0
+
+    def _may_double(self) -> bool:
+        return self._level > 0 and self._position % (_FULL >> (self._level - 1)) == 0
+
+    def refused(self, error: float | None = None) -> bool:
+        """Take smaller steps; False if there are none.
+
+        Args:
+            error: that of the step, None if there was no solution.
+        """
+        halvings = 1
+        if error is not None and self.tolerance is not None:
+            excess = error / (_SAFETY * self.tolerance)
+            halvings = min(max(ceil(log2(excess) / self._power), 1), _MOST)
+        self._good = 0
+        if self._level == HALVINGS:
+            return False
+        self._level = min(self._level + halvings, HALVINGS)
+        return True

@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Integrators against closed forms and references: orders, constraints, error control."""
+
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.core.frame_block import FrameBlock
+from flexfem.core.joint import Joint, Row, RowKind, coincidence
+from flexfem.core.status import Status
+from flexfem.integrators.generalized_alpha import GeneralizedAlpha
+from flexfem.options import RunOptions
+from flexfem.simulation.dynamics import simulate
+from flexfem.simulation.stepping import Simulation
+
+ROOT = Path(__file__).parents[2]
+
+
+def _case(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "cases" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _table(name: str) -> dict[str, np.ndarray]:
+    lines = (ROOT / "tests" / "data" / f"{name}.csv").read_text().splitlines()
+    lines = [line for line in lines if not line.startswith("#")]
+    values = np.array([line.split(",") for line in lines[1:]], dtype=float)
+    return dict(zip(lines[0].split(","), values.T, strict=True))
+
+
+def _columns(table, names: str, prefix: str = "") -> np.ndarray:
+    return np.stack([table[prefix + name] for name in names.split()], axis=1)
+
+
+def _rates(simulation: Simulation) -> float:
+    """Largest rate of a row at the accepted state, drives held."""
+    rows = simulation.system.constraints
+    simulation.system.interface.update()
+    rows.evaluate(np.array([1.0, 1.0]))
+    return float(np.abs(rows.rates()).max())
+
+
+class _InertialBlock(FrameBlock):
+    """Rigid bodies on R^3 x SO(3)."""
+
+    def __init__(self, *arguments, inertial, **keywords):
+        super().__init__(*arguments, inertial=True, **keywords)
+
+
+def _top_errors(top: str, h: float, span: float, integrator: str, policy: str):
+    """Largest errors of x, Omega, joint force in the first fifth and later, and of rows' rates."""
+    reference = _table("heavy_top")
+    options = RunOptions(
+        dt=h, t_end=span, tolerance=1e-10, integrator=integrator, iteration_matrix=policy
+    )
+    simulation = Simulation(_case("heavy_top").build(spin=top), options)
+    block, rows = simulation.system.parts[0].block, simulation.system.constraints
+    count, every, errors, rate = round(span / 0.01) + 1, round(0.01 / h), [], 0.0
+    for k in range(count):
+        for _ in range(every if k else 0):
+            assert simulation.advance(h) is Status.OK
+            rate = max(rate, _rates(simulation))
+        errors.append([
+            block.frames[0, :3] - _columns(reference, "x y z", f"{top}_")[k],
+            block.velocity[0, 3:] - _columns(reference, "1 2 3", f"{top}_omega_")[k],
+            -rows.forces - _columns(reference, "x y z", f"{top}_force_")[k],
+        ])  # fmt: skip
+    assert np.abs(rows.values).max() <= 1e-9  # m: positions hold in either form
+    x, omega, force = np.swapaxes(np.array(errors), 0, 1)
+    force = np.linalg.norm(force, axis=1)
+    first = count // 5
+    return np.array([np.abs(x).max(), np.abs(omega).max(), force[: first + 1].max(), rate])
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("top", "h", "span", "policy"),
+    [("slow", 2e-3, 0.5, "auto"), ("fast", 1e-3, 0.2, "auto"), ("fast", 1e-3, 0.2, "updated")],
+)
+def test_stabilised_heavy_top_is_of_second_order_from_the_first_step(
+    monkeypatch, top, h, span, policy
+):
+    """On R^3 x SO(3), where index 3 has multipliers of first order at first."""
+    monkeypatch.setattr("flexfem.system.build.FrameBlock", _InertialBlock)
+    errors = [_top_errors(top, step, span, "stabilized_index2", policy) for step in (h, h / 2)]
+    order = np.log2(errors[0] / errors[1])
+    assert order[:3].min() >= 1.9
+    # m/s: 2e-5 (slow) and 3e-2 (fast) where rates are not constrained
+    assert max(e[3] for e in errors) <= 1e-8
+    if policy == "auto":
+        unstabilised = [
+            _top_errors(top, step, span, "generalized_alpha", policy) for step in (h, h / 2)
+        ]
+        order = np.log2(unstabilised[0] / unstabilised[1])
+        # known of the scheme (order 1), and the reason for the stabilised form
+        assert order[0] >= 1.9
+        assert order[2] <= 1.2
+        assert unstabilised[0][3] >= 1e-6
+        assert errors[0][2] <= 0.1 * unstabilised[0][2]
+
+
+@dataclass(frozen=True, eq=False)
+class _Universal(Joint):
+    """Common point, and an axis of b perpendicular to one of a (inertial axes at the start)."""
+
+    axis_a: tuple = (1.0, 0.0, 0.0)
+    axis_b: tuple = (0.0, 1.0, 0.0)
+
+    def rows(self, a, b, t):
+        cross = Row(RowKind.AXES, u=a.rotation.T @ self.axis_a, v=b.rotation.T @ self.axis_b)
+        return (*coincidence(), cross)
+
+
+def _spatial_slider_crank() -> ff.Model:
+    """IFToMM library: crank 0.08 m about x at (0, 0.1, 0.12), rod 0.3 m, slider on the x axis."""
+    along = np.array([0.2, -0.1, -0.2]) / 0.3
+    side = np.cross((1.0, 0.0, 0.0), along)
+    side /= np.linalg.norm(side)
+    rotation = np.stack([along, side, np.cross(along, side)], axis=1)
+    spin = np.array([1.92, -0.96, 0.48])
+    model = ff.Model("slider_crank")
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.RigidBody("crank", 0.12, (1e-4, 1e-4, 1e-5), position=(0, 0.1, 0.16),
+                     velocity=(0, -0.24, 0), angular_velocity=(6.0, 0, 0)),
+        ff.RigidBody("rod", 0.5, (4e-4, 4e-3, 4e-3), position=(0.1, 0.05, 0.1), rotation=rotation,
+                     velocity=(0.12, -0.24, 0), angular_velocity=rotation.T @ spin),
+        ff.RigidBody("slider", 2.0, (1e-4, 1e-4, 1e-4), position=(0.2, 0, 0),
+                     velocity=(0.24, 0, 0)),
+        ff.Revolute("pin", ff.Ground((0, 0.1, 0.12)), ff.Marker("crank", offset=(0, 0, -0.04)),
+                    axis=(1, 0, 0)),
+        ff.Spherical("ball", ff.Marker("crank", offset=(0, 0, 0.04)),
+                     ff.Marker("rod", offset=(-0.15, 0, 0))),
+        _Universal("cross", ff.Marker("slider"), ff.Marker("rod", offset=(0.15, 0, 0)),
+                   axis_b=tuple(side)),
+        ff.Prismatic("rail", ff.Ground(), ff.Marker("slider"), axis=(1, 0, 0)),
+        ff.PositionProbe("slider_at", ff.Marker("slider")),
+        ff.Probe("turn", ff.Marker("crank"), ("angle", "rate"), lambda t, s: (
+            np.arctan2(-s.rotation[1, 2], s.rotation[2, 2]), s.angular_velocity[0])),
+    )  # fmt: skip
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("integrator", ["generalized_alpha", "stabilized_index2"])
+def test_spatial_slider_crank(integrator):
+    """Against a solution of the one equation of motion at 1e-12 (slider, crank angle and rate)."""
+    expected = {
+        0.25: (0.284860003, 1.947854838, 18.607236332),
+        0.5: (0.184952630, -0.699422754, 14.408160810),
+        1.0: (0.211721661, -1.652779884, 10.427593001),
+    }
+    errors = []
+    for h in (2e-3, 1e-3):
+        options = RunOptions(dt=h, t_end=1.0, tolerance=1e-10, integrator=integrator)
+        history = simulate(_spatial_slider_crank(), options).history
+        rows = [round(t / h) for t in expected]
+        found = _columns(history, "slider_at_x angle rate")[rows]
+        errors.append(np.abs(found - list(expected.values())).max(axis=0))
+    # a joint with another axis in the rod is off by 0.1 rad within a turn
+    assert (errors[1] <= (5e-5, 1e-3, 1e-2)).all()
+    assert np.log2(errors[0] / errors[1]).min() >= 1.8
+
+
+@pytest.mark.parametrize("policy", ["auto", "frozen", "updated"])
+def test_stabilised_drive_of_a_flexible_arm_keeps_its_rate(policy):
+    """Angle and rate of a driven shaft with a beam and a ball on it, at every step."""
+    x = np.linspace(0.0, 1.0, 5)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.stack([np.arange(4), np.arange(1, 5)], axis=1)
+    model = ff.Model("arm", mesh=ff.LineMesh(x, cells, {"arm": np.arange(4)}))
+    material = ff.Material(2.1e9, 0.3, 7850.0)
+    angle, rate = lambda t: 0.5 * t**2 + 0.1 * np.sin(9 * t), lambda t: t + 0.9 * np.cos(9 * t)
+    model.add(
+        ff.Gravity((0.0, -9.81, 0.0)),
+        ff.Beam("arm", ff.Section.rectangle(0.02, 0.02, material), damping=1e-4),
+        ff.RigidBody("shaft", 1.0, (0.1, 0.1, 0.1)),
+        ff.RigidBody("ball", 0.5, (0.01, 0.01, 0.01), position=(1.0, -0.3, 0.0)),
+        ff.Revolute("bearing", ff.Ground(), ff.Marker("shaft"), axis=(0, 0, 1)),
+        ff.PrescribedAngle("motor", ff.Ground(), ff.Marker("shaft"), axis=(0, 0, 1), angle=angle),
+        ff.Rigid("hub", ff.Marker("shaft"), ff.Marker("arm", "start")),
+        ff.Spherical("hook", ff.Marker("arm", "end"), ff.Marker("ball", offset=(0, 0.3, 0))),
+        ff.Probe("drive", ff.Marker("shaft"), ("angle", "rate"), lambda t, s: (
+            np.arctan2(s.rotation[1, 0], s.rotation[0, 0]), s.angular_velocity[2])),
+        ff.PositionProbe("tip", ff.Marker("ball")),
+    )  # fmt: skip
+    ends = {}
+    for integrator in ("generalized_alpha", "stabilized_index2"):
+        options = RunOptions(
+            dt=2e-3, t_end=0.1, tolerance=1e-10, integrator=integrator, iteration_matrix=policy
+        )
+        outcome = simulate(model, options)
+        assert outcome.status == "ok"
+        if policy == "frozen":
+            assert outcome.summary["factorizations"] == 1
+        if outcome.history:  # on the first rank
+            t = outcome.history["t"]
+            # the start differentiates over dt, and to one side
+            miss = np.abs(outcome.history["rate"] - rate(t))[1:].max()
+            np.testing.assert_allclose(outcome.history["angle"], angle(t), atol=1e-9)
+            ends[integrator] = np.array([outcome.history[f"tip_{k}"][-1] for k in "xyz"])
+            # index 3 is off by 1e-4, a rate without the drive's own by 1
+            assert miss <= 1e-8 if integrator == "stabilized_index2" else miss >= 1e-6
+    if ends:
+        # both are of second order: the same motion up to that; a wrong force shows in 1e-2
+        np.testing.assert_allclose(*ends.values(), atol=1e-4)
+
+
+@pytest.mark.serial
+def test_stabilised_chain_is_of_second_order_towards_the_converged_step():
+    case, reference, errors = _case("chain"), _table("chain_4x8"), []
+    for h in (4e-3, 2e-3):
+        options = RunOptions(dt=h, t_end=0.4, tolerance=1e-9, integrator="stabilized_index2")
+        history = simulate(case.build(links=4, elements=8), options).history
+        found = _columns(history, "x y z", "tip_")[:: round(0.1 / h)]
+        exact = _columns(reference, "x y z")[::2][: len(found)]
+        errors.append(np.abs(found - exact).max())
+    # elements agree to a tenth of their common mesh error, 4.4e-4
+    assert errors[-1] <= 2e-4
+    assert np.log2(errors[0] / errors[-1]) >= 1.7
+
+
+def _buffer(stiffness: float) -> ff.Model:
+    """A mass of 1 kg at 1 m/s that meets a spring at x = 1 m."""
+    model, mass = ff.Model("buffer"), ff.Marker("mass")
+
+    def gap(t, state):
+        return 1.0 - state.position[0]
+
+    model.add(
+        ff.RigidBody("mass", 1.0, (0.1, 0.1, 0.1), velocity=(1.0, 0, 0)),
+        ff.Prismatic("rail", ff.Ground(), mass, axis=(1, 0, 0)),
+        ff.SpringDamper("buffer", ff.Ground((2.0, 0, 0)), mass, stiffness=stiffness,
+                        rest_length=1.0),
+        ff.Event("touch", mass, gap, ff.LockJoint("buffer", hold=False), direction=-1, once=False),
+        ff.Event("leave", mass, gap, ff.ReleaseJoint("buffer"), direction=1, once=False),
+        ff.PositionProbe("at", mass),
+    )  # fmt: skip
+    model.release("buffer")
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("integrator", ["generalized_alpha", "stabilized_index2"])
+def test_error_control_resolves_an_impact_on_a_stiff_spring(integrator):
+    """Half a period of 2 pi sqrt(m/k) = 6.3 ms in contact, the rest of 1.5 s in free flight."""
+    contact = np.pi / np.sqrt(1e6)
+    end, errors, steps = 1.0 - (0.5 - contact), [], []
+    for tolerance in (1e-5, 1e-6, 1e-7):
+        options = RunOptions(
+            dt=0.05, t_end=1.5, adaptive=True, error_tolerance=tolerance, tolerance=1e-11,
+            integrator=integrator,
+        )  # fmt: skip
+        outcome = simulate(_buffer(1e6), options)
+        history, summary = outcome.history, outcome.summary
+        assert [event["name"] for event in summary["events"]] == ["touch", "leave"]
+        errors.append(abs(history["at_x"][-1] - end))
+        steps.append(summary["steps"])
+        # every accepted step of the grid is recorded, and every multiple of dt is met
+        grid = np.arange(31) * 0.05
+        assert np.abs(history["t"][:, np.newaxis] - grid).min(axis=0).max() <= 1e-12
+        assert len(history["t"]) >= 50
+        # steps of the grid are 2^-k dt, save those to and from the two events
+        ratio = np.log2(0.05 / np.diff(history["t"]))
+        assert (np.abs(ratio - np.round(ratio)) <= 1e-6).all()
+    # a tenth of the local error per step makes 10^(-2/3) of the error at the end
+    rates = np.log10(np.array(errors[:-1]) / errors[1:])
+    assert (rates >= 0.45).all()
+    assert (rates <= 0.9).all()
+    # 1500 equal steps are off by 6.3e-4, 7500 by 3.0e-5; steps that stay small after the contact
+    # would save less than half of them
+    assert errors[0] <= 2e-4
+    assert errors[1] <= 4e-5
+    assert max(steps[:2]) <= 100
+
+
+def _whip() -> ff.Model:
+    """A flexible pendulum that a short load hits."""
+    x = np.linspace(0.0, 1.0, 9)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.stack([np.arange(8), np.arange(1, 9)], axis=1)
+    model = ff.Model("whip", mesh=ff.LineMesh(x, cells, {"whip": np.arange(8)}))
+    section = ff.Section.rectangle(0.02, 0.02, ff.Material(2.1e9, 0.3, 7850.0))
+    model.add(
+        ff.Beam("whip", section, damping=1e-3),
+        ff.Revolute("pin", ff.Ground(), ff.Marker("whip", "start"), axis=(0, 0, 1)),
+        ff.PointForce("hit", ff.Marker("whip", "end"), (0.0, 50.0, 0.0), amplitude=lambda t: (
+            np.sin(np.pi * min(max((t - 0.1) / 0.05, 0.0), 1.0)) ** 4)),
+        ff.PositionProbe("tip", ff.Marker("whip", "end")),
+    )  # fmt: skip
+    return model
+
+
+@pytest.mark.parametrize("policy", ["frozen", "auto"])
+def test_error_control_keeps_the_factors_of_each_step_size(monkeypatch, policy):
+    options = RunOptions(
+        dt=0.04, t_end=0.4, adaptive=True, error_tolerance=1e-4, iteration_matrix=policy,
+        tolerance=1e-8,
+    )  # fmt: skip
+    simulation, sizes = Simulation(_whip(), options), set()
+    solve = GeneralizedAlpha.solve
+
+    def observed(self, system, policy, h):
+        sizes.add(h)
+        return solve(self, system, policy, h)
+
+    monkeypatch.setattr(GeneralizedAlpha, "solve", observed)
+    for step in range(10):
+        assert simulation.advance(0.04, 0.04 * (step + 1)) is Status.OK
+    counters = simulation.system.counters
+    assert len(sizes) >= 3  # the hit takes smaller steps than the rest
+    assert simulation.rejected >= 1
+    assert counters.fallbacks == 0
+    if policy == "frozen":
+        # without the kept factors every change of size costs one
+        assert counters.factorizations == len(sizes)
+    assert simulation.time == 0.4
+
+
+@pytest.mark.serial
+def test_error_control_follows_the_tolerance_of_a_flexible_body():
+    reference = simulate(_whip(), RunOptions(dt=5e-4, t_end=0.4, tolerance=1e-9)).history
+    errors, steps = [], []
+    for tolerance in (1e-3, 1e-4, 1e-5):
+        options = RunOptions(
+            dt=0.04, t_end=0.4, adaptive=True, error_tolerance=tolerance, tolerance=1e-9
+        )
+        outcome = simulate(_whip(), options)
+        errors.append(abs(outcome.history["tip_y"][-1] - reference["tip_y"][-1]))
+        steps.append(outcome.summary["steps"])
+    assert errors[0] > errors[1] > errors[2]
+    # accelerations of unresolved vibrations taken at their face value ask for ten times the steps
+    assert errors[2] <= 1e-3
+    assert steps[2] <= 1000
