@@ -13,7 +13,7 @@ from flexfem.core.marker import Attachment, Marker
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
-from flexfem.model.probe import Probe
+from flexfem.model.probe import AnyProbe
 from flexfem.model.resolve import beam_node
 from flexfem.model.validate import validate
 
@@ -24,7 +24,7 @@ _LISTS: tuple[tuple[type, str], ...] = (
     (PointMass, "point_masses"),
     (Joint, "joints"),
     (Load, "loads"),
-    (Probe, "probes"),
+    (AnyProbe, "probes"),
 )
 
 
@@ -60,7 +60,7 @@ class Model:
         self.point_masses: list[PointMass] = []
         self.joints: list[Joint] = []
         self.loads: list[Load] = []
-        self.probes: list[Probe] = []
+        self.probes: list[AnyProbe] = []
         self._named: dict[str, Any] = {}
 
     @overload

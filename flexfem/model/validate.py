@@ -39,6 +39,8 @@ def validate(model: Model) -> None:
         for name in load.beams:
             if not isinstance(model.get(name), Beam):
                 raise ValueError(f'{_owner(load)}: {model!r} has no beam "{name}"')
+    for probe in model.probes:
+        probe.check(model)
     _check_columns(model)
 
 
