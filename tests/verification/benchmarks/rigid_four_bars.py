@@ -63,16 +63,14 @@ def build(count: int) -> ff.Model:
 def results(full: bool = True) -> list[Result]:
     """Position of the first top, and the energy kept."""
     found = []
-    for count, h in ((2, 2e-3), (40, 2e-3)) if full else ((2, 4e-3),):
+    for count, h, near in ((2, 2e-3, 1e-8), (40, 4e-3, 1e-6)) if full else ((2, 4e-3, 1e-8),):
         rows = {t: x for t, x in REFERENCE[count].items() if full or t <= 2.0}
-        history, mesh = run(build(count), h, max(rows)), f"h = {h:g} s"
-        case = f"{count}-four-bar A02"
+        # where bars are in line round-off keeps the iteration from coming nearer
+        history, mesh = run(build(count), h, max(rows), tolerance=near), f"h = {h:g} s"
+        case, start = f"{count}-four-bar A02", ENERGY[count]
         # phase error; leaving the branch at a position in line is an error of order one
-        found += compare(case, SOURCE, mesh, history, ("top_x", "top_y"), rows, 5e-3, 1.0)
-        # gravity's energy is zero at the start, that of the reference on the ground
-        start = ENERGY[count]
+        found += compare(case, SOURCE, mesh, history, ("top_x", "top_y"), rows, 3e-3, 1.0)
+        # the reference counts gravity's energy from the ground
         lost = float(np.abs(history["energy_balance"]).max())
-        found.append(
-            Result(case, "energy, J", start, "closed form", start - lost, mesh, 1e-3)
-        )
+        found.append(Result(case, "energy, J", start, "closed form", start - lost, mesh, 1e-3))
     return found

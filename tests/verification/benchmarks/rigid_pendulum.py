@@ -34,9 +34,10 @@ def results(full: bool = True) -> list[Result]:
     h = 5e-4 if full else 2e-3
     # the error of the period, (omega h)^2/12 and smaller, times the angle passed
     tolerance = 2e-5 if full else 2e-4
-    history, mesh = run(build(), h, 10.0), f"h = {h:g} s"
+    history, mesh = run(build(), h, 10.0 if full else 2.0), f"h = {h:g} s"
+    places = {t: x for t, x in REFERENCE.items() if full or t <= 2.0}
     common = ("simple pendulum A01", SOURCE, mesh, history)
     return [
-        *compare(*common, ("place_x", "place_y"), REFERENCE, tolerance, 1.0),
-        *compare(*common, ("speed_x", "speed_y"), SPEED, tolerance, 4.4),
+        *compare(*common, ("place_x", "place_y"), places, tolerance, 1.0),
+        *compare(*common, ("speed_x", "speed_y"), SPEED if full else {}, tolerance, 4.4),
     ]

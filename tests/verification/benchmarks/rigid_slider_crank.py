@@ -44,8 +44,8 @@ def build() -> ff.Model:
                      velocity=(0.12, -0.24, 0.0), angular_velocity=rod.T @ (1.92, -0.96, 0.48)),
         ff.RigidBody("slider", 2.0, (1e-3, 1e-3, 1e-3), position=(0.2, 0.0, 0.0),
                      velocity=(0.24, 0.0, 0.0)),
-        ff.Revolute("bearing", ff.Ground((0.0, 0.1, 0.12)), ff.Marker("crank", offset=(0, 0, -0.04)),
-                    axis=(1, 0, 0)),
+        ff.Revolute("bearing", ff.Ground((0.0, 0.1, 0.12)),
+                    ff.Marker("crank", offset=(0, 0, -0.04)), axis=(1, 0, 0)),
         ff.Spherical("pin", ff.Marker("crank", offset=(0, 0, 0.04)),
                      ff.Marker("rod", offset=(-0.15, 0, 0))),
         _Universal("wrist", ff.Marker("slider"), ff.Marker("rod", offset=(0.15, 0, 0))),
@@ -66,7 +66,7 @@ def results(full: bool = True) -> list[Result]:
     rows = {t: values for t, values in REFERENCE.items() if full or t <= 1.0}
     history, mesh, case = run(build(), h, max(rows)), f"h = {h:g} s", "spatial slider-crank"
     common = (case, SOURCE, mesh, history)
-    tolerance = 2e-3 if full else 2e-2
+    tolerance = 3e-4 if full else 3e-3
     # of second order in a motion that dies at each dead point: a free rod is off by tenths
     found = compare(*common, ("x",), {t: v[:1] for t, v in rows.items()}, tolerance, 0.2)
     angles = {t: v[1:2] for t, v in rows.items()}
