@@ -128,9 +128,7 @@ class BeamGroup:
         """Whether the cells resist the rate of their strain."""
         return self._material.viscous
 
-    def _strain(
-        self, frames: FloatArray, at: IntArray | slice
-    ) -> tuple[FloatArray, FloatArray]:
+    def _strain(self, frames: FloatArray, at: IntArray | slice) -> tuple[FloatArray, FloatArray]:
         """Relative twists and strains (m, 6) of the given cells."""
         nodes = self.data.cells[at]
         turns = self._turns[at] if self.turned.any() else self._turns

@@ -8,9 +8,11 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core import motion
+from flexfem.core.row import LawKind
 from flexfem.model.model import Model
 from flexfem.system.constraints import Constraints
 from flexfem.system.momenta import ChosenBodies
+from flexfem.system.row_kernels import sums_of_terms
 from flexfem.system.system import System
 
 __all__ = ["Energies", "EnergyMeter", "refresh_rows"]
@@ -37,12 +39,13 @@ class _State:
 
     Attributes:
         loads: (k, 12) force, moment, place and angular velocity of each load, inertial axes.
-        stretching: (m, 6) rates of the beams' relative twists.
+        viscous, stretching: (m, 6) viscous stress of the beams, and the rate of their strain.
         forces, rates: (r,) of the rows that do work, and the rate they do it along.
-        losses, loss_rates: (r,) the dissipative part of elastic rows, and its rate.
+        losses, loss_rates: (r,) the dissipative part of the rows' forces, and its rate.
     """
 
     loads: FloatArray
+    viscous: FloatArray
     stretching: FloatArray
     forces: FloatArray
     rates: FloatArray
@@ -57,12 +60,17 @@ def refresh_rows(system: System) -> None:
 
 def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
     """Stored energy and dissipative force of every row, (r,) each; zero for rigid rows."""
-    elastic, stiffness, damping = rows.elastic.T
-    loss = elastic * damping * rows.rates()
-    spring = elastic * rows.forces - loss
-    stored = np.zeros(rows.size)
-    np.divide(0.5 * spring**2, stiffness, out=stored, where=stiffness > 0.0)
-    return stored, loss
+    kind, stiffness, _, lower, upper = rows.elastic.T
+    values = np.zeros(rows.size)
+    sums_of_terms(
+        rows.marker_frames(), rows.term_marker, rows.kinds, rows.directions, rows.factors,
+        rows.angles, rows.row_of_term, values,
+    )  # fmt: skip
+    values -= rows.targets
+    beyond = values - np.clip(values, lower, upper)
+    stretch = np.select([kind == LawKind.SPRING, kind == LawKind.LIMIT], [values, beyond], 0.0)
+    loss = np.where(kind == LawKind.RIGID, 0.0, rows.forces - stiffness * stretch)
+    return 0.5 * stiffness * stretch**2, np.where(rows.rigid, 0.0, loss)
 
 
 class EnergyMeter:
@@ -84,12 +92,13 @@ class EnergyMeter:
         self._system = system
         self._chosen = ChosenBodies(system, model, bodies)
         rows, sides = system.constraints, self._chosen.sides
-        owned, inside = rows.owned > 0.0, sides.all(axis=1)
+        # rows that also act on a body left out
+        crossing = np.bincount(rows.row_of_term, ~sides.all(axis=1), rows.size) > 0.0
+        owned = rows.owned > 0.0
         driven = np.array([j.joint.driven for j in rows.joints], dtype=np.bool_)[rows.joint_of_row]
-        # a drive works on both its sides, any row works on a chosen body against another one
-        working = np.where(inside[:, np.newaxis], driven[:, np.newaxis], sides)
-        self._working = working & owned[:, np.newaxis]
-        self._springs = owned & inside
+        # a drive works on all its sides, any row works on a chosen body against another one
+        self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
+        self._springs = owned & ~crossing
         self._work = self._dissipation = 0.0
         self._time = system.time
         refresh_rows(system)
@@ -117,25 +126,23 @@ class EnergyMeter:
     def _read(self) -> _State:
         """The present state of all that does work."""
         system, rows = self._system, self._system.constraints
-        loads, stretching = [np.empty((0, 12))], np.empty((0, 6))
+        loads, viscosity = [np.empty((0, 12))], (np.empty((0, 6)), np.empty((0, 6)))
         for part, mask in zip(system.parts, self._chosen.forces, strict=True):
             loads.append(part.forces.states(part.block, system.factors)[mask])
-            if part.beams is not None and part.beams.data.damping.any():
-                stretching = part.beams.relative_rates(part.block)
+            if part.beams is not None and part.beams.viscous:
+                viscosity = part.beams.viscosity(part.block)
         forces = -rows.forces  # on the bodies
         loss = _springs(rows)[1] * self._springs
         return _State(
-            np.concatenate(loads), stretching, forces, self._side_rates(), loss, rows.rates()
+            np.concatenate(loads), *viscosity, forces, self._side_rates(), loss, rows.rates()
         )
 
     def _side_rates(self) -> FloatArray:
         """(r,) rates of the rows by the motion of their working sides."""
         rows, velocities = self._system.constraints, self._system.interface.velocities
-        padded = np.concatenate([velocities, np.zeros((1, 6))])[rows.row_slots]
-        rates: FloatArray = np.einsum(
-            "rsi,rsi,rs->r", rows.force_jacobian, padded, self._working.astype(float)
-        )
-        return rates
+        padded = np.concatenate([velocities, np.zeros((1, 6))])[rows.term_slots]
+        rates = np.einsum("tsi,tsi,ts->t", rows.force_jacobian, padded, self._working.astype(float))
+        return np.bincount(rows.row_of_term, rates, rows.size)
 
     def _stored(self) -> FloatArray:
         """(3,) kinetic, strain and gravity's energy; the last less that at the start."""
@@ -144,7 +151,7 @@ class EnergyMeter:
         strain = float(_springs(system.constraints)[0] @ self._springs)
         for part in system.parts:
             if part.beams is not None:
-                strain += float(part.beams.strain_energy(part.block.frames) @ chosen.cells)
+                strain += float(part.beams.energies(part.block.frames) @ chosen.cells)
         weight = -float(system.gravity @ state[motion.FIRST : motion.LINEAR])
         return np.array([state[motion.KINETIC], strain, weight - self._weight])
 
@@ -152,9 +159,10 @@ class EnergyMeter:
         """Energy taken by dampers and by the damping of beams."""
         total = _mean_product(before.losses, after.losses, before.loss_rates, after.loss_rates, h)
         for part in self._system.parts:
-            if part.beams is not None and len(after.stretching):
-                rates = 0.5 * (before.stretching + after.stretching)
-                total += h * float(part.beams.damping_power(rates) @ self._chosen.cells)
+            if part.beams is not None and len(after.viscous):
+                weights = 0.25 * h * self._chosen.cells * part.beams.lengths
+                stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
+                total += float(np.einsum("m,mi,mi->", weights, stress, rate))
         return total
 
 

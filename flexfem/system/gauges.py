@@ -41,20 +41,12 @@ class _ReactionGauge:
         if self._joint is None:
             return np.zeros(6)
         refresh_rows(self._system)
-        rows, k = self._system.constraints, self._joint
-        slots = rows.joints[k].slots
-        # from the ground nothing but the opposite force on the other body is known
-        side = 1 if slots[1] >= 0 else 0
-        own = slice(rows.start[k], rows.start[k + 1])
-        local = rows.forces[own] @ rows.force_jacobian[own, side]
-        node = self._system.interface.frames[slots[side]]
-        sign = -1.0 if side == 1 else 1.0
-        force, moment = sign * (se3.rotation(node) @ local.reshape(2, 3).T).T
-        a, b = rows.marker_frames()[2 * k : 2 * k + 2]
-        moment += np.cross(se3.position(node) - se3.position(b), force)
+        rows = self._system.constraints
+        a, b = rows.marker_start[self._joint] + np.arange(2)
+        force, moment = rows.reactions()[b].reshape(2, 3)
         if self._axes == "inertial":
             return np.concatenate([force, moment])
-        R = se3.rotation(a if self._axes == "a" else b)
+        R = se3.rotation(rows.marker_frames()[a if self._axes == "a" else b])
         return np.concatenate([force @ R, moment @ R])
 
 

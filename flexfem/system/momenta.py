@@ -20,7 +20,8 @@ class ChosenBodies:
     Attributes:
         cells: mask over the beams' cells of this rank.
         masses, forces: one mask for each part.
-        sides: (r, 2) whether the sides of each row are at chosen bodies; the ground counts as one.
+        sides: (t, 2) whether the sides of the rows' terms are at chosen bodies; the ground counts
+            as one.
     """
 
     def __init__(self, system: System, model: Model, names: Sequence[str] | None) -> None:
@@ -48,7 +49,7 @@ class ChosenBodies:
         numbers = zip(system.interface.block, system.body_of_slot, strict=True)
         of_slot = [bool(member[int(kind)][body]) for kind, body in numbers]
         # the ground's slot is -1, the last one
-        self.sides: BoolArray = np.array([*of_slot, True])[system.constraints.row_slots]
+        self.sides: BoolArray = np.array([*of_slot, True])[system.constraints.term_slots]
 
     def motion(self) -> FloatArray:
         """(11,) energy, mass and momenta on this rank, see ``flexfem.core.motion``."""

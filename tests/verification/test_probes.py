@@ -269,6 +269,34 @@ def test_damped_oscillator():
         np.testing.assert_allclose(history["pull_fx"], -k * x - c * v, atol=0.02)
 
 
+@pytest.mark.three_ranks
+def test_friction_and_stop():
+    """A block that slides with friction against a stop, is thrown back and comes to rest."""
+    model = ff.Model("block")
+    model.add(
+        ff.RigidBody("block", 2.0, (0.1, 0.1, 0.1), velocity=(3.0, 0.0, 0.0)),
+        guide := ff.Prismatic("guide", ff.Ground(), ff.Marker("block"), axis=(1, 0, 0)),
+        ff.JointFriction("rub", guide, force=4.0, velocity=1e-3),
+        ff.LimitStop(
+            "stop", ff.Ground(), ff.Marker("block"), axis=(1, 0, 0), upper=1.0, stiffness=2e4
+        ),
+        ff.EnergyProbe(),
+        ff.PositionProbe("at", ff.Marker("block")),
+    )
+    history = _run(model, 2e-4, 2.0, rho_inf=1.0)
+    if history:
+        energy = {name[7:]: history[name] for name in history if name.startswith("energy_")}
+        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(history["at_x"])))])
+        # 9 J in all; friction takes its force times the way but at the turning point
+        np.testing.assert_allclose(energy["dissipation"], 4.0 * way, atol=0.02)
+        depth = np.maximum(history["at_x"] - 1.0, 0.0)
+        # at most 5 J, 22 mm deep: stiffness times depth, squared
+        np.testing.assert_allclose(energy["strain"], 1e4 * depth**2, atol=1e-6)
+        assert energy["strain"].max() > 4.0
+        assert energy["kinetic"][-1] < 1e-4
+        assert np.abs(energy["balance"]).max() <= 0.01
+
+
 @pytest.mark.serial
 def test_flying_spaghetti_gains_the_work_of_its_loads():
     spec = importlib.util.spec_from_file_location("spaghetti", ROOT / "cases/flying_spaghetti.py")
