@@ -9,8 +9,9 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie.compiled import kernel
+from flexfem.lie.se3 import compose_into
 
-__all__ = ["add_forces", "force_tangent"]
+__all__ = ["add_forces", "force_states", "force_tangent"]
 
 
 @kernel
@@ -81,3 +82,29 @@ def force_tangent(
             i1, i2 = (i + 1) % 3, (i + 2) % 3
             for j in range(6):
                 out[k, 3 + i, j] += o[i1] * turned[i2, j] - o[i2] * turned[i1, j]
+
+
+@kernel
+def force_states(
+    nodes: IntArray, offsets: FloatArray, forces: FloatArray, moments: FloatArray,
+    follower: BoolArray, load: IntArray, factors: FloatArray, frames: FloatArray,
+    velocity: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Write force, moment, place and angular velocity of every wrench to ``out`` (k, 12).
+
+    All are inertial components; the moment is that at the point itself.
+    """
+    point = np.empty(12)
+    for k in range(nodes.size):
+        H, v, factor, state = frames[nodes[k]], velocity[nodes[k]], factors[load[k]], out[k]
+        compose_into(H, offsets[k], point)
+        for i in range(3):
+            at = 3 + 3 * i
+            state[6 + i] = point[i]
+            state[9 + i] = H[at] * v[3] + H[at + 1] * v[4] + H[at + 2] * v[5]
+            state[i], state[3 + i] = factor * forces[k, i], factor * moments[k, i]
+            if follower[k]:
+                state[i], state[3 + i] = 0.0, 0.0
+                for j in range(3):
+                    state[i] += factor * point[at + j] * forces[k, j]
+                    state[3 + i] += factor * point[at + j] * moments[k, j]

@@ -7,11 +7,12 @@ axes) obeys the Euler–Poincaré equation ``M dv/dt - ad_v^T (M v) - M (R^T g, 
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_kernels import step_rates_into
+from flexfem.core.motion import add_motion
 from flexfem.lie.compiled import kernel
 
-__all__ = ["add_inertia", "inertia_tangent"]
+__all__ = ["add_inertia", "add_mass_motion", "inertia_tangent"]
 
 
 @kernel
@@ -104,3 +105,15 @@ def inertia_tangent(
                 for m in range(6):
                     total += C[i, m] * by_v[6 * m + j] + M[i, m] * by_w[6 * m + j]
                 out[k, i, j] = scale * total
+
+
+@kernel
+def add_mass_motion(
+    nodes: IntArray, masses: FloatArray, chosen: BoolArray, frames: FloatArray,
+    velocity: FloatArray, motion: FloatArray,
+) -> None:  # fmt: skip
+    """Add energy and momenta of the chosen masses (k, 6, 6), see ``flexfem.core.motion``."""
+    p = np.empty(6)
+    for k in range(nodes.size):
+        if chosen[k]:
+            add_motion(frames[nodes[k]], velocity[nodes[k]], masses[k], 1.0, p, motion)

@@ -11,10 +11,13 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_loops import add_action, add_residual, add_tangent
 from flexfem.elements.beam_material import Material
+from flexfem.elements.beam_motion import add_cell_motion, cell_rates
 from flexfem.la.kernel import compile_kernel
 from flexfem.lie import se3
 
 __all__ = ["BeamCells", "BeamGroup"]
+
+_ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class BeamGroup:
         # one row for all cells whose section axes are the nodes' own
         turns = turns if self.turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
         self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
+        self._inertias = _symmetric(material.data[:, :21])
         forms = material.forms
         coefficients = tuple(forms.coefficients.values())
         self._residual = compile_kernel(comm, forms.residual, coefficients, batched=True)
@@ -119,13 +123,56 @@ class BeamGroup:
             block.step, scale, block.residual,
         )  # fmt: skip
 
-    def response(self, frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Strains and resultants (m, 6) in section axes, energies (m,) of the cells in J."""
+    @property
+    def viscous(self) -> bool:
+        """Whether the cells resist the rate of their strain."""
+        return self._material.viscous
+
+    def _strain(self, frames: FloatArray, at: IntArray | slice) -> tuple[FloatArray, FloatArray]:
+        """Relative twists and strains (m, 6) of the given cells."""
+        nodes = self.data.cells[at]
+        turns = self._turns[at] if self.turned.any() else self._turns
         ends = se3.frame(
-            se3.position(frames[self.data.cells]),
-            se3.rotation(frames[self.data.cells]) @ self._turns.reshape(-1, 2, 3, 3),
+            se3.position(frames[nodes]),
+            se3.rotation(frames[nodes]) @ turns.reshape(-1, 2, 3, 3),
         )
         twists = se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
-        strain = (twists - self._twists) / self.lengths[:, np.newaxis]
-        resultant, energy = self._material.response(strain, self.data.section)
-        return strain, resultant, energy * self.lengths
+        return twists, (twists - self._twists[at]) / self.lengths[at, np.newaxis]
+
+    def response(
+        self, frames: FloatArray, at: IntArray | slice = _ALL
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Strains and resultants (m, 6) in section axes, energies (m,) of the cells in J.
+
+        Args:
+            frames: (n, 12) frames of the nodes.
+            at: the cells meant.
+        """
+        _, strain = self._strain(frames, at)
+        resultant, energy = self._material.response(strain, self.data.section[at])
+        return strain, resultant, energy * self.lengths[at]
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        twists, strain = self._strain(block.frames, _ALL)
+        rate = np.empty_like(twists)
+        cell_rates(
+            self.data.cells, self.turned, self._turns, twists, block.frames, block.velocity, rate
+        )
+        rate /= self.lengths[:, np.newaxis]
+        data = self.data
+        return self._material.viscous_stress(strain, rate, data.section, data.damping), rate
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.motion``."""
+        add_cell_motion(
+            self.data.cells, chosen, self.turned, self._turns, self.lengths, self.data.section,
+            self._inertias, block.frames, block.velocity, motion,
+        )  # fmt: skip
+
+
+def _symmetric(upper: FloatArray) -> FloatArray:
+    """Matrices (s, 6, 6) from their upper triangles (s, 21)."""
+    matrices = np.zeros((len(upper), 6, 6))
+    matrices[:, *np.triu_indices(6)] = upper
+    return matrices + np.swapaxes(np.triu(matrices, 1), -1, -2)

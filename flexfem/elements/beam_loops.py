@@ -290,10 +290,10 @@ def linear_resultants(
 
 @kernel
 def law_values(
-    address: int, offsets: IntArray, strain: FloatArray, sections: IntArray,
+    address: int, offsets: IntArray, strain: FloatArray, rate: FloatArray, sections: IntArray,
     parameters: FloatArray, values: FloatArray,
 ) -> None:  # fmt: skip
-    """Write what ``forms.beam_law.LawForm`` lists to ``values`` (m, k), at rest.
+    """Write what ``forms.beam_law.LawForm`` lists to ``values`` (m, k).
 
     ``parameters`` (s, p) are those of each section.
     """
@@ -303,6 +303,9 @@ def law_values(
         if offsets[0] >= 0:
             for i in range(6):
                 data[offsets[0] + i] = strain[c, i]
+        if offsets[1] >= 0:
+            for i in range(6):
+                data[offsets[1] + i] = rate[c, i]
         if offsets.size > 3 and offsets[2] >= 0:
             for i in range(parameters.shape[1]):
                 data[offsets[2] + i] = parameters[sections[c], i]

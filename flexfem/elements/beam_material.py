@@ -31,13 +31,21 @@ class Material(Protocol):
         forms: the beam's forms with this material.
         data: (s, k) what the loops hand to the kernels for each section: 21 entries of the inertia,
             then stiffness or parameters.
+        viscous: whether the cells resist the rate of their strain.
     """
 
     forms: BeamForms
     data: FloatArray
+    viscous: bool
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
         """Stress resultants (m, 6) and strain energies per length (m,) at rest."""
+        ...
+
+    def viscous_stress(
+        self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
+    ) -> FloatArray:
+        """Stress resultants (m, 6) that the strain rate adds; ``damping`` (m,) of the cells."""
         ...
 
 
@@ -65,7 +73,7 @@ class LinearMaterial:
     def __init__(self, sections: Sequence[Section], damped: bool) -> None:
         """Collect the matrices."""
         self._matrices = np.array([s.stiffness for s in sections])
-        self.forms = beam_forms(damped)
+        self.forms, self.viscous = beam_forms(damped), damped
         self.data = _data(sections, self._matrices[:, *_UPPER])
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -73,6 +81,12 @@ class LinearMaterial:
         resultant = np.empty_like(strain)
         linear_resultants(strain, sections, self._matrices, resultant)
         return resultant, 0.5 * np.einsum("mi,mi->m", strain, resultant)
+
+    def viscous_stress(
+        self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
+    ) -> FloatArray:
+        """See :class:`Material`."""
+        return damping[:, np.newaxis] * self.response(rate, sections)[0]
 
 
 class LawMaterial:
@@ -92,22 +106,31 @@ class LawMaterial:
         self._size = law_form(law).size
         self._kernel = _compile(comm, law, f"{owners[0]}: {laws[0].owner}")
         self._check(laws, owners)
-        self.forms = beam_forms(False, law)
+        self.forms, self.viscous = beam_forms(False, law), law.dissipation is not None
         self.data = _data(sections, self._parameters)
 
-    def _values(self, strain: FloatArray, sections: IntArray) -> FloatArray:
+    def _values(self, strain: FloatArray, rate: FloatArray, sections: IntArray) -> FloatArray:
         values = np.empty((len(strain), self._size))
         kernel = self._kernel
-        law_values(kernel.address, kernel.offsets, strain, sections, self._parameters, values)
+        law_values(kernel.address, kernel.offsets, strain, rate, sections, self._parameters, values)
         return values
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
         """See :class:`Material`."""
-        values = self._values(strain, sections)
+        values = self._values(strain, np.zeros_like(strain), sections)
         return np.ascontiguousarray(values[:, 1:7]), values[:, 0]
 
+    def viscous_stress(
+        self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
+    ) -> FloatArray:
+        """See :class:`Material`; laws have their own dissipation instead of a damping."""
+        if not self.viscous:
+            return np.zeros_like(strain)
+        return np.ascontiguousarray(self._values(strain, rate, sections)[:, 43:49])
+
     def _check(self, laws: Sequence[BeamLaw], owners: Sequence[str]) -> None:
-        values = self._values(np.zeros((len(laws), 6)), np.arange(len(laws)))
+        rest = np.zeros((len(laws), 6))
+        values = self._values(rest, rest, np.arange(len(laws)))
         for law, owner, row in zip(laws, owners, values, strict=True):
             where = f"{owner}: {law.owner}"
             _check_energy(where, row, law.allow_unstable)

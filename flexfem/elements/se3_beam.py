@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_group import BeamCells, BeamGroup
 from flexfem.elements.beam_material import LawMaterial, LinearMaterial, Material, grouped
@@ -100,21 +100,50 @@ class SE3Beams:
         for _, group in self._groups:
             group.add_action(block, gravity, shifts, scale)
 
-    def resultants(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Strains and stress resultants (m, 6) of all cells in section axes (damping left out)."""
-        strain, resultant, _ = self._response(frames)
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Strains and stress resultants (m, 6) in section axes (damping left out).
+
+        Args:
+            frames: (n, 12) frames of the nodes.
+            chosen: (m,) cells, all of them when None.
+        """
+        strain, resultant, _ = self._response(frames, chosen)
         return strain, resultant
 
     def energies(self, frames: FloatArray) -> FloatArray:
         """Strain energies (m,) of all cells, J."""
         return self._response(frames)[2]
 
-    def _response(self, frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        count = len(self.data.cells)
+    def _response(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        cells = np.arange(len(self.data.cells)) if chosen is None else chosen
+        count = len(cells)
         strain, resultant, energy = np.empty((count, 6)), np.empty((count, 6)), np.empty(count)
         for rows, group in self._groups:
-            strain[rows], resultant[rows], energy[rows] = group.response(frames)
+            to = np.flatnonzero(np.isin(cells, rows))
+            at = np.searchsorted(rows, cells[to])
+            strain[to], resultant[to], energy[to] = group.response(frames, at)
         return strain, resultant, energy
+
+    @property
+    def viscous(self) -> bool:
+        """Whether any cells resist the rate of their strain."""
+        return any(group.viscous for _, group in self._groups)
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        stress, rate = np.empty((2, len(self.data.cells), 6))
+        for rows, group in self._groups:
+            stress[rows], rate[rows] = group.viscosity(block)
+        return stress, rate
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.motion``."""
+        for rows, group in self._groups:
+            group.add_motion(block, chosen[rows], motion)
 
 
 def _material(

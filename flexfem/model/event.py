@@ -200,7 +200,9 @@ class Event:
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints that the actions name."""
-        return tuple(a.joint for a in self.actions if isinstance(a, (LockJoint, ReleaseJoint, Rebound)))
+        return tuple(
+            a.joint for a in self.actions if isinstance(a, (LockJoint, ReleaseJoint, Rebound))
+        )
 
     def evaluate(self, t: float, states: Sequence[MarkerState]) -> float:
         """Return the function's value at time `t`.

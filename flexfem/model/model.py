@@ -14,7 +14,7 @@ from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.event import Event
-from flexfem.model.probe import Probe
+from flexfem.model.probe import AnyProbe
 from flexfem.model.resolve import beam_node
 from flexfem.model.validate import validate
 
@@ -25,8 +25,8 @@ _LISTS: tuple[tuple[type, str], ...] = (
     (PointMass, "point_masses"),
     (Joint, "joints"),
     (Load, "loads"),
-    (Probe, "probes"),
     (Event, "events"),
+    (AnyProbe, "probes"),
 )
 
 
@@ -64,9 +64,9 @@ class Model:
         self.point_masses: list[PointMass] = []
         self.joints: list[Joint] = []
         self.loads: list[Load] = []
-        self.probes: list[Probe] = []
         self.events: list[Event] = []
         self.released: list[str] = []
+        self.probes: list[AnyProbe] = []
         self._named: dict[str, Any] = {}
 
     @overload

@@ -3,12 +3,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.marker import Attachment, Ground, Marker
+
+if TYPE_CHECKING:
+    from flexfem.model.model import Model
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +32,35 @@ class MarkerState:
     angular_velocity: FloatArray
 
 
+class AnyProbe:
+    """Base class of the probes that a model holds by name.
+
+    Attributes:
+        name: Unique name in the model.
+        columns: Names of its columns in the history, unique in the model.
+        unwrap: Columns that are angles (radians) and are made continuous along the history.
+        markers: Markers whose motion it needs.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    unwrap: tuple[str, ...] = ()
+    markers: tuple[Attachment, ...] = ()
+
+    def check(self, model: "Model") -> None:
+        """Check what the probe refers to by name.
+
+        Raises:
+            ValueError: The model has no such thing.
+        """
+
+
 #: Function of time and marker states that returns one number per column.
 ProbeFunction = Callable[..., Sequence[float]]
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Probe:
+class Probe(AnyProbe):
     """Columns of the history computed from the motion of markers.
 
     Attributes:
@@ -72,9 +99,9 @@ class Probe:
             _checks.instance(owner, "markers", marker, (Marker, Ground))
         if not callable(function):
             raise TypeError(f"{owner}: function must be callable, got {_checks.show(function)}")
-        names = _strings(owner, "columns", columns)
-        angles = _strings(owner, "unwrap", unwrap)
-        _check_columns(owner, names, angles)
+        names = strings(owner, "columns", columns)
+        angles = strings(owner, "unwrap", unwrap)
+        check_columns(owner, names, angles)
         _checks.assign(
             self,
             name=name,
@@ -117,14 +144,14 @@ def _position(t: float, state: MarkerState) -> Sequence[float]:
     return state.position.tolist()  # type: ignore[no-any-return]
 
 
-def _strings(owner: str, what: str, values: Sequence[str]) -> tuple[str, ...]:
+def strings(owner: str, what: str, values: Sequence[str]) -> tuple[str, ...]:
     """Return a checked tuple of names."""
     if isinstance(values, str):
         raise TypeError(f"{owner}: {what} must be a list of names, got {_checks.show(values)}")
     return tuple(_checks.text(owner, what, value) for value in values)
 
 
-def _check_columns(owner: str, columns: tuple[str, ...], unwrap: tuple[str, ...]) -> None:
+def check_columns(owner: str, columns: tuple[str, ...], unwrap: tuple[str, ...] = ()) -> None:
     """Raise for column names that cannot head the columns of a table."""
     if not columns:
         raise ValueError(f"{owner}: columns must hold at least one name, got none")

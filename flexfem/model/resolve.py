@@ -35,6 +35,21 @@ def beam_node(mesh: LineMesh, beam: Beam, marker: Marker) -> int:
     return int(nodes[np.argmin(np.abs(length - point * length[-1]))])
 
 
+def beam_cell(mesh: LineMesh, beam: Beam, fraction: float) -> tuple[int, int]:
+    """Return the mesh nodes of the element whose middle is nearest to a fraction of the length.
+
+    Raises:
+        ValueError: The line branches or falls apart.
+    """
+    nodes = mesh.order(beam.group)
+    if nodes is None:
+        raise ValueError(f'fraction {fraction}: group "{beam.group}" branches or falls apart')
+    length = arc_length(mesh.points[nodes])
+    middle = 0.5 * (length[1:] + length[:-1])
+    at = int(np.argmin(np.abs(middle - fraction * length[-1])))
+    return int(nodes[at]), int(nodes[at + 1])
+
+
 def _group_node(mesh: LineMesh, beam: Beam, point: str) -> int:
     """Return the node of a point group on a beam."""
     owner = f'Marker on "{beam.name}"'

@@ -44,6 +44,8 @@ def validate(model: Model) -> None:
             _check_joint(model, _owner(event), name)
     for name in model.released:
         _check_joint(model, f"{model!r}: release", name)
+    for probe in model.probes:
+        probe.check(model)
     _check_columns(model)
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Serial data of a model: nodes numbered, frames at the start, markers resolved."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
@@ -82,6 +84,10 @@ class Assembly:
         if node is None:
             return RIGID, self._rigid_index[marker.body]
         return BEAMS, self._node_of_mesh[node]
+
+    def mesh_nodes(self, nodes: Sequence[int]) -> IntArray:
+        """Numbers of the beams' nodes given by their numbers in the mesh."""
+        return np.array([self._node_of_mesh[node] for node in nodes], dtype=np.int64)
 
     def local_node(self, marker: Attachment, kind: int, block: FrameBlock) -> int:
         """Local index of a marker's node in the block of a kind, -1 if it is not owned there."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
-from flexfem.bodies.node_forces import add_forces, force_tangent
-from flexfem.bodies.node_inertia import add_inertia, inertia_tangent
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.bodies.node_forces import add_forces, force_states, force_tangent
+from flexfem.bodies.node_inertia import add_inertia, add_mass_motion, inertia_tangent
 from flexfem.core.frame_block import FrameBlock
 
 __all__ = ["Force", "NodeForces", "NodeMasses"]
@@ -43,6 +43,10 @@ class NodeMasses:
             block.acceleration, block.increment, shifts, scale, out,
         )  # fmt: skip
         return out
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (k,) masses, see ``flexfem.core.motion``."""
+        add_mass_motion(self.nodes, self.matrices, chosen, block.frames, block.velocity, motion)
 
 
 @dataclass(frozen=True)
@@ -82,5 +86,14 @@ class NodeForces:
         force_tangent(
             self.nodes, self._offsets, self._forces, self._moments, self._follower, self._load,
             factors, block.frames, scale, out,
+        )  # fmt: skip
+        return out
+
+    def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
+        """(k, 12) force, moment, place and angular velocity of each wrench, inertial axes."""
+        out = np.empty((len(self.nodes), 12))
+        force_states(
+            self.nodes, self._offsets, self._forces, self._moments, self._follower, self._load,
+            factors, block.frames, block.velocity, out,
         )  # fmt: skip
         return out

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Recording of the model's probes.
 
-Each rank keeps the motion of its own probe markers for some steps; then the first rank receives
-them all at once and evaluates the columns. What is sent is a few numbers per marker, not the model.
+Each rank keeps for some steps the motion of its own probe markers, and its share of what its gauges
+measure; then the first rank receives all at once and evaluates the columns. What is sent is a few
+numbers per probe, not the model.
 """
 
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
+from flexfem.system.gauges import create_gauge
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["ProbeRecorder"]
@@ -43,21 +45,21 @@ def _record(
 
 
 class ProbeRecorder:
-    """Buffer of the probes' markers.
+    """Buffer of the probes' markers and measurements.
 
     Attributes:
         columns: names of all columns; unwrap: those that are angles.
     """
 
     def __init__(self, system: System, serial: Assembly, depth: int = 64) -> None:
-        """Find the markers on this rank.
+        """Find the markers on this rank and start the gauges (collective).
 
         Args:
             system: the system.
             serial: serial data of its model.
             depth: number of steps after which the buffer is full.
         """
-        self._probes: list[Probe] = serial.model.probes
+        self._probes = serial.model.probes
         self.columns = [c for p in self._probes for c in p.columns]
         self.unwrap = [c for p in self._probes for c in p.unwrap]
         markers = [m for p in self._probes for m in p.markers]
@@ -70,6 +72,12 @@ class ProbeRecorder:
         mine = [places for *_, places in self._sources]
         self._places = np.concatenate([np.empty(0, dtype=np.int64), *mine])
         self._buffer = np.zeros((depth, len(markers), _WIDTH))
+        gauges = [create_gauge(probe, system, serial) for probe in self._probes]
+        self._gauges = [gauge for gauge in gauges if gauge is not None]
+        width = sum(
+            len(p.columns) for p, g in zip(self._probes, gauges, strict=True) if g is not None
+        )
+        self._shares = np.zeros((depth, width))
         self._times: list[float] = []
 
     @staticmethod
@@ -95,27 +103,37 @@ class ProbeRecorder:
         for block, nodes, offsets, places in self._sources:
             if len(nodes):
                 _record(block.frames, block.velocity, nodes, offsets, places, row)
+        if self._gauges:
+            self._shares[len(self._times)] = np.concatenate([g.update() for g in self._gauges])
         self._times.append(t)
 
     def flush(self) -> Iterator[tuple[float, FloatArray]]:
         """Empty the buffer (collective): times and column values on the first rank."""
         count = len(self._times)
-        mine = self._buffer[:count, self._places]
-        parts = self._comm.gather((self._places, mine)) if self._comm.size > 1 else None
+        mine = self._places, self._buffer[:count, self._places], self._shares[:count]
+        parts = self._comm.gather(mine) if self._comm.size > 1 else [mine]
         times, self._times = self._times, []
-        if self._comm.rank != 0:
+        if parts is None:
             return iter(())
         every = self._buffer[:count].copy()
         every[:, self._ground_places] = self._ground[self._ground_places]
-        for places, values in parts or []:
+        measured = np.zeros((count, self._shares.shape[1]))
+        for places, values, shares in parts:
             every[:, places] = values
-        return iter([(t, self._evaluate(t, row)) for t, row in zip(times, every, strict=True)])
+            measured += shares
+        rows = zip(times, every, measured, strict=True)
+        return iter([(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows])
 
-    def _evaluate(self, t: float, row: FloatArray) -> FloatArray:
+    def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
         states = [MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18]) for r in row]
-        values, at = [np.empty(0)], 0
+        values, at, read = [np.empty(0)], 0, 0
         for probe in self._probes:
-            count = len(probe.markers)
-            values.append(probe.evaluate(t, states[at : at + count]))
-            at += count
+            if isinstance(probe, Probe):
+                count = len(probe.markers)
+                values.append(probe.evaluate(t, states[at : at + count]))
+                at += count
+            else:
+                count = len(probe.columns)
+                values.append(measured[read : read + count])
+                read += count
         return np.concatenate(values)

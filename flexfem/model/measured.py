@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Probes of energies, momenta, joint forces and beam resultants."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flexfem import _checks
+from flexfem.core.joint import Joint
+from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.probe import AnyProbe, check_columns, strings
+from flexfem.model.resolve import beam_cell
+
+if TYPE_CHECKING:
+    from flexfem.model.model import Model
+
+__all__ = ["EnergyProbe", "MomentumProbe", "ReactionProbe", "StrainProbe"]
+
+_STRAINS = [f"gamma{i}" for i in "123"] + [f"kappa{i}" for i in "123"]
+_RESULTANTS = [f"n{i}" for i in "123"] + [f"m{i}" for i in "123"]
+
+
+def _assign_columns(probe: AnyProbe, labels: Sequence[str]) -> None:
+    """Check the name and give a probe the columns name_label."""
+    owner = _checks.named(probe, probe.name)
+    columns = tuple(f"{probe.name}_{label}" for label in labels)
+    check_columns(owner, columns)
+    _checks.assign(probe, columns=columns)
+
+
+@dataclass(frozen=True, eq=False)
+class _BodiesProbe(AnyProbe):
+    """A probe of the whole model or of some of its bodies.
+
+    Attributes:
+        name: Unique name in the model.
+        bodies: Names of beams and rigid bodies (with the point masses on them), None for all.
+    """
+
+    name: str
+    bodies: Sequence[str] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the names.
+
+        Raises:
+            TypeError: They are no list of names.
+            ValueError: An empty list.
+        """
+        if self.bodies is not None:
+            owner = _checks.named(self, self.name)
+            names = strings(owner, "bodies", self.bodies)
+            if not names:
+                raise ValueError(f"{owner}: bodies must hold at least one name, or be None for all")
+            _checks.assign(self, bodies=names)
+
+    def check(self, model: "Model") -> None:
+        """See :meth:`AnyProbe.check`."""
+        for name in self.bodies or ():
+            if not isinstance(model.get(name), (Beam, RigidBody)):
+                raise ValueError(
+                    f'{type(self).__name__} "{self.name}": {model!r} has no beam or rigid body '
+                    f'"{name}"'
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyProbe(_BodiesProbe):
+    """Energies, J, in the columns name_kinetic, _strain, _gravity, _work, _dissipation, _balance.
+
+    - kinetic: as in the equations of motion;
+    - strain: of beams and of springs;
+    - gravity: potential of the weight, zero at the start;
+    - work: done since the start by loads and by drives, and, where only some bodies are meant, by
+      the joints and springs that connect them with others;
+    - dissipation: taken since the start by dampers and by the damping of beams;
+    - balance: kinetic + strain + gravity - work + dissipation minus the same at the start. It is
+      what the time integration has lost (negative) or made up (positive).
+
+    Work and dissipation are integrated from row to row of the history, a mean force times a
+    displacement, or a mean force times a mean rate times the step: of second order, and exact for
+    linear motion by the trapezoidal rule (``rho_inf=1``).
+    """
+
+    name: str = "energy"
+
+    def __post_init__(self) -> None:
+        """Check the names; see :class:`_BodiesProbe`."""
+        super().__post_init__()
+        _assign_columns(self, ("kinetic", "strain", "gravity", "work", "dissipation", "balance"))
+
+
+@dataclass(frozen=True, eq=False)
+class MomentumProbe(_BodiesProbe):
+    """Momenta and centre of mass, inertial components.
+
+    Columns: linear momentum name_px, _py, _pz (kg m/s), angular momentum about the inertial origin
+    name_lx, _ly, _lz (kg m^2/s), centre of mass name_cx, _cy, _cz (m).
+    """
+
+    def __post_init__(self) -> None:
+        """Check the names; see :class:`_BodiesProbe`."""
+        super().__post_init__()
+        _assign_columns(self, [f"{what}{axis}" for what in "plc" for axis in "xyz"])
+
+
+@dataclass(frozen=True, eq=False)
+class ReactionProbe(AnyProbe):
+    """Force (N) and moment (N m) that a joint, drive or spring exerts on the body of its marker b.
+
+    Columns name_fx, _fy, _fz, _mx, _my, _mz; the moment is about the origin of marker b. A body
+    that hangs from the ground (marker a) on a joint feels the opposite of its weight. Marker a's
+    body feels the opposite force at the same place.
+
+    Attributes:
+        name: Unique name in the model.
+        joint: Name of the joint.
+        axes: Components in "inertial" axes, or in those of marker "a" or "b".
+    """
+
+    name: str
+    joint: str
+    axes: str = "inertial"
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            TypeError: A name is no string.
+            ValueError: An empty name or other axes.
+        """
+        _assign_columns(self, [f"{what}{axis}" for what in "fm" for axis in "xyz"])
+        owner = _checks.named(self, self.name)
+        _checks.text(owner, "joint", self.joint)
+        if self.axes not in ("inertial", "a", "b"):
+            raise ValueError(
+                f'{owner}: axes must be "inertial", "a" or "b", got {_checks.show(self.axes)}'
+            )
+
+    def check(self, model: "Model") -> None:
+        """See :meth:`AnyProbe.check`."""
+        if not isinstance(model.get(self.joint), Joint):
+            raise ValueError(f'ReactionProbe "{self.name}": {model!r} has no joint "{self.joint}"')
+
+
+@dataclass(frozen=True, eq=False)
+class StrainProbe(AnyProbe):
+    """Strains and stress resultants of one element of a beam, in section axes.
+
+    Columns: extension and shears name_gamma1 to _gamma3, twist and bendings (1/m) name_kappa1 to
+    _kappa3, both relative to the shape at the start; forces (N) name_n1 to _n3 and moments (N m)
+    name_m1 to _m3 without what damping adds. The element is the one whose middle is nearest.
+
+    Attributes:
+        name: Unique name in the model.
+        beam: Name of the beam.
+        fraction: Place along the beam as a fraction of its length, 0 to 1.
+    """
+
+    name: str
+    beam: str
+    fraction: float
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            TypeError: A name is no string, or the fraction no number.
+            ValueError: An empty name or a fraction outside [0, 1].
+        """
+        _assign_columns(self, _STRAINS + _RESULTANTS)
+        owner = _checks.named(self, self.name)
+        _checks.text(owner, "beam", self.beam)
+        fraction = _checks.number(owner, "fraction", self.fraction)
+        if not 0.0 <= fraction <= 1.0:
+            raise ValueError(f"{owner}: fraction must lie in [0, 1], got {self.fraction}")
+
+    def check(self, model: "Model") -> None:
+        """See :meth:`AnyProbe.check`."""
+        self.nodes(model)
+
+    def nodes(self, model: "Model") -> tuple[int, int]:
+        """Return the mesh nodes at both ends of the element.
+
+        Raises:
+            ValueError: The model has no such beam, or it is no simple line.
+        """
+        owner, beam = f'StrainProbe "{self.name}"', model.get(self.beam)
+        if not isinstance(beam, Beam) or model.mesh is None:
+            raise ValueError(f'{owner}: {model!r} has no beam "{self.beam}"')
+        try:
+            return beam_cell(model.mesh, beam, self.fraction)
+        except ValueError as error:
+            raise ValueError(f"{owner}: {error}") from None

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Energies of a system or of some of its bodies, and the work done on them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core import motion
+from flexfem.core.row import LawKind
+from flexfem.model.model import Model
+from flexfem.system.constraints import Constraints
+from flexfem.system.momenta import ChosenBodies
+from flexfem.system.row_kernels import sums_of_terms
+from flexfem.system.system import System
+
+__all__ = ["Energies", "EnergyMeter", "refresh_rows"]
+
+#: rows are evaluated as they are, not as part of a time step
+_UNSCALED = np.array([1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Energies, J: what :class:`flexfem.EnergyProbe` records."""
+
+    kinetic: float
+    strain: float
+    gravity: float
+    work: float
+    dissipation: float
+    balance: float
+
+
+@dataclass(frozen=True)
+class _State:
+    """What work is computed from, at one instant.
+
+    Attributes:
+        loads: (k, 12) force, moment, place and angular velocity of each load, inertial axes.
+        viscous, stretching: (m, 6) viscous stress of the beams, and the rate of their strain.
+        forces, rates: (r,) of the rows that do work, and the rate they do it along.
+        losses, loss_rates: (r,) the dissipative part of the rows' forces, and its rate.
+    """
+
+    loads: FloatArray
+    viscous: FloatArray
+    stretching: FloatArray
+    forces: FloatArray
+    rates: FloatArray
+    losses: FloatArray
+    loss_rates: FloatArray
+
+
+def refresh_rows(system: System) -> None:
+    """Evaluate gradients of all rows at the accepted state, not at the last iterate."""
+    system.constraints.evaluate(_UNSCALED)
+
+
+def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
+    """Stored energy and dissipative force of every row, (r,) each; zero for rigid rows."""
+    kind, stiffness, _, lower, upper = rows.elastic.T
+    values = np.zeros(rows.size)
+    sums_of_terms(
+        rows.marker_frames(), rows.term_marker, rows.kinds, rows.directions, rows.factors,
+        rows.angles, rows.row_of_term, values,
+    )  # fmt: skip
+    values -= rows.targets
+    beyond = values - np.clip(values, lower, upper)
+    stretch = np.select([kind == LawKind.SPRING, kind == LawKind.LIMIT], [values, beyond], 0.0)
+    loss = np.where(kind == LawKind.RIGID, 0.0, rows.forces - stiffness * stretch)
+    return 0.5 * stiffness * stretch**2, np.where(rows.rigid, 0.0, loss)
+
+
+class EnergyMeter:
+    """Energies on this rank; work and dissipation are summed up from call to call.
+
+    Create it at the start and call :meth:`update` after every accepted step. The work of a step is
+    the mean of a force before and after times its displacement; of moments, drives and dampers it
+    is the mean times the mean rate times the step. Both are of second order.
+    """
+
+    def __init__(self, system: System, model: Model, bodies: Sequence[str] | None = None) -> None:
+        """Choose the bodies and read the accepted state they start from.
+
+        Args:
+            system: the system.
+            model: its model.
+            bodies: names of beams and rigid bodies, None for all.
+        """
+        self._system = system
+        self._chosen = ChosenBodies(system, model, bodies)
+        rows, sides = system.constraints, self._chosen.sides
+        # rows that also act on a body left out
+        crossing = np.bincount(rows.row_of_term, ~sides.all(axis=1), rows.size) > 0.0
+        owned = rows.owned > 0.0
+        driven = np.array([j.joint.driven for j in rows.joints], dtype=np.bool_)[rows.joint_of_row]
+        # a drive works on all its sides, any row works on a chosen body against another one
+        self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
+        self._springs = owned & ~crossing
+        self._work = self._dissipation = 0.0
+        self._time = system.time
+        refresh_rows(system)
+        self._state = self._read()
+        self._weight = 0.0
+        self._weight = self._stored()[2]
+        self._initial = float(self._stored().sum())
+
+    def update(self) -> FloatArray:
+        """Take in the accepted state and return this rank's share (6,) of :class:`Energies`."""
+        system = self._system
+        h, self._time = system.time - self._time, system.time
+        refresh_rows(system)
+        before, self._state = self._state, self._read()
+        self._work += _work(before, self._state, h)
+        self._dissipation += self._loss(before, self._state, h)
+        stored = self._stored()
+        balance = float(stored.sum()) - self._work + self._dissipation - self._initial
+        return np.array([*stored, self._work, self._dissipation, balance])
+
+    def total(self) -> Energies:
+        """Take in the accepted state and sum over all ranks (collective)."""
+        return Energies(*self._system.comm.allreduce(self.update()).tolist())
+
+    def _read(self) -> _State:
+        """The present state of all that does work."""
+        system, rows = self._system, self._system.constraints
+        loads, viscosity = [np.empty((0, 12))], (np.empty((0, 6)), np.empty((0, 6)))
+        for part, mask in zip(system.parts, self._chosen.forces, strict=True):
+            loads.append(part.forces.states(part.block, system.factors)[mask])
+            if part.beams is not None and part.beams.viscous:
+                viscosity = part.beams.viscosity(part.block)
+        forces = -rows.forces  # on the bodies
+        loss = _springs(rows)[1] * self._springs
+        return _State(
+            np.concatenate(loads), *viscosity, forces, self._side_rates(), loss, rows.rates()
+        )
+
+    def _side_rates(self) -> FloatArray:
+        """(r,) rates of the rows by the motion of their working sides."""
+        rows, velocities = self._system.constraints, self._system.interface.velocities
+        padded = np.concatenate([velocities, np.zeros((1, 6))])[rows.term_slots]
+        rates = np.einsum("tsi,tsi,ts->t", rows.force_jacobian, padded, self._working.astype(float))
+        return np.bincount(rows.row_of_term, rates, rows.size)
+
+    def _stored(self) -> FloatArray:
+        """(3,) kinetic, strain and gravity's energy; the last less that at the start."""
+        system, chosen = self._system, self._chosen
+        state = chosen.motion()
+        strain = float(_springs(system.constraints)[0] @ self._springs)
+        for part in system.parts:
+            if part.beams is not None:
+                strain += float(part.beams.energies(part.block.frames) @ chosen.cells)
+        weight = -float(system.gravity @ state[motion.FIRST : motion.LINEAR])
+        return np.array([state[motion.KINETIC], strain, weight - self._weight])
+
+    def _loss(self, before: _State, after: _State, h: float) -> float:
+        """Energy taken by dampers and by the damping of beams."""
+        total = _mean_product(before.losses, after.losses, before.loss_rates, after.loss_rates, h)
+        for part in self._system.parts:
+            if part.beams is not None and len(after.viscous):
+                weights = 0.25 * h * self._chosen.cells * part.beams.lengths
+                stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
+                total += float(np.einsum("m,mi,mi->", weights, stress, rate))
+        return total
+
+
+def _mean_product(
+    f0: FloatArray, f1: FloatArray, r0: FloatArray, r1: FloatArray, h: float
+) -> float:
+    """Mean forces times mean rates times a step."""
+    return 0.25 * h * float(np.vdot(f0 + f1, r0 + r1))
+
+
+def _work(before: _State, after: _State, h: float) -> float:
+    """Work of loads, drives and bodies left out over one step of size h (s)."""
+    a, b = before.loads, after.loads
+    work = 0.5 * float(np.vdot(a[:, :3] + b[:, :3], b[:, 6:9] - a[:, 6:9]))
+    work += _mean_product(a[:, 3:6], b[:, 3:6], a[:, 9:], b[:, 9:], h)
+    return work + _mean_product(before.forces, after.forces, before.rates, after.rates, h)

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What measures the probes that are not functions of markers.
+
+A gauge gives the share of this rank in the columns of its probe; the shares of all ranks add up.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.lie import se3
+from flexfem.model.measured import EnergyProbe, MomentumProbe, ReactionProbe, StrainProbe
+from flexfem.model.probe import AnyProbe
+from flexfem.system.assembly import Assembly
+from flexfem.system.energies import EnergyMeter, refresh_rows
+from flexfem.system.momenta import MomentumMeter
+from flexfem.system.placement import BEAMS
+from flexfem.system.system import System
+
+__all__ = ["Gauge", "create_gauge"]
+
+
+class Gauge(Protocol):
+    """Measures the accepted state."""
+
+    def update(self) -> FloatArray:
+        """Take in the accepted state and return this rank's share of the columns."""
+
+
+class _ReactionGauge:
+    """Force and moment of a joint on the body of its marker b, on the rank that owns the joint."""
+
+    def __init__(self, system: System, probe: ReactionProbe) -> None:
+        self._system, self._axes = system, probe.axes
+        rows = system.constraints
+        mine = [k for k, j in enumerate(rows.joints) if j.joint.name == probe.joint and j.owned]
+        self._joint = mine[0] if mine else None
+
+    def update(self) -> FloatArray:
+        if self._joint is None:
+            return np.zeros(6)
+        refresh_rows(self._system)
+        rows = self._system.constraints
+        a, b = rows.marker_start[self._joint] + np.arange(2)
+        force, moment = rows.reactions()[b].reshape(2, 3)
+        if self._axes == "inertial":
+            return np.concatenate([force, moment])
+        R = se3.rotation(rows.marker_frames()[a if self._axes == "a" else b])
+        return np.concatenate([force @ R, moment @ R])
+
+
+class _StrainGauge:
+    """Strains and resultants of one cell, on the rank that holds it."""
+
+    def __init__(self, system: System, serial: Assembly, probe: StrainProbe) -> None:
+        self._part = next(part for part in system.parts if part.kind == BEAMS)
+        beams, ids = self._part.beams, self._part.block.node_ids
+        assert beams is not None
+        self._beams = beams
+        wanted = np.sort(serial.mesh_nodes(probe.nodes(serial.model)))
+        ends = np.sort(ids[beams.data.cells], axis=1).reshape(-1, 2)
+        self._cells = np.flatnonzero((ends == wanted).all(axis=1))
+
+    def update(self) -> FloatArray:
+        if not len(self._cells):
+            return np.zeros(12)
+        both = self._beams.resultants(self._part.block.frames, self._cells)
+        values: FloatArray = np.concatenate(both, axis=1)[0]
+        return values
+
+
+def create_gauge(probe: AnyProbe, system: System, serial: Assembly) -> Gauge | None:
+    """Gauge of a probe (collective), None for functions of markers."""
+    match probe:
+        case EnergyProbe():
+            return EnergyMeter(system, serial.model, probe.bodies)
+        case MomentumProbe():
+            return MomentumMeter(system, serial.model, probe.bodies)
+        case ReactionProbe():
+            return _ReactionGauge(system, probe)
+        case StrainProbe():
+            return _StrainGauge(system, serial, probe)
+    return None

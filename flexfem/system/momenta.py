@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Mass, momenta and kinetic energy of a system or of some of its bodies."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.core import motion
+from flexfem.model.model import Model
+from flexfem.system.placement import BEAMS, RIGID
+from flexfem.system.system import System
+
+__all__ = ["ChosenBodies", "MomentumMeter"]
+
+
+class ChosenBodies:
+    """Some bodies, as masks over what acts on them.
+
+    Attributes:
+        cells: mask over the beams' cells of this rank.
+        masses, forces: one mask for each part.
+        sides: (t, 2) whether the sides of the rows' terms are at chosen bodies; the ground counts
+            as one.
+    """
+
+    def __init__(self, system: System, model: Model, names: Sequence[str] | None) -> None:
+        """Find the bodies.
+
+        Args:
+            system: the system.
+            model: its model.
+            names: of beams and rigid bodies, None for all.
+        """
+        self._parts = system.parts
+        member = {
+            kind: np.array([names is None or body.name in names for body in bodies], dtype=np.bool_)
+            for kind, bodies in ((BEAMS, model.beams), (RIGID, model.rigid_bodies))
+        }
+        self.cells: BoolArray = np.empty(0, dtype=np.bool_)
+        self.masses: list[BoolArray] = []
+        self.forces: list[BoolArray] = []
+        for part in system.parts:
+            if part.beams is not None:
+                self.cells = member[BEAMS][part.beams.data.body]
+            of_node = member[part.kind][part.node_body]
+            self.masses.append(of_node[part.masses.nodes])
+            self.forces.append(of_node[part.forces.nodes])
+        numbers = zip(system.interface.block, system.body_of_slot, strict=True)
+        of_slot = [bool(member[int(kind)][body]) for kind, body in numbers]
+        # the ground's slot is -1, the last one
+        self.sides: BoolArray = np.array([*of_slot, True])[system.constraints.term_slots]
+
+    def motion(self) -> FloatArray:
+        """(11,) energy, mass and momenta on this rank, see ``flexfem.core.motion``."""
+        out = np.zeros(motion.WIDTH)
+        for part, masses in zip(self._parts, self.masses, strict=True):
+            if part.beams is not None:
+                part.beams.add_motion(part.block, self.cells, out)
+            part.masses.add_motion(part.block, masses, out)
+        return out
+
+
+class MomentumMeter:
+    """Momenta and centre of mass of some bodies."""
+
+    def __init__(self, system: System, model: Model, bodies: Sequence[str] | None = None) -> None:
+        """Choose the bodies by name, None for all (collective: sums their mass)."""
+        self._chosen = ChosenBodies(system, model, bodies)
+        self._mass = system.comm.allreduce(float(self._chosen.motion()[motion.MASS]))
+
+    def update(self) -> FloatArray:
+        """(9,) share of this rank in momentum, angular momentum and centre of mass."""
+        state = self._chosen.motion()
+        centre = state[motion.FIRST : motion.LINEAR] / self._mass
+        return np.concatenate([state[motion.LINEAR :], centre])
