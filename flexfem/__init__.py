@@ -105,8 +105,17 @@ _MODULES = {
     "Case": "case",
     "Option": "options",
     "RunOptions": "options",
+    "ModeOptions": "options",
+    "CampbellOptions": "options",
+    "LinearOptions": "options",
+    "MODES": "analysis",
+    "CAMPBELL": "analysis",
     "Outcome": "simulation.outcome",
     "simulate": "simulation.dynamics",
+    "find_modes": "simulation.modes",
+    "sweep_spin": "simulation.campbell",
+    "linearize": "simulation.linear_model",
+    "LinearModel": "simulation.linear_model",
     "main": "cli",
 }
 __all__ = [*_MODULES, "__version__"]  # noqa: PLE0604

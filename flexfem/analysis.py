@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from flexfem.options import RunOptions, Settings
+from flexfem.options import CampbellOptions, ModeOptions, RunOptions, Settings
 
-__all__ = ["DYNAMICS", "Analysis"]
+__all__ = ["CAMPBELL", "DYNAMICS", "MODES", "Analysis"]
 
 
 @dataclass(frozen=True)
@@ -32,3 +32,5 @@ class Analysis:
 
 
 DYNAMICS = Analysis("dynamics", RunOptions, "flexfem.simulation.dynamics:simulate")
+MODES = Analysis("modes", ModeOptions, "flexfem.simulation.modes:find_modes")
+CAMPBELL = Analysis("campbell", CampbellOptions, "flexfem.simulation.campbell:sweep_spin")

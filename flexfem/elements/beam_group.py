@@ -102,14 +102,19 @@ class BeamGroup:
         )  # fmt: skip
 
     def tangent(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> FloatArray:
-        """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k)."""
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k).
+
+        With ``local`` the derivative K is that at fixed local velocities and accelerations.
+        """
         values = np.empty((len(self.data.cells), 144))
         add_tangent(
             self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
-            self._inertia.offsets, shifts, _inertial(block, shifts), *self._cell_data(),
-            block.frames, block.velocity, block.acceleration, block.increment, scale, values,
+            self._inertia.offsets, shifts, _inertial(block, shifts) and not local,
+            *self._cell_data(), block.frames, block.velocity, block.acceleration,
+            block.increment, scale, values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
 

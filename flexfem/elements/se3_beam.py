@@ -83,14 +83,18 @@ class SE3Beams:
             group.add_residual(block, gravity, scale)
 
     def tangent(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> FloatArray:
-        """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k)."""
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k).
+
+        With ``local`` the derivative K is that at fixed local velocities and accelerations.
+        """
         if len(self._groups) == 1:
-            return self._groups[0][1].tangent(block, gravity, shifts, scale)
+            return self._groups[0][1].tangent(block, gravity, shifts, scale, local)
         values = np.empty((len(self.data.cells), 12, 12))
         for rows, group in self._groups:
-            values[rows] = group.tangent(block, gravity, shifts, scale)
+            values[rows] = group.tangent(block, gravity, shifts, scale, local)
         return values
 
     def add_action(

@@ -14,7 +14,7 @@ from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.constraints import Constraints
 from flexfem.system.system import MASS, System
 
-__all__ = ["make_consistent", "project_velocities", "start_consistently"]
+__all__ = ["check_gaps", "make_consistent", "project_velocities", "start_consistently"]
 
 #: Largest violation of a constraint at the start (m or rad): more is a mistake in the model.
 _GAP = 1e-6
@@ -43,7 +43,7 @@ def start_consistently(
     rows = system.constraints
     rows.multipliers[:] = 0.0
     _evaluate(system)
-    _check_gaps(system)
+    check_gaps(system)
     if least_norm:
         _relax(system, tangent)
     else:
@@ -170,7 +170,12 @@ def _rubbing(rows: Constraints) -> BoolArray:
     return chosen
 
 
-def _check_gaps(system: System) -> None:
+def check_gaps(system: System) -> None:
+    """Raise for a rigid joint that its markers violate (collective; rows are evaluated).
+
+    Raises:
+        InputError: names the first such joint.
+    """
     rows = system.constraints
     gaps = np.abs(_rigid(system, rows.values))
     worst = {

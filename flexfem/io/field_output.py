@@ -14,7 +14,7 @@ from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
 from flexfem.system.system import BlockPart, System
 
-__all__ = ["FieldOutput"]
+__all__ = ["FieldOutput", "model_extent"]
 
 #: Size of joints and of bodies without shape, relative to the model.
 _GLYPH = 0.02
@@ -28,7 +28,7 @@ class FieldOutput:
         self._system = system
         model, comm = serial.model, system.comm
         self._parts = {part.block.name: part for part in system.parts}
-        size = _GLYPH * _extent(serial)
+        size = _GLYPH * model_extent(serial)
         outlines = [s.outline for s in serial.sections] if model.beams else []
         self._beams = BeamWriter(folder, comm, outlines)
         surfaces = [body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies]
@@ -48,7 +48,7 @@ class FieldOutput:
             writer.close()
 
 
-def _extent(serial: Assembly) -> float:
+def model_extent(serial: Assembly) -> float:
     """Size of the model at the start, m."""
     poses = [serial.marker_pose(m).position for j in serial.model.joints for m in j.markers]
     points = [se3.position(serial.rigid_frames), np.array(poses).reshape(-1, 3)]

@@ -19,7 +19,7 @@ from flexfem.la.nest import (
 )
 from flexfem.system.system import BlockPart, Shifts, System
 
-__all__ = ["TangentSolver", "part_pattern", "part_values"]
+__all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values"]
 
 
 class TangentSolver:
@@ -38,7 +38,7 @@ class TangentSolver:
         sizes = [(6 * p.block.owned, 6 * p.block.size_global) for p in parts]
         if rows.size_global:
             sizes.append((rows.owned_count, rows.size_global))
-        self._couplings = _JointPattern(system)
+        self._couplings = JointPattern(system)
         self._grid = self._create_grid(sizes)
         self.matrix = create_nest_matrix(
             [[entry.mat for entry in line] for line in self._grid], comm
@@ -174,19 +174,24 @@ def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
 def part_values(system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
     """Values of the entries of ``part_pattern``."""
     values = [
-        part.masses.tangent(part.block, system.gravity, shifts.array, shifts.scale).ravel(),
+        part.masses.tangent(
+            part.block, system.gravity, shifts.array, shifts.scale, shifts.local
+        ).ravel(),
         part.forces.tangent(part.block, system.factors, shifts.scale * shifts.stiffness).ravel(),
     ]
     if part.beams is not None:
-        cells = part.beams.tangent(part.block, system.gravity, shifts.array, shifts.scale)
+        cells = part.beams.tangent(
+            part.block, system.gravity, shifts.array, shifts.scale, shifts.local
+        )
         values.insert(0, cells.ravel())
     return np.concatenate(values)
 
 
-class _JointPattern:
+class JointPattern:
     """Where the derivatives of the constraints go in the nest; owners of multipliers set them."""
 
     def __init__(self, system: System) -> None:
+        """Find parts and numbers of all joints' nodes."""
         rows, face = system.constraints, system.interface
         padded = np.append(system.part_of_slot, -1)  # slot -1 is the ground
         number = np.append(face.number, 0)

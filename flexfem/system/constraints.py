@@ -132,12 +132,7 @@ class Constraints(RowTable):
             ValueError: there is no such joint, or nothing to lock in it; on all ranks.
         """
         rows = self._switchable(name)
-        sums = np.zeros(self.size)
-        sums_of_terms(
-            self._poses, self.term_marker, self.kinds, self.directions, self.factors, self.angles,
-            self.row_of_term, sums,
-        )  # fmt: skip
-        self.targets[rows] = sums[rows]
+        self.targets[rows] = self.sums()[rows]
         self._switch(rows, True)
 
     def release(self, name: str) -> None:
@@ -282,6 +277,30 @@ class Constraints(RowTable):
         add_hessians(
             self._poses, self.marker_slot, self.marker_offset, self.term_marker, self.kinds,
             self.directions, self.pair_of_term, factor[self.row_of_term] * self.factors, out,
+        )  # fmt: skip
+        return out
+
+    def local_jacobian(self) -> FloatArray:
+        """(t, 2, 6) derivatives of ``values`` along local twists at fixed local velocities."""
+        rigid = self.rigid[self.row_of_term]
+        slope = np.where(rigid, 1.0, self.slopes[self.row_of_term, 0])
+        jacobian: FloatArray = self.force_jacobian * slope[:, np.newaxis, np.newaxis]
+        face = self.interface
+        if self._damped:
+            add_dampers(
+                self._poses, 0.0 * face.increments, face.velocities, self.marker_slot,
+                self.marker_offset, self.term_marker, self.kinds, self.directions, self.factors,
+                self.row_of_term, self.slopes, np.zeros_like(face.inertial), np.zeros(2),
+                self.force_jacobian, jacobian,
+            )  # fmt: skip
+        return jacobian
+
+    def sums(self) -> FloatArray:
+        """(r,) sums of the rows' terms at the last evaluation, targets not subtracted."""
+        out = np.zeros(self.size)
+        sums_of_terms(
+            self._poses, self.term_marker, self.kinds, self.directions, self.factors, self.angles,
+            self.row_of_term, out,
         )  # fmt: skip
         return out
 

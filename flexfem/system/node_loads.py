@@ -34,13 +34,17 @@ class NodeMasses:
         )  # fmt: skip
 
     def tangent(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> FloatArray:
-        """(k, 6, 6) of ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k)."""
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """(k, 6, 6) of ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k).
+
+        With ``local`` the derivative K is that at fixed local velocities and accelerations.
+        """
         out = np.empty_like(self.matrices)
         inertia_tangent(
-            self.nodes, self.matrices, gravity, block.inertial, block.frames, block.velocity,
-            block.acceleration, block.increment, shifts, scale, out,
+            self.nodes, self.matrices, gravity, block.inertial and not local, block.frames,
+            block.velocity, block.acceleration, block.increment, shifts, scale, out,
         )  # fmt: skip
         return out
 

@@ -44,12 +44,15 @@ class Shifts:
         acceleration: da/dn, 1/s^2.
         scale: ``beta h^2``, s^2, with which residual and multipliers are scaled.
         stiffness: factor of the stiffness, 1 but for the mass matrix alone.
+        local: derivatives at fixed local velocities and accelerations, as if translations were not
+            integrated in inertial axes.
     """
 
     velocity: float
     acceleration: float
     scale: float
     stiffness: float = 1.0
+    local: bool = False
 
     @property
     def array(self) -> FloatArray:

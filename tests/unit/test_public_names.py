@@ -10,7 +10,7 @@ import flexfem as ff
 
 pytestmark = pytest.mark.serial
 
-NUMERICAL = {"simulate", "Outcome"}
+NUMERICAL = {"simulate", "Outcome", "find_modes", "sweep_spin", "linearize", "LinearModel"}
 
 
 @pytest.mark.parametrize("name", sorted(set(ff.__all__) - NUMERICAL))

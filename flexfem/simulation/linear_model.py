@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A linear model of small motions: state matrices from loads and drives to probes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.io.state_space import write_arrays
+from flexfem.model.model import Model
+from flexfem.options import LinearOptions
+from flexfem.simulation.operating_point import OperatingPoint
+from flexfem.solvers.mode_shapes import ComplexArray, find
+from flexfem.solvers.reduction import Reduction, reduce_equations
+from flexfem.system.probe_rates import probe_rates
+
+__all__ = ["LARGEST", "LinearModel", "linearize"]
+
+#: Unknowns of a model that keeps every freedom.
+LARGEST = 600
+_ACCURACY = 1e-10
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """``x' = A x + B u, y = y0 + C x + D u``, the same on every rank.
+
+    The state holds the reduced coordinates, those of the drives, and the rates of both. The inputs
+    are changes of the loads' amplitudes and accelerations of the drives (the second derivative of
+    the rows' targets, m/s^2 or rad/s^2: no state space has an input that acts through its
+    derivatives). The outputs are the columns of the probes.
+
+    Attributes:
+        A, B, C, D: (n, n), (n, m), (p, n), (p, m).
+        inputs, outputs: names; a drive with several rows has one input ``<joint>_<row>`` for each.
+        y0: (p,) outputs in the state about which the model is linearised.
+        status: "ok", or why there is no such state; all arrays are empty then.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    y0: FloatArray
+    status: str = "ok"
+
+    @property
+    def poles(self) -> ComplexArray:
+        """Eigenvalues of A by modulus, 1/s."""
+        values: ComplexArray = np.linalg.eigvals(self.A).astype(np.complex128)
+        return values[np.argsort(np.abs(values), kind="stable")]
+
+
+def linearize(
+    model: Model, options: LinearOptions | None = None, comm: MPI.Intracomm | None = None
+) -> LinearModel:
+    """Linearise a model about a state (collective); writes ``linear_model.npz``.
+
+    In a steady rotation the coordinates turn with the model, while probes are those of the instant
+    at which the model has the orientation it was given in.
+
+    Args:
+        model: the model, the same on every rank.
+        options: the state, the reduction, the output folder.
+        comm: communicator, all ranks by default.
+
+    Raises:
+        InputError: a mistake in the model, or too large a model without reduction.
+        OSError: the file cannot be written.
+    """
+    options = options or LinearOptions()
+    point = OperatingPoint(model, options, comm)
+    if options.modes == 0 and point.system.unknowns > LARGEST:
+        raise InputError(
+            f"LinearOptions: modes must be given for {model!r} with {point.system.unknowns} > "
+            f"{LARGEST} unknowns"
+        )
+    point.check_count("LinearOptions", options.modes)
+    status = point.settle(options.spin)
+    outputs = tuple(c for probe in model.probes for c in probe.columns)
+    if status is not Status.OK:
+        nothing = np.zeros((0, 0))
+        return LinearModel(
+            nothing, nothing, nothing, nothing, (), outputs, np.zeros(0), status.value
+        )
+    shapes = None
+    if options.modes > 0:
+        shapes = find(point.linearization, options.modes, 0.0, _ACCURACY).shapes
+    reduction = reduce_equations(point.linearization, len(model.loads), shapes)
+    rates = probe_rates(point.system, point.serial, point.linearization.split, reduction.basis)
+    linear = _assemble(model, reduction, outputs, *rates)
+    if options.output is not None:
+        arrays = {name: getattr(linear, name) for name in ("A", "B", "C", "D", "y0")}
+        names = {"inputs": np.array(linear.inputs), "outputs": np.array(linear.outputs)}
+        write_arrays(options.output / "linear_model.npz", arrays | names, point.system.comm)
+    return linear
+
+
+def _assemble(
+    model: Model, reduction: Reduction, outputs: tuple[str, ...], y0: FloatArray,
+    by_position: FloatArray, by_velocity: FloatArray,
+) -> LinearModel:  # fmt: skip
+    """State matrices from ``u = T q + S s`` with the drives' coordinates s, ``s'' = input``."""
+    r = reduction
+    n, drives = len(r.mass), r.drives
+    loads = r.loads.shape[1]
+    count = n + drives
+    free = np.linalg.solve(r.mass, np.hstack([-r.stiffness, -r.damping, r.loads, -r.driven_mass]))
+    stiffness, damping, load, inertia = np.split(free, np.cumsum([count, count, loads]), axis=1)
+    A = np.zeros((2 * count, 2 * count))
+    A[:count, count:] = np.eye(count)
+    A[count : count + n, :count], A[count : count + n, count:] = stiffness, damping
+    B = np.zeros((2 * count, loads + drives))
+    B[count : count + n] = np.hstack([load, inertia])
+    B[count + n :, loads:] = np.eye(drives)
+    inputs = tuple(load.name for load in model.loads) + r.names
+    C = np.hstack([by_position, by_velocity])
+    return LinearModel(A, B, C, np.zeros((len(C), loads + drives)), inputs, outputs, y0)

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The state about which a model is linearised: at rest, in equilibrium, in steady rotation."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem.core.status import Status
+from flexfem.integrators.redundancy import check_independence
+from flexfem.integrators.start import check_gaps
+from flexfem.model.model import Model
+from flexfem.options import StateOptions
+from flexfem.solvers.linearization import Linearization
+from flexfem.solvers.steady_rotation import Rotation, check_steadiness, find_equilibrium, hold
+from flexfem.solvers.steady_rotation import set_spin as set_velocities
+from flexfem.system.assembly import Assembly
+from flexfem.system.build import build
+from flexfem.system.system import System
+
+__all__ = ["OperatingPoint"]
+
+
+class OperatingPoint:
+    """A model in the state about which it is linearised.
+
+    Attributes:
+        serial, system: the model's data and its system.
+        linearization: evaluated at the state after :meth:`settle`.
+        freedoms: number of degrees of freedom.
+    """
+
+    def __init__(
+        self, model: Model, options: StateOptions, comm: MPI.Intracomm | None = None
+    ) -> None:
+        """Build the system and check its constraints (collective).
+
+        Raises:
+            InputError: a mistake in the model (a ValueError).
+        """
+        self._begin = time.perf_counter()
+        try:
+            model.validate()
+            self.serial = Assembly(model)
+            self.system: System = build(self.serial, comm or MPI.COMM_WORLD, options.split_above)
+        except ValueError as error:  # on every rank, the model being the same
+            raise InputError(str(error)) from error
+        self.options = options
+        self.system.set_time(0.0)
+        self.rotation(0.0)
+        self.linearization = Linearization(self.system)
+        set_velocities(self.system, self.rotation(0.0))
+        rows = self.system.constraints
+        self.linearization.evaluate(np.zeros(rows.size))
+        check_gaps(self.system)
+        check_independence(self.system)
+        rigid = int(np.sum(rows.owned * rows.rigid))
+        self.freedoms = self.system.unknowns - int(self.system.comm.allreduce(rigid))
+        self.system.set_time(options.time)
+
+    def rotation(self, spin: float) -> Rotation:
+        """The rotation of the options at a speed (rad/s)."""
+        axis = np.array(self.options.axis_vector)
+        return Rotation(spin, axis / np.linalg.norm(axis), np.array(self.options.centre_vector))
+
+    def settle(self, spin: float) -> Status:
+        """Bring the system to the state at a speed (rad/s), from where it is (collective).
+
+        Raises:
+            InputError: the model cannot rotate steadily about the axis.
+        """
+        rotation = self.rotation(spin)
+        if spin != 0.0:
+            check_steadiness(self.serial.model, self.system, rotation)
+        elif self.options.start == "rest":
+            set_velocities(self.system, rotation)
+            status = Status.OK if hold(self.linearization) else Status.SINGULAR
+            self.system.constraints.forces[:] = self.linearization.multipliers
+            return status
+        return find_equilibrium(self.linearization, rotation)
+
+    def check_count(self, owner: str, count: int) -> None:
+        """Raise if the model has fewer modes than asked for.
+
+        Raises:
+            InputError: names the numbers.
+        """
+        if count > self.freedoms:
+            raise InputError(
+                f"{owner}: modes must not exceed the {self.freedoms} degrees of freedom of "
+                f"{self.serial.model!r}, got {count}"
+            )
+
+    def summary(self, case: str, reason: str) -> dict[str, Any]:
+        """What ``summary.json`` says of every analysis."""
+        system, counters = self.system, self.system.counters
+        wall = time.perf_counter() - self._begin
+        return {
+            "case": case,
+            "ranks": system.comm.size,
+            "unknowns": system.unknowns,
+            "multipliers": system.multipliers,
+            "freedoms": self.freedoms,
+            "steps": 0,
+            "rejected_steps": 0,
+            "newton_iterations": counters.newton_iterations,
+            "factorizations": counters.factorizations,
+            "residual_evaluations": counters.residual_evaluations,
+            "wall_seconds": wall,
+            "wall_seconds_setup": wall,
+            "status": reason,
+            "results": {},
+        }

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Shipped cases of eigenanalysis as a user runs them."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexfem.io import read_history
+
+pytestmark = pytest.mark.serial
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("case", ["blade", "campbell"])
+def test_same_table_on_any_number_of_ranks(
+    case: str, run: Callable[..., Any], tmp_path: Path
+) -> None:
+    tables = []
+    for ranks in (1, 2, 3):
+        output = tmp_path / f"{case}_{ranks}"
+        file = ROOT / "cases" / f"{case}.py"
+        ended = run(ranks, file, "--smoke", "--split-above", 1, "--output", output)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        summary = json.loads((output / "summary.json").read_text())
+        assert (summary["case"], summary["ranks"], summary["status"]) == (case, ranks, "ok")
+        assert summary["results"]
+        tables.append(read_history(output / "history.csv"))
+    for table in tables[1:]:
+        assert list(table) == list(tables[0])
+        for column, values in tables[0].items():
+            # round-off in the matrices; a missing entry at a boundary between ranks is far above.
+            # Senses of whirl and damping ratios are measured by one
+            bound = 1e-9 * max(np.abs(values).max(), 1.0)
+            np.testing.assert_allclose(table[column], values, rtol=0, atol=bound, err_msg=column)
+
+
+def test_modes_are_animated_over_one_period(run: Callable[..., Any], tmp_path: Path) -> None:
+    arguments = ("--smoke", "--frames", 4, "--amplitude", 0.1, "--output", tmp_path)
+    ended = run(2, ROOT / "cases" / "blade.py", *arguments)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    table = read_history(tmp_path / "history.csv")
+    for number, frequency in zip(table["t"], table["frequency"], strict=True):
+        text = (tmp_path / f"mode_{int(number):02d}" / "beams.pvd").read_text()
+        times = [float(part.split('"')[0]) for part in text.split('timestep="')[1:]]
+        # quarters of the period; whole periods or Hz for rad/s would be off by factors
+        np.testing.assert_allclose(times, np.arange(4) / (4 * frequency), rtol=1e-6)
+
+
+def test_diagram_is_drawn_from_files_alone(run: Callable[..., Any], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    ended = run(1, ROOT / "cases" / "campbell.py", "--smoke", "--quiet", "--output", tmp_path)
+    assert ended.returncode == 0
+    program = [sys.executable, ROOT / "postprocess" / "plot_campbell.py", tmp_path]
+    for axes in ("fixed", "turning"):
+        picture = tmp_path / f"{axes}.png"
+        subprocess.run([*program, "--axes", axes, "--output", picture], check=True)
+        assert picture.read_bytes()[:4] == b"\x89PNG"
+    (tmp_path / "history.csv").write_text("t,tip_x\n0.0,1.0\n")
+    ended = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert "no modes over the speed" in ended.stderr
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("case", "arguments", "message"),
+    [
+        ("blade", ["--modes", "0"], "must be a whole number >= 1"),
+        ("blade", ["--smoke", "--modes", "500"], "modes must not exceed the 24 degrees of freedom"),
+        ("blade", ["--axis", "0,0,0"], "axis must not be zero"),
+        ("blade", ["--axis", "y", "--smoke"], 'Revolute "bearing": does not let the model turn'),
+        ("campbell", ["--spin-end", "0"], "spin_end must differ from spin 0 rad/s"),
+        ("campbell", ["--speeds", "1"], "must be a whole number >= 2"),
+        ("blade", ["--dt", "1e-3"], "unrecognized arguments"),
+    ],
+)
+def test_mistakes_leave_nothing(
+    case: str, arguments: list[str], message: str, ranks: int, run: Callable[..., Any],
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    output = tmp_path / "results"
+    ended = run(ranks, ROOT / "cases" / f"{case}.py", *arguments, "--output", output)
+    assert ended.returncode == 2
+    assert message in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert not output.exists()
