@@ -91,6 +91,25 @@ def test_power_of_viscosity_is_that_of_the_residual(one_beam, rng):
 
 
 @pytest.mark.serial
+def test_viscosity_of_a_law(one_beam):
+    """A law that says the same as stiffness and damping."""
+    D = SECTION.stiffness
+    law = ff.BeamLaw(
+        lambda e, p: sum(0.5 * float(D[i, i]) * e[i] ** 2 for i in range(6)),
+        dissipation=lambda e, r, p: sum(0.01 * float(D[i, i]) * r[i] ** 2 for i in range(6)),
+    )
+    stresses, energies = [], []
+    for section, damping in ((SECTION, 0.02), (SECTION.with_law(law), 0.0)):
+        beam = one_beam(POINTS, section, damping=damping)
+        beam.disturb(np.random.default_rng(5))
+        stresses.append(beam.beams.viscosity(beam.block)[0])
+        energies.append(beam.beams.energies(beam.block.frames))
+    # round-off; the potential is half the power
+    np.testing.assert_allclose(stresses[1], stresses[0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(energies[1], energies[0], rtol=1e-9)
+
+
+@pytest.mark.serial
 def test_chosen_cells_have_their_own_resultants(moving):
     frames = moving.block.frames
     strain, resultant = moving.beams.resultants(frames)

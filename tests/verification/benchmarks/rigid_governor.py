@@ -75,7 +75,7 @@ def build(stiffness: float, damping: float) -> ff.Model:
 
 def results(full: bool = True) -> list[Result]:
     """Height of the slider, angle of the rods and rate of the shaft."""
-    h, found = (5e-4 if full else 2e-3), []
+    h, found = (1e-3 if full else 2e-3), []
     for name, k, c, rows in (("stiff", 8e5, 4e4, STIFF), ("soft", 4e3, 2e2, SOFT)):
         kept = {t: values for t, values in rows.items() if full or t <= 1.0}
         history = run(build(k, c), h, max(kept))
