@@ -29,7 +29,7 @@ ComplexArray = npt.NDArray[np.complex128]
 #: than a quarter of all modes is asked for.
 _DENSE, _DENSE_FOR_MANY = 100, 400
 #: The shift relative to the largest frequency: far above round-off, far below what is looked for.
-_SHIFT = 1e-6
+_SHIFT, _DENSE_SHIFT = 1e-6, 1e-3
 #: Asymmetry of the stiffness, relative, that is round-off.
 _ASYMMETRY = 1e-12
 _ITERATIONS = 500
@@ -280,9 +280,10 @@ def _dense_linear(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Finite eigenvalues and vectors (n, k) of ``lambda^2 M + K``, both symmetric.
 
-    Inverted, since the lowest frequencies would drown in the round-off of the highest.
+    Inverted, since the lowest frequencies would drown in the round-off of the highest; the shift is
+    larger than elsewhere, since the inverse of rigid motions hides that of the others.
     """
-    shift = pencil.shift**2
+    shift = (_DENSE_SHIFT * pencil.fastest) ** 2
     inverse = np.linalg.inv(K + shift * M)[np.ix_(nodal, nodal)]
     weights, turn = np.linalg.eigh(M[np.ix_(nodal, nodal)])
     root = turn * np.sqrt(np.maximum(weights, 0.0))
