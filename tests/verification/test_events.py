@@ -195,6 +195,28 @@ def test_any_number_of_ranks_gives_the_same_events(integrator):
         np.testing.assert_allclose(column, alone.history[name], atol=1e-8)
 
 
+def test_a_lock_of_a_joint_is_switched_on_and_off():
+    """A slider on a slope, stopped at 0.2 m by the lock of its guide and set free at 1 s."""
+    model, slider = ff.Model("brake"), ff.Marker("slider")
+    rail = ff.Prismatic("rail", ff.Ground(), slider, axis=(1, 0, 0))
+    model.add(
+        ff.Gravity((2.0, 0, 0)),
+        ff.RigidBody("slider", 2.0, (0.1, 0.2, 0.3)),
+        rail,
+        ff.Lock("brake", joint=rail, motion="translation"),
+        ff.Event("hold", slider, lambda t, s: s.position[0] - 0.2, ff.LockJoint("brake")),
+        ff.Event("free", slider, lambda t, s: t - 1.003, ff.ReleaseJoint("brake")),
+        ff.PositionProbe("at", slider),
+    )
+    outcome = simulate(model, RunOptions(dt=0.03, t_end=1.5, tolerance=1e-9))
+    assert outcome.status == "ok"
+    np.testing.assert_allclose(_times(outcome), (np.sqrt(0.2), 1.003), atol=2e-9)
+    if outcome.history:
+        t = outcome.history["t"]
+        expected = np.where(t < np.sqrt(0.2), t**2, 0.2 + np.maximum(t - 1.003, 0.0) ** 2)
+        np.testing.assert_allclose(outcome.history["at_x"], expected, atol=1e-7)
+
+
 def test_a_function_as_action():
     """An action of one's own, with a joint whose rows keep what they measure at the time."""
     seen = []
