@@ -6,8 +6,9 @@ from importlib import import_module
 from typing import Any
 
 from flexfem.options import CampbellOptions, ModeOptions, RunOptions, Settings
+from flexfem.static_options import StaticOptions
 
-__all__ = ["CAMPBELL", "DYNAMICS", "MODES", "Analysis"]
+__all__ = ["CAMPBELL", "DYNAMICS", "MODES", "STATICS", "Analysis"]
 
 
 @dataclass(frozen=True)
@@ -34,3 +35,4 @@ class Analysis:
 DYNAMICS = Analysis("dynamics", RunOptions, "flexfem.simulation.dynamics:simulate")
 MODES = Analysis("modes", ModeOptions, "flexfem.simulation.modes:find_modes")
 CAMPBELL = Analysis("campbell", CampbellOptions, "flexfem.simulation.campbell:sweep_spin")
+STATICS = Analysis("statics", StaticOptions, "flexfem.simulation.statics:solve_static")

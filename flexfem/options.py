@@ -201,6 +201,13 @@ _RUN_OPTIONS = (
         choices=("refuse", "least_norm"),
     ),
     Option(
+        "start",
+        str,
+        "given",
+        "start as the model says (given), or at rest in equilibrium with the loads at t = 0",
+        choices=("given", "equilibrium"),
+    ),
+    Option(
         "adaptive",
         bool,
         False,
@@ -241,6 +248,7 @@ class RunOptions(Settings):
             ``beta h^2`` must fall below it.
         redundant_constraints: "refuse" names joints that hold the same motion twice; "least_norm"
             carries them with the smallest forces that do.
+        start: "given", or "equilibrium": at rest under gravity and the loads at t = 0.
         adaptive: Steps are ``dt`` or ``2^-k`` of it, such that each keeps the error tolerance.
         error_tolerance: Largest estimated local error of a node's position (m) or rotation (rad)
             in one step. It is absolute: choose it relative to the motion of interest, 1e-5 of the
@@ -263,6 +271,7 @@ class RunOptions(Settings):
     iteration_matrix: str = _DEFAULTS["iteration_matrix"]
     tolerance: float = _DEFAULTS["tolerance"]
     redundant_constraints: str = _DEFAULTS["redundant_constraints"]
+    start: str = _DEFAULTS["start"]
     adaptive: bool = _DEFAULTS["adaptive"]
     error_tolerance: float = _DEFAULTS["error_tolerance"]
     every: int = _DEFAULTS["every"]

@@ -5,6 +5,10 @@
 Components (tip_x, tip_y, tip_z or force_1, force_2) share a panel:
 
     python postprocess/plot_history.py results/slider_crank --columns tip_x,tip_y,energy
+
+Another column than the time on the horizontal axis gives the path of a load over a displacement:
+
+    python postprocess/plot_history.py results/lee_frame --columns t --x down
 """
 
 from __future__ import annotations
@@ -42,9 +46,11 @@ def read_table(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(names, table.T, strict=True))
 
 
-def choose(table: dict[str, np.ndarray], columns: str | None, path: Path) -> list[str]:
-    """Names of the columns to plot."""
-    known = [name for name in table if name != "t"]
+def choose(table: dict[str, np.ndarray], columns: str | None, x: str, path: Path) -> list[str]:
+    """Names of the columns to plot over column ``x``."""
+    if x not in table:
+        raise PlotError(f"{path}: no column '{x}', there are: {', '.join(table)}")
+    known = [name for name in table if name != x]
     if columns is None:
         chosen = known
     else:
@@ -67,7 +73,7 @@ def grouped(columns: list[str]) -> list[tuple[str, list[str]]]:
     return [(g if len(names) > 1 else names[0], names) for g, names in groups.items()]
 
 
-def plot(table: dict[str, np.ndarray], columns: list[str], title: str, path: Path) -> None:
+def plot(table: dict[str, np.ndarray], columns: list[str], x: str, title: str, path: Path) -> None:
     """Write the picture."""
     groups = grouped(columns)
     n_columns = 1 if len(groups) <= 4 else 2
@@ -83,7 +89,7 @@ def plot(table: dict[str, np.ndarray], columns: list[str], title: str, path: Pat
     panels = axes.T.reshape(-1)
     for panel, (label, names) in zip(panels, groups, strict=False):
         for name in names:
-            panel.plot(table["t"], table[name], linewidth=1.4, label=name)
+            panel.plot(table[x], table[name], linewidth=1.4, label=name)
         panel.set_ylabel(label)
         panel.grid(color="#d9dee4", linewidth=0.7)
         panel.spines[["top", "right"]].set_visible(False)
@@ -94,7 +100,7 @@ def plot(table: dict[str, np.ndarray], columns: list[str], title: str, path: Pat
         panel.set_axis_off()
     for column in range(n_columns):
         last = min((column + 1) * n_rows, len(groups)) - 1
-        panels[last].set_xlabel("t (s)")
+        panels[last].set_xlabel("t (s)" if x == "t" else x)
         panels[last].tick_params(labelbottom=True)
     figure.suptitle(title)
     figure.savefig(path, dpi=140)
@@ -106,12 +112,15 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("folder", type=Path, metavar="RESULTS_DIR")
     parser.add_argument("--columns", metavar="A,B", help="columns to plot (default: all)")
+    parser.add_argument(
+        "--x", metavar="A", default="t", help="column on the horizontal axis (default: t)"
+    )
     options = parser.parse_args(argv)
     source, target = options.folder / "history.csv", options.folder / "history.png"
     try:
         table = read_table(source)
-        columns = choose(table, options.columns, source)
-        plot(table, columns, options.folder.resolve().name, target)
+        columns = choose(table, options.columns, options.x, source)
+        plot(table, columns, options.x, options.folder.resolve().name, target)
     except (PlotError, OSError) as exc:
         print(f"plot_history.py: {exc}", file=sys.stderr)
         return 2

@@ -18,6 +18,10 @@ from flexfem.lie import se3
 __all__ = ["BeamCells", "BeamGroup"]
 
 _ALL = slice(None)
+#: What the compiled loops take of the cells.
+_CellData = tuple[
+    IndexArray, BoolArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray
+]
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,9 @@ class BeamGroup:
         data: constant data of the cells; sections count those of the material.
         lengths: (m,) arc lengths at the start, m.
         turned: (m,) whether section axes differ from the axes of the nodes.
+        assumed: (m, 6) change of the relative twists of all cells whose stress the tangent takes
+            in place of the present one; None for the exact tangent.
+        assumed_forces: the residual takes that stress, too.
     """
 
     def __init__(
@@ -65,6 +72,8 @@ class BeamGroup:
             start: (n, 12) frames of this rank's nodes at the start.
         """
         self.data, self._material = data, material
+        self.assumed: FloatArray | None = None
+        self.assumed_forces = False
         ends = data.frames
         self._twists = np.ascontiguousarray(
             se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
@@ -83,21 +92,26 @@ class BeamGroup:
         self._inertia = compile_kernel(comm, forms.inertia, coefficients)
         self._action = compile_kernel(comm, forms.action, coefficients)
 
-    def _cell_data(
-        self,
-    ) -> tuple[
-        IndexArray, BoolArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray
-    ]:
+    def _cell_data(self) -> _CellData:
         data = self.data
         return (
             data.cells, self.turned, self._turns, self._twists, self.lengths, data.damping,
             data.section, self._material.data,
         )  # fmt: skip
 
+    def _assumed_data(self, block: FrameBlock) -> _CellData:
+        """Cell data with initial twists from which the assumed ones lead to the present ones."""
+        data = self._cell_data()
+        if self.assumed is None:
+            return data
+        twists = self._strain(block.frames, _ALL)[0]
+        return (*data[:3], np.ascontiguousarray(twists - self.assumed), *data[4:])
+
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
         add_residual(
-            self._residual.batch, self._residual.offsets, gravity, *self._cell_data(),
+            self._residual.batch, self._residual.offsets, gravity,
+            *(self._assumed_data(block) if self.assumed_forces else self._cell_data()),
             block.frames, block.velocity, block.acceleration, scale, block.residual,
         )  # fmt: skip
 
@@ -113,7 +127,7 @@ class BeamGroup:
         add_tangent(
             self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
             self._inertia.offsets, shifts, _inertial(block, shifts) and not local,
-            *self._cell_data(), block.frames, block.velocity, block.acceleration,
+            *self._assumed_data(block), block.frames, block.velocity, block.acceleration,
             block.increment, scale, values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
@@ -127,6 +141,21 @@ class BeamGroup:
             *self._cell_data(), block.frames, block.velocity, block.acceleration, block.increment,
             block.step, scale, block.residual,
         )  # fmt: skip
+
+    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
+        """Continue the relative twists linearly along local twists ``steps`` of the nodes.
+
+        Newton's method for the mixed form, in which stresses are unknowns: large rotations then
+        leave no membrane stress of second order in the tangent (Magisano, Leonetti, Garcea, Int.
+        J. Numer. Methods Eng. 109 (2017) 1237-1262).
+        """
+        twists = self._strain(frames, _ALL)[0]
+        back = np.swapaxes(self._turns.reshape(-1, 2, 3, 3), -1, -2)
+        halves = steps[self.data.cells].reshape(-1, 2, 2, 3)
+        turned = (back[:, :, np.newaxis] @ halves[..., np.newaxis]).reshape(-1, 2, 6)
+        change = np.einsum("mij,mj->mi", se3.inverse_tangent(twists), turned[:, 1])
+        change -= np.einsum("mij,mj->mi", se3.inverse_tangent(-twists), turned[:, 0])
+        self.assumed = twists - self._twists + change
 
     @property
     def viscous(self) -> bool:

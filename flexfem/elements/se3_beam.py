@@ -97,6 +97,21 @@ class SE3Beams:
             values[rows] = group.tangent(block, gravity, shifts, scale, local)
         return values
 
+    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
+        """Let the tangent take stresses continued along steps, see :meth:`BeamGroup.assume`."""
+        for _, group in self._groups:
+            group.assume(frames, steps)
+
+    def assume_forces(self, assumed: bool) -> None:
+        """Let the residual take those stresses, too, or not."""
+        for _, group in self._groups:
+            group.assumed_forces = assumed
+
+    def exact(self) -> None:
+        """Let the tangent take the present stresses again."""
+        for _, group in self._groups:
+            group.assumed = None
+
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> None:

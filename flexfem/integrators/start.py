@@ -14,7 +14,13 @@ from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.constraints import Constraints
 from flexfem.system.system import MASS, System
 
-__all__ = ["check_gaps", "make_consistent", "project_velocities", "start_consistently"]
+__all__ = [
+    "check_gaps",
+    "check_start",
+    "make_consistent",
+    "project_velocities",
+    "start_consistently",
+]
 
 #: Largest violation of a constraint at the start (m or rad): more is a mistake in the model.
 _GAP = 1e-6
@@ -27,6 +33,18 @@ _RATES = np.array([1.0, 1.0])
 _COMPLIANCE = 1e-5
 #: Friction at the start is found in at most so many iterations.
 _SWEEPS = 25
+
+
+def check_start(system: System) -> None:
+    """Check that the joints hold at the start and are independent (collective).
+
+    Raises:
+        InputError: a joint is not satisfied at the start, or constraints are redundant; named.
+    """
+    system.constraints.multipliers[:] = 0.0
+    _evaluate(system)
+    check_gaps(system)
+    check_independence(system)
 
 
 def start_consistently(

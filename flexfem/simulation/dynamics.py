@@ -15,6 +15,7 @@ from flexfem.io.summary import write_summary
 from flexfem.model.model import Model
 from flexfem.options import RunOptions
 from flexfem.simulation.outcome import Outcome, Results
+from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.stepping import HALVINGS, Simulation
 
@@ -120,8 +121,7 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
     """The status in words, with the time and with a drive or load that is not a number."""
     if status is Status.OK:
         return "ok"
-    t, model = simulation.time, simulation.serial.model
-    text = f"{status.value} at t = {t:.6g} s"
+    t = simulation.time
     if status is Status.EVENT:
         if simulation.events.bad is not None:
             name = simulation.events.bad
@@ -133,17 +133,8 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
         )
     # the start looks three steps ahead to differentiate drives
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])
-    for joint in model.joints:
-        if joint.driven:
-            poses = [simulation.serial.marker_pose(m) for m in joint.markers]
-            targets = [row.target for s in ahead for row in joint.rows(poses, s)]
-            if not np.isfinite(targets).all():
-                return f"{joint.owner}: the motion is not finite after t = {t:.6g} s"
-    for load in model.loads:
-        if not np.isfinite([load.factor(s) for s in ahead]).all():
-            name = f'{type(load).__name__} "{load.name}"'
-            return f"{name}: the amplitude is not finite after t = {t:.6g} s"
-    return text
+    culprit = not_finite(simulation.serial, ahead)
+    return f"{culprit} after t = {t:.6g} s" if culprit else f"{status.value} at t = {t:.6g} s"
 
 
 def _summary(

@@ -12,6 +12,7 @@ from flexfem.integrators.integrator import create_integrator, discard
 from flexfem.integrators.start import make_consistent, start_consistently
 from flexfem.model.model import Model
 from flexfem.options import RunOptions
+from flexfem.simulation.equilibrium import start_in_equilibrium
 from flexfem.simulation.events import Events
 from flexfem.simulation.step_control import HALVINGS, StepControl
 from flexfem.solvers.newton import NewtonOptions
@@ -64,9 +65,7 @@ class Simulation:
             options.error_tolerance if options.adaptive else None, self._integrator.order
         )
         self._tangent = TangentSolver(self.system)
-        self.status = start_consistently(
-            self.system, self._tangent, options.dt, options.redundant_constraints == "least_norm"
-        )
+        self.status = self._start()
         newton = NewtonOptions(options.tolerance)
         self._policy: Policy = create_policy(
             options.iteration_matrix, self.system, newton, self._tangent
@@ -78,6 +77,15 @@ class Simulation:
         self.step_seconds: list[float] = []
         self.observe: Callable[[], None] = _nothing
         self._error, self._limit = 0.0, _MOST_EVENTS
+
+    def _start(self) -> Status:
+        """Bring the system to its start: as the model says, or at rest in equilibrium."""
+        least_norm = self.options.redundant_constraints == "least_norm"
+        if self.options.start == "equilibrium":
+            status = start_in_equilibrium(self.serial, self.system, self._tangent)
+            if status is not Status.OK:
+                return status
+        return start_consistently(self.system, self._tangent, self.options.dt, least_norm)
 
     @property
     def time(self) -> float:

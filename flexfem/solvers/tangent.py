@@ -106,6 +106,21 @@ class TangentSolver:
             self._grid[count][count].assemble(-np.concatenate(own))
         self.matrix.assemble()
 
+    def diagonals(self) -> list[FloatArray]:
+        """(n_owned, 6) diagonals of the blocks' own matrices as assembled last."""
+        own = (self._grid[i][i].mat for i in range(len(self.system.parts)))
+        return [mat.getDiagonal().getArray().reshape(-1, 6) for mat in own]
+
+    def add_at_nodes(self, values: list[FloatArray]) -> None:
+        """Add blocks (n_owned, 6, 6) at the nodes of each block until it is assembled again."""
+        for i, (part, value) in enumerate(zip(self.system.parts, values, strict=True)):
+            nodes = np.arange(part.block.offset, part.block.offset + part.block.owned)
+            places = (6 * nodes[:, np.newaxis] + np.arange(6)).astype(PETSc.IntType)
+            mat = self._grid[i][i].mat
+            mat.setValuesRCV(places, places, value, PETSc.InsertMode.ADD)
+            mat.assemble()
+        self.matrix.assemble()
+
     def factor(self) -> bool:
         """Factorise the assembled matrix; False when it is singular."""
         self._ksp.setOperators(self.matrix)

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Cantilever bent by 45 degrees under a force out of its plane (Bathe, Bolourchi 1979).
+
+Arc of radius 100 in the plane XY, from the clamped root along +X towards +Y; square section 1 x 1,
+E = 1e7, nu = 0; a dead force of 600 along +Z at the tip, which is the load at t = 1. Published
+values belong to two torsion constants: that of the square, 0.1406, and the polar moment 1/6.
+
+History: ``tip_x, tip_y, tip_z``: displacement of the tip.
+
+Expected at t = 1: (-23.8188, -13.7315, 53.6074) with the square's constant, (-23.5602, -13.6045,
+53.4749) with the polar moment (solutions of the rod's differential equations; Bathe and Bolourchi:
+(-23.5, -13.4, 53.4)). Run: ``mpirun -n 2 python cases/bend_45.py --torsion polar``.
+"""
+
+import sys
+
+import flexfem as ff
+
+RADIUS = 100.0
+TORSION = {"square": 0.140577, "polar": 1.0 / 6.0}
+
+
+def build(*, elements: int, torsion: str, force: float) -> ff.Model:
+    """Model with ``elements`` beam elements, a torsion constant and the tip force."""
+    mesh = ff.build_mesh("arc", radius=RADIUS, angle=45.0, first=270.0, elements=elements)
+    shear, twist, bending = 5e6, 5e6 * TORSION[torsion], 1e7 / 12.0
+    section = ff.Section.general((1e7, shear, shear, twist, bending, bending), (1.0,) * 6)
+    model = ff.Model("bend_45", mesh=mesh)
+    tip = ff.Marker("arc", "end")
+    start = mesh.points[mesh.point_groups["end"]]
+    model.add(
+        ff.Beam("arc", section, orientation=(0.0, 0.0, 1.0)),
+        ff.Rigid("clamp", ff.Ground((0.0, -RADIUS, 0.0)), ff.Marker("arc", "start")),
+        ff.PointForce("force", tip, (0.0, 0.0, force)),
+        ff.Probe(
+            "tip", tip, ("tip_x", "tip_y", "tip_z"), lambda t, at: (at.position - start).tolist()
+        ),
+    )
+    return model
+
+
+CASE = ff.Case(
+    name="bend_45",
+    summary="45-degree bend under a force out of its plane (Bathe, Bolourchi 1979)",
+    description=__doc__,
+    build=build,
+    options=(
+        ff.Option("elements", int, 16, "beam elements", minimum=1),
+        ff.Option("torsion", str, "square", "torsion constant", choices=tuple(TORSION)),
+        ff.Option("force", float, 600.0, "tip force at t = 1"),
+    ),
+    analysis=ff.STATICS,
+    load_steps=6,
+    smoke={"elements": 3, "load_steps": 2},
+    results=lambda history: {f"tip_{axis}": history[f"tip_{axis}"][-1] for axis in "xyz"},
+)
+
+if __name__ == "__main__":
+    sys.exit(ff.main(CASE))

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A model at rest: its static equations, and what moves without any stiffness."""
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.row import LawKind
+from flexfem.core.status import Status
+from flexfem.integrators.start import check_start
+from flexfem.lie import se3
+from flexfem.solvers.stability import softest_motion
+from flexfem.solvers.statics import Equilibrium, Limits, Loading, settle
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.assembly import Assembly
+from flexfem.system.placement import BEAMS
+from flexfem.system.system import System
+
+__all__ = ["check_held", "rest", "start_in_equilibrium"]
+
+#: Stiffness of a motion relative to that of the nodes below which it is round-off.
+_NOTHING = 1e-13
+#: Part of a body in such a motion, relative to the largest, from which it is named.
+_PART = 1e-3
+_NAMES = 4
+
+
+def rest(
+    serial: Assembly, system: System, tangent: TangentSolver, limits: Limits, *, span: float,
+    grow: bool, gravity_grows: bool, stabilise: bool,
+) -> Equilibrium:  # fmt: skip
+    """Static equations of a system at its start (collective).
+
+    Args:
+        serial: serial data of the model.
+        system: the system, at its start.
+        tangent: its exact matrix.
+        limits: when iterations stop.
+        span: end of the load parameter.
+        grow: loads without amplitude grow in proportion to the load parameter.
+        gravity_grows: gravity does, too.
+        stabilise: hold motions without stiffness and move downhill only.
+
+    Raises:
+        InputError: a joint is not satisfied at the start, or constraints are redundant; named.
+    """
+    loads = serial.model.loads
+    rows = system.constraints
+    system.set_time(0.0)
+    for name in serial.model.released:
+        rows.set_active(name, False)
+    check_start(system)
+    growing = np.array([grow and load.amplitude is None for load in loads], dtype=np.bool_)
+    # rows that may carry nothing leave the matrix unsymmetric, as loads without potential do
+    plain = rows.active & (rows.elastic[:, 0] <= LawKind.SPRING)
+    conservative = bool(system.comm.allreduce(bool(plain.all()), op=MPI.LAND)) and not any(
+        load.follower or np.any(load.wrench[1] != 0.0) for load in loads
+    )
+    loading = Loading(system, growing, gravity_grows, span)
+    return Equilibrium(
+        system, tangent, loading, _size(serial), limits, conservative=conservative,
+        stabilise=stabilise,
+    )  # fmt: skip
+
+
+def start_in_equilibrium(serial: Assembly, system: System, tangent: TangentSolver) -> Status:
+    """Bring a system to rest under gravity and the loads at t = 0 (collective).
+
+    Raises:
+        InputError: a joint is not satisfied at the start, or constraints are redundant; named.
+    """
+    limits = Limits(max_iterations=200)
+    equilibrium = rest(
+        serial, system, tangent, limits, span=1.0, grow=False, gravity_grows=False, stabilise=True
+    )
+    status = settle(equilibrium)
+    equilibrium.release()
+    return status
+
+
+def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
+    """Raise for bodies that can move without any stiffness, as in a mechanism (collective).
+
+    Raises:
+        InputError: names the bodies.
+    """
+    system, tangent = equilibrium.system, equilibrium.tangent
+    equilibrium.loading.set(0.0)
+    system.evaluate(equilibrium.shifts)
+    tangent.assemble(equilibrium.shifts)
+    stiffness, motion = softest_motion(tangent, equilibrium.weights)
+    if abs(stiffness) > _NOTHING:
+        return
+    sizes = []
+    for steps in motion:
+        sizes.append(np.abs(steps / np.repeat([equilibrium.size, 1.0], 3)).max(axis=1, initial=0.0))
+    largest = max((float(s.max(initial=0.0)) for s in sizes), default=0.0)
+    largest = system.comm.allreduce(largest, op=MPI.MAX)
+    mine = set()
+    for part, size in zip(system.parts, sizes, strict=True):
+        for body in np.unique(part.node_body[: part.block.owned][size > _PART * largest]):
+            mine.add((part.kind, int(body)))
+    moving = sorted(set().union(*system.comm.allgather(mine)))
+    bodies = {BEAMS: serial.model.beams}
+    owners = [bodies.get(kind, serial.model.rigid_bodies)[number] for kind, number in moving]
+    names = [f'{type(body).__name__} "{body.name}"' for body in owners]
+    more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
+    raise InputError(
+        f"{', '.join(names[:_NAMES])}{more}: can move without any stiffness at the start (a "
+        "mechanism, or the free spin of a body); hold it by joints or springs, or let the run "
+        "stabilise it"
+    )
+
+
+def _size(serial: Assembly) -> float:
+    """Largest extent of the model at the start, m."""
+    poses = [serial.marker_pose(m).position for j in serial.model.joints for m in j.markers]
+    points: list[FloatArray] = [np.array(poses).reshape(-1, 3), se3.position(serial.rigid_frames)]
+    if serial.model.beams:
+        points.append(serial.points)
+    every = np.concatenate(points)
+    return float(np.ptp(every, axis=0).max(initial=0.0)) or 1.0

@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Static equilibria: from a model and options to results in a folder."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem.core.status import Status
+from flexfem.io.field_output import FieldOutput
+from flexfem.io.summary import write_summary
+from flexfem.model.model import Model
+from flexfem.options import StaticOptions
+from flexfem.simulation.equilibrium import check_held, rest
+from flexfem.simulation.outcome import Outcome, Results
+from flexfem.simulation.path import CriticalPoint, Path
+from flexfem.simulation.reasons import not_finite
+from flexfem.simulation.recording import Recorder
+from flexfem.solvers.buckling import LinearBuckling
+from flexfem.solvers.statics import Limits, settle
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.assembly import Assembly
+from flexfem.system.build import build
+from flexfem.system.probes import ProbeRecorder
+
+__all__ = ["solve_static"]
+
+#: A step is halved this often before the run gives up.
+_HALVINGS = 12
+#: Iterations of an easy step, after which steps grow again.
+_EASY = 5
+#: Accuracy of the end of a run, relative to its value.
+_EXACT = 1e-10
+#: Largest rotation (rad) or relative displacement of an arc-length step.
+_LARGEST_TURN = 0.15
+#: Largest rotation (rad) or relative displacement in the picture of a mode.
+_SHOWN = 0.1
+
+
+def solve_static(
+    model: Model,
+    options: StaticOptions,
+    *,
+    case: str = "model",
+    results: Results | None = None,
+    comm: MPI.Intracomm | None = None,
+) -> Outcome:
+    """Follow a model's static equilibria and write the results (collective).
+
+    Args:
+        model: the model, the same on every rank.
+        options: load steps, output folder and so on.
+        case: name for the summary.
+        results: function of the history's columns that returns the headline results.
+        comm: communicator, all ranks by default.
+
+    Returns:
+        The outcome, the same status on every rank; the column ``t`` of the history is the load
+        factor. The summary has ``critical_points`` and ``buckling`` loads besides the results.
+
+    Raises:
+        InputError: a mistake in the model, before anything is written (a ValueError).
+        OSError: the results cannot be written.
+        KeyboardInterrupt: after what is there was written, if there is one rank only.
+    """
+    run = _Run(model, options, case, results, comm or MPI.COMM_WORLD)
+    try:
+        status = run.to_the_end()
+    except KeyboardInterrupt:
+        # ranks are interrupted at different places, where no collective call can end well
+        if run.system.comm.size == 1:
+            run.finish(f"interrupted at t = {run.path.point.t:.6g}")
+        raise
+    return run.finish(run.reason(status))
+
+
+class _Run:
+    """One run from the start to the results."""
+
+    def __init__(
+        self, model: Model, options: StaticOptions, case: str, results: Results | None,
+        comm: MPI.Intracomm,
+    ) -> None:  # fmt: skip
+        self._begin = time.perf_counter()
+        self._options, self._case, self._results = options, case, results
+        try:
+            model.validate()
+            self._serial = Assembly(model)
+            self.system = build(self._serial, comm, options.split_above)
+        except ValueError as error:  # on every rank, the model being the same
+            raise InputError(str(error)) from error
+        self._probes = ProbeRecorder(self.system, self._serial, depth=1)
+        self._check_column()
+        self.equilibrium = rest(
+            self._serial, self.system, TangentSolver(self.system),
+            Limits(options.tolerance, options.max_iterations),
+            span=options.t_end, grow=True, gravity_grows=options.gravity == "proportional",
+            stabilise=options.stabilise,
+        )  # fmt: skip
+        if not options.stabilise:
+            check_held(self._serial, self.equilibrium)
+        self._status = settle(self.equilibrium)
+        self.path = Path(
+            self.equilibrium, follow=options.arc_length > 0.0, count=options.critical_points,
+            columns=self._columns,
+        )  # fmt: skip
+        if self._status is Status.OK and not self.path.aimed:
+            raise InputError(
+                f"StaticOptions: arc_length {options.arc_length:g} follows the path of a growing "
+                f'load, but nothing in Model "{model.name}" that moves it grows with t'
+            )
+        self._buckling = LinearBuckling(self.equilibrium) if options.buckling_modes else None
+        self._recorder = Recorder(self.system, self._serial, options, options.every, options.t_end)
+        self._critical: list[CriticalPoint] = []
+        self._factors: list[float] = []
+        self._setup: float | None = None
+        self._first: float | None = None
+        self._steps = self._rejected = 0
+        self._largest = 0.0  # step tried
+        self._branched = options.branch == 0.0
+
+    def _check_column(self) -> None:
+        column = self._options.stop_column
+        if column and column not in self._probes.columns:
+            raise InputError(
+                f"StaticOptions: stop_column '{column}' is no column of the history, which has "
+                f"{', '.join(self._probes.columns) or 'none'}"
+            )
+
+    def _columns(self) -> dict[str, float]:
+        """The history's columns at the trial state, on the first rank."""
+        self._probes.record(self.equilibrium.loading.t)
+        for _, values in self._probes.flush():
+            return dict(zip(self._probes.columns, values.tolist(), strict=True))
+        return {}
+
+    def _beyond(self) -> float:
+        """How far the column that ends the run lies above its value at the end."""
+        value = self._columns().get(self._options.stop_column, 0.0)
+        return float(self.system.comm.bcast(value)) - self._options.stop_value
+
+    def _elapsed(self) -> float:
+        return time.perf_counter() - self._begin
+
+    def to_the_end(self) -> Status:
+        """Take all steps, or those before the first that fails."""
+        options, path, status = self._options, self.path, self._status
+        if status is not Status.OK:
+            return status
+        self._recorder.record(0)
+        self._setup = self._elapsed()
+        h = options.t_end / options.load_steps
+        if path.arc is not None:
+            h = options.arc_length * options.t_end / path.arc.slope
+        width, done = h, False
+        while not done:
+            if path.arc is not None:
+                h = min(h, _LARGEST_TURN / path.arc.largest_turn())
+                if self._steps == options.max_steps:
+                    return Status.NOT_CONVERGED
+            else:
+                h = min(h, options.t_end - path.point.t)
+            status, tried, done = self._advance(h)
+            if status is not Status.OK:
+                self._recorder.record_last(self._steps)
+                return status
+            h = self._grown(tried, width)
+        self._find_buckling()
+        return status
+
+    def _grown(self, h: float, width: float) -> float:
+        """Next step from the one just taken and its iterations."""
+        iterations = self.equilibrium.iterations
+        if self.path.arc is None:
+            h *= min(2.0, self.equilibrium.room) if iterations <= _EASY else 1.0
+            # back to where equal steps would be
+            t = self.path.point.t
+            left = (np.floor(t / width + 1e-9) + 1.0) * width - t
+            return float(min(h, width, left if left > 1e-9 * width else width))
+        return h * float(min(max((_EASY / iterations) ** 0.5, 0.5), 2.0))
+
+    def _advance(self, h: float) -> tuple[Status, float, bool]:
+        """One accepted step of at most ``h``, its size, and whether the run has ended."""
+        path, before = self.path, self._beyond() if self._options.stop_column else 0.0
+        self._largest = max(self._largest, h)
+        smallest = self._largest * 0.5**_HALVINGS
+        while (status := path.attempt(h)) is not Status.OK and h > smallest:
+            self._rejected += 1
+            h *= self.equilibrium.cut
+        if status is not Status.OK:
+            path.return_to_base()
+            return status, h, True
+        status, end = self._end(h, before)
+        critical = None
+        if status is Status.OK:
+            status, critical = path.critical_point()
+        if status is not Status.OK:
+            path.return_to_base()
+            return status, h, True
+        self._accept(end and critical is None)
+        if critical is not None:
+            self._critical.append(critical)
+            status = self._branch_off(critical)
+        return status, h, end and critical is None
+
+    def _accept(self, last: bool) -> None:
+        self.path.accept()
+        self._steps += 1
+        if self._steps == 1:
+            self._first = self._elapsed()
+        self._recorder.record(self._steps, last=last)
+
+    def _branch_off(self, critical: CriticalPoint) -> Status:
+        """Leave the path at the first bifurcation, if that is asked for."""
+        if self._branched or critical.kind != "bifurcation":
+            return Status.OK
+        self._branched = True
+        status = self.path.branch_off(critical, self._options.branch)
+        if status is Status.OK:
+            self._accept(last=False)
+        else:
+            self.path.return_to_base()
+        return status
+
+    def _end(self, h: float, before: float) -> tuple[Status, bool]:
+        """Move the trial state back to the end if the step has passed it."""
+        path, options = self.path, self._options
+        if options.stop_column:
+            after = self._beyond()
+            if after == 0.0 or (before != 0.0 and (before > 0.0) != (after > 0.0)):
+                near = _EXACT * max(abs(after), abs(before))
+                return path.search(self._beyond, (0.0, h), (before, after), near), True
+        ends = path.point.t - options.t_end, path.trial.t - options.t_end
+        if ends[1] < -_EXACT * options.t_end:
+            return Status.OK, False
+        if path.arc is None:
+            return Status.OK, True
+        return path.search(
+            lambda: path.trial.t - options.t_end, (0.0, h), ends, _EXACT * options.t_end
+        ), True
+
+    def _find_buckling(self) -> None:
+        """Linearised buckling loads; pictures of all modes."""
+        found = self._buckling.solve(self._options.buckling_modes) if self._buckling else []
+        self._factors = [t for t, _ in found]
+        if self._options.output is None:
+            return
+        modes = [(c.t, c.motion) for c in self._critical if c.kind == "bifurcation"] + found
+        fields = FieldOutput(self._options.output / "modes", self.system, self._serial)
+        base = self.equilibrium.keep()
+        for number, (t, motion) in enumerate(modes):
+            for part, steps in zip(self.system.parts, motion, strict=True):
+                part.block.step[: part.block.owned] = steps
+            size, turn, _ = self.equilibrium.measure(np.zeros(0))
+            self.equilibrium.move(
+                _SHOWN / max(size, turn), np.zeros(self.system.constraints.size), 0.0
+            )
+            self.system.interface.update()
+            fields.write(t, number)
+            self.equilibrium.restore(base)
+        fields.close()
+
+    def reason(self, status: Status) -> str:
+        """The status in words, with the load factor."""
+        if status is Status.OK:
+            return "ok"
+        t, options = self.equilibrium.loading.t, self._options
+        if self._steps == options.max_steps:
+            return f"not at the end after {options.max_steps} arc-length steps, t = {t:.6g}"
+        h = options.t_end / options.load_steps
+        culprit = not_finite(self._serial, t + h * np.array([0.5**_HALVINGS, 0.5, 1.0]))
+        return f"{culprit} after t = {t:.6g}" if culprit else f"{status.value} at t = {t:.6g}"
+
+    def finish(self, reason: str) -> Outcome:
+        """Write what is left and the summary (collective)."""
+        self._recorder.close()
+        history = self._recorder.history()
+        summary = self._summary(reason)
+        if history and self._results is not None:
+            summary["results"] = dict(self._results(history))
+        if self._options.output is not None:
+            write_summary(self._options.output / "summary.json", summary, self.system.comm)
+        return Outcome(reason, summary, history)
+
+    def _summary(self, reason: str) -> dict[str, Any]:
+        system, counters = self.system, self.system.counters
+        return {
+            "case": self._case,
+            "ranks": system.comm.size,
+            "unknowns": system.unknowns,
+            "multipliers": system.multipliers,
+            "steps": self._steps,
+            "rejected_steps": self._rejected,
+            "newton_iterations": counters.newton_iterations,
+            "factorizations": counters.factorizations,
+            "residual_evaluations": counters.residual_evaluations,
+            "wall_seconds": self._elapsed(),
+            "wall_seconds_setup": self._setup or self._elapsed(),
+            "wall_seconds_first_step": self._first,
+            "critical_points": [point.summary() for point in self._critical],
+            "buckling": self._factors,
+            "status": reason,
+            "results": {},
+        }

@@ -1,0 +1,381 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Static equilibrium: loads as functions of one parameter, and Newton's iteration at given loads.
+
+The equations are those of dynamics without inertia, ``s (f_internal - f_external) + G^T L = 0`` and
+``Phi = 0`` with ``L = s lambda``; s is the inverse of the model's largest stiffness, so that scaled
+multipliers are lengths. The trial state becomes the base of the next increment after every
+iteration, so that a load step may turn nodes by any angle.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.core.row import LawKind
+from flexfem.core.status import Status
+from flexfem.lie import so3
+from flexfem.solvers.schur_kernels import largest_entry
+from flexfem.solvers.stability import Inertia
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.system import Shifts, System
+
+__all__ = ["Equilibrium", "Limits", "Loading", "Snapshot", "settle"]
+
+#: Laws of a node at rest: no increment is predicted, no velocity remains.
+_REST, _NO_RATES, _NO_LAW = np.zeros(7), np.zeros(2), np.zeros(3)
+#: Steps that no longer shrink by more than this, below _NOISE tolerances, are round-off.
+_STAGNATION, _NOISE = 0.7, 1e3
+#: Rotation of the first iteration aimed at where it was too large, relative to the limit.
+_CUT = 0.8
+#: Stiffness of a damper, which resists no displacement, relative to the largest in the model.
+_DAMPER = 1e-20
+#: Stabilisation relative to the initial diagonal: smallest and largest, and how it changes.
+_SMALLEST, _LARGEST, _GROWTH, _DECAY = 1e-12, 1e6, 10.0, 0.1
+#: Fraction of the loads by which they are grown at t = 0, and how often it is halved.
+_SETTLING, _HALVINGS = 0.25, 12
+
+#: Solves for the blocks' steps (stored there, to be subtracted): success, the multipliers' step
+#: (to be subtracted) and the change of the load parameter (to be added).
+LinearStep = Callable[[], tuple[bool, FloatArray, float]]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When an iteration stops.
+
+    Attributes:
+        tolerance: largest entry of the last step: displacements and scaled multipliers relative to
+            the size of the model, rotations in rad.
+        max_iterations: iterations after which a load step counts as failed.
+        turn: largest rotation (rad) of one iteration; with more the load step is cut.
+    """
+
+    tolerance: float = 1e-8
+    max_iterations: int = 30
+    turn: float = 1.0
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A state to come back to: frames of each block, multipliers and load parameter."""
+
+    frames: list[FloatArray]
+    multipliers: FloatArray
+    t: float
+
+
+class Loading:
+    """Loads, drives and gravity as functions of the load parameter t.
+
+    Loads that grow are multiplied by t; the others follow their amplitudes at time t, as drives do.
+
+    Attributes:
+        t: the present parameter.
+        fraction: of all loads that acts, drives left out.
+        span: its end, by which steps of differences are measured.
+    """
+
+    def __init__(
+        self, system: System, growing: BoolArray, gravity_grows: bool, span: float
+    ) -> None:
+        """Remember full gravity.
+
+        Args:
+            system: whose loads are set.
+            growing: (n_loads,) loads in proportion to t.
+            gravity_grows: gravity is in proportion to t, too.
+            span: end of the parameter.
+        """
+        self._system, self._growing, self._gravity_grows = system, growing, gravity_grows
+        self._gravity = system.gravity.copy()
+        self.t, self.span, self.fraction = 0.0, span, 1.0
+
+    def set(self, t: float) -> None:
+        """Set loads and drives to parameter ``t``."""
+        system = self._system
+        system.set_time(t)
+        system.factors[self._growing] = t
+        system.factors[:] *= self.fraction
+        system.gravity[:] = self._gravity * (self.fraction * (t if self._gravity_grows else 1.0))
+        self.t = t
+
+    def derivative(self, shifts: Shifts) -> tuple[list[FloatArray], FloatArray]:
+        """Derivative of the blocks' residuals (n_owned, 6) and of the rows (r,) along t.
+
+        Loads and gravity enter the residual linearly; their factors and the drives are
+        differentiated by differences over 1e-4 of the span, exact for proportional loads. The
+        residuals of the blocks are overwritten.
+        """
+        system, rows, t = self._system, self._system.constraints, self.t
+        step = 1e-4 * self.span
+        low, high = (0.0, step) if t == 0.0 else (t - step, t + step)  # none before the start
+        values = []
+        for at in (low, high):
+            self.set(at)
+            rows.evaluate(shifts.dynamics)
+            values.append((system.factors.copy(), system.gravity.copy(), rows.values.copy()))
+        self.set(t)
+        rows.evaluate(shifts.dynamics)
+        factors, gravity, by_t = (
+            (after - before) / (high - low)
+            for before, after in zip(values[0], values[1], strict=True)
+        )
+        blocks = []
+        for part in system.parts:
+            part.add_residual(gravity, factors, shifts.scale)
+            loaded = part.block.residual[: part.block.owned].copy()
+            part.add_residual(np.zeros(3), np.zeros_like(factors), shifts.scale)
+            blocks.append(loaded - part.block.residual[: part.block.owned])
+        return blocks, by_t
+
+
+class Equilibrium:
+    """Newton's iteration for the equilibrium of a system at rest.
+
+    Attributes:
+        system, tangent, loading: what is solved.
+        size: of the model, m, by which displacements are measured.
+        shifts: stiffness alone, with the scale of the residual.
+        weights: (n_owned, 6) of each block, scaled stiffness of its nodes at the start, the same
+            for three directions.
+        iterations: of the last solution.
+        cut: by how much a load step that failed is best shortened.
+        room: by how much the last load step could have been longer, judged by its rotations.
+        inertia: counts unstable directions.
+    """
+
+    def __init__(
+        self, system: System, tangent: TangentSolver, loading: Loading, size: float,
+        limits: Limits, *, conservative: bool, stabilise: bool = False,
+    ) -> None:  # fmt: skip
+        """Put all nodes to rest and choose the scale (collective).
+
+        Args:
+            system: the system, at its start.
+            tangent: its exact matrix.
+            loading: its loads.
+            size: of the model, m.
+            limits: when iterations stop.
+            conservative: all loads have a potential, so that the matrix is symmetric.
+            stabilise: hold motions without stiffness and move downhill only.
+        """
+        self.system, self.tangent, self.loading = system, tangent, loading
+        self.size, self._limits, self._stabilise = size, limits, stabilise
+        self.iterations, self.cut, self.room = 0, 0.5, 1.0
+        self._hold = _SMALLEST
+        rows = system.constraints
+        self._elastic = rows.elastic.copy()
+        system.predict(_REST, _NO_RATES)
+        self.shifts = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
+        self._choose_scale()
+        self.inertia = Inertia(tangent, conservative)
+
+    def _choose_scale(self) -> None:
+        """Scale of the residual and weights; dampers and friction become very soft springs."""
+        system, rows = self.system, self.system.constraints
+        law, stiffness_of_row = rows.elastic[:, 0], rows.elastic[:, 1]
+        damper = (law >= LawKind.FRICTION) | ((law == LawKind.SPRING) & (stiffness_of_row == 0.0))
+        law[damper], stiffness_of_row[damper] = LawKind.SPRING, 1.0  # until the scale is known
+        rows.elastic[:, 2] = 0.0
+        loads = []
+        for t in (0.0, self.loading.span):
+            self.loading.set(t)
+            system.evaluate(self.shifts)
+            loads.append(max(largest_entry(p.block.residual[:, :3].ravel()) for p in system.parts))
+        self.loading.set(0.0)
+        system.evaluate(self.shifts)
+        self.tangent.assemble(self.shifts)
+        diagonals = [abs(d) for d in self.tangent.diagonals()]
+        springs = stiffness_of_row[~damper & (law != LawKind.RIGID)]
+        largest = np.array([
+            max((float(d[:, :3].max(initial=0.0)) for d in diagonals), default=0.0),
+            float(springs.max(initial=0.0)),
+            np.nan_to_num(max(loads)) / self.size,
+        ])  # fmt: skip
+        system.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+        stiffness = next((float(k) for k in largest if k > 0.0), 1.0)
+        stiffness_of_row[damper] = _DAMPER * stiffness
+        self.shifts = Shifts(velocity=0.0, acceleration=0.0, scale=1.0 / stiffness)
+        self.weights = [_isotropic(d / stiffness, self.size) for d in diagonals]
+
+    def release(self) -> None:
+        """Give dampers and springs back what dynamics needs of them."""
+        self.system.constraints.elastic[:] = self._elastic
+
+    def keep(self) -> Snapshot:
+        """The present state."""
+        frames = [part.block.frames.copy() for part in self.system.parts]
+        return Snapshot(frames, self.system.constraints.multipliers.copy(), self.loading.t)
+
+    def restore(self, state: Snapshot) -> None:
+        """Come back to a state."""
+        self.exact()
+        for part, frames in zip(self.system.parts, state.frames, strict=True):
+            part.block.frames0[:] = frames
+            part.block.reset()
+        self.system.constraints.multipliers[:] = state.multipliers
+        self.loading.set(state.t)
+
+    def accept(self) -> None:
+        """End a load step (collective)."""
+        rows = self.system.constraints
+        rows.forces[:] = rows.multipliers / self.shifts.scale
+        self.system.interface.update()
+        rows.accept()
+
+    def solve(self, t: float) -> Status:
+        """Find the equilibrium at load parameter ``t`` from the present state (collective)."""
+        self.loading.set(t)
+        return self.iterate(self._held_step if self._stabilise else self._newton_step)
+
+    def iterate(self, linear_step: LinearStep) -> Status:
+        """Iterate until steps are below the tolerance or round-off (collective)."""
+        status = self._iterate(linear_step)
+        self.exact()
+        return status
+
+    def exact(self) -> None:
+        """Let the tangent be exact again, as it need not be within an iteration."""
+        for part in self.system.parts:
+            if part.beams is not None:
+                part.beams.exact()
+
+    def _iterate(self, linear_step: LinearStep) -> Status:
+        system, limits, previous = self.system, self._limits, inf
+        self.cut = 0.5
+        for self.iterations in range(1, limits.max_iterations + 1):
+            system.evaluate(self.shifts)
+            system.counters.newton_iterations += 1
+            success, change, load = linear_step()
+            size, turn, failed = self.measure(change, success)
+            if failed:
+                return Status.SINGULAR
+            if self.iterations == 1:
+                self.room = _CUT * limits.turn / turn if turn > 0.0 else inf
+            if not (isfinite(size) and turn <= limits.turn):
+                # cut the load at once: shortened steps leave stresses that fit no load
+                self.cut = max(self.room, 0.1) if self.iterations == 1 else 0.5
+                return Status.DIVERGED
+            self.move(-1.0, change, load)
+            noise = size > _STAGNATION * previous and size <= _NOISE * limits.tolerance
+            if size <= limits.tolerance or noise:
+                return Status.OK
+            previous = size
+        return Status.NOT_CONVERGED
+
+    def measure(self, change: FloatArray, success: bool = True) -> tuple[float, float, bool]:
+        """Size of the step in the blocks, its largest rotation (rad), failure on some rank."""
+        steps = [part.block.step[: part.block.owned] for part in self.system.parts]
+        local = np.array([
+            max((largest_entry(s[:, :3].ravel()) for s in steps), default=0.0),
+            max((largest_entry(s[:, 3:].ravel()) for s in steps), default=0.0),
+            largest_entry(change),
+            0.0 if success else 1.0,
+        ])  # fmt: skip
+        local = np.nan_to_num(local, nan=np.inf)  # MPI's maximum does not order NaN
+        self.system.comm.Allreduce(MPI.IN_PLACE, local, op=MPI.MAX)
+        shift, turn, multiplier, failed = (float(x) for x in local)
+        return max(shift / self.size, turn, multiplier / self.size), turn, failed > 0.0
+
+    def move(self, factor: float, change: FloatArray, load: float) -> None:
+        """Move by a multiple of the blocks' steps and the multipliers' step (collective).
+
+        The load parameter moves by the same multiple of ``-load``.
+        """
+        for part in self.system.parts:
+            if part.beams is not None:
+                part.block.spread_step()
+                part.beams.assume(part.block.frames, factor * part.block.step)
+            part.block.correct(factor)
+            part.block.accept(_NO_LAW, 0.0)
+        self.system.constraints.multipliers += factor * change
+        if load:
+            self.loading.set(self.loading.t - factor * load)
+
+    def _newton_step(self) -> tuple[bool, FloatArray, float]:
+        success, change = self.tangent.step(self.shifts)
+        return success, change, 0.0
+
+    def _held_step(self) -> tuple[bool, FloatArray, float]:
+        """Step with as much stabilisation as keeps it downhill and short.
+
+        The blocks' matrices get a multiple of their initial diagonals added, which leaves the
+        equilibrium as it is: a step of Newton's method for a body in a viscous fluid.
+        """
+        system, tangent, rows = self.system, self.tangent, self.system.constraints
+        turning = self._turning()
+        blocks = [p.block.residual[: p.block.owned] for p in system.parts]
+        while self._hold < _LARGEST:
+            held = [self._hold * w[:, np.newaxis] * np.eye(6) for w in self.weights]
+            tangent.assemble(self.shifts)
+            tangent.add_at_nodes([h + t for h, t in zip(held, turning, strict=True)])
+            system.counters.factorizations += 1
+            if self.inertia.unstable() == 0 and tangent.factor():
+                success = tangent.solve(blocks, rows.values)
+                size, turn, failed = self.measure(tangent.multiplier_step, success)
+                if isfinite(size) and not failed and turn <= self._limits.turn and size <= 1.0:
+                    self._hold = max(_DECAY * self._hold, _SMALLEST)
+                    return True, tangent.multiplier_step, 0.0
+            self._hold *= _GROWTH
+        self._hold = _SMALLEST
+        return False, np.zeros(rows.size), 0.0
+
+    def _turning(self) -> list[FloatArray]:
+        """Blocks (n_owned, 6, 6) that make the matrix the derivative of inertial force components.
+
+        Away from equilibrium only that is the symmetric second derivative of an energy; forces and
+        matrix are those of the assumed stresses.
+        """
+        beams = [part.beams for part in self.system.parts if part.beams is not None]
+        out = []
+        for family in beams:
+            family.assume_forces(True)
+        self.system.evaluate(self.shifts)
+        for part in self.system.parts:
+            residual = part.block.residual[: part.block.owned]
+            out.append(np.zeros((len(residual), 6, 6)))
+            out[-1][:, :3, 3:] = -so3.skew(residual[:, :3])
+        for family in beams:
+            family.assume_forces(False)
+        self.system.evaluate(self.shifts)
+        return out
+
+
+def settle(equilibrium: Equilibrium) -> Status:
+    """Bring a system from its start to equilibrium under what acts at t = 0 (collective).
+
+    At once where that converges, else by growing the loads from nothing in adaptive steps.
+    """
+    loading, start = equilibrium.loading, equilibrium.keep()
+    status = equilibrium.solve(0.0)
+    if status is Status.OK:
+        equilibrium.accept()
+        return status
+    reached, h = 0.0, _SETTLING
+    while reached < 1.0:
+        equilibrium.restore(start)
+        loading.fraction = min(reached + h, 1.0)
+        status = equilibrium.solve(0.0)
+        if status is Status.OK:
+            equilibrium.accept()
+            start, reached, h = equilibrium.keep(), loading.fraction, min(2.0 * h, _SETTLING)
+        else:
+            h *= equilibrium.cut
+        if h < _SETTLING * 0.5**_HALVINGS:
+            break
+    loading.fraction = 1.0
+    return status
+
+
+def _isotropic(diagonal: FloatArray, size: float) -> FloatArray:
+    """Weights (n, 6) of nodes from their scaled stiffness; nodes without any count as others."""
+    out = np.empty_like(diagonal)
+    for first, default in ((0, 1.0), (3, size * size)):
+        largest = diagonal[:, first : first + 3].max(axis=1, initial=0.0)
+        out[:, first : first + 3] = np.where(largest > 0.0, largest, default)[:, np.newaxis]
+    return out

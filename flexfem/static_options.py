@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Options of statics."""
+
+from dataclasses import dataclass
+
+from flexfem.options import Option, Settings
+
+__all__ = ["StaticOptions"]
+
+_OPTIONS = (
+    Option(
+        "load_steps", int, 10, "equal steps of the load factor; failing ones are cut", minimum=1
+    ),
+    Option("t_end", float, 1.0, "load factor at the end", above=0),
+    Option(
+        "gravity",
+        str,
+        "proportional",
+        "gravity grows with the load factor, or is there from the start (constant)",
+        choices=("proportional", "constant"),
+    ),
+    Option(
+        "tolerance",
+        float,
+        1e-8,
+        "largest Newton step at the end: rotations (rad), displacements by the size of the model",
+        above=0,
+        maximum=1e-3,
+    ),
+    Option("max_iterations", int, 30, "iterations after which a step is cut", minimum=1),
+    Option(
+        "arc_length",
+        float,
+        0.0,
+        "follow the path over limit points; first step as a fraction of t_end, 0 for load steps",
+        minimum=0,
+        maximum=1,
+    ),
+    Option("max_steps", int, 1000, "arc-length steps after which the run gives up", minimum=1),
+    Option("stop_column", str, "", "column of the history that ends the run at --stop-value"),
+    Option("stop_value", float, 0.0, "value of the column at which the run ends"),
+    Option(
+        "critical_points",
+        bool,
+        False,
+        "find bifurcation points, too, by counting unstable directions in every step",
+    ),
+    Option(
+        "branch",
+        float,
+        0.0,
+        "leave the first bifurcation along its mode: largest rotation (rad) or relative "
+        "displacement of the first step, 0 to stay on the path",
+        minimum=0,
+        maximum=0.5,
+    ),
+    Option(
+        "buckling_modes",
+        int,
+        0,
+        "linearised buckling loads and modes from the first and the last equilibrium",
+        minimum=0,
+    ),
+    Option(
+        "stabilise",
+        bool,
+        False,
+        "hold motions without stiffness, and search stable equilibria only",
+    ),
+    Option("every", int, 1, "write the ParaView fields every N-th step", minimum=1),
+    Option(
+        "split_above",
+        int,
+        4000,
+        "a beam with more elements than this and than a rank's share is split over ranks",
+        minimum=1,
+    ),
+)
+_DEFAULTS = {option.name: option.default for option in _OPTIONS}
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaticOptions(Settings):
+    """How to find static equilibria; the load factor t takes the place of time.
+
+    Loads without amplitude are multiplied by t, those with one by their amplitude at t; drives take
+    their motion at t.
+
+    Args:
+        load_steps: Equal steps from 0 to ``t_end``.
+        t_end: Load factor at the end.
+        gravity: "proportional" to t, or "constant".
+        tolerance: Newton steps must fall below it: displacements relative to the size of the
+            model, rotations in rad.
+        max_iterations: Iterations after which a step is cut.
+        arc_length: First step along the path as a fraction of ``t_end``; 0 for load steps.
+        max_steps: Arc-length steps after which the run gives up.
+        stop_column: Column of the history that ends the run, "" for none.
+        stop_value: Value of this column at the end.
+        critical_points: Find bifurcation points as well as limit points.
+        branch: First step off the path at the first bifurcation (rad or relative); 0 for none.
+        buckling_modes: Number of linearised buckling loads.
+        stabilise: Hold motions without stiffness, and search stable equilibria only.
+        every: Fields are written every that many steps.
+        split_above: Elements above which one beam may be split over ranks.
+
+    Raises:
+        TypeError: If a value has the wrong type.
+        ValueError: If a value is out of range, or two of them do not go together.
+    """
+
+    OPTIONS = _OPTIONS
+
+    load_steps: int = _DEFAULTS["load_steps"]
+    t_end: float = _DEFAULTS["t_end"]
+    gravity: str = _DEFAULTS["gravity"]
+    tolerance: float = _DEFAULTS["tolerance"]
+    max_iterations: int = _DEFAULTS["max_iterations"]
+    arc_length: float = _DEFAULTS["arc_length"]
+    max_steps: int = _DEFAULTS["max_steps"]
+    stop_column: str = _DEFAULTS["stop_column"]
+    stop_value: float = _DEFAULTS["stop_value"]
+    critical_points: bool = _DEFAULTS["critical_points"]
+    branch: float = _DEFAULTS["branch"]
+    buckling_modes: int = _DEFAULTS["buckling_modes"]
+    stabilise: bool = _DEFAULTS["stabilise"]
+    every: int = _DEFAULTS["every"]
+    split_above: int = _DEFAULTS["split_above"]
+
+    def __post_init__(self) -> None:
+        """Check every value, and the values against each other."""
+        super().__post_init__()
+        if self.branch > 0.0 and self.arc_length == 0.0:
+            raise ValueError(f"StaticOptions: branch {self.branch:g} needs an arc_length above 0")
+        if self.stop_value != 0.0 and not self.stop_column:
+            raise ValueError(f"StaticOptions: stop_value {self.stop_value:g} needs a stop_column")
+        if self.stabilise and self.arc_length > 0.0:
+            raise ValueError(
+                f"StaticOptions: stabilise searches stable equilibria only, arc_length "
+                f"{self.arc_length:g} follows unstable ones as well"
+            )
