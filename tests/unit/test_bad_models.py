@@ -246,7 +246,7 @@ MESHES = [
     (gmsh_file(groups=False), "gmsh model: the mesh has no named physical group of lines"),
     (gmsh_file(points=1), "gmsh model: the mesh has no line elements of first order"),
     (gmsh_file(order=2), 'group "bar" has elements "Line 3", only lines of first order'),
-    (lambda _: build_mesh("chains"), 'mesh "chains" is not in the library: chain, '),
+    (lambda _: build_mesh("chains"), 'mesh "chains" is not in the library: arc, chain, '),
     (lambda _: build_mesh("chain", link=3), r'"chain" has no parameter "link" \(value 3\); it has'),
     (lambda _: build_mesh("chain", links=0), 'mesh "chain": links must be positive, got 0'),
     (
