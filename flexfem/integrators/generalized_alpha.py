@@ -13,6 +13,7 @@ within 15 s instead of 0.028). Equations and Newton steps are in the nodes' own 
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf
 from typing import ClassVar
 
@@ -26,6 +27,9 @@ from flexfem.solvers.policies import Policy
 from flexfem.system.system import Shifts, System
 
 __all__ = ["GeneralizedAlpha"]
+
+#: Step sizes whose coefficients are kept.
+_SIZES = 32
 
 
 @dataclass(frozen=True)
@@ -69,12 +73,14 @@ class GeneralizedAlpha(Integrator):
         """Newmark's beta."""
         return 0.25 * (self.gamma + 0.5) ** 2
 
+    @lru_cache(maxsize=_SIZES)  # noqa: B019  (a few numbers for a scheme that lives as long as the run)
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
         scale = self.beta * h * h
         weight = (1.0 - self.alpha_m) / (1.0 - self.alpha_f)
         return Shifts(self.gamma / (self.beta * h), weight / scale, scale)
 
+    @lru_cache(maxsize=2 * _SIZES)  # noqa: B019
     def _laws(self, h: float, smooth: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Laws of prediction, rates and acceptance, see ``frame_kernels``.
 

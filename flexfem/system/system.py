@@ -8,6 +8,7 @@ and ``Phi = 0`` with ``L = s lambda``.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from mpi4py import MPI
 
@@ -54,12 +55,12 @@ class Shifts:
     stiffness: float = 1.0
     local: bool = False
 
-    @property
+    @cached_property
     def array(self) -> FloatArray:
         """As the compiled loops expect it: (velocity, acceleration, stiffness)."""
         return np.array([self.velocity, self.acceleration, self.stiffness])
 
-    @property
+    @cached_property
     def dynamics(self) -> FloatArray:
         """As the constraint rows expect it: (velocity, scale)."""
         return np.array([self.velocity, self.scale])
