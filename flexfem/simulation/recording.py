@@ -3,9 +3,11 @@
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.io.atomic import raise_together
 from flexfem.io.field_output import FieldOutput
-from flexfem.io.history import HistoryWriter
+from flexfem.io.history import AngleColumns, HistoryWriter
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.options import Settings
@@ -15,13 +17,17 @@ from flexfem.system.system import System
 
 __all__ = ["Recorder"]
 
+#: Relative difference of times that are the same.
+_SAME = 1e-9
+
 
 class Recorder:
     """History, fields and progress of one run."""
 
     def __init__(
-        self, system: System, serial: Assembly, settings: Settings, every: int, end: float
-    ) -> None:
+        self, system: System, serial: Assembly, settings: Settings, every: int, end: float,
+        *, resume: FloatArray | None = None,
+    ) -> None:  # fmt: skip
         """Open the files (collective).
 
         Args:
@@ -30,21 +36,46 @@ class Recorder:
             settings: where to write, and whether to show progress.
             every: fields are written every that many steps.
             end: time (s) or load factor at the end.
+            resume: (1 + columns,) time and probes of the state from which an earlier run is
+                continued: its records up to there are kept. None begins anew.
+
+        Raises:
+            InputError: what the earlier run left cannot be continued; it is left as it was.
         """
         self._system, self._every = system, every
         self._probes = ProbeRecorder(system, serial)
+        self._angles = AngleColumns(self._probes.columns, self._probes.unwrap)
         self._rows: list[FloatArray] = []
         self._time = 0.0  # of the last record
         self._table = self._fields = None
+        start = None if resume is None else float(resume[0])
         if settings.output is not None:
-            remove_summary(settings.output / "summary.json", system.comm)
+            # an InputError leaves everything as it was: the table is cut last
+            self._fields = FieldOutput(settings.output, system, serial, start)
             self._table = HistoryWriter(
-                settings.output / "history.csv", self._probes.columns, system.comm,
-                self._probes.unwrap,
-            )  # fmt: skip
-            self._fields = FieldOutput(settings.output, system, serial)
+                settings.output / "history.csv", self._probes.columns, system.comm, resume=start
+            )
+            remove_summary(settings.output / "summary.json", system.comm)
+        if resume is not None:
+            self._continue(resume)
         quiet = settings.quiet or system.comm.rank != 0
-        self._progress = Progress(end, not quiet)
+        self._progress = Progress(end, not quiet, t_start=start or 0.0)
+
+    def _continue(self, row: FloatArray) -> None:
+        """Go on after the rows of an earlier run, or begin with the state it left."""
+        self._time, self._angles.previous = float(row[0]), row[1:].copy()
+        comm, error = self._system.comm, None
+        kept = np.zeros((0, len(row))) if self._table is None else self._table.kept
+        if comm.rank == 0:
+            if len(kept) and kept[-1, 0] < row[0] * (1.0 - _SAME):
+                error = InputError(
+                    f"history of the output folder ends at t = {kept[-1, 0]:g} s, before the "
+                    f"checkpoint at t = {row[0]:g} s: it is that of another run"
+                )
+            self._rows = list(kept) if len(kept) else [row]
+            if self._table is not None and not len(kept):
+                self._table.write(row[0], row[1:])
+        raise_together(comm, error)
 
     def record(self, step: int, last: bool = False) -> None:
         """Note the accepted state of a step."""
@@ -77,11 +108,31 @@ class Recorder:
         elif self._fields is not None:
             self._fields.write(system.time, step - 1)
 
+    def secure(self) -> FloatArray:
+        """Bring the table to disk (collective), so that no checkpoint is ahead of it.
+
+        Returns:
+            Time and probes of the last record, angles continued; empty on other ranks.
+
+        Raises:
+            OSError: on all ranks; the disk does not take it.
+        """
+        error = None
+        try:
+            self._flush()
+            if self._table is not None:
+                self._table.sync()
+        except OSError as exc:
+            error = exc
+        raise_together(self._system.comm, error)
+        return self._rows[-1] if self._rows else np.empty(0)
+
     def _flush(self) -> None:
         for t, values in self._probes.flush():
-            self._rows.append(np.concatenate([[t], values]))
+            row = self._angles.unwrap(values)
+            self._rows.append(np.concatenate([[t], row]))
             if self._table is not None:
-                self._table.write(t, values)
+                self._table.write(t, row)
 
     def close(self) -> None:
         """Write what is left."""
@@ -97,7 +148,4 @@ class Recorder:
         if not self._rows:
             return {}
         table = np.array(self._rows)
-        columns = dict(zip(["t", *self._probes.columns], table.T.copy(), strict=True))
-        for name in self._probes.unwrap:
-            columns[name] = np.unwrap(columns[name])
-        return columns
+        return dict(zip(["t", *self._probes.columns], table.T.copy(), strict=True))

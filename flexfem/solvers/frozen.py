@@ -11,7 +11,7 @@ A rank eliminates the multipliers that only it evaluates. What remains between r
 one reduction and solved on all of them alike.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import pairwise
 
 from mpi4py import MPI
@@ -19,6 +19,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.state import State
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.solvers.interface_system import InterfaceSystem
@@ -108,6 +109,7 @@ class FrozenSolver:
         self._interface = self._pattern()
         self._sizes = _starts(np.array([6 * p.block.owned for p in system.parts], dtype=np.int64))
         self._nothing = np.zeros(rows.size)
+        self._origin = State()  # what the factors were computed from
 
     def _bodies(self, part: BlockPart, active: IntArray) -> _Bodies:
         """Interface columns of a part's bodies and the sides of terms that act on them."""
@@ -190,6 +192,8 @@ class FrozenSolver:
         group.responses = np.zeros(len(group.responses))
         group.compliances = np.zeros(len(group.compliances))
         part = group.part
+        trial = {f"frozen_{name}": a.copy() for name, a in part.block.trial().items()}
+        self._origin = State({"frozen_loads": self.system.factors.copy()}, {part.block.name: trial})
         self._matrix.assemble(part_values(self.system, part, shifts))
         self._factor = Factor(self._matrix.mat, local=not part.block.has_ghosts)
         widths = np.diff(group.column_start)
@@ -205,6 +209,30 @@ class FrozenSolver:
             self._factor.solve_transpose(rhs, solution)
             self._store(group, bodies, c, solution)
         self._kept[shifts] = _Kept(self._factor, group.responses, group.compliances)
+
+    def state(self) -> State:
+        """Where and with which shifts the factors were computed, and whether steps are refined."""
+        values = {"refine": np.array([float(self.refine)]), "defect": np.array([self.defect])}
+        if self.shifts is not None:
+            values["frozen_shifts"] = np.array(astuple(self.shifts))
+        return State(values) | self._origin
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned; factorises anew (collective).
+
+        The system is left at the trial state of that factorisation. A state without factors is
+        that of another solver and changes nothing.
+        """
+        if "frozen_shifts" not in state.values:
+            return
+        if self._beams is not None:
+            block = self._beams.part.block
+            for name, values in block.trial().items():
+                values[:] = state.rows[block.name][f"frozen_{name}"]
+            self.system.factors[:] = state.values["frozen_loads"]
+        self.factor(Shifts(*state.values["frozen_shifts"]))
+        self.refine = bool(state.values["refine"][0])
+        self.defect = float(state.values["defect"][0])
 
     def _store(self, group: _Bodies, bodies: IntArray, c: int, solution: FloatArray) -> None:
         """Column ``c`` of the responses, row ``c`` of the compliances of the given bodies."""

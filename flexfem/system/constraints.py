@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """All joints of this rank as one batch of rows."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from mpi4py import MPI
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import LawKind, RowKind
+from flexfem.core.state import Numbering
 from flexfem.system.interface import Interface
 from flexfem.system.row_hessians import add_dampers, add_hessians, second_rates
 from flexfem.system.row_kernels import (
@@ -92,6 +93,27 @@ class Constraints(RowTable):
         everywhere = np.unique(np.concatenate(comm.allgather(self.numbers[self.interior :])))
         self.shared_size = len(everywhere)
         self.shared_numbers: IntArray = np.searchsorted(everywhere, self.numbers[self.interior :])
+
+    def numbering(self, comm: MPI.Intracomm) -> Numbering:
+        """Rows in the order of the model's joints, on any number of ranks (collective)."""
+        index = np.array([j.index for j in self.joints], dtype=np.int64)
+        joints = comm.allreduce(int(index.max(initial=-1)) + 1, op=MPI.MAX)
+        counts = np.zeros(joints, dtype=np.int64)
+        own = np.diff(self.start)
+        counts[index] = own
+        comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.MAX)
+        first = np.cumsum(counts) - counts
+        numbers = np.repeat(first[index] - self.start[:-1], own) + np.arange(self.size)
+        return Numbering(numbers, self.owned > 0.0, int(counts.sum()))
+
+    def state(self) -> dict[str, FloatArray]:
+        """What the rows remember of the accepted state: multipliers and continuous angles."""
+        return {"forces": self.forces, "angles": self._memory}
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Take back what :meth:`state` returned."""
+        for name, values in self.state().items():
+            values[:] = state[name]
 
     def active_components(self) -> IntArray:
         """(n_slots,) 3 where joints only ever pull at the node's origin, else 6."""
