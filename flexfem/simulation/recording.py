@@ -55,9 +55,10 @@ class Recorder:
             self._table = HistoryWriter(
                 settings.output / "history.csv", self._probes.columns, system.comm, resume=start
             )
-            remove_summary(settings.output / "summary.json", system.comm)
         if resume is not None:
             self._continue(resume)
+        if settings.output is not None:
+            remove_summary(settings.output / "summary.json", system.comm)
         quiet = settings.quiet or system.comm.rank != 0
         self._progress = Progress(end, not quiet, t_start=start or 0.0)
 
@@ -65,16 +66,19 @@ class Recorder:
         """Go on after the rows of an earlier run, or begin with the state it left."""
         self._time, self._angles.previous = float(row[0]), row[1:].copy()
         comm, error = self._system.comm, None
-        kept = np.zeros((0, len(row))) if self._table is None else self._table.kept
-        if comm.rank == 0:
+        if comm.rank == 0 and self._table is not None:
+            kept = self._table.kept
             if len(kept) and kept[-1, 0] < row[0] * (1.0 - _SAME):
                 error = InputError(
                     f"history of the output folder ends at t = {kept[-1, 0]:g} s, before the "
                     f"checkpoint at t = {row[0]:g} s: it is that of another run"
                 )
-            self._rows = list(kept) if len(kept) else [row]
-            if self._table is not None and not len(kept):
+                self._table.close()
+            self._rows = list(kept)
+            if not len(kept):
                 self._table.write(row[0], row[1:])
+        if comm.rank == 0 and not self._rows:
+            self._rows = [row]
         raise_together(comm, error)
 
     def record(self, step: int, last: bool = False) -> None:
