@@ -15,7 +15,7 @@ import numpy as np
 
 import flexfem
 from flexfem._types import FloatArray
-from flexfem.core.state import State
+from flexfem.core.state import Numbering, State
 from flexfem.io.checkpoint import Checkpoint, remove_files, write_checkpoint
 from flexfem.options import RunOptions
 from flexfem.simulation.time_grid import TimeGrid
@@ -59,8 +59,9 @@ class Restart:
             InputError: it is no intact checkpoint of this version, or does not fit the options.
         """
         assert options.restart is not None
-        self._file = file = Checkpoint(options.restart, comm)
-        self.path, header = file.path, file.header
+        self._comm, self._file = comm, Checkpoint(options.restart, comm)
+        file, header = self._file, self._file.header
+        self.path = file.path
         if header["flexfem"] != flexfem.__version__:
             raise file.refuse(
                 f"was written by flexfem {header['flexfem']}, this is {flexfem.__version__}"
@@ -79,13 +80,16 @@ class Restart:
         self.row: FloatArray = np.empty(0)
 
     def check(self, serial: Assembly) -> None:
-        """Compare the model with the one that was run.
+        """Compare the model with the one that was run (collective).
 
         Raises:
             InputError: they differ.
         """
-        then, now = self._file.header["model"], fingerprint(serial)
-        other = [name for name in now if then.get(name) != now[name]]
+        other: list[str] = []
+        if self._comm.rank == 0:  # the model is the same on all ranks
+            then, now = self._file.header["model"], fingerprint(serial)
+            other = [name for name in now if then.get(name) != now[name]]
+        other = self._comm.bcast(other)
         if other:
             raise self._file.refuse(f"belongs to another model, other {', '.join(other)}")
 
@@ -110,7 +114,7 @@ class Checkpoints:
         self, simulation: _Stateful, serial: Assembly, options: RunOptions, grid: TimeGrid,
         restart: Restart | None,
     ) -> None:  # fmt: skip
-        """Note what all checkpoints of the run have in common (collective).
+        """Note what all checkpoints of the run have in common.
 
         Args:
             simulation: whose state is written.
@@ -119,15 +123,21 @@ class Checkpoints:
             grid: its instants.
             restart: where the run goes on from, if it does.
         """
-        self._simulation, self._folder = simulation, options.output
-        self._numberings = simulation.system.numberings()
+        self._simulation, self._folder, self._serial = simulation, options.output, serial
+        self._numberings: dict[str, Numbering] = {}
         self._header = {
             "flexfem": flexfem.__version__,
-            "model": fingerprint(serial),
             "options": {name: getattr(options, name) for name in _AGREE},
             "grid": (grid.span, grid.count),
         }
         self._kept = [] if restart is None else [restart.path.absolute()]
+
+    def _prepare(self) -> None:
+        """What a run without checkpoints need not pay for (collective)."""
+        system = self._simulation.system
+        self._numberings = system.numberings()
+        if system.comm.rank == 0:
+            self._header["model"] = fingerprint(self._serial)
 
     def write(self, step: int, row: FloatArray) -> Path | None:
         """Write the accepted state (collective).
@@ -144,6 +154,8 @@ class Checkpoints:
         """
         if self._folder is None:
             return None
+        if not self._numberings:
+            self._prepare()
         path = self._folder / f"checkpoint_{step:06d}.h5"
         state = self._simulation.state() | State({"history": row})
         comm = self._simulation.system.comm

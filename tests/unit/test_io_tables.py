@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from flexfem.io import HistoryWriter, Progress, read_history, write_summary
-from flexfem.io.history import AngleColumns
 from flexfem.io.atomic import replace_file
+from flexfem.io.history import AngleColumns
 
 COMM = MPI.COMM_WORLD
 
