@@ -11,10 +11,7 @@ from typing import Protocol
 
 from mpi4py import MPI
 
-import numpy as np
-
 import flexfem
-from flexfem._types import FloatArray
 from flexfem.core.state import Numbering, State
 from flexfem.io.checkpoint import Checkpoint, remove_files, write_checkpoint
 from flexfem.options import RunOptions
@@ -26,7 +23,7 @@ from flexfem.system.system import System
 __all__ = ["Checkpoints", "Restart"]
 
 #: Options that a restart may not change.
-_AGREE = ("dt", "rho_inf")
+_AGREE = ("dt", "integrator", "rho_inf")
 _NAME = re.compile(r"checkpoint_\d{6,}\.h5|\.checkpoint_\d{6,}\.h5\.tmp")
 #: Files of one run that are kept.
 _KEEP = 2
@@ -49,7 +46,7 @@ class Restart:
         path: the file.
         grid: instants of the run that wrote it.
         step: last completed step.
-        row: time and probes at the checkpoint, angles continued; after :meth:`restore`.
+        state: what the file holds, after :meth:`restore`.
     """
 
     def __init__(self, options: RunOptions, comm: MPI.Intracomm) -> None:
@@ -69,7 +66,7 @@ class Restart:
         for name in _AGREE:
             then, now = header["options"][name], getattr(options, name)
             if then != now:
-                raise file.refuse(f"was written with {name} = {then:g}, not {now:g}")
+                raise file.refuse(f"was written with {name} = {then}, not {now}")
         self.grid = TimeGrid(*header["grid"])
         self.step: int = header["step"]
         if self.grid.steps(options.t_end) <= self.step:
@@ -77,7 +74,7 @@ class Restart:
             raise file.refuse(
                 f"is at t = {reached:g} s already, t_end = {options.t_end:g} s leaves nothing to do"
             )
-        self.row: FloatArray = np.empty(0)
+        self.state = State()
 
     def check(self, serial: Assembly) -> None:
         """Compare the model with the one that was run (collective).
@@ -99,10 +96,9 @@ class Restart:
         Raises:
             InputError: the file lacks something.
         """
-        state = self._file.read(simulation.system.numberings())
+        self.state = self._file.read(simulation.system.numberings())
         try:
-            self.row = state.values["history"]
-            simulation.restore(state)
+            simulation.restore(self.state)
         except KeyError as error:
             raise self._file.refuse(f"does not hold {error}") from error
 
@@ -139,12 +135,12 @@ class Checkpoints:
         if system.comm.rank == 0:
             self._header["model"] = fingerprint(self._serial)
 
-    def write(self, step: int, row: FloatArray) -> Path | None:
+    def write(self, step: int, records: State) -> Path | None:
         """Write the accepted state (collective).
 
         Args:
             step: last completed step.
-            row: time and probes of the state, on the first rank.
+            records: state of the recorder.
 
         Returns:
             The file, None without an output folder.
@@ -157,7 +153,7 @@ class Checkpoints:
         if not self._numberings:
             self._prepare()
         path = self._folder / f"checkpoint_{step:06d}.h5"
-        state = self._simulation.state() | State({"history": row})
+        state = self._simulation.state() | records
         comm = self._simulation.system.comm
         write_checkpoint(path, comm, {**self._header, "step": step}, state, self._numberings)
         mine = path.absolute()

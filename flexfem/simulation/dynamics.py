@@ -58,7 +58,7 @@ def simulate(
     with StopSignals() as signals:
         run = _Run(simulation, options, case, results, begin, restart)
         status = run.to_the_end(signals)
-        if run.stopped_by:
+        if run.signal:
             raise run.interrupted()
         return run.finish(_reason(simulation, status, options))
 
@@ -67,7 +67,7 @@ class _Run:
     """One run from the start, or from a checkpoint, to the results.
 
     Attributes:
-        stopped_by: number of the signal that ended it early, 0 for none.
+        signal: number of the signal that ended it early, 0 for none.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class _Run:
         self._start = None if restart is None else restart.step
         self._recorder = Recorder(
             simulation.system, simulation.serial, options, options.every, options.t_end,
-            resume=None if restart is None else restart.row,
+            resume=None if restart is None else restart.state,
         )  # fmt: skip
         self._checkpoints = Checkpoints(simulation, simulation.serial, options, self._grid, restart)
         self._checkpoint: Path | None = None
-        self.stopped_by, self._flag = 0, np.zeros(1, dtype=np.int32)
+        self.signal, self._flag = 0, np.zeros(1, dtype=np.int32)
         self._setup: float | None = None
         self._first: float | None = None
 
@@ -114,17 +114,18 @@ class _Run:
                 break
             stopped = simulation.events.stopped_by is not None
             self._recorder.record(step, last=stopped or step == count)
-            self.stopped_by = self._agreed(signals)
-            if self.stopped_by or (every and not stopped and (step % every == 0 or step == count)):
+            if stopped:
+                break
+            self.signal = self._agreed(signals)
+            if self.signal or (every and (step % every == 0 or step == count)):
                 self._save(step)
-            if self.stopped_by or stopped:
+            if self.signal:
                 break
         return status
 
     def _save(self, step: int) -> None:
         """Write a checkpoint."""
-        row = self._recorder.secure()
-        self._checkpoint = self._checkpoints.write(step, row)
+        self._checkpoint = self._checkpoints.write(step, self._recorder.state())
 
     def _agreed(self, signals: StopSignals) -> int:
         """Number of the signal that a rank has received, 0 for none."""
@@ -142,7 +143,7 @@ class _Run:
         more = ""
         if self._checkpoint is not None:
             more = f", go on with --restart {shlex.quote(str(self._checkpoint))}"
-        return Interrupted(self.stopped_by, reason + more)
+        return Interrupted(self.signal, reason + more)
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""

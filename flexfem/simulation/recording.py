@@ -5,6 +5,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.state import State
 from flexfem.io.atomic import raise_together
 from flexfem.io.field_output import FieldOutput
 from flexfem.io.history import AngleColumns, HistoryWriter
@@ -26,7 +27,7 @@ class Recorder:
 
     def __init__(
         self, system: System, serial: Assembly, settings: Settings, every: int, end: float,
-        *, resume: FloatArray | None = None,
+        *, resume: State | None = None,
     ) -> None:  # fmt: skip
         """Open the files (collective).
 
@@ -36,8 +37,8 @@ class Recorder:
             settings: where to write, and whether to show progress.
             every: fields are written every that many steps.
             end: time (s) or load factor at the end.
-            resume: (1 + columns,) time and probes of the state from which an earlier run is
-                continued: its records up to there are kept. None begins anew.
+            resume: what :meth:`state` returned where an earlier run is continued: its records up
+                to there are kept. None begins anew.
 
         Raises:
             InputError: what the earlier run left cannot be continued; it is left as it was.
@@ -48,7 +49,8 @@ class Recorder:
         self._rows: list[FloatArray] = []
         self._time = 0.0  # of the last record
         self._table = self._fields = None
-        start = None if resume is None else float(resume[0])
+        row = np.zeros(1) if resume is None else resume.values["history"]
+        start = None if resume is None else float(row[0])
         if settings.output is not None:
             # an InputError leaves everything as it was: the table is cut last
             self._fields = FieldOutput(settings.output, system, serial, start)
@@ -56,7 +58,8 @@ class Recorder:
                 settings.output / "history.csv", self._probes.columns, system.comm, resume=start
             )
         if resume is not None:
-            self._continue(resume)
+            self._probes.restore(resume.values["sums"])
+            self._continue(row)
         if settings.output is not None:
             remove_summary(settings.output / "summary.json", system.comm)
         quiet = settings.quiet or system.comm.rank != 0
@@ -112,11 +115,11 @@ class Recorder:
         elif self._fields is not None:
             self._fields.write(system.time, step - 1)
 
-    def secure(self) -> FloatArray:
-        """Bring the table to disk (collective), so that no checkpoint is ahead of it.
+    def state(self) -> State:
+        """What the records go on from; brings the table to disk first (collective).
 
-        Returns:
-            Time and probes of the last record, angles continued; empty on other ranks.
+        No checkpoint is ever ahead of the table. Time and probes of the last record, angles
+        continued, are known to the first rank.
 
         Raises:
             OSError: on all ranks; the disk does not take it.
@@ -129,7 +132,8 @@ class Recorder:
         except OSError as exc:
             error = exc
         raise_together(self._system.comm, error)
-        return self._rows[-1] if self._rows else np.empty(0)
+        row = self._rows[-1] if self._rows else np.empty(0)
+        return State({"history": row, "sums": self._probes.state()})
 
     def _flush(self) -> None:
         for t, values in self._probes.flush():

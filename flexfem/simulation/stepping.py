@@ -100,12 +100,19 @@ class Simulation:
 
     def state(self) -> State:
         """All that the next step depends on, and what was counted so far."""
-        counts = State({"steps": np.array([self.steps, self.rejected], dtype=np.float64)})
-        return counts | self._policy.state() | self.system.state()
+        own = {
+            "steps": np.array([self.steps, self.rejected, self._error], dtype=np.float64),
+            "control": self._control.state(),
+            **self.events.state(),
+        }
+        return State(own) | self._policy.state() | self.system.state()
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` returned (collective)."""
-        self.steps, self.rejected = map(int, state.values["steps"])
+        self.steps, self.rejected = map(int, state.values["steps"][:2])
+        self._error = float(state.values["steps"][2])
+        self._control.restore(state.values["control"])
+        self.events.restore(state.values)
         self._policy.restore(state)
         self.system.restore(state)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """All joints of this rank as one batch of rows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from mpi4py import MPI
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import LawKind, RowKind
-from flexfem.core.state import Numbering
+from flexfem.core.state import Numbering, State
 from flexfem.system.interface import Interface
 from flexfem.system.row_hessians import add_dampers, add_hessians, second_rates
 from flexfem.system.row_kernels import (
@@ -94,26 +94,40 @@ class Constraints(RowTable):
         self.shared_size = len(everywhere)
         self.shared_numbers: IntArray = np.searchsorted(everywhere, self.numbers[self.interior :])
 
-    def numbering(self, comm: MPI.Intracomm) -> Numbering:
-        """Rows in the order of the model's joints, on any number of ranks (collective)."""
+    def numberings(self) -> dict[str, Numbering]:
+        """Rows and terms in the order of the model's joints (collective)."""
+        per_joint = {
+            "rows": np.diff(self.start),
+            "terms": np.diff(self.term_start[self.start]),
+        }
+        owned = {"rows": self.owned > 0.0, "terms": self.owned[self.row_of_term] > 0.0}
+        return {name: self._in_order(per_joint[name], owned[name]) for name in owned}
+
+    def _in_order(self, counts: IntArray, owned: BoolArray) -> Numbering:
+        """Numbering of things of which the joints here have ``counts`` each."""
+        comm = self._comm
         index = np.array([j.index for j in self.joints], dtype=np.int64)
-        joints = comm.allreduce(int(index.max(initial=-1)) + 1, op=MPI.MAX)
-        counts = np.zeros(joints, dtype=np.int64)
-        own = np.diff(self.start)
-        counts[index] = own
-        comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.MAX)
-        first = np.cumsum(counts) - counts
-        numbers = np.repeat(first[index] - self.start[:-1], own) + np.arange(self.size)
-        return Numbering(numbers, self.owned > 0.0, int(counts.sum()))
+        every = np.zeros(comm.allreduce(int(index.max(initial=-1)) + 1, op=MPI.MAX), dtype=np.int64)
+        every[index] = counts
+        comm.Allreduce(MPI.IN_PLACE, every, op=MPI.MAX)
+        first, at = np.cumsum(every) - every, np.cumsum(counts) - counts
+        numbers = np.repeat(first[index] - at, counts) + np.arange(int(counts.sum()))
+        return Numbering(numbers, owned, int(every.sum()))
 
-    def state(self) -> dict[str, FloatArray]:
-        """What the rows remember of the accepted state: multipliers and continuous angles."""
-        return {"forces": self.forces, "angles": self._memory}
+    def state(self) -> State:
+        """What the rows remember of the accepted state, and which of them hold what."""
+        active = self.active.astype(np.float64)
+        rows = {"forces": self.forces, "targets": self.targets, "active": active}
+        values = {"relaxation": np.array([self.relaxation])}
+        return State(values, {"rows": rows, "terms": {"angles": self.angles}})
 
-    def restore(self, state: Mapping[str, FloatArray]) -> None:
+    def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned."""
-        for name, values in self.state().items():
-            values[:] = state[name]
+        rows = state.rows["rows"]
+        self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
+        self.active[:] = rows["active"] > 0.0
+        self.angles[:] = state.rows["terms"]["angles"]
+        self.relaxation = float(state.values["relaxation"][0])
 
     def active_components(self) -> IntArray:
         """(n_slots,) 3 where joints only ever pull at the node's origin, else 6."""

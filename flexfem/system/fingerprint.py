@@ -30,6 +30,7 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
     model = serial.model
     parts: dict[str, Any] = {
         "beams": model.beams,
+        "events": (model.events, model.released),
         "gravity": model.gravity,
         "joints": model.joints,
         "loads": model.loads,

@@ -264,7 +264,7 @@ class System:
     def numberings(self) -> dict[str, Numbering]:
         """Of the nodes of every block and of the rows, by the names in :meth:`state`."""
         blocks = {part.block.name: part.block.numbering() for part in self.parts}
-        return {**blocks, "rows": self.constraints.numbering(self.comm)}
+        return {**blocks, **self.constraints.numberings()}
 
     def state(self) -> State:
         """Accepted state of blocks and rows, time and counters."""
@@ -274,7 +274,7 @@ class System:
             "counters": np.array(astuple(self.counters), dtype=np.float64),
         }
         blocks = {part.block.name: part.block.state() for part in self.parts}
-        return State(values, {**blocks, "rows": self.constraints.state()})
+        return State(values, blocks) | self.constraints.state()
 
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned (collective)."""
@@ -283,5 +283,5 @@ class System:
         self.counters = Counters(*map(int, state.values["counters"]))
         for part in self.parts:
             part.block.restore(state.rows[part.block.name])
-        self.constraints.restore(state.rows["rows"])
+        self.constraints.restore(state)
         self.interface.update()

@@ -65,6 +65,45 @@ def _six_times(rotation: np.ndarray) -> float:
     return float(np.angle(complex(rotation[0, 0], rotation[1, 0]) ** 6))
 
 
+def bouncing() -> ff.Model:
+    """A ball on a plane, a pendulum caught by a hook, a beam that is held on; energies, reactions.
+
+    Events change which rows hold: before, at and after the checkpoint.
+    """
+    x = np.linspace(0.0, 0.6, 4)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.stack([np.arange(3), np.arange(1, 4)], axis=1)
+    model = ff.Model("bouncing", mesh=LineMesh(x, cells, {"rod": np.arange(3)}))
+    steel = ff.Material(2.1e9, 0.3, 7850.0)
+    ball, bob = ff.Marker("ball"), ff.Marker("bob")
+    plane = ff.Ground((3.0, 0.0, -0.02))
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.RigidBody("ball", 1.0, (0.1, 0.1, 0.1), position=(3.0, 0.0, 0.05)),
+        ff.PointOnPlane("floor", plane, ball, axis=(0.0, 0.0, 1.0)),
+        ff.RigidBody("bob", 0.5, (0.01, 0.01, 0.01), position=(-0.5, 0.0, 0.0)),
+        ff.Spherical("pin", ff.Ground(), ff.Marker("bob", offset=(0.5, 0.0, 0.0))),
+        ff.Distance("hook", ff.Ground((-1.0, 0.0, -0.5)), bob),
+        ff.Beam("rod", ff.Section.circle(0.01, steel), damping=1e-3),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("rod", "start")),
+        ff.Event(
+            "bounce",
+            ball,
+            lambda t, s: s.position[2] + 0.02,
+            ff.Rebound("floor", 0.7),
+            direction=-1,
+            once=False,
+        ),
+        ff.Event("catch", bob, lambda t, s: s.position[2] + 0.1, ff.LockJoint("hook")),
+        ff.EnergyProbe("energy"),
+        ff.ReactionProbe("held", "clamp"),
+        ff.PositionProbe("ball_path", ball),
+        ff.PositionProbe("bob_path", bob),
+        ff.PositionProbe("tip", ff.Marker("rod", "end")),
+    )
+    model.release("floor", "hook")
+    return model
+
+
 MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "slider_crank": (
         lambda: load_case("slider_crank").build(elements=3),
@@ -75,6 +114,8 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
         {"dt": 0.1, "t_end": 3.6, "split_above": 1},
     ),
     "driven": (driven, {"dt": 2e-3, "t_end": 0.072}),
+    "bouncing": (bouncing, {"dt": 0.01, "t_end": 0.36, "adaptive": True, "error_tolerance": 1e-4}),
+    "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }
 
 
@@ -121,7 +162,8 @@ def test_restarted_run_repeats_the_history(
     if COMM.rank == 0:
         # at least 1e-7 with factors of the checkpoint's state instead of the old ones, 3e-3 without
         # the auxiliary accelerations, 3e-8 with the other predictor
-        close({k: v[stop:] for k, v in reference.history.items()}, outcome.history, 1e-9)
+        first = np.searchsorted(reference.history["t"], stop * run.dt * (1.0 - 1e-9))
+        close({k: v[first:] for k, v in reference.history.items()}, outcome.history, 1e-9)
     counts = ("steps", "newton_iterations", "factorizations", "fallbacks", "residual_evaluations")
     # another order of the tangent's pivots may end an iteration one step earlier or later
     for key in counts:
@@ -193,14 +235,14 @@ def test_without_a_folder_nothing_is_written(tmp_path: Path, monkeypatch: Any) -
 def test_failed_run_keeps_a_checkpoint_of_its_last_good_state(shared_tmp_path: Path) -> None:
     """The motor's angle jumps out of reach of any step; with a tame motor the run goes on."""
 
-    def build(jump: float) -> ff.Model:
+    def build(jump: float | None) -> ff.Model:
         model = ff.Model("jump")
         model.add(
             ff.RigidBody("bob", 1.0, (0.1, 0.1, 0.1), position=(0.6, 0.0, -0.8)),
             ff.Spherical("pin", ff.Ground(), ff.Marker("bob", offset=(-0.6, 0.0, 0.8))),
             ff.PrescribedTranslation(
                 "drive", ff.Ground((0.6, 0.0, -0.8)), ff.Marker("bob"),
-                lambda t: 2.0 * t if t < 5.4e-3 else jump, axis=(1.0, 0.0, 0.0),
+                lambda t: 2.0 * t if jump is None or t < 5.4e-3 else jump, axis=(1.0, 0.0, 0.0),
             ),
             ff.PositionProbe("path", ff.Marker("bob")),
         )  # fmt: skip
@@ -213,7 +255,7 @@ def test_failed_run_keeps_a_checkpoint_of_its_last_good_state(shared_tmp_path: P
     assert [p.name for p in shared_tmp_path.glob("checkpoint*")] == [file.name]
     COMM.barrier()
     # the state lies within step 6, whose rest is made first
-    again = ff.simulate(build(0.011), replace(run, restart=file))
+    again = ff.simulate(build(None), replace(run, restart=file))
     assert again.status == "ok"
     times = read_history(shared_tmp_path / "history.csv")["t"]
     assert 5.0e-3 < times[6] < 5.4e-3
