@@ -2,7 +2,8 @@
 """Command line of the cases: ``python cases/<name>.py``, ``flexfem run <name>``, ``flexfem list``.
 
 Nothing here imports DOLFINx, PETSc, numba or gmsh before a run starts. Exit codes: 0 done, 1 the
-computation failed, 2 wrong input (one line on stderr, nothing written), 130 interrupted.
+computation failed, 2 wrong input (one line on stderr, nothing written), 130 interrupted (SIGINT),
+143 terminated (SIGTERM).
 """
 
 import argparse
@@ -11,6 +12,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -110,6 +112,9 @@ def _exit_code(action: Callable[[], int]) -> int:
             launch.say("error: " + " ".join(message.split()), error=True)
             return 2
         raise
+    except launch.Interrupted as stop:  # all ranks have ended alike
+        launch.say(str(stop), error=True)
+        return stop.code
     except KeyboardInterrupt:
         if launch.rank() > 0:
             time.sleep(_PATIENCE)  # whoever gets here next: the first rank may hang in a receive
@@ -218,6 +223,7 @@ def parse(
     parser = _case_parser(case, prog)
     given = vars(parser.parse_args(_join_negative_values(argv)))
     output = given.pop("output", Path("results") / case.name)
+    more = {"restart": given.pop("restart")} if "restart" in given else {}
     quiet, smoke = given.pop("quiet"), given.pop("smoke")
     values = case.values(given, smoke=smoke)
     parameters = {option.name: values[option.name] for option in case.options}
@@ -225,7 +231,7 @@ def parse(
     numbers = {option.name: values[option.name] for option in settings.OPTIONS}
     try:
         _check_output(output)
-        return parameters, settings(**numbers, output=output, quiet=quiet)
+        return parameters, settings(**numbers, **more, output=output, quiet=quiet)
     except (OSError, ValueError) as error:
         raise UsageError(str(error)) from error
 
@@ -248,6 +254,13 @@ def _case_parser(case: Case, prog: str | None) -> _Parser:
         metavar="DIR",
         help=f"folder of the results (default: {Path('results') / case.name})",
     )
+    if "restart" in {field.name for field in fields(case.analysis.settings)}:
+        common.add_argument(
+            "--restart",
+            type=_file,
+            metavar="FILE",
+            help="checkpoint to go on from, on any number of ranks; --t-end may be later",
+        )
     common.add_argument(
         "--quiet", action="store_true", default=False, help="no progress bar, errors only"
     )
@@ -298,6 +311,12 @@ def _is_number(text: str) -> bool:
 def _folder(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("must name a folder, got ''")
+    return Path(text)
+
+
+def _file(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("must name a file, got ''")
     return Path(text)
 
 

@@ -5,8 +5,12 @@ MPI itself is imported only where ranks must talk, so that ``--help`` and wrong 
 """
 
 import os
+import signal
 import sys
-from types import TracebackType
+import threading
+import time
+from types import FrameType, TracebackType
+from typing import Any, Self
 
 # MPICH and derivatives, PMIx launchers, Open MPI.
 _RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
@@ -59,3 +63,54 @@ def excepthook(
     """Print the traceback, then end the other ranks, which may wait for this one for ever."""
     sys.__excepthook__(kind, error, trace)
     abort(1)
+
+
+#: Signals that ask a run to end, and seconds within which a second one counts as the same: a
+#: launcher may pass on what the terminal has sent already.
+_SIGNALS, _SAME = (signal.SIGINT, signal.SIGTERM), 1.0
+
+
+class Interrupted(KeyboardInterrupt):
+    """A run was asked to end and has ended in good order, on all ranks alike.
+
+    Attributes:
+        code: exit code of a process that ends for this reason.
+    """
+
+    def __init__(self, number: int, message: str) -> None:
+        """Note the signal's number and what to tell the user."""
+        super().__init__(message)
+        self.code = 128 + number
+
+
+class StopSignals:
+    """Notes SIGINT and SIGTERM while it is entered, for a run to end at its next step.
+
+    A second signal ends at once (KeyboardInterrupt), in case the run hangs. Only the main thread
+    of a process receives signals; in others nothing is noted.
+
+    Attributes:
+        received: number of the first signal, 0 before.
+    """
+
+    def __init__(self) -> None:
+        """Nothing is received yet."""
+        self.received, self._since = 0, 0.0
+        self._former: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        """Take over from the handlers that are there."""
+        if threading.current_thread() is threading.main_thread():
+            self._former = {number: signal.signal(number, self._note) for number in _SIGNALS}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Put the former handlers back."""
+        for number, handler in self._former.items():
+            signal.signal(number, handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.received and time.monotonic() > self._since + _SAME:
+            raise KeyboardInterrupt
+        if not self.received:
+            self.received, self._since = number, time.monotonic()

@@ -224,6 +224,13 @@ _RUN_OPTIONS = (
     ),
     Option("every", int, 10, "write the ParaView fields every N-th time step dt", minimum=1),
     Option(
+        "checkpoint_every",
+        int,
+        0,
+        "write a checkpoint every N-th step and at the end; 0: only if the run ends early",
+        minimum=0,
+    ),
+    Option(
         "split_above",
         int,
         4000,
@@ -255,7 +262,10 @@ class RunOptions(Settings):
             size of the mechanism for example. The error at the end is about that of one step times
             the number of steps.
         every: Fields are written every that many steps ``dt``.
+        checkpoint_every: A checkpoint is written every that many steps and at the end; 0 writes one
+            only if the run fails or is interrupted. None is written without an output folder.
         split_above: Elements above which one beam may be split over ranks.
+        restart: Checkpoint to go on from; None starts at t = 0.
 
     Raises:
         TypeError: If a value has the wrong type.
@@ -275,11 +285,15 @@ class RunOptions(Settings):
     adaptive: bool = _DEFAULTS["adaptive"]
     error_tolerance: float = _DEFAULTS["error_tolerance"]
     every: int = _DEFAULTS["every"]
+    checkpoint_every: int = _DEFAULTS["checkpoint_every"]
     split_above: int = _DEFAULTS["split_above"]
+    restart: Path | None = None
 
     def __post_init__(self) -> None:
         """Check every value, and the values against each other."""
         super().__post_init__()
+        if self.restart is not None:
+            object.__setattr__(self, "restart", Path(self.restart))
         if self.dt > self.t_end:
             raise ValueError(f"RunOptions: dt {self.dt:g} s exceeds t_end {self.t_end:g} s")
         if self.t_end > MAX_STEPS * self.dt:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Nodes with a frame each: the unknowns of beams and of rigid bodies."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from mpi4py import MPI
@@ -9,6 +10,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.frame_kernels import accept, correct, predict, shift, to_inertial
+from flexfem.core.state import Numbering
 
 __all__ = ["FrameBlock"]
 
@@ -166,6 +168,35 @@ class FrameBlock:
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""
         self.predict(_NOTHING, np.zeros(2))
+
+    def numbering(self) -> Numbering:
+        """Local nodes in the order of the input."""
+        owned = np.arange(len(self.node_ids)) < self.owned
+        return Numbering(self.node_ids, owned, self.size_global)
+
+    def state(self) -> dict[str, FloatArray]:
+        """Accepted state of the local nodes: what the next step starts from."""
+        return {
+            "frames": self.frames0,
+            "velocity": self._velocity0,
+            "acceleration": self._acceleration0,
+            "auxiliary": self._auxiliary0,
+        }
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Accept a state returned by :meth:`state`, ghosts included."""
+        for name, values in self.state().items():
+            values[:] = state[name]
+        self.reset()
+
+    def trial(self) -> dict[str, FloatArray]:
+        """Trial state of the local nodes: what matrices are computed from."""
+        return {
+            "frames": self.frames,
+            "velocity": self.velocity,
+            "acceleration": self.acceleration,
+            "increment": self.increment,
+        }
 
     def spread_step(self) -> None:
         """Copy the owners' steps to ghosts."""

@@ -23,17 +23,30 @@ _GLYPH = 0.02
 class FieldOutput:
     """The series of one run; every call is collective."""
 
-    def __init__(self, folder: Path, system: System, serial: Assembly) -> None:
-        """Declare all series; those without anything to show only remove what is there."""
+    def __init__(
+        self, folder: Path, system: System, serial: Assembly, resume: float | None = None
+    ) -> None:
+        """Declare all series; those without anything to show only remove what is there.
+
+        Args:
+            folder: result folder.
+            system: whose state is written.
+            serial: serial data of its model.
+            resume: keep the instants of an earlier run up to this time (s).
+
+        Raises:
+            InputError: the series of an earlier run cannot be read.
+        """
         self._system = system
         model, comm = serial.model, system.comm
         self._parts = {part.block.name: part for part in system.parts}
         size = _GLYPH * model_extent(serial)
         outlines = [s.outline for s in serial.sections] if model.beams else []
-        self._beams = BeamWriter(folder, comm, outlines)
+        self._beams = BeamWriter(folder, comm, outlines, resume=resume)
         surfaces = [body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies]
-        self._bodies = RigidBodyWriter(folder, comm, surfaces)
-        self._joints = JointWriter(folder, comm, [type(j).__name__ for j in model.joints], size)
+        self._bodies = RigidBodyWriter(folder, comm, surfaces, resume=resume)
+        kinds = [type(j).__name__ for j in model.joints]
+        self._joints = JointWriter(folder, comm, kinds, size, resume=resume)
 
     def write(self, time: float, step: int) -> None:
         """Write the accepted state."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexfem._checks import InputError
 from flexfem.io.atomic import raise_together, replace_file
 
 if TYPE_CHECKING:
@@ -21,6 +23,10 @@ class HistoryWriter:
     """Table ``t, <columns>`` in a CSV file; every row is on its way to disk when `write` returns.
 
     Numbers are written so that reading them gives the same floating-point values.
+
+    Attributes:
+        path, columns, comm: as given.
+        kept: (n, 1 + columns) rows of an earlier run that are continued; rank 0.
     """
 
     def __init__(
@@ -28,7 +34,6 @@ class HistoryWriter:
         path: Path,
         columns: Sequence[str],
         comm: MPI.Comm,
-        unwrap: Sequence[str] = (),
         *,
         resume: float | None = None,
     ) -> None:
@@ -38,17 +43,16 @@ class HistoryWriter:
             path: The file; its folder is created if missing.
             columns: Names of the columns after ``t``.
             comm: Communicator; only rank 0 touches the file. Construction is collective.
-            unwrap: Names of angle columns (rad) to be continued across jumps of 2 pi.
             resume: Keep the rows of an earlier run up to this time (s); None starts a new table.
 
         Raises:
-            ValueError: If names are unusable, or the table to be continued has other columns.
+            ValueError: If names are unusable.
+            InputError: If the table to be continued has other columns, or is no table of numbers.
             OSError: If the file cannot be written (on all ranks).
         """
         self.path, self.columns, self.comm = Path(path), tuple(columns), comm
-        _check_columns(self.columns, unwrap)
-        self._angles = [i for i, c in enumerate(self.columns) if c in set(unwrap)]
-        self._previous: NDArray[np.float64] | None = None
+        _check_columns(self.columns)
+        self.kept = np.zeros((0, 1 + len(self.columns)))
         self._stream: TextIO | None = None
         error: Exception | None = None
         if comm.rank == 0:
@@ -74,10 +78,17 @@ class HistoryWriter:
             raise ValueError(
                 f"HistoryWriter '{self.path}': {len(row)} values for {len(self.columns)} columns"
             )
-        if self._angles:
-            row = self._unwrapped(row)
         self._stream.write(",".join(map(repr, [float(t), *row.tolist()])) + "\n")
         self._stream.flush()
+
+    def sync(self) -> None:
+        """Bring all rows to disk; rank 0, the others do nothing.
+
+        Raises:
+            OSError: If the disk does not take them.
+        """
+        if self._stream is not None:
+            os.fsync(self._stream.fileno())
 
     def close(self) -> None:
         """Close the file."""
@@ -97,25 +108,48 @@ class HistoryWriter:
     def _kept_rows(self, header: str, resume: float) -> list[str]:
         old, *rows = _complete_lines(self.path) or [""]
         if old != header:
-            raise ValueError(
-                f"HistoryWriter '{self.path}': cannot continue a table with other columns"
-            )
+            raise InputError(f"history '{self.path}': cannot be continued, it has other columns")
         limit = resume + 1e-12 * abs(resume)
-        kept = [row for row in rows if float(row.split(",", 1)[0]) <= limit]
-        if kept:
-            self._previous = np.array([float(x) for x in kept[-1].split(",")[1:]])
-        return kept
+        try:
+            table = np.array([[float(x) for x in row.split(",")] for row in rows])
+            table = table.reshape(len(rows), 1 + len(self.columns))
+        except ValueError as error:
+            raise InputError(f"history '{self.path}': cannot be continued, {error}") from error
+        keep = table[:, 0] <= limit
+        self.kept = table[keep]
+        return [rows[i] for i in np.flatnonzero(keep)]
 
-    def _unwrapped(self, row: NDArray[np.float64]) -> NDArray[np.float64]:
-        if self._previous is not None:
-            jump = self._previous[self._angles] - row[self._angles]
-            # A value that is not a number must not poison the rows after it.
-            turns = np.where(np.isfinite(jump), np.round(jump / (2.0 * np.pi)), 0.0)
-            row[self._angles] += 2.0 * np.pi * turns
-            lost = ~np.isfinite(row)
-            self._previous = np.where(lost, self._previous, row)
-        else:
-            self._previous = row.copy()
+
+class AngleColumns:
+    """Continues angles across jumps of 2 pi, row by row.
+
+    Attributes:
+        previous: Last value of every column that was a number, None before the first row.
+    """
+
+    def __init__(self, columns: Sequence[str], angles: Sequence[str]) -> None:
+        """Note which columns are angles (rad).
+
+        Raises:
+            ValueError: If an angle is none of the columns.
+        """
+        for name in angles:
+            if name not in columns:
+                raise ValueError(f"AngleColumns: no column '{name}' to unwrap")
+        self._angles = [i for i, name in enumerate(columns) if name in set(angles)]
+        self.previous: NDArray[np.float64] | None = None
+
+    def unwrap(self, values: ArrayLike) -> NDArray[np.float64]:
+        """The next row with its angles continued."""
+        row = np.array(values, dtype=np.float64)
+        if self.previous is None:
+            self.previous = row.copy()
+            return row
+        jump = self.previous[self._angles] - row[self._angles]
+        # A value that is not a number must not poison the rows after it.
+        turns = np.where(np.isfinite(jump), np.round(jump / (2.0 * np.pi)), 0.0)
+        row[self._angles] += 2.0 * np.pi * turns
+        self.previous = np.where(np.isfinite(row), row, self.previous)
         return row
 
 
@@ -153,12 +187,9 @@ def _complete_lines(path: Path) -> list[str]:
     return path.read_text(encoding="utf-8").split("\n")[:-1]
 
 
-def _check_columns(columns: tuple[str, ...], unwrap: Sequence[str]) -> None:
+def _check_columns(columns: tuple[str, ...]) -> None:
     for name in columns:
         if not name or name == "t" or name != name.strip() or set(name) & set(',"\n\r'):
             raise ValueError(f"HistoryWriter: {name!r} cannot be the name of a column")
         if columns.count(name) > 1:
             raise ValueError(f"HistoryWriter: two columns are named '{name}'")
-    for name in unwrap:
-        if name not in columns:
-            raise ValueError(f"HistoryWriter: no column '{name}' to unwrap")

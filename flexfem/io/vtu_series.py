@@ -20,6 +20,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexfem._checks import InputError
 from flexfem.io.atomic import raise_together, replace_file
 
 if TYPE_CHECKING:
@@ -88,21 +89,26 @@ class VtuSeries:
         components: Mapping[str, Sequence[str]] | None = None,
         resume: float | None = None,
     ) -> None:
-        """Declare the series; local, nothing is written yet.
+        """Declare the series; nothing is written yet. Collective if an earlier one is continued.
 
         Args:
             folder: Result folder, created if missing.
             name: Name of the series, used in file names.
-            comm: Communicator; construction is local, `write` and `close` are collective.
+            comm: Communicator; `write` and `close` are collective.
             components: Names of the components of some arrays, by array name.
             resume: Keep the instants of an earlier run up to this time (s); None removes them all.
+
+        Raises:
+            ValueError: If the name cannot be used.
+            InputError: If the index of the earlier run cannot be read.
         """
         if not re.fullmatch(r"[A-Za-z0-9_.-]+", name):
             raise ValueError(f"VtuSeries '{name}': the name must be usable as a file name")
         self.folder, self.name, self.comm = Path(folder), name, comm
         self._components = {k: tuple(v) for k, v in (components or {}).items()}
-        self._resume = resume
         self._instants: dict[int, tuple[float, str]] = {}  # step -> (time, file), rank 0 only
+        if resume is not None:
+            self._recall(resume)
         self._started = self._closed = False
 
     def write(
@@ -184,19 +190,26 @@ class VtuSeries:
         if self.comm.rank == 0:
             try:
                 self._clean()
-            except (OSError, ValueError) as exc:
+            except OSError as exc:
                 error = exc
         raise_together(self.comm, error)
         self._started = True
 
+    def _recall(self, resume: float) -> None:
+        """Take over the instants of an earlier run; collective."""
+        error: Exception | None = None
+        pvd = self.folder / f"{self.name}.pvd"
+        if self.comm.rank == 0 and pvd.exists():
+            limit = resume + 1e-12 * abs(resume)
+            try:
+                known = _read_pvd(pvd, self.name)
+                self._instants = {k: v for k, v in known.items() if v[0] <= limit}
+            except (OSError, InputError) as exc:
+                error = exc
+        raise_together(self.comm, error)
+
     def _clean(self) -> None:
         pvd = self.folder / f"{self.name}.pvd"
-        if self._resume is not None and pvd.exists():
-            self._instants = {
-                step: (time, file)
-                for step, (time, file) in _read_pvd(pvd, self.name).items()
-                if time <= self._resume + 1e-12 * abs(self._resume)
-            }
         # The index goes first: it must never name a file that is gone.
         if self._instants:
             self._write_pvd()
@@ -359,4 +372,4 @@ def _read_pvd(path: Path, name: str) -> dict[int, tuple[float, str]]:
         matches = [re.search(rf"{re.escape(name)}_(\d{{6,}})", Path(f).name) for _, f in entries]
         return {int(m[1]): e for m, e in zip(matches, entries, strict=True) if m}
     except (ET.ParseError, KeyError, ValueError) as exc:
-        raise ValueError(f"VtuSeries '{name}': cannot read {path}: {exc}") from exc
+        raise InputError(f"series '{path}': cannot be continued, {exc}") from exc

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import shlex
 import time
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -12,12 +14,15 @@ import numpy as np
 
 from flexfem.core.status import Status
 from flexfem.io.summary import write_summary
+from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.options import RunOptions
+from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.outcome import Outcome, Results
 from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.stepping import HALVINGS, Simulation
+from flexfem.simulation.time_grid import TimeGrid
 
 __all__ = ["simulate"]
 
@@ -45,68 +50,108 @@ def simulate(
     Raises:
         InputError: a mistake in the model, before anything is written (a ValueError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: after what is there was written, if there is one rank only.
+        KeyboardInterrupt: SIGINT or SIGTERM came; a checkpoint and what was computed are written.
     """
     begin = time.perf_counter()
-    simulation = Simulation(model, options, comm)
-    run = _Run(simulation, options, case, results, begin)
-    try:
-        status = run.to_the_end()
-    except KeyboardInterrupt:
-        # ranks are interrupted at different places, where no collective call can end well
-        if simulation.system.comm.size == 1:
-            run.finish(f"interrupted at t = {simulation.time:.6g} s")
-        raise
-    return run.finish(_reason(simulation, status, options))
+    comm = comm or MPI.COMM_WORLD
+    restart = None if options.restart is None else Restart(options, comm)
+    simulation = Simulation(model, options, comm, restart)
+    with StopSignals() as signals:
+        run = _Run(simulation, options, case, results, begin, restart)
+        status = run.to_the_end(signals)
+        if run.signal:
+            raise run.interrupted()
+        return run.finish(_reason(simulation, status, options))
 
 
 class _Run:
-    """One run from the start to the results."""
+    """One run from the start, or from a checkpoint, to the results.
+
+    Attributes:
+        signal: number of the signal that ended it early, 0 for none.
+    """
 
     def __init__(
         self, simulation: Simulation, options: RunOptions, case: str, results: Results | None,
-        begin: float,
+        begin: float, restart: Restart | None,
     ) -> None:  # fmt: skip
         self._simulation, self._options, self._case = simulation, options, case
         self._results, self._begin = results, begin
+        self._grid = TimeGrid.of(options.dt, options.t_end) if restart is None else restart.grid
+        self._start = None if restart is None else restart.step
         self._recorder = Recorder(
-            simulation.system, simulation.serial, options, options.every, options.t_end
-        )
+            simulation.system, simulation.serial, options, options.every, options.t_end,
+            resume=None if restart is None else restart.state,
+        )  # fmt: skip
+        self._checkpoints = Checkpoints(simulation, simulation.serial, options, self._grid, restart)
+        self._checkpoint: Path | None = None
+        self.signal, self._flag = 0, np.zeros(1, dtype=np.int32)
         self._setup: float | None = None
         self._first: float | None = None
 
     def _elapsed(self) -> float:
         return time.perf_counter() - self._begin
 
-    def to_the_end(self) -> Status:
-        """Take all steps, or those before the first that fails."""
-        simulation, options = self._simulation, self._options
+    def to_the_end(self, signals: StopSignals) -> Status:
+        """Take all steps, or those before the first that fails or a signal."""
+        simulation, options, grid = self._simulation, self._options, self._grid
         status = simulation.status
         if status is not Status.OK:
             return status
-        self._recorder.record(0)
+        if self._start is None:
+            self._recorder.record(0)
         self._setup = self._elapsed()
         if options.adaptive:
             simulation.observe = self._recorder.record_between
-        count = max(1, round(options.t_end / options.dt))
-        for step in range(1, count + 1):
-            status = simulation.advance(options.t_end / count, options.t_end * step / count)
-            if step == 1:
+        count, first = grid.steps(options.t_end), (self._start or 0) + 1
+        every = options.checkpoint_every
+        for step in range(first, count + 1):
+            status = simulation.advance(grid.rest(simulation.time, step), grid.time(step))
+            if step == first:
                 self._first = self._elapsed()
             if status is not Status.OK:
                 self._recorder.record_last(step)
+                self._save(step - 1)
                 break
             stopped = simulation.events.stopped_by is not None
             self._recorder.record(step, last=stopped or step == count)
             if stopped:
                 break
+            self.signal = self._agreed(signals)
+            if self.signal or (every and (step % every == 0 or step == count)):
+                self._save(step)
+            if self.signal:
+                break
         return status
+
+    def _save(self, step: int) -> None:
+        """Write a checkpoint."""
+        self._checkpoint = self._checkpoints.write(step, self._recorder.state())
+
+    def _agreed(self, signals: StopSignals) -> int:
+        """Number of the signal that a rank has received, 0 for none."""
+        comm, flag = self._simulation.system.comm, self._flag
+        if comm.size == 1:
+            return signals.received
+        flag[0] = signals.received
+        comm.Allreduce(MPI.IN_PLACE, flag, op=MPI.MAX)
+        return int(flag[0])
+
+    def interrupted(self) -> Interrupted:
+        """Write what is left and the summary; the exception that ends the run (collective)."""
+        reason = f"interrupted at t = {self._simulation.time:.6g} s"
+        self.finish(reason)
+        more = ""
+        if self._checkpoint is not None:
+            more = f", go on with --restart {shlex.quote(str(self._checkpoint))}"
+        return Interrupted(self.signal, reason + more)
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
         self._recorder.close()
         history = self._recorder.history()
         summary = _summary(self._simulation, self._case, reason, self._elapsed())
+        summary["restarted_at_step"] = self._start
         summary["wall_seconds_setup"] = self._setup or summary["wall_seconds"]
         summary["wall_seconds_first_step"] = self._first
         if history and self._results is not None:

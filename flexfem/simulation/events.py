@@ -4,7 +4,7 @@
 Every rank evaluates the functions with the same marker states, and so decides alike.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -82,6 +82,21 @@ class Events:
         if self.bad is not None:
             raise InputError(f'Event "{self.bad}": function must be finite at t = 0')
         self._sides = np.sign(self.values)
+
+    def state(self) -> dict[str, FloatArray]:
+        """Where the functions stand, and what has happened."""
+        names = [event.name for event in self._events]
+        fired = [(names.index(name), t) for name, t in self.fired]
+        return {
+            "events": np.array([self.values, self._sides, self._armed], dtype=np.float64),
+            "fired": np.array(fired, dtype=np.float64).reshape(-1, 2),
+        }
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Take back what :meth:`state` returned."""
+        self.values, self._sides = state["events"][:2]
+        self._armed = state["events"][2] > 0.0
+        self.fired = [(self._events[int(i)].name, float(t)) for i, t in state["fired"]]
 
     def __len__(self) -> int:
         """Number of events."""

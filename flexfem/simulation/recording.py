@@ -3,9 +3,12 @@
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.state import State
+from flexfem.io.atomic import raise_together
 from flexfem.io.field_output import FieldOutput
-from flexfem.io.history import HistoryWriter
+from flexfem.io.history import AngleColumns, HistoryWriter
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.options import Settings
@@ -15,13 +18,17 @@ from flexfem.system.system import System
 
 __all__ = ["Recorder"]
 
+#: Relative difference of times that are the same.
+_SAME = 1e-9
+
 
 class Recorder:
     """History, fields and progress of one run."""
 
     def __init__(
-        self, system: System, serial: Assembly, settings: Settings, every: int, end: float
-    ) -> None:
+        self, system: System, serial: Assembly, settings: Settings, every: int, end: float,
+        *, resume: State | None = None,
+    ) -> None:  # fmt: skip
         """Open the files (collective).
 
         Args:
@@ -30,21 +37,52 @@ class Recorder:
             settings: where to write, and whether to show progress.
             every: fields are written every that many steps.
             end: time (s) or load factor at the end.
+            resume: what :meth:`state` returned where an earlier run is continued: its records up
+                to there are kept. None begins anew.
+
+        Raises:
+            InputError: what the earlier run left cannot be continued; it is left as it was.
         """
         self._system, self._every = system, every
         self._probes = ProbeRecorder(system, serial)
+        self._angles = AngleColumns(self._probes.columns, self._probes.unwrap)
         self._rows: list[FloatArray] = []
         self._time = 0.0  # of the last record
         self._table = self._fields = None
+        row = np.zeros(1) if resume is None else resume.values["history"]
+        start = None if resume is None else float(row[0])
+        if settings.output is not None:
+            # an InputError leaves everything as it was: the table is cut last
+            self._fields = FieldOutput(settings.output, system, serial, start)
+            self._table = HistoryWriter(
+                settings.output / "history.csv", self._probes.columns, system.comm, resume=start
+            )
+        if resume is not None:
+            self._probes.restore(resume.values["sums"])
+            self._continue(row)
         if settings.output is not None:
             remove_summary(settings.output / "summary.json", system.comm)
-            self._table = HistoryWriter(
-                settings.output / "history.csv", self._probes.columns, system.comm,
-                self._probes.unwrap,
-            )  # fmt: skip
-            self._fields = FieldOutput(settings.output, system, serial)
         quiet = settings.quiet or system.comm.rank != 0
-        self._progress = Progress(end, not quiet)
+        self._progress = Progress(end, not quiet, t_start=start or 0.0)
+
+    def _continue(self, row: FloatArray) -> None:
+        """Go on after the rows of an earlier run, or begin with the state it left."""
+        self._time, self._angles.previous = float(row[0]), row[1:].copy()
+        comm, error = self._system.comm, None
+        if comm.rank == 0 and self._table is not None:
+            kept = self._table.kept
+            if len(kept) and kept[-1, 0] < row[0] * (1.0 - _SAME):
+                error = InputError(
+                    f"history of the output folder ends at t = {kept[-1, 0]:g} s, before the "
+                    f"checkpoint at t = {row[0]:g} s: it is that of another run"
+                )
+                self._table.close()
+            self._rows = list(kept)
+            if not len(kept):
+                self._table.write(row[0], row[1:])
+        if comm.rank == 0 and not self._rows:
+            self._rows = [row]
+        raise_together(comm, error)
 
     def record(self, step: int, last: bool = False) -> None:
         """Note the accepted state of a step."""
@@ -77,11 +115,32 @@ class Recorder:
         elif self._fields is not None:
             self._fields.write(system.time, step - 1)
 
+    def state(self) -> State:
+        """What the records go on from; brings the table to disk first (collective).
+
+        No checkpoint is ever ahead of the table. Time and probes of the last record, angles
+        continued, are known to the first rank.
+
+        Raises:
+            OSError: on all ranks; the disk does not take it.
+        """
+        error = None
+        try:
+            self._flush()
+            if self._table is not None:
+                self._table.sync()
+        except OSError as exc:
+            error = exc
+        raise_together(self._system.comm, error)
+        row = self._rows[-1] if self._rows else np.empty(0)
+        return State({"history": row, "sums": self._probes.state()})
+
     def _flush(self) -> None:
         for t, values in self._probes.flush():
-            self._rows.append(np.concatenate([[t], values]))
+            row = self._angles.unwrap(values)
+            self._rows.append(np.concatenate([[t], row]))
             if self._table is not None:
-                self._table.write(t, values)
+                self._table.write(t, row)
 
     def close(self) -> None:
         """Write what is left."""
@@ -97,7 +156,4 @@ class Recorder:
         if not self._rows:
             return {}
         table = np.array(self._rows)
-        columns = dict(zip(["t", *self._probes.columns], table.T.copy(), strict=True))
-        for name in self._probes.unwrap:
-            columns[name] = np.unwrap(columns[name])
-        return columns
+        return dict(zip(["t", *self._probes.columns], table.T.copy(), strict=True))

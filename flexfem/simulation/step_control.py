@@ -7,6 +7,10 @@ where they lie on the grid of the doubled step, so that every multiple of the la
 
 from math import ceil, log2
 
+import numpy as np
+
+from flexfem._types import FloatArray
+
 __all__ = ["HALVINGS", "StepControl"]
 
 #: A step is halved this often before the run gives up.
@@ -33,6 +37,14 @@ class StepControl:
         self.tolerance = tolerance
         self._power = order + 1
         self._level = self._position = self._good = 0
+
+    def state(self) -> FloatArray:
+        """What is remembered between largest steps."""
+        return np.array([self._level, self._good], dtype=np.float64)
+
+    def restore(self, state: FloatArray) -> None:
+        """Take back what :meth:`state` returned."""
+        self._level, self._good = map(int, state)
 
     def begin(self) -> None:
         """Start the next largest step."""

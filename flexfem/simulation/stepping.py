@@ -6,12 +6,16 @@ from collections.abc import Callable
 
 from mpi4py import MPI
 
+import numpy as np
+
 from flexfem._checks import InputError
+from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import create_integrator, discard
 from flexfem.integrators.start import make_consistent, start_consistently
 from flexfem.model.model import Model
 from flexfem.options import RunOptions
+from flexfem.simulation.checkpoints import Restart
 from flexfem.simulation.equilibrium import start_in_equilibrium
 from flexfem.simulation.events import Events
 from flexfem.simulation.step_control import HALVINGS, StepControl
@@ -43,16 +47,23 @@ class Simulation:
     """
 
     def __init__(
-        self, model: Model, options: RunOptions, comm: MPI.Intracomm | None = None
+        self,
+        model: Model,
+        options: RunOptions,
+        comm: MPI.Intracomm | None = None,
+        restart: Restart | None = None,
     ) -> None:
-        """Build the system and start it consistently (collective).
+        """Build the system and start it consistently, or where a checkpoint left it (collective).
 
         Raises:
-            InputError: a mistake in the model (a ValueError).
+            InputError: a mistake in the model, or a checkpoint that does not belong to it (a
+                ValueError).
         """
         try:
             model.validate()
             self.serial = Assembly(model)
+            if restart is not None:
+                restart.check(self.serial)
             self.system: System = build(self.serial, comm or MPI.COMM_WORLD, options.split_above)
         except ValueError as error:  # on every rank, the model being the same
             raise InputError(str(error)) from error
@@ -65,7 +76,7 @@ class Simulation:
             options.error_tolerance if options.adaptive else None, self._integrator.order
         )
         self._tangent = TangentSolver(self.system)
-        self.status = self._start()
+        self.status = self._start() if restart is None else Status.OK
         newton = NewtonOptions(options.tolerance)
         self._policy: Policy = create_policy(
             options.iteration_matrix, self.system, newton, self._tangent
@@ -77,6 +88,8 @@ class Simulation:
         self.step_seconds: list[float] = []
         self.observe: Callable[[], None] = _nothing
         self._error, self._limit = 0.0, _MOST_EVENTS
+        if restart is not None:
+            restart.restore(self)
 
     def _start(self) -> Status:
         """Bring the system to its start: as the model says, or at rest in equilibrium."""
@@ -91,6 +104,24 @@ class Simulation:
     def time(self) -> float:
         """Time of the accepted state, s."""
         return self.system.time
+
+    def state(self) -> State:
+        """All that the next step depends on, and what was counted so far."""
+        own = {
+            "steps": np.array([self.steps, self.rejected, self._error], dtype=np.float64),
+            "control": self._control.state(),
+            **self.events.state(),
+        }
+        return State(own) | self._policy.state() | self.system.state()
+
+    def restore(self, state: State) -> None:
+        """Go on from what :meth:`state` returned (collective)."""
+        self.steps, self.rejected = map(int, state.values["steps"][:2])
+        self._error = float(state.values["steps"][2])
+        self._control.restore(state.values["control"])
+        self.events.restore(state.values)
+        self._policy.restore(state)
+        self.system.restore(state)
 
     def advance(self, h: float, t: float | None = None) -> Status:
         """Advance by ``h`` (s), in one step or in parts of it.

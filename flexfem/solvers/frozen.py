@@ -11,7 +11,7 @@ A rank eliminates the multipliers that only it evaluates. What remains between r
 one reduction and solved on all of them alike.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import pairwise
 
 from mpi4py import MPI
@@ -19,6 +19,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.state import State
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.solvers.interface_system import InterfaceSystem
@@ -66,11 +67,16 @@ class _Bodies:
 
 @dataclass(frozen=True)
 class _Kept:
-    """Factors of the flexible bodies for one step size, with what follows from them."""
+    """Factors of the flexible bodies for one step size, with what they were computed from.
+
+    ``trial`` is the state of the nodes then, ``loads`` the amplitudes of the loads.
+    """
 
     factor: Factor
     responses: FloatArray
     compliances: FloatArray
+    trial: dict[str, FloatArray]
+    loads: FloatArray
 
 
 class FrozenSolver:
@@ -204,7 +210,45 @@ class FrozenSolver:
             rhs[local[held], columns[held, 1]] = 1.0
             self._factor.solve_transpose(rhs, solution)
             self._store(group, bodies, c, solution)
-        self._kept[shifts] = _Kept(self._factor, group.responses, group.compliances)
+        self._kept[shifts] = _Kept(
+            self._factor, group.responses, group.compliances,
+            {name: values.copy() for name, values in part.block.trial().items()},
+            self.system.factors.copy(),
+        )  # fmt: skip
+
+    def state(self) -> State:
+        """Where and with which shifts factors were computed, and whether steps are refined."""
+        shifts = np.array([astuple(s) for s in self._kept], dtype=np.float64)
+        values = {
+            "frozen_shifts": shifts,
+            "frozen_loads": np.array([kept.loads for kept in self._kept.values()]),
+            "refine": np.array([float(self.refine), self.defect]),
+        }
+        if self._beams is None:
+            return State(values)
+        rows = {
+            f"frozen_{k}_{name}": a
+            for k, kept in enumerate(self._kept.values())
+            for name, a in kept.trial.items()
+        }
+        return State(values, {self._beams.part.block.name: rows})
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned; factorises anew (collective).
+
+        The system is left at the trial state of the last factorisation. A state without factors
+        is that of another solver and changes nothing.
+        """
+        if "frozen_shifts" not in state.values:
+            return
+        if self._beams is not None:
+            block = self._beams.part.block
+            for k, (v, a, scale, stiffness, local) in enumerate(state.values["frozen_shifts"]):
+                for name, values in block.trial().items():
+                    values[:] = state.rows[block.name][f"frozen_{k}_{name}"]
+                self.system.factors[:] = state.values["frozen_loads"][k]
+                self.factor(Shifts(float(v), float(a), float(scale), float(stiffness), bool(local)))
+        self.refine, self.defect = bool(state.values["refine"][0]), float(state.values["refine"][1])
 
     def _store(self, group: _Bodies, bodies: IntArray, c: int, solution: FloatArray) -> None:
         """Column ``c`` of the responses, row ``c`` of the compliances of the given bodies."""

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from flexfem._types import FloatArray
+from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.solvers.frozen import FrozenSolver
 from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, SolveAgain, iterate
@@ -45,6 +46,14 @@ class Policy(Protocol):
         """Blocks' steps for their residuals and row values (r,), with the matrix used last."""
         ...
 
+    def state(self) -> State:
+        """What it remembers from step to step."""
+        ...
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned (collective); spoils the system's trial state."""
+        ...
+
 
 class UpdatedPolicy:
     """A fresh matrix and factorisation in every iteration."""
@@ -65,6 +74,13 @@ class UpdatedPolicy:
     def again(self, values: FloatArray) -> bool:
         """See :class:`Policy`."""
         return self._tangent.again(values)
+
+    def state(self) -> State:
+        """Nothing is remembered."""
+        return State()
+
+    def restore(self, state: State) -> None:
+        """Nothing is remembered."""
 
 
 class FrozenPolicy:
@@ -117,6 +133,14 @@ class FrozenPolicy:
     def again(self, values: FloatArray) -> bool:
         """See :class:`Policy`."""
         return self._again(values)
+
+    def state(self) -> State:
+        """See :class:`Policy`."""
+        return self._frozen.state()
+
+    def restore(self, state: State) -> None:
+        """See :class:`Policy`."""
+        self._frozen.restore(state)
 
 
 class AutoPolicy(FrozenPolicy):

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import LawKind, RowKind
+from flexfem.core.state import Numbering, State
 from flexfem.system.interface import Interface
 from flexfem.system.row_hessians import add_dampers, add_hessians, second_rates
 from flexfem.system.row_kernels import (
@@ -92,6 +93,41 @@ class Constraints(RowTable):
         everywhere = np.unique(np.concatenate(comm.allgather(self.numbers[self.interior :])))
         self.shared_size = len(everywhere)
         self.shared_numbers: IntArray = np.searchsorted(everywhere, self.numbers[self.interior :])
+
+    def numberings(self) -> dict[str, Numbering]:
+        """Rows and terms in the order of the model's joints (collective)."""
+        per_joint = {
+            "rows": np.diff(self.start),
+            "terms": np.diff(self.term_start[self.start]),
+        }
+        owned = {"rows": self.owned > 0.0, "terms": self.owned[self.row_of_term] > 0.0}
+        return {name: self._in_order(per_joint[name], owned[name]) for name in owned}
+
+    def _in_order(self, counts: IntArray, owned: BoolArray) -> Numbering:
+        """Numbering of things of which the joints here have ``counts`` each."""
+        comm = self._comm
+        index = np.array([j.index for j in self.joints], dtype=np.int64)
+        every = np.zeros(comm.allreduce(int(index.max(initial=-1)) + 1, op=MPI.MAX), dtype=np.int64)
+        every[index] = counts
+        comm.Allreduce(MPI.IN_PLACE, every, op=MPI.MAX)
+        first, at = np.cumsum(every) - every, np.cumsum(counts) - counts
+        numbers = np.repeat(first[index] - at, counts) + np.arange(int(counts.sum()))
+        return Numbering(numbers, owned, int(every.sum()))
+
+    def state(self) -> State:
+        """What the rows remember of the accepted state, and which of them hold what."""
+        active = self.active.astype(np.float64)
+        rows = {"forces": self.forces, "targets": self.targets, "active": active}
+        values = {"relaxation": np.array([self.relaxation])}
+        return State(values, {"rows": rows, "terms": {"angles": self.angles}})
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned."""
+        rows = state.rows["rows"]
+        self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
+        self.active[:] = rows["active"] > 0.0
+        self.angles[:] = state.rows["terms"]["angles"]
+        self.relaxation = float(state.values["relaxation"][0])
 
     def active_components(self) -> IntArray:
         """(n_slots,) 3 where joints only ever pull at the node's origin, else 6."""

@@ -119,6 +119,14 @@ class EnergyMeter:
         balance = float(stored.sum()) - self._work + self._dissipation - self._initial
         return np.array([*stored, self._work, self._dissipation, balance])
 
+    def state(self) -> FloatArray:
+        """(4,) this rank's shares of what is summed up and of what was there at the start."""
+        return np.array([self._work, self._dissipation, self._initial, self._weight])
+
+    def restore(self, shares: FloatArray) -> None:
+        """Take back what :meth:`state` returned; only its sum over the ranks matters."""
+        self._work, self._dissipation, self._initial, self._weight = shares.tolist()
+
     def total(self) -> Energies:
         """Take in the accepted state and sum over all ranks (collective)."""
         return Energies(*self._system.comm.allreduce(self.update()).tolist())

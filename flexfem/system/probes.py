@@ -8,6 +8,8 @@ numbers per probe, not the model.
 
 from collections.abc import Iterator
 
+from mpi4py import MPI
+
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
@@ -17,6 +19,7 @@ from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
+from flexfem.system.energies import EnergyMeter
 from flexfem.system.gauges import create_gauge
 from flexfem.system.system import BlockPart, System
 
@@ -74,6 +77,7 @@ class ProbeRecorder:
         self._buffer = np.zeros((depth, len(markers), _WIDTH))
         gauges = [create_gauge(probe, system, serial) for probe in self._probes]
         self._gauges = [gauge for gauge in gauges if gauge is not None]
+        self._meters = [gauge for gauge in gauges if isinstance(gauge, EnergyMeter)]
         width = sum(
             len(p.columns) for p, g in zip(self._probes, gauges, strict=True) if g is not None
         )
@@ -91,6 +95,19 @@ class ProbeRecorder:
         nodes = np.array([local[k] for k in places], dtype=np.int64)
         offsets = np.array([serial.marker_frame(markers[k]) for k in places]).reshape(-1, 12)
         return block, nodes, offsets, np.array(places, dtype=np.int64)
+
+    def state(self) -> FloatArray:
+        """What energies have summed up so far, over all ranks (collective)."""
+        shares = [m.state() for m in self._meters]
+        total = np.concatenate([np.empty(0), *shares])
+        self._comm.Allreduce(MPI.IN_PLACE, total)
+        return total
+
+    def restore(self, state: FloatArray) -> None:
+        """Take back what :meth:`state` returned."""
+        shares = state.reshape(len(self._meters), 4) * float(self._comm.rank == 0)
+        for meter, share in zip(self._meters, shares, strict=True):
+            meter.restore(share)
 
     @property
     def full(self) -> bool:

@@ -7,7 +7,7 @@ and ``Phi = 0`` with ``L = s lambda``.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 
 from mpi4py import MPI
@@ -17,6 +17,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import Load
+from flexfem.core.state import Numbering, State
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
@@ -260,3 +261,28 @@ class System:
         """Make the trial state equal to the accepted state."""
         for part in self.parts:
             part.block.reset()
+
+    def numberings(self) -> dict[str, Numbering]:
+        """Of the nodes of every block and of the rows, by the names in :meth:`state`."""
+        blocks = {part.block.name: part.block.numbering() for part in self.parts}
+        return {**blocks, **self.constraints.numberings()}
+
+    def state(self) -> State:
+        """Accepted state of blocks and rows, time and counters."""
+        values = {
+            "time": np.array([self.time]),
+            "smooth": np.array([float(self.smooth)]),
+            "counters": np.array(astuple(self.counters), dtype=np.float64),
+        }
+        blocks = {part.block.name: part.block.state() for part in self.parts}
+        return State(values, blocks) | self.constraints.state()
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned (collective)."""
+        self.set_time(float(state.values["time"][0]))
+        self.smooth = bool(state.values["smooth"][0])
+        self.counters = Counters(*map(int, state.values["counters"]))
+        for part in self.parts:
+            part.block.restore(state.rows[part.block.name])
+        self.constraints.restore(state)
+        self.interface.update()

@@ -170,6 +170,13 @@ FILES = {
     "--mesh curved.msh": ("curved.msh", '"rod"', "first order"),
     "--mesh short.msh": ("short.msh", '"rod"', "zero length"),
     "--mesh nan.msh": ("nan.msh", "nan"),
+    "--restart missing.h5": ("checkpoint 'missing.h5'", "No such file"),
+    "--restart folder.msh": ("checkpoint 'folder.msh'", "Is a directory"),
+    "--restart taken": ("checkpoint 'taken'", "is not a checkpoint of flexfem"),
+    "--restart own.py": ("checkpoint 'own.py'", "is not a checkpoint of flexfem"),
+    "--restart taken/below": ("checkpoint 'taken/below'", "Not a directory"),
+    "--restart=": ("--restart", "''"),
+    "--checkpoint-every -1": ("--checkpoint-every", "'-1'"),
     "--output taken": ("--output", "'taken'", "not a folder"),
     "--output taken/below": ("--output", "'taken/below'", "taken' is not a folder"),
     "--output ./folder.msh/../taken": ("--output", "taken", "not a folder"),
@@ -203,6 +210,7 @@ ON_TWO_RANKS = {
     "--mesh curved.msh": FILES["--mesh curved.msh"],
     "--output taken": FILES["--output taken"],
     "--output /proc/self/results": FILES["--output /proc/self/results"],
+    "--restart own.py": FILES["--restart own.py"],
     "--what=group": MODELS["group"],
     "--what=apart": MODELS["apart"],
     "--what=beam twice": MODELS["beam twice"],
@@ -316,6 +324,12 @@ def test_folder_without_permission(here: Path, capfd: pytest.CaptureFixture[str]
     (here / "folder.msh").chmod(0o500)
     parts = ("--output", "no permission", "folder.msh")
     refused(["run", "own.py", "--output", "folder.msh/below"], parts, here, capfd)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_checkpoint_without_permission(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (here / "taken").chmod(0)
+    refused(["run", "own.py", "--restart", "taken"], ("'taken'", "Permission denied"), here, capfd)
 
 
 def test_relative_folders_are_created(here: Path, capfd: pytest.CaptureFixture[str]) -> None:

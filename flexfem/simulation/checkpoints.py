@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Checkpoints of a run, and what it takes to go on from one.
+
+What a checkpoint holds is said by ``state()`` of the simulation and of what it consists of; here
+are the checks that file and model belong together, and which files are kept.
+"""
+
+import re
+from pathlib import Path
+from typing import Protocol
+
+from mpi4py import MPI
+
+import flexfem
+from flexfem.core.state import Numbering, State
+from flexfem.io.checkpoint import Checkpoint, remove_files, write_checkpoint
+from flexfem.options import RunOptions
+from flexfem.simulation.time_grid import TimeGrid
+from flexfem.system.assembly import Assembly
+from flexfem.system.fingerprint import fingerprint
+from flexfem.system.system import System
+
+__all__ = ["Checkpoints", "Restart"]
+
+#: Options that a restart may not change.
+_AGREE = ("dt", "integrator", "rho_inf")
+_NAME = re.compile(r"checkpoint_\d{6,}\.h5|\.checkpoint_\d{6,}\.h5\.tmp")
+#: Files of one run that are kept.
+_KEEP = 2
+
+
+class _Stateful(Protocol):
+    """A simulation, as seen from here."""
+
+    system: System
+
+    def state(self) -> State: ...
+
+    def restore(self, state: State) -> None: ...
+
+
+class Restart:
+    """A checkpoint to go on from.
+
+    Attributes:
+        path: the file.
+        grid: instants of the run that wrote it.
+        step: last completed step.
+        state: what the file holds, after :meth:`restore`.
+    """
+
+    def __init__(self, options: RunOptions, comm: MPI.Intracomm) -> None:
+        """Check the file named by the options (collective).
+
+        Raises:
+            InputError: it is no intact checkpoint of this version, or does not fit the options.
+        """
+        assert options.restart is not None
+        self._comm, self._file = comm, Checkpoint(options.restart, comm)
+        file, header = self._file, self._file.header
+        self.path = file.path
+        if header["flexfem"] != flexfem.__version__:
+            raise file.refuse(
+                f"was written by flexfem {header['flexfem']}, this is {flexfem.__version__}"
+            )
+        for name in _AGREE:
+            then, now = header["options"][name], getattr(options, name)
+            if then != now:
+                raise file.refuse(f"was written with {name} = {then}, not {now}")
+        self.grid = TimeGrid(*header["grid"])
+        self.step: int = header["step"]
+        if self.grid.steps(options.t_end) <= self.step:
+            reached = self.grid.time(self.step)
+            raise file.refuse(
+                f"is at t = {reached:g} s already, t_end = {options.t_end:g} s leaves nothing to do"
+            )
+        self.state = State()
+
+    def check(self, serial: Assembly) -> None:
+        """Compare the model with the one that was run (collective).
+
+        Raises:
+            InputError: they differ.
+        """
+        other: list[str] = []
+        if self._comm.rank == 0:  # the model is the same on all ranks
+            then, now = self._file.header["model"], fingerprint(serial)
+            other = [name for name in now if then.get(name) != now[name]]
+        other = self._comm.bcast(other)
+        if other:
+            raise self._file.refuse(f"belongs to another model, other {', '.join(other)}")
+
+    def restore(self, simulation: _Stateful) -> None:
+        """Put a simulation where the checkpoint left it (collective).
+
+        Raises:
+            InputError: the file lacks something.
+        """
+        self.state = self._file.read(simulation.system.numberings())
+        try:
+            simulation.restore(self.state)
+        except KeyError as error:
+            raise self._file.refuse(f"does not hold {error}") from error
+
+
+class Checkpoints:
+    """Writes the checkpoints of one run; the last two are kept."""
+
+    def __init__(
+        self, simulation: _Stateful, serial: Assembly, options: RunOptions, grid: TimeGrid,
+        restart: Restart | None,
+    ) -> None:  # fmt: skip
+        """Note what all checkpoints of the run have in common.
+
+        Args:
+            simulation: whose state is written.
+            serial: serial data of its model.
+            options: of the run; without an output folder nothing is ever written.
+            grid: its instants.
+            restart: where the run goes on from, if it does.
+        """
+        self._simulation, self._folder, self._serial = simulation, options.output, serial
+        self._numberings: dict[str, Numbering] = {}
+        self._header = {
+            "flexfem": flexfem.__version__,
+            "options": {name: getattr(options, name) for name in _AGREE},
+            "grid": (grid.span, grid.count),
+        }
+        self._kept = [] if restart is None else [restart.path.absolute()]
+
+    def _prepare(self) -> None:
+        """What a run without checkpoints need not pay for (collective)."""
+        system = self._simulation.system
+        self._numberings = system.numberings()
+        if system.comm.rank == 0:
+            self._header["model"] = fingerprint(self._serial)
+
+    def write(self, step: int, records: State) -> Path | None:
+        """Write the accepted state (collective).
+
+        Args:
+            step: last completed step.
+            records: state of the recorder.
+
+        Returns:
+            The file, None without an output folder.
+
+        Raises:
+            OSError: on all ranks, if it cannot be written; the files before are still there.
+        """
+        if self._folder is None:
+            return None
+        if not self._numberings:
+            self._prepare()
+        path = self._folder / f"checkpoint_{step:06d}.h5"
+        state = self._simulation.state() | records
+        comm = self._simulation.system.comm
+        write_checkpoint(path, comm, {**self._header, "step": step}, state, self._numberings)
+        mine = path.absolute()
+        self._kept = [*(p for p in self._kept if p != mine), mine][-_KEEP:]
+        if comm.rank == 0:
+            remove_files(self._folder, _NAME, self._kept)
+        return path

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Fingerprint of a model: whether a checkpoint belongs to it.
+
+Names, types and numbers of all that is in the model count, numbers to nine digits, so that another
+machine's last digits do no harm. What a function computes cannot be told: two models that differ
+only in plain functions (a drive, an amplitude that is no ``Table`` or ``SmoothStep``) are taken for
+one.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from typing import Any
+
+import numpy as np
+
+from flexfem.core.marker import Marker
+from flexfem.system.assembly import Assembly
+
+__all__ = ["fingerprint"]
+
+#: Numbers count in steps of this part of a power of two above the largest of their array.
+_STEP = 2.0**-30
+#: Largest numbers change their power of two here and not at 1, where last digits would matter.
+_BORDER = 1.37
+
+
+def fingerprint(serial: Assembly) -> dict[str, str]:
+    """Checksum of every kind of thing in a model; equal on all ranks."""
+    model = serial.model
+    parts: dict[str, Any] = {
+        "beams": model.beams,
+        "events": (model.events, model.released),
+        "gravity": model.gravity,
+        "joints": model.joints,
+        "loads": model.loads,
+        "mesh": (serial.points, serial.cells.cells, serial.frames) if model.beams else (),
+        "point masses": model.point_masses,
+        "probes": [(probe.name, probe.columns) for probe in model.probes],
+        "rigid bodies": model.rigid_bodies,
+    }
+    return {name: _Digest(serial).of(part) for name, part in parts.items()}
+
+
+class _Digest:
+    """Checksum of nested data."""
+
+    def __init__(self, serial: Assembly) -> None:
+        self._serial, self._hash = serial, hashlib.blake2b(digest_size=8)
+
+    def of(self, value: Any) -> str:
+        """Checksum of a value and all it holds."""
+        self._add(value)
+        return self._hash.hexdigest()
+
+    def _add(self, value: Any) -> None:
+        if isinstance(value, np.ndarray | np.generic | float):
+            self._array(np.asarray(value))
+        elif value is None or isinstance(value, bool | int | str):
+            self._text(f"{type(value).__name__} {value!r}")
+        elif isinstance(value, list | tuple):
+            self._text(f"sequence of {len(value)}")
+            for entry in value:
+                self._add(entry)
+        elif isinstance(value, Mapping):
+            self._add(sorted(value.items()))
+        elif is_dataclass(value) and not isinstance(value, type):
+            self._text(type(value).__name__)
+            self._add(vars(value))
+            if isinstance(value, Marker):  # groups of the mesh may have been renamed or moved
+                self._add(self._serial.key(value))
+        else:
+            self._text("function" if callable(value) else type(value).__name__)
+
+    def _text(self, text: str) -> None:
+        self._hash.update(text.encode() + b"\0")
+
+    def _array(self, values: np.ndarray[Any, Any]) -> None:
+        self._text(f"array {values.shape}")
+        if values.dtype.kind == "f" and values.size:
+            exponent = int(np.frexp(_BORDER * np.abs(values).max())[1])
+            self._text(str(exponent))
+            values = np.rint(np.ldexp(values, -exponent) / _STEP)
+        self._hash.update(np.ascontiguousarray(values, dtype=np.int64).tobytes())

@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Going on from a checkpoint gives the history that an uninterrupted run gives."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.cli import load_case
+from flexfem.io import read_history
+from flexfem.mesh.line_mesh import LineMesh
+
+COMM = MPI.COMM_WORLD
+POLICIES = ("auto", "frozen", "updated")
+
+pytestmark = pytest.mark.three_ranks
+
+
+def driven() -> ff.Model:
+    """A beam on a turning hinge drags a body; springs, dampers, a follower and an angle probe.
+
+    The probe's angle has jumped once by 2 pi at half of the time, a wheel has turned twice.
+    """
+    points = np.linspace(0.0, 1.0, 6)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.stack([np.arange(5), np.arange(1, 6)], axis=1)
+    model = ff.Model("driven", mesh=LineMesh(points, cells, {"arm": np.arange(5)}))
+    steel = ff.Material(2.1e9, 0.3, 7850.0)
+    root, tip = ff.Marker("arm", "start"), ff.Marker("arm", "end")
+    hub = ff.Marker("hub", offset=(-0.2, 0.0, 0.0))
+    axis = (0.0, 0.0, 1.0)
+    model.add(
+        ff.Gravity((0.0, -9.81, 0.0)),
+        ff.Beam("arm", ff.Section.rectangle(0.03, 0.02, steel), damping=1e-4),
+        ff.RigidBody("hub", 2.0, (0.02, 0.03, 0.04), position=(1.2, 0.0, 0.0)),
+        ff.Revolute("hinge", ff.Ground(), root, axis=axis),
+        ff.PrescribedAngle("motor", ff.Ground(), root, axis, lambda t: 60.0 * t * t / (0.1 + t)),
+        ff.Revolute("knee", tip, hub, axis=axis),
+        ff.TorsionalSpringDamper("twist", tip, hub, axis=axis, stiffness=30.0, damping=0.05),
+        ff.SpringDamper(
+            "spring", ff.Ground((0.5, 0.5, 0.0)), ff.Marker("hub"), stiffness=300.0, damping=2.0
+        ),
+        ff.PointForce("push", ff.Marker("hub"), (0.0, 5.0, 0.0), follower=True),
+        ff.RigidBody("wheel", 1.0, (0.1, 0.1, 0.2)),
+        ff.Revolute("bearing", ff.Ground(), ff.Marker("wheel"), axis=axis),
+        ff.PrescribedAngle("spin", ff.Ground(), ff.Marker("wheel"), axis, lambda t: 300.0 * t),
+        ff.PositionProbe("rim_path", ff.Marker("wheel", offset=(1.0, 0.0, 0.0))),
+        ff.PositionProbe("hub_path", ff.Marker("hub")),
+        ff.Probe(
+            "turn", (root,), ("angle",),
+            lambda t, s: (_six_times(s.rotation),), unwrap=("angle",),
+        ),
+    )  # fmt: skip
+    return model
+
+
+def _six_times(rotation: np.ndarray) -> float:
+    """Six times the angle about the third axis, in [-pi, pi]."""
+    return float(np.angle(complex(rotation[0, 0], rotation[1, 0]) ** 6))
+
+
+def bouncing() -> ff.Model:
+    """A ball on a plane, a pendulum caught by a hook, a beam that is held on; energies, reactions.
+
+    Events change which rows hold: before, at and after the checkpoint.
+    """
+    x = np.linspace(0.0, 0.6, 4)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.stack([np.arange(3), np.arange(1, 4)], axis=1)
+    model = ff.Model("bouncing", mesh=LineMesh(x, cells, {"rod": np.arange(3)}))
+    steel = ff.Material(2.1e9, 0.3, 7850.0)
+    ball, bob = ff.Marker("ball"), ff.Marker("bob")
+    plane = ff.Ground((3.0, 0.0, -0.02))
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.RigidBody("ball", 1.0, (0.1, 0.1, 0.1), position=(3.0, 0.0, 0.05)),
+        ff.PointOnPlane("floor", plane, ball, axis=(0.0, 0.0, 1.0)),
+        ff.RigidBody("bob", 0.5, (0.01, 0.01, 0.01), position=(-0.5, 0.0, 0.0)),
+        ff.Spherical("pin", ff.Ground(), ff.Marker("bob", offset=(0.5, 0.0, 0.0))),
+        ff.Distance("hook", ff.Ground((-1.0, 0.0, -0.5)), bob),
+        ff.Beam("rod", ff.Section.circle(0.01, steel), damping=1e-3),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("rod", "start")),
+        ff.Event(
+            "bounce",
+            ball,
+            lambda t, s: s.position[2] + 0.02,
+            ff.Rebound("floor", 0.7),
+            direction=-1,
+            once=False,
+        ),
+        ff.Event("catch", bob, lambda t, s: s.position[2] + 0.1, ff.LockJoint("hook")),
+        ff.EnergyProbe("energy"),
+        ff.ReactionProbe("held", "clamp"),
+        ff.PositionProbe("ball_path", ball),
+        ff.PositionProbe("bob_path", bob),
+        ff.PositionProbe("tip", ff.Marker("rod", "end")),
+    )
+    model.release("floor", "hook")
+    return model
+
+
+MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
+    "slider_crank": (
+        lambda: load_case("slider_crank").build(elements=3),
+        {"dt": 1e-3, "t_end": 0.054, "rho_inf": 0.8},
+    ),
+    "flying_spaghetti": (
+        lambda: load_case("flying_spaghetti").build(elements=6),
+        {"dt": 0.1, "t_end": 3.6, "split_above": 1},
+    ),
+    "driven": (driven, {"dt": 2e-3, "t_end": 0.072}),
+    "bouncing": (bouncing, {"dt": 0.01, "t_end": 0.36, "adaptive": True, "error_tolerance": 1e-4}),
+    "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
+}
+
+
+def close(one: dict[str, np.ndarray], other: dict[str, np.ndarray], tolerance: float) -> None:
+    """Histories agree relative to the largest value of a vector's components."""
+    assert list(one) == list(other)
+    for column, values in one.items():
+        family = [v for k, v in one.items() if k.rpartition("_")[0] == column.rpartition("_")[0]]
+        assert values.shape == other[column].shape
+        error = np.abs(values - other[column]).max(initial=0.0)
+        assert error <= tolerance * max(np.abs(v).max(initial=0.0) for v in family), column
+
+
+def options(name: str, output: Path | None = None, **more: Any) -> ff.RunOptions:
+    return ff.RunOptions(**{**MODELS[name][1], "quiet": True, "every": 7, "output": output} | more)
+
+
+@pytest.fixture(scope="module")
+def full() -> dict[tuple[str, str], ff.Outcome]:
+    """Uninterrupted runs."""
+    return {
+        (name, policy): ff.simulate(build(), options(name, iteration_matrix=policy))
+        for name, (build, _) in MODELS.items()
+        for policy in POLICIES
+    }
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize("name", MODELS)
+def test_restarted_run_repeats_the_history(
+    name: str, policy: str, full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
+) -> None:
+    """Into another folder: the history starts at the checkpoint."""
+    reference = full[name, policy]
+    steps = round(MODELS[name][1]["t_end"] / MODELS[name][1]["dt"])
+    stop = 5 * steps // 9
+    run = options(name, shared_tmp_path / "a", iteration_matrix=policy)
+    early = replace(run, t_end=stop * run.dt, checkpoint_every=1000)
+    assert ff.simulate(MODELS[name][0](), early).status == "ok"
+    file = shared_tmp_path / "a" / f"checkpoint_{stop:06d}.h5"
+    again = replace(run, restart=file, output=shared_tmp_path / "b")
+    outcome = ff.simulate(MODELS[name][0](), again)
+    assert outcome.status == "ok"
+    if COMM.rank == 0:
+        # at least 1e-7 with factors of the checkpoint's state instead of the old ones, 3e-3 without
+        # the auxiliary accelerations, 3e-8 with the other predictor
+        first = np.searchsorted(reference.history["t"], stop * run.dt * (1.0 - 1e-9))
+        close({k: v[first:] for k, v in reference.history.items()}, outcome.history, 1e-9)
+    counts = ("steps", "newton_iterations", "factorizations", "fallbacks", "residual_evaluations")
+    # another order of the tangent's pivots may end an iteration one step earlier or later
+    for key in counts:
+        assert abs(outcome.summary[key] - reference.summary[key]) <= 2, key
+    assert outcome.summary["restarted_at_step"] == stop
+    assert reference.summary["restarted_at_step"] is None
+
+
+def test_same_folder_goes_on(
+    full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
+) -> None:
+    """History and fields are cut at the checkpoint and continued, the two last files are kept."""
+    reference = full["driven", "auto"]
+    run = options("driven", shared_tmp_path, checkpoint_every=10)
+    ff.simulate(driven(), replace(run, t_end=0.046))  # 23 steps
+    names = sorted(p.name for p in shared_tmp_path.glob("checkpoint*"))
+    assert names == ["checkpoint_000020.h5", "checkpoint_000023.h5"]
+    COMM.barrier()
+    again = replace(run, restart=shared_tmp_path / names[0])
+    outcome = ff.simulate(driven(), again)
+    names = sorted(p.name for p in shared_tmp_path.glob("checkpoint*"))
+    assert names == ["checkpoint_000030.h5", "checkpoint_000036.h5"]
+    table = read_history(shared_tmp_path / "history.csv")
+    if COMM.rank == 0:
+        close(dict(reference.history), table, 1e-9)
+        # headline results are computed from all rows
+        close(table, dict(outcome.history), 0.0)
+    text = (shared_tmp_path / "beams.pvd").read_text()
+    times = [float(part.split('"')[1]) for part in text.split("timestep=")[1:]]
+    steps = [*range(0, 36, 7), 36]
+    np.testing.assert_allclose(times, 2e-3 * np.array(steps), rtol=1e-12)
+    summary = json.loads((shared_tmp_path / "summary.json").read_text())
+    assert (summary["steps"], summary["restarted_at_step"]) == (36, 20)
+
+
+def test_later_end_keeps_the_instants(shared_tmp_path: Path) -> None:
+    """7 steps of 1/70 s, then 5 more; a run to 0.17 s would take steps of another size."""
+    run = ff.RunOptions(dt=0.015, t_end=0.1, output=shared_tmp_path, checkpoint_every=7)
+    build = MODELS["flying_spaghetti"][0]
+    ff.simulate(build(), run)
+    more = replace(run, t_end=0.17, restart=shared_tmp_path / "checkpoint_000007.h5")
+    ff.simulate(build(), more)
+    times = read_history(shared_tmp_path / "history.csv")["t"]
+    np.testing.assert_array_equal(times, [0.1 * k / 7 for k in range(13)])
+
+
+def test_restart_of_a_restart(
+    full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
+) -> None:
+    """From checkpoint to checkpoint, one step at a time where the iteration matrix changes."""
+    reference = full["slider_crank", "auto"]
+    build, run = MODELS["slider_crank"][0], options("slider_crank", shared_tmp_path)
+    stops = [1, 2, 24, 25, 54]
+    for before, stop in zip([None, *stops], stops, strict=False):
+        file = None if before is None else shared_tmp_path / f"checkpoint_{before:06d}.h5"
+        outcome = ff.simulate(
+            build(), replace(run, t_end=stop * run.dt, checkpoint_every=1000, restart=file)
+        )
+    if COMM.rank == 0:
+        close(dict(reference.history), dict(outcome.history), 1e-9)
+
+
+def test_without_a_folder_nothing_is_written(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    ff.simulate(driven(), options("driven", checkpoint_every=1, t_end=4e-3))
+    assert not list(tmp_path.iterdir())
+
+
+def test_failed_run_keeps_a_checkpoint_of_its_last_good_state(shared_tmp_path: Path) -> None:
+    """The motor's angle jumps out of reach of any step; with a tame motor the run goes on."""
+
+    def build(jump: float | None) -> ff.Model:
+        model = ff.Model("jump")
+        model.add(
+            ff.RigidBody("bob", 1.0, (0.1, 0.1, 0.1), position=(0.6, 0.0, -0.8)),
+            ff.Spherical("pin", ff.Ground(), ff.Marker("bob", offset=(-0.6, 0.0, 0.8))),
+            ff.PrescribedTranslation(
+                "drive", ff.Ground((0.6, 0.0, -0.8)), ff.Marker("bob"),
+                lambda t: 2.0 * t if jump is None or t < 5.4e-3 else jump, axis=(1.0, 0.0, 0.0),
+            ),
+            ff.PositionProbe("path", ff.Marker("bob")),
+        )  # fmt: skip
+        return model
+
+    run = ff.RunOptions(dt=1e-3, t_end=0.02, output=shared_tmp_path)
+    outcome = ff.simulate(build(50.0), run)
+    assert outcome.status != "ok"
+    file = shared_tmp_path / "checkpoint_000005.h5"
+    assert [p.name for p in shared_tmp_path.glob("checkpoint*")] == [file.name]
+    COMM.barrier()
+    # the state lies within step 6, whose rest is made first
+    again = ff.simulate(build(None), replace(run, restart=file))
+    assert again.status == "ok"
+    times = read_history(shared_tmp_path / "history.csv")["t"]
+    assert 5.0e-3 < times[6] < 5.4e-3
+    np.testing.assert_allclose(np.delete(times, 6), 1e-3 * np.arange(21), rtol=1e-12)
+
+
+def test_other_table_in_the_folder_is_left_alone(shared_tmp_path: Path) -> None:
+    run = options("driven", shared_tmp_path / "a", checkpoint_every=9, t_end=0.018)
+    ff.simulate(driven(), run)
+    other = shared_tmp_path / "b"
+    again = replace(run, restart=run.output / "checkpoint_000009.h5", t_end=0.03, output=other)
+    header = (run.output / "history.csv").read_text().splitlines()[0]
+    row = ",".join(["0.01"] * len(header.split(",")))
+    texts = {
+        "t,phi\n0.0,1.0\n": "other columns",
+        f"{header}\n{row[:-3]}x\n": "cannot be continued",
+        f"{header}\n{row[:-5]}\n": "cannot be continued",
+        f"{header}\n{row}\n": "ends at t = 0.01 s, before the checkpoint at t = 0.018 s",
+    }
+    for text, reason in texts.items():
+        if COMM.rank == 0:
+            shutil.rmtree(other, ignore_errors=True)
+            other.mkdir()
+            (other / "history.csv").write_text(text)
+            (other / "summary.json").write_text("{}")
+        COMM.barrier()
+        with pytest.raises(ValueError, match=reason):
+            ff.simulate(driven(), again)
+        COMM.barrier()
+        assert {p.name for p in other.iterdir()} == {"history.csv", "summary.json"}
+        assert (other / "history.csv").read_text() == text
+        COMM.barrier()
+    if COMM.rank == 0:
+        (other / "history.csv").unlink()
+        (other / "beams.pvd").write_text("no index")
+    COMM.barrier()
+    with pytest.raises(ValueError, match=r"beams\.pvd.*cannot be continued"):
+        ff.simulate(driven(), again)
+    assert (other / "beams.pvd").read_text() == "no index"
+
+
+def pendulum(length: float = 1.0, joint: Any = ff.Spherical, name: str = "bob") -> ff.Model:
+    model = ff.Model("pendulum")
+    hook = ff.Marker(name, offset=(-length, 0.0, 0.0))
+    model.add(
+        ff.RigidBody(name, 1.0, (0.1, 0.1, 0.1), position=(length, 0.0, 0.0)),
+        joint("pin", ff.Ground(), hook),
+        ff.PointForce("pull", ff.Marker(name), (0.0, 1.0, 0.0), amplitude=ff.SmoothStep(0.0, 0.1)),
+        ff.PositionProbe("path", ff.Marker(name)),
+    )
+    return model
+
+
+OTHERS: dict[str, tuple[Any, dict[str, Any], str]] = {
+    "length": (lambda: pendulum(1.0 + 1e-7), {}, "another model, other joints, rigid bodies$"),
+    "kind": (lambda: pendulum(joint=ff.Rigid), {}, "another model, other joints$"),
+    "name": (lambda: pendulum(name="bib"), {}, "another model, other joints, loads, rigid bodies$"),
+    "bodies": (driven, {}, "another model, other beams, gravity, joints, loads, mesh"),
+    "step": (pendulum, {"dt": 2e-3}, "was written with dt = 0.001, not 0.002$"),
+    "scheme": (pendulum, {"rho_inf": 0.5}, "was written with rho_inf = 0.9, not 0.5$"),
+    "end": (pendulum, {"t_end": 5e-3}, "at t = 0.005 s already, t_end = 0.005 s leaves nothing"),
+    "version": (pendulum, {}, "was written by flexfem 0.0.7, this is "),
+}
+
+
+@pytest.mark.parametrize("what", OTHERS)
+def test_checkpoint_of_something_else_is_refused(
+    what: str, shared_tmp_path: Path, monkeypatch: Any
+) -> None:
+    run = ff.RunOptions(dt=1e-3, t_end=5e-3, output=shared_tmp_path, checkpoint_every=5)
+    if what == "version":
+        monkeypatch.setattr(ff, "__version__", "0.0.7")
+    ff.simulate(pendulum(), run)
+    monkeypatch.undo()
+    build, changes, reason = OTHERS[what]
+    file = shared_tmp_path / "checkpoint_000005.h5"
+    before = {p: p.stat().st_mtime_ns for p in shared_tmp_path.rglob("*")}
+    COMM.barrier()
+    again = replace(run, **{"t_end": 0.01, "restart": file} | changes)
+    with pytest.raises(ValueError, match=reason) as caught:
+        ff.simulate(build(), again)
+    assert str(caught.value).startswith(f"checkpoint '{file}': ")
+    COMM.barrier()
+    assert {p: p.stat().st_mtime_ns for p in shared_tmp_path.rglob("*")} == before
+
+
+def test_last_digits_of_a_model_do_not_count(shared_tmp_path: Path) -> None:
+    """Another machine may round otherwise."""
+    run = ff.RunOptions(dt=1e-3, t_end=5e-3, output=shared_tmp_path, checkpoint_every=5)
+    ff.simulate(pendulum(), run)
+    again = replace(run, t_end=0.01, restart=shared_tmp_path / "checkpoint_000005.h5")
+    assert ff.simulate(pendulum(np.nextafter(1.0, 0.0)), again).status == "ok"
+
+
+def test_iteration_matrix_and_tolerance_may_change(shared_tmp_path: Path) -> None:
+    run = options("driven", shared_tmp_path, checkpoint_every=9, t_end=0.018, tolerance=1e-9)
+    ff.simulate(driven(), run)
+    for policy in POLICIES:
+        file = max(shared_tmp_path.glob("checkpoint*"))
+        COMM.barrier()
+        again = replace(run, t_end=run.t_end + 0.006, iteration_matrix=policy, restart=file)
+        run = replace(again, restart=None)
+        assert ff.simulate(driven(), again).status == "ok"
+    assert read_history(shared_tmp_path / "history.csv")["t"][-1] == pytest.approx(0.036)
