@@ -6,13 +6,22 @@ Entry (i, j) of the matrix is stored at ``[i, j - i + b]`` of an array (n, 2 b +
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel
 
-__all__ = ["band_factor", "band_solve"]
+__all__ = ["assemble_band", "band_factor", "band_solve"]
 
 #: A pivot smaller than this part of the largest of its row before elimination is zero.
 _ZERO = 1e-14
+
+
+@kernel
+def assemble_band(index: IntArray, values: FloatArray, band: FloatArray) -> None:
+    """Set the entries ``index`` of the flattened storage; doubles add up."""
+    flat = band.reshape(-1)
+    flat[:] = 0.0
+    for k in range(index.size):
+        flat[index[k]] += values[k]
 
 
 @kernel
@@ -40,17 +49,18 @@ def band_factor(band: FloatArray) -> bool:
 
 
 @kernel
-def band_solve(band: FloatArray, x: FloatArray) -> None:
-    """Solve in place with the factors."""
+def band_solve(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray) -> None:
+    """Solve in place with the factors; row i of the band is entry ``order[i]`` of ``x``."""
     n, width = band.shape
     b = width // 2
     for i in range(n):
-        total = x[i]
+        total = x[order[i]]
         for k in range(max(0, i - b), i):
-            total -= band[i, k - i + b] * x[k]
-        x[i] = total
+            total -= band[i, k - i + b] * work[k]
+        work[i] = total
     for i in range(n - 1, -1, -1):
-        total = x[i]
+        total = work[i]
         for k in range(i + 1, min(i + b + 1, n)):
-            total -= band[i, k - i + b] * x[k]
-        x[i] = total / band[i, b]
+            total -= band[i, k - i + b] * work[k]
+        work[i] = total / band[i, b]
+        x[order[i]] = work[i]

@@ -169,6 +169,10 @@ class FrozenSolver:
         i = np.concatenate([*first, every, rows.coupled[:, 0]]).astype(np.int64)
         j = np.concatenate([*second, every, rows.coupled[:, 1]]).astype(np.int64)
         self._values, self._right = np.zeros(len(i)), np.zeros(rows.size)
+        at = 0
+        for group in self._groups:  # the bodies' shares of the entries come first
+            group.entries = self._values[at : at + len(group.entries)]
+            at += len(group.entries)
         return InterfaceSystem(
             self.system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
         )
@@ -324,7 +328,7 @@ class FrozenSolver:
 
     def _factor_interface(self, shifts: Shifts) -> bool:
         """Invert the rigid bodies, assemble and factorise the multipliers' system."""
-        rows, regular, at = self.system.constraints, True, 0
+        rows, regular = self.system.constraints, True
         for group in self._groups:
             if group.part.beams is None:
                 regular = self._invert_rigid(group, shifts)
@@ -333,8 +337,7 @@ class FrozenSolver:
                 group.column_start, group.compliances, group.compliance_start,
                 rows.force_jacobian, rows.step_jacobian, group.entries,
             )  # fmt: skip
-            self._values[at : at + len(group.entries)] = group.entries
-            at += len(group.entries)
+        at = len(self._values) - rows.size - len(rows.coupling)
         self._values[at : at + rows.size] = rows.owned * rows.compliance
         if len(rows.coupling):
             self._values[at + rows.size :] = rows.owned[rows.coupled[:, 0]] * rows.coupling

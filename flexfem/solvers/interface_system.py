@@ -12,7 +12,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel
-from flexfem.solvers.banded import band_factor, band_solve
+from flexfem.solvers.banded import assemble_band, band_factor, band_solve
 from flexfem.solvers.schur_kernels import lu_factor, lu_solve
 
 __all__ = ["InterfaceSystem"]
@@ -36,19 +36,15 @@ class _BandedInterior:
         self._order = order
         self._band = np.zeros((len(order), 2 * half + 1))
         self._index = i * (2 * half + 1) + j - i + half
-        self._every = np.arange(len(i))
         self._work = np.empty(len(order))
 
     def factor(self, values: FloatArray) -> bool:
-        self._band[:] = 0.0
-        _scatter_add(self._index, self._every, values, self._band.reshape(-1))
+        assemble_band(self._index, values, self._band)
         regular: bool = band_factor(self._band)
         return regular
 
     def solve(self, x: FloatArray) -> None:
-        np.take(x, self._order, out=self._work)
-        band_solve(self._band, self._work)
-        x[self._order] = self._work
+        band_solve(self._band, self._order, self._work, x)
 
 
 class _SparseInterior:
