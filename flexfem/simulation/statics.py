@@ -15,7 +15,6 @@ from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
 from flexfem.io.summary import write_summary
 from flexfem.model.model import Model
-from flexfem.options import StaticOptions
 from flexfem.simulation.equilibrium import check_held, rest
 from flexfem.simulation.outcome import Outcome, Results
 from flexfem.simulation.path import CriticalPoint, Path
@@ -24,6 +23,7 @@ from flexfem.simulation.recording import Recorder
 from flexfem.solvers.buckling import LinearBuckling
 from flexfem.solvers.statics import Limits, settle
 from flexfem.solvers.tangent import TangentSolver
+from flexfem.static_options import StaticOptions
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.probes import ProbeRecorder
@@ -142,7 +142,8 @@ class _Run:
     def _beyond(self) -> float:
         """How far the column that ends the run lies above its value at the end."""
         value = self._columns().get(self._options.stop_column, 0.0)
-        return float(self.system.comm.bcast(value)) - self._options.stop_value
+        value = float(self.system.comm.bcast(value))
+        return value - float(self._options.stop_value)
 
     def _elapsed(self) -> float:
         return time.perf_counter() - self._begin
