@@ -51,7 +51,7 @@ CASE = ff.Case(
     ),
     analysis=ff.STATICS,
     load_steps=6,
-    smoke={"elements": 3, "load_steps": 2},
+    smoke={"elements": 3, "load_steps": 2, "t_end": 0.1},
     results=lambda history: {f"tip_{axis}": history[f"tip_{axis}"][-1] for axis in "xyz"},
 )
 

@@ -56,7 +56,7 @@ CASE = ff.Case(
     stop_value=120.0,
     smoke={
         "elements": 6, "arc_length": 0.0, "load_steps": 2, "t_end": 0.2,
-        "stop_column": "", "stop_value": 0.0,
+        "stop_column": "none", "stop_value": 0.0,
     },
     results=lambda history: {"largest_load": LOAD * float(history["t"].max())},
 )  # fmt: skip

@@ -37,7 +37,7 @@ _OPTIONS = (
         maximum=1,
     ),
     Option("max_steps", int, 1000, "arc-length steps after which the run gives up", minimum=1),
-    Option("stop_column", str, "", "column of the history that ends the run at --stop-value"),
+    Option("stop_column", str, "none", "column of the history that ends the run at a value"),
     Option("stop_value", float, 0.0, "value of the column at which the run ends"),
     Option(
         "critical_points",
@@ -95,7 +95,7 @@ class StaticOptions(Settings):
         max_iterations: Iterations after which a step is cut.
         arc_length: First step along the path as a fraction of ``t_end``; 0 for load steps.
         max_steps: Arc-length steps after which the run gives up.
-        stop_column: Column of the history that ends the run, "" for none.
+        stop_column: Column of the history that ends the run, "none" for none.
         stop_value: Value of this column at the end.
         critical_points: Find bifurcation points as well as limit points.
         branch: First step off the path at the first bifurcation (rad or relative); 0 for none.
@@ -132,7 +132,7 @@ class StaticOptions(Settings):
         super().__post_init__()
         if self.branch > 0.0 and self.arc_length == 0.0:
             raise ValueError(f"StaticOptions: branch {self.branch:g} needs an arc_length above 0")
-        if self.stop_value != 0.0 and not self.stop_column:
+        if self.stop_value != 0.0 and self.stop_column == "none":
             raise ValueError(f"StaticOptions: stop_value {self.stop_value:g} needs a stop_column")
         if self.stabilise and self.arc_length > 0.0:
             raise ValueError(

@@ -15,7 +15,6 @@ from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
 from flexfem.io.summary import write_summary
 from flexfem.model.model import Model
-from flexfem.options import StaticOptions
 from flexfem.simulation.equilibrium import check_held, rest
 from flexfem.simulation.outcome import Outcome, Results
 from flexfem.simulation.path import CriticalPoint, Path
@@ -24,12 +23,15 @@ from flexfem.simulation.recording import Recorder
 from flexfem.solvers.buckling import LinearBuckling
 from flexfem.solvers.statics import Limits, settle
 from flexfem.solvers.tangent import TangentSolver
+from flexfem.static_options import StaticOptions
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.probes import ProbeRecorder
 
 __all__ = ["solve_static"]
 
+#: What stands for no column.
+_NONE = "none"
 #: A step is halved this often before the run gives up.
 _HALVINGS = 12
 #: Iterations of an easy step, after which steps grow again.
@@ -126,7 +128,7 @@ class _Run:
 
     def _check_column(self) -> None:
         column = self._options.stop_column
-        if column and column not in self._probes.columns:
+        if column != _NONE and column not in self._probes.columns:
             raise InputError(
                 f"StaticOptions: stop_column '{column}' is no column of the history, which has "
                 f"{', '.join(self._probes.columns) or 'none'}"
@@ -142,7 +144,8 @@ class _Run:
     def _beyond(self) -> float:
         """How far the column that ends the run lies above its value at the end."""
         value = self._columns().get(self._options.stop_column, 0.0)
-        return float(self.system.comm.bcast(value)) - self._options.stop_value
+        value = float(self.system.comm.bcast(value))
+        return value - float(self._options.stop_value)
 
     def _elapsed(self) -> float:
         return time.perf_counter() - self._begin
@@ -186,7 +189,7 @@ class _Run:
 
     def _advance(self, h: float) -> tuple[Status, float, bool]:
         """One accepted step of at most ``h``, its size, and whether the run has ended."""
-        path, before = self.path, self._beyond() if self._options.stop_column else 0.0
+        path, before = self.path, self._beyond() if self._options.stop_column != _NONE else 0.0
         self._largest = max(self._largest, h)
         smallest = self._largest * 0.5**_HALVINGS
         while (status := path.attempt(h)) is not Status.OK and h > smallest:
@@ -230,7 +233,7 @@ class _Run:
     def _end(self, h: float, before: float) -> tuple[Status, bool]:
         """Move the trial state back to the end if the step has passed it."""
         path, options = self.path, self._options
-        if options.stop_column:
+        if options.stop_column != _NONE:
             after = self._beyond()
             if after == 0.0 or (before != 0.0 and (before > 0.0) != (after > 0.0)):
                 near = _EXACT * max(abs(after), abs(before))

@@ -10,7 +10,9 @@ import flexfem as ff
 
 pytestmark = pytest.mark.serial
 
-NUMERICAL = {"simulate", "Outcome", "find_modes", "sweep_spin", "linearize", "LinearModel"}
+NUMERICAL = {
+    "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize", "LinearModel",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", sorted(set(ff.__all__) - NUMERICAL))

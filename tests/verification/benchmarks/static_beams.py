@@ -129,8 +129,10 @@ HELIX = {0.05: (-9.288519, 6.285664, 2.750736), 0.1: (-9.589797, 0.053771, -1.09
 
 
 def follower(elements: int, force: float) -> list[float]:
-    """Tip (u, v) under a follower force (Argyris, Symeonidis 1981)."""
-    model = cantilever(elements, 100.0, stiff(3.5e7, 4.2e8))
+    """Tip (u, v) under a follower force without shear (Argyris, Symeonidis 1981)."""
+    bending, rigid = 3.5e7, 4.2e11
+    stiffness = (4.2e8, rigid, rigid, bending, bending, bending)
+    model = cantilever(elements, 100.0, ff.Section.general(stiffness, (1.0,) * 6))
     tip = ff.Marker("link_1", "end")
     model.add(ff.PointForce("force", tip, (0.0, force, 0.0), follower=True))
     return solve(model, "u v", load_steps=6)
