@@ -66,6 +66,7 @@ class Simulation:
         )
         self._tangent = TangentSolver(self.system)
         self.status = self._start()
+        self._integrator.prepare(self.system)
         newton = NewtonOptions(options.tolerance)
         self._policy: Policy = create_policy(
             options.iteration_matrix, self.system, newton, self._tangent
