@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 #: Time integrators by name: "module:class", see ``flexfem.integrators.integrator``.
 INTEGRATORS = {
     "generalized_alpha": "flexfem.integrators.generalized_alpha:GeneralizedAlpha",
+    "energy_momentum": "flexfem.integrators.energy_momentum:EnergyMomentum",
     "stabilized_index2": "flexfem.integrators.stabilized_index2:StabilizedIndex2",
 }
 MAX_STEPS = 1e9  # more steps than anyone waits for: dt or t_end was mistyped
@@ -166,7 +167,8 @@ _RUN_OPTIONS = (
         "integrator",
         str,
         "generalized_alpha",
-        "scheme in time; stabilized_index2 satisfies the constraints on velocities as well",
+        "scheme in time: stabilized_index2 satisfies the constraints on velocities as well, "
+        "energy_momentum keeps the energy with --rho-inf 1 and never adds to it",
         choices=tuple(INTEGRATORS),
     ),
     Option(
@@ -249,7 +251,7 @@ class RunOptions(Settings):
         dt: Time step, s.
         t_end: End of the simulated time, s.
         integrator: Name of the scheme, one of ``INTEGRATORS``.
-        rho_inf: Spectral radius of generalised-alpha at infinite frequency, in [0, 1].
+        rho_inf: Spectral radius of the scheme at infinite frequency, in [0, 1].
         iteration_matrix: "auto", "frozen" or "updated".
         tolerance: Newton steps of positions (m), rotations (rad) and multipliers times
             ``beta h^2`` must fall below it.

@@ -9,7 +9,14 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.core.frame_kernels import accept, correct, predict, shift, to_inertial
+from flexfem.core.frame_kernels import (
+    accept,
+    correct,
+    orthonormalise,
+    predict,
+    shift,
+    to_inertial,
+)
 from flexfem.core.state import Numbering
 
 __all__ = ["FrameBlock"]
@@ -164,6 +171,13 @@ class FrameBlock:
         if self.inertial:
             to_inertial(self.frames, self._velocity0, self._acceleration0)
         self._auxiliary0[:] = self._acceleration0
+
+    def take(self) -> None:
+        """Accept the trial state as it stands, with its velocities and accelerations."""
+        orthonormalise(self.frames)
+        self.frames0[:] = self.frames
+        self.increment[:] = 0.0
+        self.start()
 
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""

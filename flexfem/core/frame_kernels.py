@@ -8,7 +8,15 @@ from flexfem.lie import so3
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into, retract_into
 
-__all__ = ["accept", "correct", "predict", "shift", "step_rates_into", "to_inertial"]
+__all__ = [
+    "accept",
+    "correct",
+    "orthonormalise",
+    "predict",
+    "shift",
+    "step_rates_into",
+    "to_inertial",
+]
 
 
 @inlined
@@ -210,6 +218,13 @@ def _orthonormalise(H: FloatArray) -> None:
         H[k] = 0.5 * (a * (3.0 - c00) - b * c01 - c * c02)
         H[k + 1] = 0.5 * (b * (3.0 - c11) - a * c01 - c * c12)
         H[k + 2] = 0.5 * (c * (3.0 - c22) - a * c02 - b * c12)
+
+
+@kernel
+def orthonormalise(frames: FloatArray) -> None:
+    """Remove what rounding did to the rotations of all frames (n, 12)."""
+    for i in range(len(frames)):
+        _orthonormalise(frames[i])
 
 
 @kernel

@@ -92,7 +92,8 @@ class BeamGroup:
         self._inertia = compile_kernel(comm, forms.inertia, coefficients)
         self._action = compile_kernel(comm, forms.action, coefficients)
 
-    def _cell_data(self) -> _CellData:
+    def cell_data(self) -> _CellData:
+        """Cells, section turns, twists, lengths, damping, sections and material data for loops."""
         data = self.data
         return (
             data.cells, self.turned, self._turns, self._twists, self.lengths, data.damping,
@@ -101,7 +102,7 @@ class BeamGroup:
 
     def _assumed_data(self, block: FrameBlock) -> _CellData:
         """Cell data with initial twists from which the assumed ones lead to the present ones."""
-        data = self._cell_data()
+        data = self.cell_data()
         if self.assumed is None:
             return data
         twists = self._strain(block.frames, _ALL)[0]
@@ -111,7 +112,7 @@ class BeamGroup:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
         add_residual(
             self._residual.batch, self._residual.offsets, gravity,
-            *(self._assumed_data(block) if self.assumed_forces else self._cell_data()),
+            *(self._assumed_data(block) if self.assumed_forces else self.cell_data()),
             block.frames, block.velocity, block.acceleration, scale, block.residual,
         )  # fmt: skip
 
@@ -138,7 +139,7 @@ class BeamGroup:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
         add_action(
             self._action.address, self._action.offsets, gravity, shifts, _inertial(block, shifts),
-            *self._cell_data(), block.frames, block.velocity, block.acceleration, block.increment,
+            *self.cell_data(), block.frames, block.velocity, block.acceleration, block.increment,
             block.step, scale, block.residual,
         )  # fmt: skip
 

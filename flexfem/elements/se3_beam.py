@@ -35,6 +35,7 @@ class SE3Beams:
     Attributes:
         data: constant data of the cells.
         lengths: (m,) arc lengths at the start, m.
+        law_owner: what messages call the first section with a law of the user, None without one.
     """
 
     def __init__(
@@ -58,6 +59,8 @@ class SE3Beams:
             ValueError: a section's law is not usable; on all ranks.
         """
         self.data = data
+        named = zip(sections, owners, strict=True)
+        self.law_owner = next((owner for s, owner in named if s.law is not None), None)
         damped = comm.allreduce(bool(np.any(data.damping > 0.0)), op=MPI.LOR)
         groups = grouped(sections).items()
         # all laws are checked before the long compilation of the first
@@ -71,6 +74,11 @@ class SE3Beams:
             group = BeamGroup(comm, _part(data, rows, numbers), material, start)
             self._groups.append((rows, group))
             self.lengths[rows] = group.lengths
+
+    @property
+    def linear(self) -> BeamGroup:
+        """The cells of linear material, all of them unless :attr:`law_owner` is given."""
+        return self._groups[0][1]
 
     @property
     def turned(self) -> int:

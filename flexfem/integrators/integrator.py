@@ -28,6 +28,13 @@ class Integrator(Protocol):
         """Store the coefficients."""
         ...
 
+    def prepare(self, system: System) -> None:
+        """Get ready for a system that is about to start (collective).
+
+        Raises:
+            InputError: the model holds something that the scheme does not know.
+        """
+
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
         ...

@@ -77,6 +77,7 @@ class Simulation:
         )
         self._tangent = TangentSolver(self.system)
         self.status = self._start() if restart is None else Status.OK
+        self._integrator.prepare(self.system)
         newton = NewtonOptions(options.tolerance)
         self._policy: Policy = create_policy(
             options.iteration_matrix, self.system, newton, self._tangent

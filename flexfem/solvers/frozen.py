@@ -382,10 +382,10 @@ class FrozenSolver:
         """Fresh inverses of the rigid bodies' matrices and their compliances."""
         part = group.part
         blocks = np.zeros((part.block.owned, 6, 6))
-        masses = part.masses.tangent(part.block, self.system.gravity, shifts.array, shifts.scale)
+        masses = self.system.mechanics.masses(self.system, part, shifts)
         np.add.at(blocks, part.masses.nodes, masses)
         if len(part.forces.nodes):
-            forces = part.forces.tangent(part.block, self.system.factors, shifts.scale)
+            forces = self.system.mechanics.forces(self.system, part, shifts)
             np.add.at(blocks, part.forces.nodes, forces)
         self._inverses = np.empty_like(blocks)
         regular: bool = invert_blocks(blocks, self._inverses)

@@ -88,7 +88,8 @@ class TangentSolver:
         """Set the numbers of all blocks at the trial state (collective)."""
         system, rows = self.system, self.system.constraints
         owned = rows.owned
-        hessians = rows.hessians(owned * rows.multipliers * shifts.stiffness)
+        factor = owned * rows.multipliers * shifts.stiffness
+        hessians = system.mechanics.hessians(system, factor)
         count = len(system.parts)
         for i, part in enumerate(system.parts):
             for j in range(count):
@@ -188,17 +189,13 @@ def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
 
 def part_values(system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
     """Values of the entries of ``part_pattern``."""
+    mechanics = system.mechanics
     values = [
-        part.masses.tangent(
-            part.block, system.gravity, shifts.array, shifts.scale, shifts.local
-        ).ravel(),
-        part.forces.tangent(part.block, system.factors, shifts.scale * shifts.stiffness).ravel(),
+        mechanics.masses(system, part, shifts).ravel(),
+        mechanics.forces(system, part, shifts).ravel(),
     ]
     if part.beams is not None:
-        cells = part.beams.tangent(
-            part.block, system.gravity, shifts.array, shifts.scale, shifts.local
-        )
-        values.insert(0, cells.ravel())
+        values.insert(0, mechanics.cells(system, part, shifts).ravel())
     return np.concatenate(values)
 
 

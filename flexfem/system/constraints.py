@@ -32,6 +32,7 @@ class Constraints(RowTable):
     holds.
 
     Attributes:
+        comm: communicator.
         interior: number of rows that only this rank evaluates.
         owned: (r,) 1 for rows whose multipliers this rank owns.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
@@ -51,7 +52,7 @@ class Constraints(RowTable):
     ) -> None:
         """Collect the rows (collective: numbers the multipliers)."""
         super().__init__(sorted(joints, key=lambda j: (j.shared, j.index)))
-        self.interface, self._comm = interface, comm
+        self.interface, self.comm = interface, comm
         counts = np.diff(self.start)
         total, terms = len(self.targets), len(self.row_of_term)
         shared = np.repeat([j.shared for j in self.joints], counts)
@@ -105,7 +106,7 @@ class Constraints(RowTable):
 
     def _in_order(self, counts: IntArray, owned: BoolArray) -> Numbering:
         """Numbering of things of which the joints here have ``counts`` each."""
-        comm = self._comm
+        comm = self.comm
         index = np.array([j.index for j in self.joints], dtype=np.int64)
         every = np.zeros(comm.allreduce(int(index.max(initial=-1)) + 1, op=MPI.MAX), dtype=np.int64)
         every[index] = counts
@@ -211,7 +212,7 @@ class Constraints(RowTable):
     def _switchable(self, name: str) -> IntArray:
         named = [i for i, placed in enumerate(self.joints) if placed.joint.name == name]
         rows = np.flatnonzero(self.switchable & np.isin(self.joint_of_row, named)).astype(np.int64)
-        if self._comm.allreduce(len(rows)) == 0:
+        if self.comm.allreduce(len(rows)) == 0:
             raise ValueError(f'joint "{name}": the model has none that can be locked and released')
         return rows
 
@@ -340,12 +341,17 @@ class Constraints(RowTable):
         )  # fmt: skip
         return out
 
-    def turning_forces(self, steps: FloatArray) -> FloatArray:
-        """(n_slots, 6) change of the constraint forces on the nodes along steps of the slots."""
+    def turning_forces(self, hessians: FloatArray, steps: FloatArray) -> FloatArray:
+        """(n_slots, 6) change of the constraint forces on the nodes along steps of the slots.
+
+        Args:
+            hessians: (n_pairs, 12, 12) derivatives of the forces.
+            steps: (n_slots, 6) local twists.
+        """
         slots = self.pair_slots
         padded = np.concatenate([steps, np.zeros((1, 6))])
         along = padded[slots].reshape(-1, 12, 1)
-        change = (self.hessians(self.multipliers) @ along).reshape(-1, 6)
+        change = (hessians @ along).reshape(-1, 6)
         out = np.zeros((len(steps) + 1, 6))
         np.add.at(out, slots.ravel(), change)
         return out[:-1]

@@ -84,6 +84,14 @@ class NodeForces:
             factors, block.frames, scale, block.residual,
         )  # fmt: skip
 
+    def data(
+        self,
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, BoolArray, IntArray]:
+        """Nodes, offsets, forces, moments, whether they follow, and loads, as loops expect."""
+        return (
+            self.nodes, self._offsets, self._forces, self._moments, self._follower, self._load
+        )  # fmt: skip
+
     def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
         """(k, 6, 6) derivative of the residual along local twists."""
         out = np.empty((len(self.nodes), 6, 6))

@@ -21,6 +21,7 @@ from flexfem.core.state import Numbering, State
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
+from flexfem.system.mechanics import EndPoint, Mechanics
 from flexfem.system.node_loads import NodeForces, NodeMasses
 
 __all__ = ["MASS", "BlockPart", "Counters", "Shifts", "System"]
@@ -121,6 +122,7 @@ class System:
         part_of_slot, body_of_slot: part and body of every interface slot.
         gravity: (3,) acceleration in inertial axes, m/s^2.
         counters: what the run has counted so far.
+        mechanics: the equations at the trial state; a time integrator may bring its own.
         time: time of the trial state, s.
         smooth: accelerations improved the prediction of the last step.
     """
@@ -146,6 +148,7 @@ class System:
         self._loads, self.gravity = list(loads), gravity
         self._factors = np.ones(len(self._loads))
         self.counters = Counters()
+        self.mechanics: Mechanics = EndPoint()
         self.time = 0.0
         self.smooth = False
 
@@ -179,10 +182,7 @@ class System:
     def evaluate(self, shifts: Shifts) -> None:
         """Residuals of blocks and constraints at the trial state (collective)."""
         self.counters.residual_evaluations += 1
-        for part in self.parts:
-            part.add_residual(self.gravity, self._factors, shifts.scale)
-        self.interface.update()
-        self.constraints.evaluate(shifts.dynamics)
+        self.mechanics.evaluate(self, shifts)
         self.add_constraint_forces(self.constraints.multipliers)
 
     def add_constraint_forces(self, multipliers: FloatArray) -> None:
@@ -196,9 +196,11 @@ class System:
 
         Residuals of ghosts must be zero.
         """
-        self._add_action(shifts, -shifts.scale)
+        self._add_action(shifts, -1.0)
         self.interface.update_steps()
-        turning = self.constraints.turning_forces(self.interface.steps)
+        rows = self.constraints
+        hessians = self.mechanics.hessians(self, rows.multipliers)
+        turning = rows.turning_forces(hessians, self.interface.steps)
         for part in self.parts:
             held = part.slots >= 0
             np.subtract.at(part.block.residual, part.slots[held], turning[held])
@@ -209,32 +211,26 @@ class System:
             part.block.residual[:] = 0.0
         self._add_action(MASS, factor)
 
-    def _add_action(self, shifts: Shifts, scale: float) -> None:
-        """Add ``scale`` times the blocks' own tangents times their steps to the residuals."""
-        gravity, array = self.gravity, shifts.array
+    def _add_action(self, shifts: Shifts, factor: float) -> None:
+        """Add ``factor`` times the blocks' own tangents times their steps to the residuals."""
+        mechanics = self.mechanics
         for part in self.parts:
             block = part.block
             block.spread_step()
             if part.beams is not None:
                 block.residual[block.owned :] = 0.0
-                part.beams.add_action(block, gravity, array, scale)
+                mechanics.add_cells(self, part, shifts, factor)
                 block.add_ghosts()
             for nodes, matrices in (
-                (part.masses.nodes, part.masses.tangent(block, gravity, array, scale)),
-                (
-                    part.forces.nodes,
-                    part.forces.tangent(block, self._factors, scale * shifts.stiffness),
-                ),
+                (part.masses.nodes, mechanics.masses(self, part, shifts)),
+                (part.forces.nodes, mechanics.forces(self, part, shifts)),
             ):
-                np.add.at(
-                    block.residual, nodes, np.einsum("kij,kj->ki", matrices, block.step[nodes])
-                )
+                action = np.einsum("kij,kj->ki", matrices, block.step[nodes])
+                np.add.at(block.residual, nodes, factor * action)
 
     def correct(self, sign: float) -> float:
         """Apply the blocks' steps; largest entry on this rank."""
-        sizes = [part.block.correct(sign) for part in self.parts]
-        # NumPy's maximum keeps a NaN, Python's may drop it
-        return sizes[0] if len(sizes) == 1 else float(np.max(sizes, initial=0.0))
+        return self.mechanics.correct(self, sign)
 
     def shift(self, sign: float) -> float:
         """Apply the blocks' steps to the positions alone; largest entry on this rank."""

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The equations that a time integrator asks a system for, and their derivatives.
+
+Most schemes state equilibrium at the end of a step: :class:`EndPoint`. A scheme with equations of
+its own brings another object with the same methods and puts it into ``System.mechanics``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from flexfem._types import FloatArray
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart, Shifts, System
+
+__all__ = ["EndPoint", "Mechanics"]
+
+
+class Mechanics(Protocol):
+    """Residuals of blocks and rows at the trial state, and their derivatives along local twists."""
+
+    def evaluate(self, system: System, shifts: Shifts) -> None:
+        """Residuals of blocks, without constraint forces, and rows (collective)."""
+        ...
+
+    def correct(self, system: System, sign: float) -> float:
+        """Apply the blocks' steps; largest entry on this rank (collective)."""
+        ...
+
+    def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """Matrices (m, 12, 12) of a part's beam cells."""
+        ...
+
+    def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """Matrices (k, 6, 6) of a part's masses."""
+        ...
+
+    def forces(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """Matrices (k, 6, 6) of a part's forces."""
+        ...
+
+    def hessians(self, system: System, factor: FloatArray) -> FloatArray:
+        """``sum_rows factor d(force gradient)``, (n_pairs, 12, 12)."""
+        ...
+
+    def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
+        """Add ``factor`` times the action of a part's beam cells on its steps to its residual."""
+        ...
+
+
+class EndPoint:
+    """Equilibrium at the end of the step."""
+
+    def evaluate(self, system: System, shifts: Shifts) -> None:
+        """See :class:`Mechanics`."""
+        for part in system.parts:
+            part.add_residual(system.gravity, system.factors, shifts.scale)
+        system.interface.update()
+        system.constraints.evaluate(shifts.dynamics)
+
+    def correct(self, system: System, sign: float) -> float:
+        """See :class:`Mechanics`."""
+        sizes = [part.block.correct(sign) for part in system.parts]
+        # NumPy's maximum keeps a NaN, Python's may drop it
+        return sizes[0] if len(sizes) == 1 else float(np.max(sizes, initial=0.0))
+
+    def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`Mechanics`."""
+        assert part.beams is not None
+        return part.beams.tangent(
+            part.block, system.gravity, shifts.array, shifts.scale, shifts.local
+        )
+
+    def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`Mechanics`."""
+        return part.masses.tangent(
+            part.block, system.gravity, shifts.array, shifts.scale, shifts.local
+        )
+
+    def forces(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`Mechanics`."""
+        scale = shifts.scale * shifts.stiffness
+        return part.forces.tangent(part.block, system.factors, scale)
+
+    def hessians(self, system: System, factor: FloatArray) -> FloatArray:
+        """See :class:`Mechanics`."""
+        return system.constraints.hessians(factor)
+
+    def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
+        """See :class:`Mechanics`."""
+        assert part.beams is not None
+        scale = factor * shifts.scale
+        part.beams.add_action(part.block, system.gravity, shifts.array, scale)

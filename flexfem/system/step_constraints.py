@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""All rows of this rank over a step that conserves energy.
+
+Rigid rows hold at the end of the step. A spring pulls with ``k`` times the mean of its values at
+both ends, which is the change of its energy divided by that of its value; dampers see the mean
+rate.
+"""
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.row import LawKind
+from flexfem.system.constraints import Constraints
+from flexfem.system.row_kernels import marker_poses
+from flexfem.system.step_rows import add_step_hessians, evaluate_step
+
+__all__ = ["StepRows"]
+
+_SUPPORTED = (LawKind.RIGID, LawKind.SPRING)
+
+
+class StepRows:
+    """Rows between two states; they fill the arrays of :class:`Constraints` at every evaluation."""
+
+    def __init__(self, rows: Constraints, chi: float) -> None:
+        """Prepare the work space; ``chi`` is the numerical dissipation (collective).
+
+        Raises:
+            InputError: a row has a law without an energy; the joint is named on all ranks.
+        """
+        _check_laws(rows)
+        self._rows, self._chi = rows, chi
+        markers, terms = len(rows.marker_slot), len(rows.kinds)
+        self._frames0 = np.zeros_like(rows.interface.frames)
+        self._poses0, self._poses = np.zeros((markers, 12)), rows.marker_frames()
+        self._terms0, self._terms = np.zeros(terms), np.zeros(terms)
+        self._gradient = np.zeros((terms, 2, 6))
+        self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)
+        self._values0, self._values = np.zeros(rows.size), np.zeros(rows.size)
+        self._h = self._weight = self._memory = 1.0
+
+    def begin(self, h: float, weight: float, last_h: float) -> None:
+        """Start a step of size ``h`` after one of ``last_h`` (s, infinite for none).
+
+        ``weight`` scales the multipliers.
+        """
+        rows, face = self._rows, self._rows.interface
+        self._h, self._weight = h, weight
+        self._frames0[:] = face.frames
+        marker_poses(self._frames0, rows.marker_slot, rows.marker_offset, self._poses0)
+        self._memory = min(1.0, h / last_h)
+        if not np.isfinite(last_h):
+            self.evaluate()
+            self._last[:], self._memory = h * rows.rates(), 1.0
+
+    def accept(self) -> None:
+        """Remember what the next step needs of the trial state."""
+        self.evaluate()
+        self._last[:] = self._values - self._values0
+        self._targets0[:] = self._rows.targets
+
+    def _sums(self, terms: FloatArray) -> FloatArray:
+        rows = self._rows
+        return np.bincount(rows.row_of_term, rows.factors * terms, minlength=rows.size)
+
+    def evaluate(self) -> None:
+        """Values, gradients and compliances of all rows at the interface's state."""
+        rows, frames = self._rows, self._rows.interface.frames
+        factors = rows.factors[:, np.newaxis, np.newaxis]
+        marker_poses(frames, rows.marker_slot, rows.marker_offset, self._poses)
+        # the derivative at the end is the discrete one of no step at all
+        evaluate_step(
+            frames, frames, self._poses, self._poses, rows.marker_slot, rows.marker_offset,
+            rows.term_marker, rows.kinds, rows.directions, rows.angles, self._terms0, self._terms,
+            rows.step_jacobian,
+        )  # fmt: skip
+        rows.step_jacobian *= factors
+        evaluate_step(
+            self._frames0, frames, self._poses0, self._poses, rows.marker_slot, rows.marker_offset,
+            rows.term_marker, rows.kinds, rows.directions, rows.angles, self._terms0, self._terms,
+            self._gradient,
+        )  # fmt: skip
+        np.multiply(self._gradient, factors, out=rows.force_jacobian)
+        self._values0, self._values = self._sums(self._terms0), self._sums(self._terms)
+        rows.values[:] = self._values - rows.targets - rows.relaxation * rows.multipliers
+        rows.compliance[:] = rows.relaxation
+        rows.coupling[:] = 0.0
+        if not rows.rigid.all():
+            self._forces()
+
+    def _forces(self) -> None:
+        """Equations ``scale (F - L / weight) = 0`` of rows with laws, or without any force."""
+        rows, chi, h = self._rows, self._chi, self._h
+        k, c = rows.elastic[:, 1], rows.elastic[:, 2]
+        change = self._values - self._values0
+        mean = 0.5 * (self._values + self._values0 - rows.targets - self._targets0)
+        force = k * (mean + 0.5 * chi * (change - self._memory * self._last)) + c * change / h
+        slope = 0.5 * (1.0 + chi) * k + c / h
+        scale = 1.0 / (1.0 / self._weight + slope)
+        scale, slope, force = (
+            np.where(rows.active, one, free)
+            for one, free in ((scale, self._weight), (slope, 0.0), (force, 0.0))
+        )
+        free = ~rows.rigid
+        rows.values[free] = (scale * (force - rows.multipliers / self._weight))[free]
+        rows.compliance[free] = scale[free] / self._weight
+        rows.step_jacobian *= np.where(free, scale * slope, 1.0)[rows.row_of_term, None, None]
+
+    def hessians(self, factor: FloatArray) -> FloatArray:
+        """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""
+        rows = self._rows
+        out = np.zeros((len(rows.pair_slots), 12, 12))
+        add_step_hessians(
+            self._frames0, rows.interface.frames, self._poses0, self._poses, rows.marker_slot,
+            rows.marker_offset, rows.term_marker, rows.kinds, rows.directions, self._terms0,
+            self._terms, self._gradient, rows.pair_of_term,
+            factor[rows.row_of_term] * rows.factors, out,
+        )  # fmt: skip
+        return out
+
+
+def _check_laws(rows: Constraints) -> None:
+    found = [
+        (rows.joints[i].index, rows.joints[i].joint.owner)
+        for i in np.unique(rows.joint_of_row[~np.isin(rows.elastic[:, 0], _SUPPORTED)])
+    ]
+    everywhere = min((one for part in rows.comm.allgather(found) for one in part), default=None)
+    if everywhere is not None:
+        raise InputError(
+            f"{everywhere[1]}: the integrator energy_momentum knows neither friction nor stops"
+        )

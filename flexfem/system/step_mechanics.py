@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Equations of a whole step whose forces do exactly the work by which energies change.
+
+The residuals are momentum balances over the step multiplied by ``h (1 + chi)/2 h``, so that the
+iteration matrix is that of Newmark's method, ``M + h^2 (1 + chi)^2/4 K``; multipliers are scaled
+alike. Scheme and proofs: :class:`flexfem.integrators.energy_momentum.EnergyMomentum`.
+"""
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray, IntArray
+from flexfem.bodies.step_forces import add_step_forces, step_force_tangent
+from flexfem.bodies.step_inertia import add_step_inertia, lump, step_inertia_tangent
+from flexfem.core.step_kernels import correct, mean_acceleration, start
+from flexfem.elements.energy_beam import EnergyBeams, StepState
+from flexfem.lie import se3, so3
+from flexfem.system.step_constraints import StepRows
+from flexfem.system.system import BlockPart, Shifts, System
+
+__all__ = ["StepMechanics"]
+
+
+class _Part:
+    """State of one block over the step.
+
+    Attributes:
+        state: both ends of the step.
+        jumps: (n, 6) last change of the rates, for a step as long as this one.
+        centres: (n, 3) points whose velocity counts, node axes.
+        twists0, last_change: (m, 6) relative twists at the start, their change over the last step.
+        lumps: (k, 13) mass, first moment and rotary inertia about these points; nodes: (k,).
+    """
+
+    def __init__(self, system: System, part: BlockPart, chi: float) -> None:
+        block, masses = part.block, part.masses
+        count = len(block.frames)
+        self.block, self.chi = block, chi
+        self.beams = None if part.beams is None else EnergyBeams(system.comm, part.beams.linear)
+        self.centres, self.jumps = np.zeros((count, 3)), np.zeros((count, 6))
+        self.base = np.zeros((count, 6))
+        self.nodes, self.lumps = masses.nodes, lump(masses.matrices)
+        self.entries: IntArray = np.arange(len(masses.nodes))
+        if part.beams is None:
+            self._centre(masses.matrices)
+        self.offset = bool(np.any(self.lumps[:, 1:4])) or (
+            self.beams is not None and self.beams.offset
+        )
+        self.twists0 = self.last_change = np.zeros((0, 6))
+        self._memory = 1.0
+        self.state = StepState(
+            frames0=block.frames0, frames=block.frames, increments=block.increment,
+            rates0=np.zeros((count, 6)), rates=np.zeros((count, 6)), gravity=system.gravity,
+            law=np.zeros(3),
+        )  # fmt: skip
+
+    def _centre(self, matrices: FloatArray) -> None:
+        """Refer the masses of every rigid body to their common centre."""
+        nodes, self.entries, inverse = np.unique(self.nodes, return_index=True, return_inverse=True)
+        total = np.zeros((len(nodes), 6, 6))
+        np.add.at(total, inverse, matrices)
+        lumps = lump(total)
+        centre = lumps[:, 1:4] / lumps[:, :1]
+        arm = so3.skew(centre)
+        rotary = total[:, 3:, 3:] + lumps[:, :1, np.newaxis] * (arm @ arm)
+        self.centres[nodes] = centre
+        self.nodes = nodes
+        self.lumps = np.concatenate(
+            [lumps[:, :1], np.zeros_like(centre), rotary.reshape(-1, 9)], axis=1
+        )
+
+    def begin(self, h: float, memory: float) -> None:
+        """Rates and their last change from the accepted state.
+
+        A part ``memory`` of this change counts in the dissipation.
+        """
+        block, state, c = self.block, self.state, self.centres
+        R = block.frames0[:, 3:].reshape(-1, 3, 3)
+        v, omega = block.velocity[:, :3], block.velocity[:, 3:]
+        w, spin = block.acceleration[:, :3], block.acceleration[:, 3:]
+        local = v + np.cross(omega, c)
+        state.rates0[:, :3] = np.einsum("nij,nj->ni", R, local)
+        state.rates0[:, 3:] = omega
+        local = w + np.cross(omega, local) + np.cross(spin, c)
+        self.jumps[:, :3] = h * np.einsum("nij,nj->ni", R, local)
+        self.jumps[:, 3:] = h * spin
+        state.law = np.array([0.5 * self.chi, 1.0 / h, 2.0 / (h * (1.0 + self.chi))])
+        self._memory = memory
+
+    def predict(self, h: float, smooth: bool) -> None:
+        """Increments from the rates, and from their last change where this helps."""
+        chi, state = self.chi, self.state
+        law = np.array([
+            h, 0.5 * h * smooth, (chi - 1.0) / (1.0 + chi), self._memory * chi / (1.0 + chi),
+            state.law[2],
+        ])  # fmt: skip
+        start(
+            state.frames0, state.rates0, self.jumps, self.centres, law, state.increments,
+            self.base, state.frames, state.rates, self.block.velocity,
+        )  # fmt: skip
+
+    def third(self) -> float:
+        """Largest change of the rates' change over a step."""
+        owned, state = slice(0, self.block.owned), self.state
+        change = (state.rates - state.rates0 - self.jumps)[owned]
+        return float(np.abs(change).max(initial=0.0))
+
+    def correct(self, sign: float) -> float:
+        """Move by the local twists ``sign * step``."""
+        block, state = self.block, self.state
+        block.spread_step()
+        largest: float = correct(
+            state.frames0, state.increments, self.centres, self.base, state.law[2], state.frames,
+            state.rates, block.velocity, block.step, sign,
+        )  # fmt: skip
+        return largest
+
+    def accept(self, h: float) -> FloatArray:
+        """Take the trial state; how far the predictions with and without jumps were off (2,)."""
+        state, block = self.state, self.block
+        owned = slice(0, block.owned)
+        path = (state.rates - self.base)[owned] / state.law[2] - h * state.rates0[owned]
+        misses = np.array([
+            np.abs(path).max(initial=0.0),
+            np.abs(path - 0.5 * h * self.jumps[owned]).max(initial=0.0),
+        ])  # fmt: skip
+        mean_acceleration(
+            state.frames, state.rates0, state.rates, block.velocity, self.centres, h,
+            block.acceleration,
+        )  # fmt: skip
+        block.take()
+        return misses
+
+
+class StepMechanics:
+    """Equations of a step between two states; see :class:`flexfem.system.mechanics.Mechanics`.
+
+    Attributes:
+        chi: numerical dissipation, 0 for none.
+    """
+
+    def __init__(self, system: System, chi: float) -> None:
+        """Prepare the data of all blocks (collective).
+
+        Raises:
+            InputError: a part of the model has no such equations; named on all ranks.
+        """
+        self.chi, self.h, self._last_h = chi, 0.0, np.inf
+        _check_beams(system)
+        self._parts = {id(p): _Part(system, p, chi) for p in system.parts}
+        self._check_offsets(system)
+        self._rows = StepRows(system.constraints, chi)
+        self._factors = system.factors.copy()
+        self._cells: FloatArray | None = None
+
+    def _check_offsets(self, system: System) -> None:
+        beams = [part for part in self._parts.values() if part.beams is not None]
+        offset = any(part.offset for part in beams)
+        if system.comm.size > 1:
+            offset = bool(system.comm.allreduce(int(offset)))
+        if offset and self.chi > 0.0:
+            raise InputError(
+                "EnergyMomentum: beams and masses with centres off the beams' axes need rho_inf 1 "
+                f"(no dissipation), got chi = {self.chi:.6g}"
+            )
+
+    @property
+    def weight(self) -> float:
+        """Factor of mean forces and of multipliers, s^2."""
+        return 0.5 * self.h * self.h * (1.0 + self.chi)
+
+    def begin(self, system: System, h: float, factors: FloatArray) -> None:
+        """Start a step of size ``h`` (s) from the accepted state with load factors ``factors``."""
+        first, self.h = not np.isfinite(self._last_h), h
+        self._factors = factors
+        system.interface.update()
+        for part in self._parts.values():
+            part.begin(h, min(1.0, self._last_h / h))
+            if part.beams is None:
+                continue
+            part.twists0 = part.beams.twists(part.state.frames0)
+            if first:
+                before = se3.retract(part.state.frames0, -h * part.block.velocity)
+                part.last_change = part.twists0 - part.beams.twists(before)
+            part.beams.last_change[:] = (
+                min(1.0, 1.0 if first else h / self._last_h) * part.last_change
+            )
+        self._rows.begin(h, self.weight, self._last_h)
+
+    def predict(self, system: System) -> None:
+        """Trial state from the accepted one."""
+        for part in self._parts.values():
+            part.predict(self.h, system.smooth)
+
+    def error(self, system: System) -> float:
+        """Estimated error of the trial state's increments, m or rad (collective)."""
+        largest = max((part.third() for part in self._parts.values()), default=0.0)
+        if system.comm.size > 1:
+            largest = system.comm.allreduce(largest, op=MPI.MAX)
+        return (1.0 / 12.0 + 0.5 * self.chi) * self.h * largest
+
+    def accept(self, system: System) -> None:
+        """Take the trial state (collective)."""
+        misses = np.zeros(2)
+        for part in self._parts.values():
+            if part.beams is not None:
+                twists = part.beams.twists(part.state.frames)
+                part.last_change = twists - part.twists0
+            np.maximum(misses, part.accept(self.h), out=misses)
+        if system.comm.size > 1:
+            system.comm.Allreduce(MPI.IN_PLACE, misses, op=MPI.MAX)
+        system.smooth = bool(misses[1] < misses[0])
+        system.interface.update()
+        self._rows.accept()
+        system.constraints.accept()
+        self._last_h = self.h
+
+    def evaluate(self, system: System, shifts: Shifts) -> None:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        self._cells = None
+        for part in system.parts:
+            mine, block = self._parts[id(part)], part.block
+            state = mine.state
+            block.residual[:] = 0.0
+            if mine.beams is not None:
+                mine.beams.add_force(state, self.weight, block.residual)
+                block.add_ghosts()
+            if len(mine.nodes):
+                add_step_inertia(
+                    mine.nodes, mine.lumps, mine.centres, state.frames0, state.frames,
+                    state.rates0, state.rates, state.gravity, self.h, self.weight, block.residual,
+                )  # fmt: skip
+            if len(part.forces.nodes):
+                add_step_forces(
+                    *part.forces.data(), self._factors, state.frames0, state.frames, self.weight,
+                    block.residual,
+                )  # fmt: skip
+        system.interface.update()
+        self._rows.evaluate()
+
+    def correct(self, system: System, sign: float) -> float:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        moves = [self._parts[id(part)].correct(sign) for part in system.parts]
+        return float(np.max(moves, initial=0.0))
+
+    def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        mine = self._parts[id(part)]
+        assert mine.beams is not None
+        return mine.beams.tangent(mine.state, self.weight)
+
+    def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        assert part.beams is not None
+        if self._cells is None:
+            self._cells = self.cells(system, part, shifts)
+        nodes = part.beams.data.cells
+        steps = part.block.step[nodes].reshape(-1, 12, 1)
+        action = factor * (self._cells @ steps)
+        np.add.at(part.block.residual, nodes, action.reshape(-1, 2, 6))
+
+    def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        mine = self._parts[id(part)]
+        state = mine.state
+        out, own = np.zeros((len(part.masses.nodes), 6, 6)), np.zeros((len(mine.nodes), 6, 6))
+        step_inertia_tangent(
+            mine.nodes, mine.lumps, mine.centres, state.frames0, state.frames, state.increments,
+            state.rates0, state.rates, state.gravity, self.h, state.law[2], self.weight, own,
+        )  # fmt: skip
+        out[mine.entries] = own
+        return out
+
+    def forces(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        state = self._parts[id(part)].state
+        out = np.zeros((len(part.forces.nodes), 6, 6))
+        step_force_tangent(
+            *part.forces.data(), self._factors, state.frames0, state.frames, self.weight, out
+        )
+        return out
+
+    def hessians(self, system: System, factor: FloatArray) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        return self._rows.hessians(factor)
+
+
+def _check_beams(system: System) -> None:
+    """Raise on all ranks for a beam whose material is a law of the user."""
+    for part in system.parts:
+        if part.beams is not None and part.beams.law_owner is not None:
+            raise InputError(
+                f"{part.beams.law_owner}: the integrator energy_momentum needs a linear section"
+            )
