@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from flexfem.analysis import DYNAMICS, Analysis
+from flexfem.analyses.analysis import Analysis
+from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.options import Option
 
 if TYPE_CHECKING:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What every time integrator offers, and integrators by name.
 
-A new scheme is a new file and its line in ``flexfem.options.INTEGRATORS``.
+A new scheme is a new file and its line in ``flexfem.analyses.dynamics.INTEGRATORS``.
 """
 
 from importlib import import_module
 from typing import ClassVar, Protocol
 
+from flexfem.analyses.dynamics import INTEGRATORS
 from flexfem.core.status import Status
-from flexfem.options import INTEGRATORS
 from flexfem.solvers.policies import Policy
 from flexfem.system.system import Shifts, System
 
@@ -67,7 +67,7 @@ class Integrator(Protocol):
 
 
 def create_integrator(name: str, rho_inf: float) -> Integrator:
-    """Integrator of the given name, one of ``flexfem.options.INTEGRATORS``."""
+    """Integrator of the given name, one of ``flexfem.analyses.dynamics.INTEGRATORS``."""
     module, kind = INTEGRATORS[name].split(":")
     integrator: Integrator = getattr(import_module(module), kind)(rho_inf)
     return integrator

@@ -8,11 +8,11 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.analyses.modes import CampbellOptions
 from flexfem.core.status import Status
 from flexfem.io.history import HistoryWriter
 from flexfem.io.summary import remove_summary, write_summary
 from flexfem.model.model import Model
-from flexfem.options import CampbellOptions
 from flexfem.simulation.modes import modes_at
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results

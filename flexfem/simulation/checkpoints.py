@@ -12,9 +12,9 @@ from typing import Protocol
 from mpi4py import MPI
 
 import flexfem
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.state import Numbering, State
 from flexfem.io.checkpoint import Checkpoint, remove_files, write_checkpoint
-from flexfem.options import RunOptions
 from flexfem.simulation.time_grid import TimeGrid
 from flexfem.system.assembly import Assembly
 from flexfem.system.fingerprint import fingerprint

@@ -12,11 +12,11 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.io.summary import write_summary
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
-from flexfem.options import RunOptions
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.outcome import Outcome, Results
 from flexfem.simulation.reasons import not_finite

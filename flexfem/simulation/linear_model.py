@@ -11,10 +11,10 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.analyses.modes import LinearOptions
 from flexfem.core.status import Status
 from flexfem.io.state_space import write_arrays
 from flexfem.model.model import Model
-from flexfem.options import LinearOptions
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.solvers.mode_shapes import ComplexArray, find
 from flexfem.solvers.reduction import Reduction, reduce_equations

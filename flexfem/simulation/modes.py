@@ -11,12 +11,12 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.analyses.modes import ModeOptions
 from flexfem.core.status import Status
 from flexfem.io.history import HistoryWriter
 from flexfem.io.mode_output import write_modes
 from flexfem.io.summary import remove_summary, write_summary
 from flexfem.model.model import Model
-from flexfem.options import ModeOptions
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results
 from flexfem.solvers.mode_shapes import Modes, find

@@ -11,11 +11,11 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem.analyses.modes import StateOptions
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.integrators.start import check_gaps
 from flexfem.model.model import Model
-from flexfem.options import StateOptions
 from flexfem.solvers.linearization import Linearization
 from flexfem.solvers.steady_rotation import Rotation, check_steadiness, find_equilibrium, hold
 from flexfem.solvers.steady_rotation import set_spin as set_velocities

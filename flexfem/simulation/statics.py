@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
 from flexfem.io.summary import write_summary
@@ -23,7 +24,6 @@ from flexfem.simulation.recording import Recorder
 from flexfem.solvers.buckling import LinearBuckling
 from flexfem.solvers.statics import Limits, settle
 from flexfem.solvers.tangent import TangentSolver
-from flexfem.static_options import StaticOptions
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.probes import ProbeRecorder

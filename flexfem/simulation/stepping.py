@@ -9,12 +9,12 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import create_integrator, discard
 from flexfem.integrators.start import make_consistent, start_consistently
 from flexfem.model.model import Model
-from flexfem.options import RunOptions
 from flexfem.simulation.checkpoints import Restart
 from flexfem.simulation.equilibrium import start_in_equilibrium
 from flexfem.simulation.events import Events

@@ -9,10 +9,10 @@ import pytest
 
 import flexfem as ff
 import flexfem.joints
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.joint import Joint
 from flexfem.core.row import RowKind
 from flexfem.lie import se3, so3
-from flexfem.options import RunOptions
 from flexfem.simulation.stepping import Simulation
 from tests.contract.joint_examples import DYNAMICS, EXAMPLES, UNIT, Placed
 

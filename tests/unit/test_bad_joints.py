@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.options import RunOptions
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.simulation.stepping import Simulation
 
 pytestmark = pytest.mark.serial

@@ -14,7 +14,7 @@ import pytest
 
 import flexfem as ff
 from flexfem import cli, launch
-from flexfem.options import RunOptions
+from flexfem.analyses.dynamics import RunOptions
 
 pytestmark = pytest.mark.serial
 

@@ -10,9 +10,9 @@ import pytest
 
 import flexfem as ff
 from flexfem._checks import InputError
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.lie import se3
-from flexfem.options import RunOptions
 from flexfem.simulation.stepping import Simulation
 from flexfem.system.row_kernels import sums_of_terms
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.options import RunOptions
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.simulation.dynamics import simulate
 
 SCHEMES = ("generalized_alpha", "stabilized_index2")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.options import RunOptions
 from flexfem.simulation.dynamics import simulate
 from flexfem.simulation.stepping import Simulation
 

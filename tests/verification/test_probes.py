@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.options import RunOptions
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.simulation.dynamics import simulate
 
 ROOT = Path(__file__).parents[2]

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.lie import se3
-from flexfem.options import RunOptions
 from flexfem.simulation.stepping import Simulation
 
 POLICIES = ("auto", "updated", "frozen")

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 
+from flexfem.analyses.analysis import Analysis
 from flexfem.options import Option, Settings
 
 __all__ = ["StaticOptions"]
@@ -139,3 +140,6 @@ class StaticOptions(Settings):
                 f"StaticOptions: stabilise searches stable equilibria only, arc_length "
                 f"{self.arc_length:g} follows unstable ones as well"
             )
+
+
+STATICS = Analysis("statics", StaticOptions, "flexfem.simulation.statics:solve_static")

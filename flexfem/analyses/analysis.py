@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Kinds of analysis a case can ask for: their options, and the driver that carries them out."""
+"""What an analysis is: its options, and the driver that carries it out."""
 
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from flexfem.options import CampbellOptions, ModeOptions, RunOptions, Settings
-from flexfem.static_options import StaticOptions
+from flexfem.options import Settings
 
-__all__ = ["CAMPBELL", "DYNAMICS", "MODES", "STATICS", "Analysis"]
+__all__ = ["Analysis"]
 
 
 @dataclass(frozen=True)
@@ -30,9 +29,3 @@ class Analysis:
         """Carry it out (collective)."""
         module, function = self.driver.split(":")
         return getattr(import_module(module), function)(model, settings, **keywords)
-
-
-DYNAMICS = Analysis("dynamics", RunOptions, "flexfem.simulation.dynamics:simulate")
-MODES = Analysis("modes", ModeOptions, "flexfem.simulation.modes:find_modes")
-CAMPBELL = Analysis("campbell", CampbellOptions, "flexfem.simulation.campbell:sweep_spin")
-STATICS = Analysis("statics", StaticOptions, "flexfem.simulation.statics:solve_static")
