@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from flexfem.analysis import DYNAMICS
+from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.cli import load_case
 from flexfem.io import read_history
 
