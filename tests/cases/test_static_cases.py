@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.analysis import STATICS
+from flexfem.analyses.statics import STATICS
 from flexfem.cli import load_case
 from flexfem.io import read_history
 
