@@ -6,8 +6,8 @@ Run from the source tree::
     python -m tests.verification.table                  # writes tests/verification/TABLE.md
     python -m tests.verification.table rigid_pendulum   # some modules, to the terminal
 
-Each module in ``benchmarks/`` has a function ``results(full)`` that returns its lines; tests run
-the same functions with ``full=False``. The exit code is 1 when a line misses its tolerance.
+Each module in ``benchmarks/`` has a function ``results`` that returns its lines; where that takes
+long, tests call it with ``full=False``. The exit code is 1 when a line misses its tolerance.
 """
 
 import sys
@@ -57,7 +57,7 @@ def rows(names: list[str]) -> Iterator[tuple[str, bool]]:
     """Rows of the given modules and whether each passed; progress goes to stderr."""
     for name in names:
         begin = time.perf_counter()
-        results = load(name).results(full=True)  # type: ignore[attr-defined]
+        results = load(name).results()  # type: ignore[attr-defined]
         seconds = time.perf_counter() - begin
         print(f"{name}: {len(results)} values, {seconds:.1f} s", file=sys.stderr, flush=True)
         yield from ((line(result), result.passed) for result in results)
