@@ -20,8 +20,6 @@ from flexfem.mesh.line_mesh import LineMesh
 COMM = MPI.COMM_WORLD
 POLICIES = ("auto", "frozen", "updated")
 
-pytestmark = pytest.mark.three_ranks
-
 
 def driven() -> ff.Model:
     """A beam on a turning hinge drags a body; springs, dampers, a follower and an angle probe.
@@ -179,11 +177,13 @@ def test_same_folder_goes_on(
     reference = full["driven", "auto"]
     run = options("driven", shared_tmp_path, checkpoint_every=10)
     ff.simulate(driven(), replace(run, t_end=0.046))  # 23 steps
+    COMM.barrier()
     names = sorted(p.name for p in shared_tmp_path.glob("checkpoint*"))
     assert names == ["checkpoint_000020.h5", "checkpoint_000023.h5"]
     COMM.barrier()
     again = replace(run, restart=shared_tmp_path / names[0])
     outcome = ff.simulate(driven(), again)
+    COMM.barrier()
     names = sorted(p.name for p in shared_tmp_path.glob("checkpoint*"))
     assert names == ["checkpoint_000030.h5", "checkpoint_000036.h5"]
     table = read_history(shared_tmp_path / "history.csv")
@@ -206,6 +206,7 @@ def test_later_end_keeps_the_instants(shared_tmp_path: Path) -> None:
     ff.simulate(build(), run)
     more = replace(run, t_end=0.17, restart=shared_tmp_path / "checkpoint_000007.h5")
     ff.simulate(build(), more)
+    COMM.barrier()
     times = read_history(shared_tmp_path / "history.csv")["t"]
     np.testing.assert_array_equal(times, [0.1 * k / 7 for k in range(13)])
 
@@ -257,6 +258,7 @@ def test_failed_run_keeps_a_checkpoint_of_its_last_good_state(shared_tmp_path: P
     # the state lies within step 6, whose rest is made first
     again = ff.simulate(build(None), replace(run, restart=file))
     assert again.status == "ok"
+    COMM.barrier()
     times = read_history(shared_tmp_path / "history.csv")["t"]
     assert 5.0e-3 < times[6] < 5.4e-3
     np.testing.assert_allclose(np.delete(times, 6), 1e-3 * np.arange(21), rtol=1e-12)
@@ -265,6 +267,7 @@ def test_failed_run_keeps_a_checkpoint_of_its_last_good_state(shared_tmp_path: P
 def test_other_table_in_the_folder_is_left_alone(shared_tmp_path: Path) -> None:
     run = options("driven", shared_tmp_path / "a", checkpoint_every=9, t_end=0.018)
     ff.simulate(driven(), run)
+    COMM.barrier()
     other = shared_tmp_path / "b"
     again = replace(run, restart=run.output / "checkpoint_000009.h5", t_end=0.03, output=other)
     header = (run.output / "history.csv").read_text().splitlines()[0]
@@ -332,6 +335,7 @@ def test_checkpoint_of_something_else_is_refused(
     monkeypatch.undo()
     build, changes, reason = OTHERS[what]
     file = shared_tmp_path / "checkpoint_000005.h5"
+    COMM.barrier()  # the first rank writes the summary alone
     before = {p: p.stat().st_mtime_ns for p in shared_tmp_path.rglob("*")}
     COMM.barrier()
     again = replace(run, **{"t_end": 0.01, "restart": file} | changes)
@@ -354,9 +358,11 @@ def test_iteration_matrix_and_tolerance_may_change(shared_tmp_path: Path) -> Non
     run = options("driven", shared_tmp_path, checkpoint_every=9, t_end=0.018, tolerance=1e-9)
     ff.simulate(driven(), run)
     for policy in POLICIES:
+        COMM.barrier()
         file = max(shared_tmp_path.glob("checkpoint*"))
         COMM.barrier()
         again = replace(run, t_end=run.t_end + 0.006, iteration_matrix=policy, restart=file)
         run = replace(again, restart=None)
         assert ff.simulate(driven(), again).status == "ok"
+    COMM.barrier()
     assert read_history(shared_tmp_path / "history.csv")["t"][-1] == pytest.approx(0.036)
