@@ -30,6 +30,7 @@ in time are those of the middle of the step; follower loads and moments are aver
 from typing import ClassVar
 
 from flexfem._checks import InputError
+from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard
 from flexfem.solvers.policies import Policy
@@ -77,6 +78,21 @@ class EnergyMomentum(Integrator):
             InputError: a part of the model has no such equations.
         """
         self._mechanics = StepMechanics(system, self.chi)
+
+    @property
+    def mechanics(self) -> StepMechanics | None:
+        """See :attr:`Integrator.mechanics`."""
+        return self._mechanics
+
+    def state(self, system: System) -> State:
+        """See :meth:`Integrator.state`."""
+        assert self._mechanics is not None
+        return self._mechanics.state(system)
+
+    def restore(self, system: System, state: State) -> None:
+        """See :meth:`Integrator.restore`."""
+        assert self._mechanics is not None
+        self._mechanics.restore(system, state)
 
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""

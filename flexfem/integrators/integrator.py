@@ -8,8 +8,10 @@ from importlib import import_module
 from typing import ClassVar, Protocol
 
 from flexfem.analyses.dynamics import INTEGRATORS
+from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.solvers.policies import Policy
+from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Integrator", "create_integrator", "discard"]
@@ -34,6 +36,18 @@ class Integrator(Protocol):
         Raises:
             InputError: the model holds something that the scheme does not know.
         """
+
+    @property
+    def mechanics(self) -> Mechanics | None:
+        """Equations of its own that steps are solved with, None for those of the system."""
+        return None
+
+    def state(self, system: System) -> State:
+        """What it remembers from step to step, besides the accepted state of the system."""
+        return State()
+
+    def restore(self, system: System, state: State) -> None:
+        """Take back what :meth:`state` returned, the system being restored (collective)."""
 
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""

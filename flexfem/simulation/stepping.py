@@ -113,7 +113,8 @@ class Simulation:
             "control": self._control.state(),
             **self.events.state(),
         }
-        return State(own) | self._policy.state() | self.system.state()
+        parts = self._policy.state() | self.system.state() | self._integrator.state(self.system)
+        return State(own) | parts
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` returned (collective)."""
@@ -121,8 +122,12 @@ class Simulation:
         self._error = float(state.values["steps"][2])
         self._control.restore(state.values["control"])
         self.events.restore(state.values)
+        system = self.system
+        usual, system.mechanics = system.mechanics, self._integrator.mechanics or system.mechanics
         self._policy.restore(state)
-        self.system.restore(state)
+        system.mechanics = usual
+        system.restore(state)
+        self._integrator.restore(system, state)
 
     def advance(self, h: float, t: float | None = None) -> Status:
         """Advance by ``h`` (s), in one step or in parts of it.

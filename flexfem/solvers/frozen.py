@@ -69,14 +69,14 @@ class _Bodies:
 class _Kept:
     """Factors of the flexible bodies for one step size, with what they were computed from.
 
-    ``trial`` is the state of the nodes then, ``loads`` the amplitudes of the loads.
+    ``nodes`` and ``numbers`` are those of ``Mechanics.origin``.
     """
 
     factor: Factor
     responses: FloatArray
     compliances: FloatArray
-    trial: dict[str, FloatArray]
-    loads: FloatArray
+    nodes: dict[str, FloatArray]
+    numbers: FloatArray
 
 
 class FrozenSolver:
@@ -214,10 +214,10 @@ class FrozenSolver:
             rhs[local[held], columns[held, 1]] = 1.0
             self._factor.solve_transpose(rhs, solution)
             self._store(group, bodies, c, solution)
+        nodes, numbers = self.system.mechanics.origin(self.system, part)
         self._kept[shifts] = _Kept(
             self._factor, group.responses, group.compliances,
-            {name: values.copy() for name, values in part.block.trial().items()},
-            self.system.factors.copy(),
+            {name: values.copy() for name, values in nodes.items()}, numbers.copy(),
         )  # fmt: skip
 
     def state(self) -> State:
@@ -225,32 +225,29 @@ class FrozenSolver:
         shifts = np.array([astuple(s) for s in self._kept], dtype=np.float64)
         values = {
             "frozen_shifts": shifts,
-            "frozen_loads": np.array([kept.loads for kept in self._kept.values()]),
+            "frozen_numbers": np.array([kept.numbers for kept in self._kept.values()]),
             "refine": np.array([float(self.refine), self.defect]),
         }
         if self._beams is None:
             return State(values)
-        rows = {
-            f"frozen_{k}_{name}": a
-            for k, kept in enumerate(self._kept.values())
-            for name, a in kept.trial.items()
-        }
+        kept = enumerate(self._kept.values())
+        rows = {f"frozen_{k}_{name}": a for k, one in kept for name, a in one.nodes.items()}
         return State(values, {self._beams.part.block.name: rows})
 
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned; factorises anew (collective).
 
-        The system is left at the trial state of the last factorisation. A state without factors
-        is that of another solver and changes nothing.
+        The system's state is lost. What another solver left changes nothing.
         """
         if "frozen_shifts" not in state.values:
             return
         if self._beams is not None:
-            block = self._beams.part.block
+            system, part = self.system, self._beams.part
+            rows, numbers = state.rows[part.block.name], state.values["frozen_numbers"]
             for k, (v, a, scale, stiffness, local) in enumerate(state.values["frozen_shifts"]):
-                for name, values in block.trial().items():
-                    values[:] = state.rows[block.name][f"frozen_{k}_{name}"]
-                self.system.factors[:] = state.values["frozen_loads"][k]
+                first = f"frozen_{k}_"
+                nodes = {n.removeprefix(first): x for n, x in rows.items() if n.startswith(first)}
+                system.mechanics.recall(system, part, nodes, numbers[k])
                 self.factor(Shifts(float(v), float(a), float(scale), float(stiffness), bool(local)))
         self.refine, self.defect = bool(state.values["refine"][0]), float(state.values["refine"][1])
 

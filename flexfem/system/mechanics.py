@@ -7,6 +7,7 @@ its own brings another object with the same methods and puts it into ``System.me
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -48,6 +49,19 @@ class Mechanics(Protocol):
 
     def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
         """Add ``factor`` times the action of a part's beam cells on its steps to its residual."""
+        ...
+
+    def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
+        """What a part's matrices are computed from: arrays of its nodes, and numbers.
+
+        The arrays are those that are worked with, the numbers are the same on all ranks.
+        """
+        ...
+
+    def recall(
+        self, system: System, part: BlockPart, nodes: Mapping[str, FloatArray], numbers: FloatArray
+    ) -> None:
+        """Put a part where :meth:`origin` found it; the accepted state may be lost."""
         ...
 
 
@@ -94,3 +108,15 @@ class EndPoint:
         assert part.beams is not None
         scale = factor * shifts.scale
         part.beams.add_action(part.block, system.gravity, shifts.array, scale)
+
+    def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
+        """See :class:`Mechanics`."""
+        return part.block.trial(), system.factors
+
+    def recall(
+        self, system: System, part: BlockPart, nodes: Mapping[str, FloatArray], numbers: FloatArray
+    ) -> None:
+        """See :class:`Mechanics`."""
+        for name, values in part.block.trial().items():
+            values[:] = nodes[name]
+        system.factors[:] = numbers

@@ -60,6 +60,10 @@ class StepRows:
         self._last[:] = self._values - self._values0
         self._targets0[:] = self._rows.targets
 
+    def state(self) -> dict[str, FloatArray]:
+        """What the next step needs of the last one, (r,) each."""
+        return {"last_changes": self._last, "last_targets": self._targets0}
+
     def _sums(self, terms: FloatArray) -> FloatArray:
         rows = self._rows
         return np.bincount(rows.row_of_term, rows.factors * terms, minlength=rows.size)

@@ -6,6 +6,8 @@ iteration matrix is that of Newmark's method, ``M + h^2 (1 + chi)^2/4 K``; multi
 alike. Scheme and proofs: :class:`flexfem.integrators.energy_momentum.EnergyMomentum`.
 """
 
+from collections.abc import Mapping
+
 from mpi4py import MPI
 
 import numpy as np
@@ -14,6 +16,7 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.bodies.step_forces import add_step_forces, step_force_tangent
 from flexfem.bodies.step_inertia import add_step_inertia, lump, step_inertia_tangent
+from flexfem.core.state import State
 from flexfem.core.step_kernels import correct, mean_acceleration, start
 from flexfem.elements.energy_beam import EnergyBeams, StepState
 from flexfem.lie import se3, so3
@@ -31,6 +34,7 @@ class _Part:
         jumps: (n, 6) last change of the rates, for a step as long as this one.
         centres: (n, 3) points whose velocity counts, node axes.
         twists0, last_change: (m, 6) relative twists at the start, their change over the last step.
+        before: (n, 12) frames at the start of the last step.
         lumps: (k, 13) mass, first moment and rotary inertia about these points; nodes: (k,).
     """
 
@@ -49,6 +53,7 @@ class _Part:
             self.beams is not None and self.beams.offset
         )
         self.twists0 = self.last_change = np.zeros((0, 6))
+        self.before = block.frames0.copy()
         self._memory = 1.0
         self.state = StepState(
             frames0=block.frames0, frames=block.frames, increments=block.increment,
@@ -71,6 +76,10 @@ class _Part:
             [lumps[:, :1], np.zeros_like(centre), rotary.reshape(-1, 9)], axis=1
         )
 
+    def law(self, h: float) -> FloatArray:
+        """See :class:`StepState`."""
+        return np.array([0.5 * self.chi, 1.0 / h, 2.0 / (h * (1.0 + self.chi))])
+
     def begin(self, h: float, memory: float) -> None:
         """Rates and their last change from the accepted state.
 
@@ -86,7 +95,7 @@ class _Part:
         local = w + np.cross(omega, local) + np.cross(spin, c)
         self.jumps[:, :3] = h * np.einsum("nij,nj->ni", R, local)
         self.jumps[:, 3:] = h * spin
-        state.law = np.array([0.5 * self.chi, 1.0 / h, 2.0 / (h * (1.0 + self.chi))])
+        state.law = self.law(h)
         self._memory = memory
 
     def predict(self, h: float, smooth: bool) -> None:
@@ -130,6 +139,7 @@ class _Part:
             state.frames, state.rates0, state.rates, block.velocity, self.centres, h,
             block.acceleration,
         )  # fmt: skip
+        self.before[:] = state.frames0
         block.take()
         return misses
 
@@ -182,12 +192,30 @@ class StepMechanics:
                 continue
             part.twists0 = part.beams.twists(part.state.frames0)
             if first:
-                before = se3.retract(part.state.frames0, -h * part.block.velocity)
-                part.last_change = part.twists0 - part.beams.twists(before)
-            part.beams.last_change[:] = (
-                min(1.0, 1.0 if first else h / self._last_h) * part.last_change
-            )
+                part.before[:] = se3.retract(part.state.frames0, -h * part.block.velocity)
+                part.last_change = part.twists0 - part.beams.twists(part.before)
+            part.beams.last_change[:] = self._part_of_last() * part.last_change
         self._rows.begin(h, self.weight, self._last_h)
+
+    def _part_of_last(self) -> float:
+        """Part of the last changes of strains that counts in a step of this size."""
+        return min(1.0, self.h / self._last_h) if np.isfinite(self._last_h) else 1.0
+
+    def state(self, system: System) -> State:
+        """What the next step needs of the last one."""
+        blocks = {p.block.name: {"before": self._parts[id(p)].before} for p in system.parts}
+        return State({"last_h": np.array([self._last_h])}, {**blocks, "rows": self._rows.state()})
+
+    def restore(self, system: System, state: State) -> None:
+        """Take back what :meth:`state` returned, blocks and rows being restored."""
+        self._last_h = float(state.values["last_h"][0])
+        for name, values in self._rows.state().items():
+            values[:] = state.rows["rows"][name]
+        for part in self._parts.values():
+            part.before[:] = state.rows[part.block.name]["before"]
+            if part.beams is not None:
+                twists = part.beams.twists(part.block.frames0)
+                part.last_change = twists - part.beams.twists(part.before)
 
     def predict(self, system: System) -> None:
         """Trial state from the accepted one."""
@@ -281,6 +309,26 @@ class StepMechanics:
             *part.forces.data(), self._factors, state.frames0, state.frames, self.weight, out
         )
         return out
+
+    def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        mine = self._parts[id(part)]
+        names = ("frames0", "frames", "increments", "rates0", "rates")
+        nodes = {"before": mine.before, **{name: getattr(mine.state, name) for name in names}}
+        return nodes, np.array([self.h, self._last_h, *self._factors])
+
+    def recall(
+        self, system: System, part: BlockPart, nodes: Mapping[str, FloatArray], numbers: FloatArray
+    ) -> None:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        mine = self._parts[id(part)]
+        for name, values in self.origin(system, part)[0].items():
+            values[:] = nodes[name]
+        self.h, self._last_h, self._factors = float(numbers[0]), float(numbers[1]), numbers[2:]
+        mine.state.law = mine.law(self.h)
+        if mine.beams is not None:
+            change = mine.beams.twists(mine.state.frames0) - mine.beams.twists(mine.before)
+            mine.beams.last_change[:] = self._part_of_last() * change
 
     def hessians(self, system: System, factor: FloatArray) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""

@@ -113,6 +113,7 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     ),
     "driven": (driven, {"dt": 2e-3, "t_end": 0.072}),
     "bouncing": (bouncing, {"dt": 0.01, "t_end": 0.36, "adaptive": True, "error_tolerance": 1e-4}),
+    "energy": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "energy_momentum"}),
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }
 
