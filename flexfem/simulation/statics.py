@@ -258,7 +258,7 @@ class _Run:
         base = self.equilibrium.keep()
         for number, (t, motion) in enumerate(modes):
             for part, steps in zip(self.system.parts, motion, strict=True):
-                part.block.step[: part.block.owned] = steps
+                part.block.owned_step[:] = steps
             size, turn, _ = self.equilibrium.measure(np.zeros(0))
             self.equilibrium.move(
                 _SHOWN / max(size, turn), np.zeros(self.system.constraints.size), 0.0

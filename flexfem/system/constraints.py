@@ -304,9 +304,10 @@ class Constraints(RowTable):
 
     def accept(self) -> None:
         """Remember the angles reached, so that they stay continuous."""
-        face = self.interface
-        marker_poses(face.frames, self.marker_slot, self.marker_offset, self._poses)
-        update_angles(self._poses, self.term_marker, self.kinds, self.directions, self.angles)
+        update_angles(
+            self.interface.frames, self.marker_slot, self.marker_offset, self.term_marker,
+            self.kinds, self.directions, self._poses, self.angles,
+        )  # fmt: skip
 
     def hessians(self, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""

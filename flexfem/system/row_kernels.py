@@ -141,10 +141,11 @@ def marker_poses(
 
 @kernel
 def update_angles(
-    poses: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
-    memory: FloatArray,
+    frames: FloatArray, marker_node: IntArray, marker_offset: FloatArray, term_marker: IntArray,
+    kinds: IntArray, directions: FloatArray, poses: FloatArray, memory: FloatArray,
 ) -> None:  # fmt: skip
-    """Store the continuous angle of each angle (call it when a step is accepted)."""
+    """Store the poses of all markers and the continuous angles of accepted frames."""
+    marker_poses(frames, marker_node, marker_offset, poses)
     g, scratch = np.empty(12), np.empty((5, 3))
     for t in range(kinds.size):
         if kinds[t] == ANGLE:
