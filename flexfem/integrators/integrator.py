@@ -34,7 +34,7 @@ class Integrator(Protocol):
         Raises:
             InputError: the model holds something that the scheme does not know.
         """
-        return None  # most know everything
+        return  # most schemes know everything
 
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""

@@ -141,7 +141,7 @@ class System:
         self.comm, self.parts = comm, list(parts)
         kinds = [part.kind for part in self.parts]
         self.part_of_slot: IntArray = np.array(
-            [kinds.index(int(kind)) for kind in interface.block], dtype=np.int64
+            [kinds.index(int(kind)) for kind in interface.kind], dtype=np.int64
         )
         self.body_of_slot = body_of_slot
         self.interface, self.constraints = interface, constraints
