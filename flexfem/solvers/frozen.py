@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Newton steps that never refactor: frozen body factors with a dual interface Schur complement.
+"""Newton steps with frozen body factors and a dual Schur complement on the interface.
 
 In local frames the iteration matrix ``A`` of a flexible body hardly changes, so its factors are
 kept. Joints touch few nodes, where the response ``Z = A^-1 J^T`` of each body is known once and for
@@ -9,6 +9,9 @@ Rigid bodies are always exact: their 6x6 matrices are inverted at every step.
 
 A rank eliminates the multipliers that only it evaluates. What remains between ranks is summed by
 one reduction and solved on all of them alike.
+
+Where old factors contract slowly, steps can be refined by the action of the exact tangent, which
+needs no new factors either.
 """
 
 from dataclasses import astuple, dataclass
@@ -275,8 +278,7 @@ class FrozenSolver:
             subtracted.
         """
         rows = self.system.constraints
-        regular = self._factor_interface(shifts)
-        if not regular:
+        if not self._factor_interface(shifts):
             return False, np.zeros(rows.size)
         self._solve(rows.values)
         if not self.refine:
@@ -320,9 +322,7 @@ class FrozenSolver:
 
     def _put(self, solution: FloatArray) -> FloatArray:
         """Write the blocks' parts of a solution to their steps; the multipliers' part."""
-        for part, start, end in zip(
-            self.system.parts, self._sizes[:-1], self._sizes[1:], strict=True
-        ):
+        for part, (start, end) in zip(self.system.parts, pairwise(self._sizes), strict=True):
             part.block.owned_step[:] = solution[start:end].reshape(-1, 6)
         return solution[self._sizes[-1] :]
 
