@@ -5,9 +5,18 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from flexfem.options import Settings
+from flexfem.options import Option, Settings
 
-__all__ = ["Analysis"]
+__all__ = ["SPLIT_ABOVE", "Analysis"]
+
+#: What every analysis has among its options.
+SPLIT_ABOVE = Option(
+    "split_above",
+    int,
+    4000,
+    "a beam with more elements than this and than a rank's share is split over ranks",
+    minimum=1,
+)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from flexfem.analyses.analysis import Analysis
+from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings
 
 __all__ = ["DYNAMICS", "INTEGRATORS", "RunOptions"]
@@ -90,13 +90,7 @@ _RUN_OPTIONS = (
         "write a checkpoint every N-th step and at the end; 0: only if the run ends early",
         minimum=0,
     ),
-    Option(
-        "split_above",
-        int,
-        4000,
-        "a beam with more elements than this and than a rank's share is split over ranks",
-        minimum=1,
-    ),
+    SPLIT_ABOVE,
 )
 _DEFAULTS = {option.name: option.default for option in _RUN_OPTIONS}
 

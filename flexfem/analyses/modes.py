@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from flexfem.analyses.analysis import Analysis
+from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings
 
 __all__ = ["CAMPBELL", "MODES", "CampbellOptions", "LinearOptions", "ModeOptions", "StateOptions"]
@@ -22,13 +22,7 @@ _STATE_OPTIONS: tuple[Option, ...] = (
     Option("axis", str, "z", "axis of the rotation: x, y, z or three numbers A,B,C"),
     Option("centre", str, "0,0,0", "a point on the axis: three numbers X,Y,Z", unit="m"),
     Option("time", float, 0.0, "instant at which loads and drives are taken", unit="s", minimum=0),
-    Option(
-        "split_above",
-        int,
-        4000,
-        "a beam with more elements than this and than a rank's share is split over ranks",
-        minimum=1,
-    ),
+    SPLIT_ABOVE,
 )
 _MODE_OPTIONS: tuple[Option, ...] = (
     Option("modes", int, 10, "number of modes", minimum=1),
@@ -81,7 +75,7 @@ class StateOptions(Settings):
     axis: str = "z"
     centre: str = "0,0,0"
     time: float = 0.0
-    split_above: int = 4000
+    split_above: int = SPLIT_ABOVE.default
 
     def __post_init__(self) -> None:
         """Check every value."""

@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 
-from flexfem.analyses.analysis import Analysis
+from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings
 
 __all__ = ["StaticOptions"]
@@ -69,13 +69,7 @@ _OPTIONS = (
         "hold motions without stiffness, and search stable equilibria only",
     ),
     Option("every", int, 1, "write the ParaView fields every N-th step", minimum=1),
-    Option(
-        "split_above",
-        int,
-        4000,
-        "a beam with more elements than this and than a rank's share is split over ranks",
-        minimum=1,
-    ),
+    SPLIT_ABOVE,
 )
 _DEFAULTS = {option.name: option.default for option in _OPTIONS}
 

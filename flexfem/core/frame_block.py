@@ -78,16 +78,27 @@ class FrameBlock:
         self._velocity_base, self._acceleration_base = np.zeros((count, 6)), np.zeros((count, 6))
         # part of the increments that is not integrated from rates, see shift()
         self._offset: FloatArray | None = None
-        self._rates, self._misses = np.zeros(2), np.zeros(2)
+        self._rates = np.zeros(2)
         self._residual, self._step = la.vector(index_map, 6), la.vector(index_map, 6)
         self.residual: FloatArray = self._residual.array.reshape(-1, 6)
         self.step: FloatArray = self._step.array.reshape(-1, 6)
+        self._owned = self.residual[: self.owned], self.step[: self.owned]
 
     @property
     def global_ids(self) -> IntArray:
         """(n,) global node numbers of the local nodes."""
         local = np.arange(len(self.frames), dtype=np.int32)
         return np.asarray(self.index_map.local_to_global(local), dtype=np.int64)
+
+    @property
+    def owned_residual(self) -> FloatArray:
+        """(n_owned, 6) right-hand side without ghosts, always the same view."""
+        return self._owned[0]
+
+    @property
+    def owned_step(self) -> FloatArray:
+        """(n_owned, 6) Newton step without ghosts, always the same view."""
+        return self._owned[1]
 
     def owned_index(self, ids: IndexArray) -> IntArray:
         """Local indices of nodes given by their input numbers, -1 where another rank owns them."""
@@ -148,22 +159,22 @@ class FrameBlock:
             turns = self.frames[:, 3:].reshape(-1, 3, 3)
             self.step[:, :3] = np.einsum("nji,nj->ni", turns, self.step[:, :3])
 
-    def accept(self, law: FloatArray, h: float) -> FloatArray:
+    def accept(self, law: FloatArray, h: float) -> tuple[float, float]:
         """End a step of size ``h`` (s); see ``frame_kernels.accept``.
 
         Returns:
-            (2,) how far predictions from velocity alone and from acceleration too were off.
+            How far predictions from velocity alone and from acceleration too were off.
         """
         if self._offset is not None:
             self.increment -= self._offset
             self._velocity_base += self._rates[0] * self._offset
             self._acceleration_base += self._rates[1] * self._offset
-        accept(
+        misses: tuple[float, float] = accept(
             self.frames0, self._velocity0, self._auxiliary0, self._acceleration0, self.frames,
             self.increment, self._velocity_base, self._acceleration_base, self._rates, law, h,
-            self.owned, self._misses,
+            self.owned,
         )  # fmt: skip
-        return self._misses
+        return misses
 
     def start(self) -> None:
         """Accept the trial velocities and accelerations as those of the start."""

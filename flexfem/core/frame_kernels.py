@@ -231,20 +231,20 @@ def orthonormalise(frames: FloatArray) -> None:
 def accept(
     frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray, frames: FloatArray,
     n: FloatArray, v_base: FloatArray, w_base: FloatArray, rates: FloatArray, law: FloatArray,
-    h: float, owned: int, misses: FloatArray,
-) -> None:  # fmt: skip
+    h: float, owned: int,
+) -> tuple[float, float]:  # fmt: skip
     """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0.
 
-    ``misses`` (2,) becomes the largest distances of the increments of the owned nodes from
-    ``h v0`` and from ``h v0 + h^2/2 a0``.
+    Returns the largest distances of the increments of the owned nodes from ``h v0`` and from
+    ``h v0 + h^2/2 a0``.
     """
-    misses[:] = 0.0
+    first, second = 0.0, 0.0
     for i in range(n.shape[0]):
         for k in range(6):
             if i < owned:
                 miss = n[i, k] - h * v0[i, k]
-                misses[0] = max(misses[0], abs(miss))
-                misses[1] = max(misses[1], abs(miss - 0.5 * h * h * a0[i, k]))
+                first = max(first, abs(miss))
+                second = max(second, abs(miss - 0.5 * h * h * a0[i, k]))
             a0[i, k] = law[0] * n[i, k] + law[1] * v0[i, k] + law[2] * a0[i, k]
             v0[i, k] = v_base[i, k] + rates[0] * n[i, k]
             w0[i, k] = w_base[i, k] + rates[1] * n[i, k]
@@ -252,3 +252,4 @@ def accept(
         _orthonormalise(frames[i])
         for k in range(12):
             frames0[i, k] = frames[i, k]
+    return first, second

@@ -53,6 +53,8 @@ class BeamGroup:
 
     Attributes:
         data: constant data of the cells; sections count those of the material.
+        cell_data: what the compiled loops take of the cells: nodes, whether and how sections are
+            turned, twists and lengths at the start, damping, sections and their material data.
         lengths: (m,) arc lengths at the start, m.
         turned: (m,) whether section axes differ from the axes of the nodes.
         assumed: (m, 6) change of the relative twists of all cells whose stress the tangent takes
@@ -91,18 +93,14 @@ class BeamGroup:
         self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)
         self._inertia = compile_kernel(comm, forms.inertia, coefficients)
         self._action = compile_kernel(comm, forms.action, coefficients)
-
-    def cell_data(self) -> _CellData:
-        """Cells, section turns, twists, lengths, damping, sections and material data for loops."""
-        data = self.data
-        return (
+        self.cell_data: _CellData = (
             data.cells, self.turned, self._turns, self._twists, self.lengths, data.damping,
-            data.section, self._material.data,
+            data.section, material.data,
         )  # fmt: skip
 
     def _assumed_data(self, block: FrameBlock) -> _CellData:
         """Cell data with initial twists from which the assumed ones lead to the present ones."""
-        data = self.cell_data()
+        data = self.cell_data
         if self.assumed is None:
             return data
         twists = self._strain(block.frames, _ALL)[0]
@@ -112,7 +110,7 @@ class BeamGroup:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
         add_residual(
             self._residual.batch, self._residual.offsets, gravity,
-            *(self._assumed_data(block) if self.assumed_forces else self.cell_data()),
+            *(self._assumed_data(block) if self.assumed_forces else self.cell_data),
             block.frames, block.velocity, block.acceleration, scale, block.residual,
         )  # fmt: skip
 
@@ -139,7 +137,7 @@ class BeamGroup:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
         add_action(
             self._action.address, self._action.offsets, gravity, shifts, _inertial(block, shifts),
-            *self.cell_data(), block.frames, block.velocity, block.acceleration, block.increment,
+            *self.cell_data, block.frames, block.velocity, block.acceleration, block.increment,
             block.step, scale, block.residual,
         )  # fmt: skip
 

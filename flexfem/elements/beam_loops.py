@@ -217,6 +217,22 @@ def _turn_matrix(Q1: FloatArray, Q2: FloatArray, K: FloatArray, work: FloatArray
 
 
 @kernel
+def _combine(
+    K: FloatArray, C: FloatArray, M: FloatArray, by_v: FloatArray, by_w: FloatArray,
+    stiffness: float, scale: float, values: FloatArray,
+) -> None:  # fmt: skip
+    """``scale (k K + C dv + M dw)`` of one cell; ``by_v``, ``by_w`` (2, 36) of both ends."""
+    for i in range(12):
+        for side in range(2):
+            for j in range(6):
+                total = stiffness * K[12 * i + 6 * side + j]
+                for k in range(6):
+                    total += C[12 * i + 6 * side + k] * by_v[side, 6 * k + j]
+                    total += M[12 * i + 6 * side + k] * by_w[side, 6 * k + j]
+                values[12 * i + 6 * side + j] = scale * total
+
+
+@kernel
 def add_tangent(
     stiffness: int, stiffness_offsets: IntArray, gravity: FloatArray, inertia: int,
     inertia_offsets: IntArray, shifts: FloatArray, inertial: bool, cells: IndexArray,
@@ -262,17 +278,9 @@ def add_tangent(
         tabulate(inertia, C, m_data, only_v, points)
         tabulate(inertia, M, m_data, only_w, points)
         if at:
-            _turn_matrix(turns[c, 0], turns[c, 1], K, work)
-            _turn_matrix(turns[c, 0], turns[c, 1], C, work)
-            _turn_matrix(turns[c, 0], turns[c, 1], M, work)
-        for i in range(12):
-            for side in range(2):
-                for j in range(6):
-                    total = shifts[2] * K[12 * i + 6 * side + j]
-                    for k in range(6):
-                        total += C[12 * i + 6 * side + k] * by_v[side, 6 * k + j]
-                        total += M[12 * i + 6 * side + k] * by_w[side, 6 * k + j]
-                    values[c, 12 * i + 6 * side + j] = scale * total
+            for matrix in (K, C, M):
+                _turn_matrix(turns[c, 0], turns[c, 1], matrix, work)
+        _combine(K, C, M, by_v, by_w, shifts[2], scale, values[c])
 
 
 @kernel

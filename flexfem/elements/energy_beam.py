@@ -51,7 +51,7 @@ class EnergyBeams:
 
     def __init__(self, comm: MPI.Intracomm, beams: BeamGroup) -> None:
         """Compile the kernels (collective) and prepare the cells."""
-        cells, turned, turns, twists, lengths, damping, sections, laws = beams.cell_data()
+        cells, turned, turns, twists, lengths, damping, sections, laws = beams.cell_data
         self._cells = (cells, turned, turns)
         self._sections, self._laws = sections, laws
         self._constants = np.zeros((len(cells), 14))
@@ -97,7 +97,7 @@ class EnergyBeams:
 
 def _lumps(beams: BeamGroup) -> FloatArray:
     """First moment and rotary inertia (m, 2, 12) of half a cell at either end, node axes."""
-    cells, turned, turns, _, lengths, _, sections, laws = beams.cell_data()
+    cells, turned, turns, _, lengths, _, sections, laws = beams.cell_data
     upper = np.triu_indices(6)
     inertia = np.zeros((len(laws), 6, 6))
     inertia[:, upper[0], upper[1]] = laws[:, :21]

@@ -34,6 +34,7 @@ class SE3Beams:
 
     Attributes:
         data: constant data of the cells.
+        groups: numbers of the cells of each material, and what computes with them.
         lengths: (m,) arc lengths at the start, m.
         law_owner: what messages call the first section with a law of the user, None without one.
     """
@@ -67,27 +68,27 @@ class SE3Beams:
         materials = [
             _material(comm, law, numbers, sections, owners, damped) for law, numbers in groups
         ]
-        self._groups: list[tuple[IntArray, BeamGroup]] = []
+        self.groups: list[tuple[IntArray, BeamGroup]] = []
         self.lengths = np.empty(len(data.cells))
         for (_, numbers), material in zip(groups, materials, strict=True):
             rows = np.flatnonzero(np.isin(data.section, numbers))
             group = BeamGroup(comm, _part(data, rows, numbers), material, start)
-            self._groups.append((rows, group))
+            self.groups.append((rows, group))
             self.lengths[rows] = group.lengths
 
     @property
     def linear(self) -> BeamGroup:
         """The cells of linear material, all of them unless :attr:`law_owner` is given."""
-        return self._groups[0][1]
+        return self.groups[0][1]
 
     @property
     def turned(self) -> int:
         """Number of cells whose section axes differ from the axes of their nodes."""
-        return sum(int(group.turned.sum()) for _, group in self._groups)
+        return sum(int(group.turned.sum()) for _, group in self.groups)
 
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
-        for _, group in self._groups:
+        for _, group in self.groups:
             group.add_residual(block, gravity, scale)
 
     def tangent(
@@ -98,33 +99,33 @@ class SE3Beams:
 
         With ``local`` the derivative K is that at fixed local velocities and accelerations.
         """
-        if len(self._groups) == 1:
-            return self._groups[0][1].tangent(block, gravity, shifts, scale, local)
+        if len(self.groups) == 1:
+            return self.groups[0][1].tangent(block, gravity, shifts, scale, local)
         values = np.empty((len(self.data.cells), 12, 12))
-        for rows, group in self._groups:
+        for rows, group in self.groups:
             values[rows] = group.tangent(block, gravity, shifts, scale, local)
         return values
 
     def assume(self, frames: FloatArray, steps: FloatArray) -> None:
         """Let the tangent take stresses continued along steps, see :meth:`BeamGroup.assume`."""
-        for _, group in self._groups:
+        for _, group in self.groups:
             group.assume(frames, steps)
 
     def assume_forces(self, assumed: bool) -> None:
         """Let the residual take those stresses, too, or not."""
-        for _, group in self._groups:
+        for _, group in self.groups:
             group.assumed_forces = assumed
 
     def exact(self) -> None:
         """Let the tangent take the present stresses again."""
-        for _, group in self._groups:
+        for _, group in self.groups:
             group.assumed = None
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> None:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
-        for _, group in self._groups:
+        for _, group in self.groups:
             group.add_action(block, gravity, shifts, scale)
 
     def resultants(
@@ -149,7 +150,7 @@ class SE3Beams:
         cells = np.arange(len(self.data.cells)) if chosen is None else chosen
         count = len(cells)
         strain, resultant, energy = np.empty((count, 6)), np.empty((count, 6)), np.empty(count)
-        for rows, group in self._groups:
+        for rows, group in self.groups:
             to = np.flatnonzero(np.isin(cells, rows))
             at = np.searchsorted(rows, cells[to])
             strain[to], resultant[to], energy[to] = group.response(frames, at)
@@ -158,18 +159,18 @@ class SE3Beams:
     @property
     def viscous(self) -> bool:
         """Whether any cells resist the rate of their strain."""
-        return any(group.viscous for _, group in self._groups)
+        return any(group.viscous for _, group in self.groups)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """Viscous stress resultants and strain rates (m, 6) of all cells."""
         stress, rate = np.empty((2, len(self.data.cells), 6))
-        for rows, group in self._groups:
+        for rows, group in self.groups:
             stress[rows], rate[rows] = group.viscosity(block)
         return stress, rate
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.motion``."""
-        for rows, group in self._groups:
+        for rows, group in self.groups:
             group.add_motion(block, chosen[rows], motion)
 
 

@@ -33,6 +33,23 @@ _SIZES = 32
 
 
 @dataclass(frozen=True)
+class _Laws:
+    """Coefficients of steps of one size.
+
+    Attributes:
+        shifts: of the iteration matrix.
+        predict: (7,) laws of prediction from velocities alone, and from accelerations too.
+        rates: (2,) derivatives of velocity and acceleration by the increment.
+        accept: (3,) law of acceptance, see ``frame_kernels``.
+    """
+
+    shifts: Shifts
+    predict: tuple[FloatArray, FloatArray]
+    rates: FloatArray
+    accept: FloatArray
+
+
+@dataclass(frozen=True)
 class GeneralizedAlpha(Integrator):
     """Coefficients of the scheme.
 
@@ -73,40 +90,9 @@ class GeneralizedAlpha(Integrator):
         """Newmark's beta."""
         return 0.25 * (self.gamma + 0.5) ** 2
 
-    @lru_cache(maxsize=_SIZES)  # noqa: B019  (a few numbers for a scheme that lives as long as the run)
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
-        scale = self.beta * h * h
-        weight = (1.0 - self.alpha_m) / (1.0 - self.alpha_f)
-        return Shifts(self.gamma / (self.beta * h), weight / scale, scale)
-
-    @lru_cache(maxsize=2 * _SIZES)  # noqa: B019
-    def _laws(self, h: float, smooth: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Laws of prediction, rates and acceptance, see ``frame_kernels``.
-
-        Increments are predicted from velocities, and from accelerations while these help: a load
-        that jumps makes old accelerations of small inertias a bad guess.
-
-        With n the increment: ``a = n/(beta h^2) - v0/(beta h) - (1/2 - beta)/beta a0``,
-        ``v = v0 + (1 - gamma) h a0 + gamma h a`` and
-        ``(1 - alpha_f) w + alpha_f w0 = (1 - alpha_m) a + alpha_m a0``.
-        """
-        beta, gamma, alpha_m, alpha_f = self.beta, self.gamma, self.alpha_m, self.alpha_f
-        weight = (1.0 - alpha_m) / (1.0 - alpha_f)
-        auxiliary = np.array([1.0 / (beta * h * h), -1.0 / (beta * h), -(0.5 - beta) / beta])
-        predict = np.array(
-            [
-                h,
-                0.5 * h * h if smooth else 0.0,
-                1.0 - gamma / beta,
-                h * (1.0 - 0.5 * gamma / beta),
-                weight * auxiliary[1],
-                weight * auxiliary[2] + alpha_m / (1.0 - alpha_f),
-                -alpha_f / (1.0 - alpha_f),
-            ]
-        )
-        shifts = self.shifts(h)
-        return predict, np.array([shifts.velocity, shifts.acceleration]), auxiliary
+        return _laws(self.rho_inf, h).shifts
 
     def _equations(self, h: float) -> Equations:
         """What is solved at the end of a step of size ``h`` (s)."""
@@ -114,12 +100,12 @@ class GeneralizedAlpha(Integrator):
 
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
-        predict, rates, _ = self._laws(h, system.smooth)
-        rows, shifts, start = system.constraints, self.shifts(h), system.time
+        laws, rows, start = _laws(self.rho_inf, h), system.constraints, system.time
+        shifts, predict = laws.shifts, laws.predict[system.smooth]
         system.set_time(start + h)
 
         def restart() -> None:
-            system.predict(predict, rates)
+            system.predict(predict, laws.rates)
             rows.multipliers[:] = shifts.scale * rows.forces
 
         restart()
@@ -142,10 +128,10 @@ class GeneralizedAlpha(Integrator):
         constraints then.
         """
         constant = 1.0 / 6.0 - self.beta - 0.5 * (self.alpha_m - self.alpha_f)
-        _, _, accept = self._laws(h, system.smooth)
+        laws = _laws(self.rho_inf, h)
         for part in system.parts:
-            part.block.jump_to_step(accept, constant * h * h)
-        shifts = self.shifts(h)
+            part.block.jump_to_step(laws.accept, constant * h * h)
+        shifts = laws.shifts
         system.multiply_mass(shifts.acceleration * shifts.scale)
         if not policy.again(np.zeros(system.constraints.size)):
             return inf
@@ -153,7 +139,40 @@ class GeneralizedAlpha(Integrator):
 
     def accept(self, system: System, h: float) -> None:
         """See :meth:`Integrator.accept`."""
-        rows = system.constraints
-        rows.forces[:] = rows.multipliers / self.shifts(h).scale
-        _, _, accept = self._laws(h, system.smooth)
-        system.accept(accept, h)
+        rows, laws = system.constraints, _laws(self.rho_inf, h)
+        np.divide(rows.multipliers, laws.shifts.scale, out=rows.forces)
+        system.accept(laws.accept, h)
+
+
+@lru_cache(maxsize=_SIZES)
+def _laws(rho_inf: float, h: float) -> _Laws:
+    """Coefficients of steps of size ``h`` (s).
+
+    Increments are predicted from velocities, and from accelerations while these help: a load that
+    jumps makes old accelerations of small inertias a bad guess.
+
+    With n the increment: ``a = n/(beta h^2) - v0/(beta h) - (1/2 - beta)/beta a0``,
+    ``v = v0 + (1 - gamma) h a0 + gamma h a`` and
+    ``(1 - alpha_f) w + alpha_f w0 = (1 - alpha_m) a + alpha_m a0``.
+    """
+    scheme = GeneralizedAlpha(rho_inf)
+    beta, gamma, alpha_m, alpha_f = scheme.beta, scheme.gamma, scheme.alpha_m, scheme.alpha_f
+    weight = (1.0 - alpha_m) / (1.0 - alpha_f)
+    scale = beta * h * h
+    accept = np.array([1.0 / scale, -1.0 / (beta * h), -(0.5 - beta) / beta])
+    curved = np.array(
+        [
+            h,
+            0.5 * h * h,
+            1.0 - gamma / beta,
+            h * (1.0 - 0.5 * gamma / beta),
+            weight * accept[1],
+            weight * accept[2] + alpha_m / (1.0 - alpha_f),
+            -alpha_f / (1.0 - alpha_f),
+        ]
+    )
+    plain = curved.copy()
+    plain[1] = 0.0
+    shifts = Shifts(gamma / (beta * h), weight / scale, scale)
+    rates = np.array([shifts.velocity, shifts.acceleration])
+    return _Laws(shifts, (plain, curved), rates, accept)

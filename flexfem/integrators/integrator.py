@@ -36,6 +36,7 @@ class Integrator(Protocol):
         Raises:
             InputError: the model holds something that the scheme does not know.
         """
+        return  # most schemes know everything
 
     @property
     def mechanics(self) -> Mechanics | None:

@@ -61,7 +61,7 @@ def check_independence(system: System) -> None:
     rows, comm = system.constraints, system.comm
     mine = np.flatnonzero((rows.owned * rows.rigid)[rows.row_of_term] > 0.0)
     row = rows.row_of_term[mine]
-    keys = np.append(2 * system.interface.number + system.interface.block, -1)  # -1: ground
+    keys = np.append(2 * system.interface.number + system.interface.kind, -1)  # -1: ground
     joints = np.array([joint.index for joint in rows.joints], dtype=np.int64)
     parts = comm.gather(
         (

@@ -71,7 +71,8 @@ class _PositionsAndRates:
         assert again is not None
         largest = system.correct(-1.0)
         system.interface.update_steps()
-        gaps = self._gaps - system.constraints.along(system.interface.steps)
+        rows = system.constraints
+        gaps = self._gaps - rows.rigid * rows.changes(system.interface.steps)
         for part in system.parts:
             part.block.residual[:] = 0.0
         success = again(gaps)

@@ -84,7 +84,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     values, _ = _drives(system, dt)
     _evaluate(system)
     accelerations = _second(system, dt, values)
-    blocks = [-p.block.residual[: p.block.owned] for p in system.parts]
+    blocks = [-p.block.owned_residual for p in system.parts]
     for _ in range(_SWEEPS):
         if not tangent.solve(blocks, -_rigid(system, accelerations) - _compliant(system)):
             return Status.SINGULAR

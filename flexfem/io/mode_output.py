@@ -46,7 +46,7 @@ def write_modes(
             phase = np.exp(2j * np.pi * i / frames)
             for part, base, local in zip(system.parts, kept, shape, strict=True):
                 block = part.block
-                block.step[: block.owned] = (factor * phase * local).real
+                block.owned_step[:] = (factor * phase * local).real
                 block.spread_step()
                 block.frames[:] = se3.retract(base, block.step)
             system.interface.update()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Progress bar over simulated time."""
+"""Progress bar over simulated time or a load factor."""
 
 from __future__ import annotations
 
@@ -14,16 +14,20 @@ class Progress:
     It appears only if the stream is a terminal.
     """
 
-    def __init__(self, t_end: float, enabled: bool, *, t_start: float = 0.0) -> None:
+    def __init__(
+        self, t_end: float, enabled: bool, *, t_start: float = 0.0, unit: str = "s"
+    ) -> None:
         """Show an empty bar.
 
         Args:
-            t_end: End of the simulated time in s.
+            t_end: End of the simulated time or of the load factor.
             enabled: False on ranks other than 0 and in quiet runs.
-            t_start: Start of the simulated time in s (after a restart: where it goes on).
+            t_start: Its start (after a restart: where it goes on).
+            unit: Of both; empty for a load factor.
         """
         self._bar: Any = None
         self._t_end = float(t_end)
+        self._unit = f" {unit}" if unit else ""
         if not (enabled and sys.stderr.isatty()):
             return
         from tqdm import tqdm  # costs start-up time, and batch runs never need it
@@ -42,14 +46,14 @@ class Progress:
         """Show the state after a step.
 
         Args:
-            t: Simulated time in s.
+            t: Simulated time or load factor.
             iterations: Newton iterations so far.
             factorizations: Factorisations so far.
         """
         if self._bar is None:
             return
         self._bar.set_description_str(
-            f"t = {t:.4g} of {self._t_end:.4g} s, {iterations} iterations, "
+            f"t = {t:.4g} of {self._t_end:.4g}{self._unit}, {iterations} iterations, "
             f"{factorizations} factorisations, ",
             refresh=False,
         )

@@ -46,7 +46,10 @@ class Factor:
         self._arrays: dict[int, tuple[PETSc.Vec, FloatArray]] = {}
 
     def solve(self, rhs: FloatArray, solution: FloatArray) -> None:
-        """Solve for contiguous arrays of this rank's rows (collective unless local)."""
+        """Solve for contiguous arrays of this rank's rows (collective unless local).
+
+        Arrays are kept as long as the factors: pass the same ones again.
+        """
         if self.size == 0 and self._matrix.comm.size == 1:
             return
         self._factor.solve(self._vec(rhs), self._vec(solution))
@@ -59,7 +62,7 @@ class Factor:
 
     def _vec(self, array: FloatArray) -> PETSc.Vec:
         """PETSc vector over the memory of an array."""
-        key = array.ctypes.data
+        key = id(array)  # its own as long as the array is kept
         if key not in self._arrays:
             flat = array.ravel()[: self.size]
             assert np.shares_memory(flat, array) or self.size == 0

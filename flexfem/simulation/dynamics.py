@@ -18,7 +18,7 @@ from flexfem.io.summary import write_summary
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Checkpoints, Restart
-from flexfem.simulation.outcome import Outcome, Results
+from flexfem.simulation.outcome import Outcome, Results, summary_of
 from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.stepping import HALVINGS, Simulation
@@ -182,27 +182,16 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
     return f"{culprit} after t = {t:.6g} s" if culprit else f"{status.value} at t = {t:.6g} s"
 
 
-def _summary(
-    simulation: Simulation, case: str, reason: str, wall: float
-) -> dict[str, Any]:  # fmt: skip
-    system, counters = simulation.system, simulation.system.counters
-    return {
-        "case": case,
-        "ranks": system.comm.size,
-        "unknowns": system.unknowns,
-        "multipliers": system.multipliers,
+def _summary(simulation: Simulation, case: str, reason: str, wall: float) -> dict[str, Any]:
+    counters = simulation.system.counters
+    return summary_of(simulation.system, case, reason) | {
         "steps": simulation.steps,
         "rejected_steps": simulation.rejected,
-        "newton_iterations": counters.newton_iterations,
-        "factorizations": counters.factorizations,
         "mass_factorizations": counters.mass_factorizations,
         "fallbacks": counters.fallbacks,
-        "residual_evaluations": counters.residual_evaluations,
         "events": [{"name": name, "t": t} for name, t in simulation.events.fired],
         "stopped_by": simulation.events.stopped_by,
         "wall_seconds": wall,
         # without the first step, which factorises and loads compiled code
         "wall_seconds_steps": sum(simulation.step_seconds[1:]),
-        "status": reason,
-        "results": {},
     }

@@ -16,12 +16,11 @@ from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.integrators.start import check_gaps
 from flexfem.model.model import Model
+from flexfem.simulation.outcome import summary_of
+from flexfem.simulation.setup import set_up
 from flexfem.solvers.linearization import Linearization
 from flexfem.solvers.steady_rotation import Rotation, check_steadiness, find_equilibrium, hold
 from flexfem.solvers.steady_rotation import set_spin as set_velocities
-from flexfem.system.assembly import Assembly
-from flexfem.system.build import build
-from flexfem.system.system import System
 
 __all__ = ["OperatingPoint"]
 
@@ -44,12 +43,7 @@ class OperatingPoint:
             InputError: a mistake in the model (a ValueError).
         """
         self._begin = time.perf_counter()
-        try:
-            model.validate()
-            self.serial = Assembly(model)
-            self.system: System = build(self.serial, comm or MPI.COMM_WORLD, options.split_above)
-        except ValueError as error:  # on every rank, the model being the same
-            raise InputError(str(error)) from error
+        self.serial, self.system = set_up(model, comm, options.split_above)
         self.options = options
         self.system.set_time(0.0)
         self.rotation(0.0)
@@ -98,21 +92,9 @@ class OperatingPoint:
 
     def summary(self, case: str, reason: str) -> dict[str, Any]:
         """What ``summary.json`` says of every analysis."""
-        system, counters = self.system, self.system.counters
         wall = time.perf_counter() - self._begin
-        return {
-            "case": case,
-            "ranks": system.comm.size,
-            "unknowns": system.unknowns,
-            "multipliers": system.multipliers,
+        return summary_of(self.system, case, reason) | {
             "freedoms": self.freedoms,
-            "steps": 0,
-            "rejected_steps": 0,
-            "newton_iterations": counters.newton_iterations,
-            "factorizations": counters.factorizations,
-            "residual_evaluations": counters.residual_evaluations,
             "wall_seconds": wall,
             "wall_seconds_setup": wall,
-            "status": reason,
-            "results": {},
         }

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from flexfem._types import FloatArray
+from flexfem.system.system import System
 
-__all__ = ["Outcome", "Results"]
+__all__ = ["Outcome", "Results", "summary_of"]
 
 #: Headline results from the columns of the history.
 Results = Callable[[Mapping[str, FloatArray]], Mapping[str, float]]
@@ -26,3 +27,21 @@ class Outcome:
     status: str
     summary: Mapping[str, Any]
     history: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
+    """What ``summary.json`` says of every analysis: sizes, counts and status."""
+    counters = system.counters
+    return {
+        "case": case,
+        "ranks": system.comm.size,
+        "unknowns": system.unknowns,
+        "multipliers": system.multipliers,
+        "steps": 0,
+        "rejected_steps": 0,
+        "newton_iterations": counters.newton_iterations,
+        "factorizations": counters.factorizations,
+        "residual_evaluations": counters.residual_evaluations,
+        "status": reason,
+        "results": {},
+    }

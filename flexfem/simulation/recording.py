@@ -27,7 +27,7 @@ class Recorder:
 
     def __init__(
         self, system: System, serial: Assembly, settings: Settings, every: int, end: float,
-        *, resume: State | None = None,
+        *, resume: State | None = None, unit: str = "s",
     ) -> None:  # fmt: skip
         """Open the files (collective).
 
@@ -39,6 +39,7 @@ class Recorder:
             end: time (s) or load factor at the end.
             resume: what :meth:`state` returned where an earlier run is continued: its records up
                 to there are kept. None begins anew.
+            unit: of ``end``; empty for a load factor.
 
         Raises:
             InputError: what the earlier run left cannot be continued; it is left as it was.
@@ -63,7 +64,7 @@ class Recorder:
         if settings.output is not None:
             remove_summary(settings.output / "summary.json", system.comm)
         quiet = settings.quiet or system.comm.rank != 0
-        self._progress = Progress(end, not quiet, t_start=start or 0.0)
+        self._progress = Progress(end, not quiet, t_start=start or 0.0, unit=unit)
 
     def _continue(self, row: FloatArray) -> None:
         """Go on after the rows of an earlier run, or begin with the state it left."""

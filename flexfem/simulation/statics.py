@@ -17,15 +17,14 @@ from flexfem.io.field_output import FieldOutput
 from flexfem.io.summary import write_summary
 from flexfem.model.model import Model
 from flexfem.simulation.equilibrium import check_held, rest
-from flexfem.simulation.outcome import Outcome, Results
+from flexfem.simulation.outcome import Outcome, Results, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
 from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
+from flexfem.simulation.setup import set_up
 from flexfem.solvers.buckling import LinearBuckling
 from flexfem.solvers.statics import Limits, settle
 from flexfem.solvers.tangent import TangentSolver
-from flexfem.system.assembly import Assembly
-from flexfem.system.build import build
 from flexfem.system.probes import ProbeRecorder
 
 __all__ = ["solve_static"]
@@ -70,7 +69,7 @@ def solve_static(
         OSError: the results cannot be written.
         KeyboardInterrupt: after what is there was written, if there is one rank only.
     """
-    run = _Run(model, options, case, results, comm or MPI.COMM_WORLD)
+    run = _Run(model, options, case, results, comm)
     try:
         status = run.to_the_end()
     except KeyboardInterrupt:
@@ -86,16 +85,11 @@ class _Run:
 
     def __init__(
         self, model: Model, options: StaticOptions, case: str, results: Results | None,
-        comm: MPI.Intracomm,
+        comm: MPI.Intracomm | None,
     ) -> None:  # fmt: skip
         self._begin = time.perf_counter()
         self._options, self._case, self._results = options, case, results
-        try:
-            model.validate()
-            self._serial = Assembly(model)
-            self.system = build(self._serial, comm, options.split_above)
-        except ValueError as error:  # on every rank, the model being the same
-            raise InputError(str(error)) from error
+        self._serial, self.system = set_up(model, comm, options.split_above)
         self._probes = ProbeRecorder(self.system, self._serial, depth=1)
         self._check_column()
         self.equilibrium = rest(
@@ -117,7 +111,9 @@ class _Run:
                 f'load, but nothing in Model "{model.name}" that moves it grows with t'
             )
         self._buckling = LinearBuckling(self.equilibrium) if options.buckling_modes else None
-        self._recorder = Recorder(self.system, self._serial, options, options.every, options.t_end)
+        self._recorder = Recorder(
+            self.system, self._serial, options, options.every, options.t_end, unit=""
+        )
         self._critical: list[CriticalPoint] = []
         self._factors: list[float] = []
         self._setup: float | None = None
@@ -258,7 +254,7 @@ class _Run:
         base = self.equilibrium.keep()
         for number, (t, motion) in enumerate(modes):
             for part, steps in zip(self.system.parts, motion, strict=True):
-                part.block.step[: part.block.owned] = steps
+                part.block.owned_step[:] = steps
             size, turn, _ = self.equilibrium.measure(np.zeros(0))
             self.equilibrium.move(
                 _SHOWN / max(size, turn), np.zeros(self.system.constraints.size), 0.0
@@ -291,22 +287,12 @@ class _Run:
         return Outcome(reason, summary, history)
 
     def _summary(self, reason: str) -> dict[str, Any]:
-        system, counters = self.system, self.system.counters
-        return {
-            "case": self._case,
-            "ranks": system.comm.size,
-            "unknowns": system.unknowns,
-            "multipliers": system.multipliers,
+        return summary_of(self.system, self._case, reason) | {
             "steps": self._steps,
             "rejected_steps": self._rejected,
-            "newton_iterations": counters.newton_iterations,
-            "factorizations": counters.factorizations,
-            "residual_evaluations": counters.residual_evaluations,
             "wall_seconds": self._elapsed(),
             "wall_seconds_setup": self._setup or self._elapsed(),
             "wall_seconds_first_step": self._first,
             "critical_points": [point.summary() for point in self._critical],
             "buckling": self._factors,
-            "status": reason,
-            "results": {},
         }

@@ -8,7 +8,6 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.state import State
 from flexfem.core.status import Status
@@ -18,13 +17,11 @@ from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Restart
 from flexfem.simulation.equilibrium import start_in_equilibrium
 from flexfem.simulation.events import Events
+from flexfem.simulation.setup import set_up
 from flexfem.simulation.step_control import HALVINGS, StepControl
 from flexfem.solvers.newton import NewtonOptions
 from flexfem.solvers.policies import Policy, UpdatedPolicy, create_policy
 from flexfem.solvers.tangent import TangentSolver
-from flexfem.system.assembly import Assembly
-from flexfem.system.build import build
-from flexfem.system.system import System
 
 __all__ = ["HALVINGS", "Simulation"]
 
@@ -59,14 +56,8 @@ class Simulation:
             InputError: a mistake in the model, or a checkpoint that does not belong to it (a
                 ValueError).
         """
-        try:
-            model.validate()
-            self.serial = Assembly(model)
-            if restart is not None:
-                restart.check(self.serial)
-            self.system: System = build(self.serial, comm or MPI.COMM_WORLD, options.split_above)
-        except ValueError as error:  # on every rank, the model being the same
-            raise InputError(str(error)) from error
+        check = None if restart is None else restart.check
+        self.serial, self.system = set_up(model, comm, options.split_above, check)
         self.options = options
         self.system.set_time(0.0)
         for name in model.released:

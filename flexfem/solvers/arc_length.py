@@ -85,7 +85,7 @@ class ArcLength:
     def _put(self, factor: float) -> None:
         assert self._direction is not None
         for part, direction in zip(self._equilibrium.system.parts, self._direction, strict=True):
-            part.block.step[: part.block.owned] = factor * direction
+            part.block.owned_step[:] = factor * direction
 
     def _by_load(self) -> tuple[list[FloatArray], FloatArray] | None:
         """``A^-1 dr/dt`` with a fresh factorisation; rows must have been evaluated."""
@@ -96,24 +96,24 @@ class ArcLength:
         system.counters.factorizations += 1
         if not tangent.factor() or not tangent.solve(blocks, rows):
             return None
-        steps = [part.block.step[: part.block.owned].copy() for part in system.parts]
+        steps = [part.block.owned_step.copy() for part in system.parts]
         return steps, tangent.multiplier_step
 
     def _bordered_step(self) -> tuple[bool, FloatArray, float]:
         """Step normal to the direction: ``dz = -A^-1 r - dt A^-1 dr/dt``."""
         system, tangent = self._equilibrium.system, self._equilibrium.tangent
         assert self._direction is not None
-        residuals = [part.block.residual[: part.block.owned].copy() for part in system.parts]
+        residuals = [part.block.owned_residual.copy() for part in system.parts]
         values = system.constraints.values.copy()
         solution = self._by_load()
         along = 0.0 if solution is None else self._product(self._direction, solution[0])
         if solution is None or along == 0.0 or not tangent.solve(residuals, values):
             return False, np.zeros(system.constraints.size), 0.0
-        steps = [part.block.step[: part.block.owned] for part in system.parts]
+        steps = [part.block.owned_step for part in system.parts]
         by_load, multipliers = solution
         load = -self._product(self._direction, steps) / along
         for part, change in zip(system.parts, by_load, strict=True):
-            part.block.step[: part.block.owned] += load * change
+            part.block.owned_step[:] += load * change
         return True, tangent.multiplier_step + load * multipliers, load
 
     def _product(self, a: list[FloatArray], b: list[FloatArray]) -> float:

@@ -9,24 +9,22 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel
 
-__all__ = ["assemble_band", "band_factor", "band_solve"]
+__all__ = ["band_factor", "band_solve"]
 
 #: A pivot smaller than this part of the largest of its row before elimination is zero.
 _ZERO = 1e-14
 
 
 @kernel
-def assemble_band(index: IntArray, values: FloatArray, band: FloatArray) -> None:
-    """Set the entries ``index`` of the flattened storage; doubles add up."""
+def band_factor(index: IntArray, values: FloatArray, band: FloatArray) -> bool:
+    """Factorise the matrix with ``values`` at ``index`` of the flattened storage.
+
+    Doubles add up. Returns False when a pivot vanishes.
+    """
     flat = band.reshape(-1)
     flat[:] = 0.0
     for k in range(index.size):
         flat[index[k]] += values[k]
-
-
-@kernel
-def band_factor(band: FloatArray) -> bool:
-    """Factorise in place; False when a pivot vanishes."""
     n, width = band.shape
     b = width // 2
     sizes = np.empty(n)

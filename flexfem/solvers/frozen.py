@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Newton steps that never refactor: frozen body factors with a dual interface Schur complement.
+"""Newton steps with frozen body factors and a dual Schur complement on the interface.
 
 In local frames the iteration matrix ``A`` of a flexible body hardly changes, so its factors are
 kept. Joints touch few nodes, where the response ``Z = A^-1 J^T`` of each body is known once and for
@@ -9,6 +9,9 @@ Rigid bodies are always exact: their 6x6 matrices are inverted at every step.
 
 A rank eliminates the multipliers that only it evaluates. What remains between ranks is summed by
 one reduction and solved on all of them alike.
+
+Where old factors contract slowly, steps can be refined by the action of the exact tangent, which
+needs no new factors either.
 """
 
 from dataclasses import astuple, dataclass
@@ -169,10 +172,10 @@ class FrozenSolver:
         i = np.concatenate([*first, every, rows.coupled[:, 0]]).astype(np.int64)
         j = np.concatenate([*second, every, rows.coupled[:, 1]]).astype(np.int64)
         self._values, self._right = np.zeros(len(i)), np.zeros(rows.size)
-        at = 0
-        for group in self._groups:  # the bodies' shares of the entries come first
-            group.entries = self._values[at : at + len(group.entries)]
-            at += len(group.entries)
+        ends = np.cumsum([*(len(group.entries) for group in self._groups), rows.size])
+        *parts, self._diagonal, self._coupling = np.split(self._values, ends)
+        for group, entries in zip(self._groups, parts, strict=True):
+            group.entries = entries
         return InterfaceSystem(
             self.system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
         )
@@ -272,8 +275,7 @@ class FrozenSolver:
             subtracted.
         """
         rows = self.system.constraints
-        regular = self._factor_interface(shifts)
-        if not regular:
+        if not self._factor_interface(shifts):
             return False, np.zeros(rows.size)
         self._solve(rows.values)
         if not self.refine:
@@ -317,10 +319,8 @@ class FrozenSolver:
 
     def _put(self, solution: FloatArray) -> FloatArray:
         """Write the blocks' parts of a solution to their steps; the multipliers' part."""
-        for part, start, end in zip(
-            self.system.parts, self._sizes[:-1], self._sizes[1:], strict=True
-        ):
-            part.block.step[: part.block.owned] = solution[start:end].reshape(-1, 6)
+        for part, (start, end) in zip(self.system.parts, pairwise(self._sizes), strict=True):
+            part.block.owned_step[:] = solution[start:end].reshape(-1, 6)
         return solution[self._sizes[-1] :]
 
     def _factor_interface(self, shifts: Shifts) -> bool:
@@ -334,17 +334,16 @@ class FrozenSolver:
                 group.column_start, group.compliances, group.compliance_start,
                 rows.force_jacobian, rows.step_jacobian, group.entries,
             )  # fmt: skip
-        at = len(self._values) - rows.size - len(rows.coupling)
-        self._values[at : at + rows.size] = rows.owned * rows.compliance
+        np.multiply(rows.owned, rows.compliance, out=self._diagonal)
         if len(rows.coupling):
-            self._values[at + rows.size :] = rows.owned[rows.coupled[:, 0]] * rows.coupling
+            self._coupling[:] = rows.owned[rows.coupled[:, 0]] * rows.coupling
         if rows.size_global:
             regular = self._interface.factor(self._values, regular)
         return regular
 
     def _collect(self) -> FloatArray:
         """Steps of the owned nodes of all blocks, then of this rank's multipliers, as a vector."""
-        steps = [p.block.step[: p.block.owned].ravel() for p in self.system.parts]
+        steps = [p.block.owned_step.ravel() for p in self.system.parts]
         # S dL = Phi - G~ y is the correction; steps are to be subtracted
         return np.concatenate([*steps, -self._right])
 
@@ -373,7 +372,7 @@ class FrozenSolver:
             if group.part.beams is None:
                 multiply_blocks(self._inverses, block.residual, block.step)
             else:
-                self._factor.solve(block.residual[: block.owned], block.step[: block.owned])
+                self._factor.solve(block.owned_residual, block.owned_step)
 
     def _invert_rigid(self, group: _Bodies, shifts: Shifts) -> bool:
         """Fresh inverses of the rigid bodies' matrices and their compliances."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel
-from flexfem.solvers.banded import assemble_band, band_factor, band_solve
+from flexfem.solvers.banded import band_factor, band_solve
 from flexfem.solvers.schur_kernels import lu_factor, lu_solve
 
 __all__ = ["InterfaceSystem"]
@@ -39,8 +39,7 @@ class _BandedInterior:
         self._work = np.empty(len(order))
 
     def factor(self, values: FloatArray) -> bool:
-        assemble_band(self._index, values, self._band)
-        regular: bool = band_factor(self._band)
+        regular: bool = band_factor(self._index, values, self._band)
         return regular
 
     def solve(self, x: FloatArray) -> None:
@@ -163,12 +162,13 @@ class InterfaceSystem:
 
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective if shared)."""
+        if self._shared_size == 0:
+            if self._count:
+                self._interior.solve(right)
+            return
         own, other = right[: self._count], right[self._count :]
         if self._count:
             self._interior.solve(own)
-        if self._shared_size == 0:
-            return
-        if self._count:
             other -= self._from_inner @ own
         self._vector[:] = 0.0
         self._vector[self._shared] = other

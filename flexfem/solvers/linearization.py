@@ -168,7 +168,7 @@ class Linearization:
             rows.multipliers[:] = force
         self.multipliers = force
         system.add_constraint_forces(self.multipliers)
-        pieces = [p.block.residual[: p.block.owned].ravel() for p in system.parts]
+        pieces = [p.block.owned_residual.ravel() for p in system.parts]
         gaps = np.where(rigid, rows.values, 0.0)[rows.owned_rows]
         return np.concatenate([*pieces, gaps])
 
@@ -298,6 +298,6 @@ class Linearization:
         """Turn and move the nodes by local twists (n_owned, 6) of each part (collective)."""
         for part, step in zip(self.system.parts, steps, strict=True):
             block = part.block
-            block.step[: block.owned] = step
+            block.owned_step[:] = step
             block.spread_step()
             block.frames[:] = se3.retract(block.frames, block.step)

@@ -101,10 +101,10 @@ def iterate(
         sizes = _largest(system.comm, largest, change, success and projected)
         if sizes[2] > 0.0:
             return Status.SINGULAR
-        size = max(sizes[0], sizes[1])
         if not (isfinite(sizes[0]) and isfinite(sizes[1])):
             return Status.DIVERGED
-        converged = sizes[0] <= options.tolerance and sizes[1] <= options.tolerance
+        size = max(sizes[0], sizes[1])
+        converged = size <= options.tolerance
         contraction = size / previous if previous > 0.0 else 0.0
         if observe is not None:
             observe(iteration, contraction, converged)

@@ -147,7 +147,7 @@ def _load_forces(linearization: Linearization, loads: int) -> FloatArray:
         for part in system.parts:
             part.block.residual[:] = 0.0
             part.forces.add_residual(part.block, system.factors, -1.0)
-            pieces.append(part.block.residual[: part.block.owned].ravel().copy())
+            pieces.append(part.block.owned_residual.ravel().copy())
         forces[i] = np.concatenate(pieces)
     system.factors[:] = kept
     return forces

@@ -100,7 +100,7 @@ def softest_motion(
         right = [w * x for w, x in zip(weights, motion, strict=True)]
         if not tangent.solve(right, np.zeros(rows.size)):
             return 0.0, motion
-        steps = [part.block.step[: part.block.owned].copy() for part in parts]
+        steps = [part.block.owned_step.copy() for part in parts]
         growth = _product(tangent, motion, steps, weights)
         value = 1.0 / growth - _SHIFT
         motion = _normalised(tangent, steps, weights)

@@ -128,9 +128,9 @@ class Loading:
         blocks = []
         for part in system.parts:
             part.add_residual(gravity, factors, shifts.scale)
-            loaded = part.block.residual[: part.block.owned].copy()
+            loaded = part.block.owned_residual.copy()
             part.add_residual(np.zeros(3), np.zeros_like(factors), shifts.scale)
-            blocks.append(loaded - part.block.residual[: part.block.owned])
+            blocks.append(loaded - part.block.owned_residual)
         return blocks, by_t
 
 
@@ -270,7 +270,7 @@ class Equilibrium:
 
     def measure(self, change: FloatArray, success: bool = True) -> tuple[float, float, bool]:
         """Size of the step in the blocks, its largest rotation (rad), failure on some rank."""
-        steps = [part.block.step[: part.block.owned] for part in self.system.parts]
+        steps = [part.block.owned_step for part in self.system.parts]
         local = np.array([
             max((largest_entry(s[:, :3].ravel()) for s in steps), default=0.0),
             max((largest_entry(s[:, 3:].ravel()) for s in steps), default=0.0),
@@ -309,7 +309,7 @@ class Equilibrium:
         """
         system, tangent, rows = self.system, self.tangent, self.system.constraints
         turning = self._turning()
-        blocks = [p.block.residual[: p.block.owned] for p in system.parts]
+        blocks = [p.block.owned_residual for p in system.parts]
         while self._hold < _LARGEST:
             held = [self._hold * w[:, np.newaxis] * np.eye(6) for w in self.weights]
             tangent.assemble(self.shifts)
@@ -337,7 +337,7 @@ class Equilibrium:
             family.assume_forces(True)
         self.system.evaluate(self.shifts)
         for part in self.system.parts:
-            residual = part.block.residual[: part.block.owned]
+            residual = part.block.owned_residual
             out.append(np.zeros((len(residual), 6, 6)))
             out[-1][:, :3, 3:] = -so3.skew(residual[:, :3])
         for family in beams:

@@ -261,11 +261,7 @@ def _first_rank(linearization: Linearization) -> int:
 def _is_free(linearization: Linearization, xi: FloatArray) -> bool:
     """No row of a joint and no load stands against a rigid motion of the whole model."""
     system, rows = linearization.system, linearization.system.constraints
-    face = system.interface
-    twists = np.concatenate([se3.adjoint(se3.inverse(face.frames)) @ xi, np.zeros((1, 6))])
-    terms = np.einsum("tsi,tsi->t", rows.force_jacobian, twists[rows.term_slots])
-    rates = np.zeros(rows.size)
-    np.add.at(rates, rows.row_of_term, terms)
+    rates = rows.changes(se3.adjoint(se3.inverse(system.interface.frames)) @ xi)
     largest = float(np.abs(rates).max(initial=0.0))
     return bool(system.comm.allreduce(largest, op=MPI.MAX) < _TURNED)
 

@@ -150,7 +150,7 @@ class TangentSolver:
         self._ksp.solve(self._rhs, self._solution)
         solutions = self._solution.getNestSubVecs()
         for part, vec in zip(parts, solutions, strict=False):
-            part.block.step[: part.block.owned] = vec.getArray(readonly=True).reshape(-1, 6)
+            part.block.owned_step[:] = vec.getArray(readonly=True).reshape(-1, 6)
         if rows.size_global:
             self._scatter.scatter(solutions[-1], self._multipliers)
         self.multiplier_step = np.array(self._multipliers.getArray(readonly=True))
@@ -166,13 +166,13 @@ class TangentSolver:
         self.system.counters.factorizations += 1
         if not self.factor():
             return False, np.zeros(self.system.constraints.size)
-        blocks = [p.block.residual[: p.block.owned] for p in self.system.parts]
+        blocks = [p.block.owned_residual for p in self.system.parts]
         success = self.solve(blocks, self.system.constraints.values)
         return success, self.multiplier_step
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), with the last factors."""
-        return self.solve([p.block.residual[: p.block.owned] for p in self.system.parts], values)
+        return self.solve([p.block.owned_residual for p in self.system.parts], values)
 
 
 def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:

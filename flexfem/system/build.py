@@ -71,7 +71,7 @@ def _part(
         forces=NodeForces(_forces(serial, kind, block)),
         beams=beams if kind == BEAMS else None,
         node_body=serial.bodies(kind, block.node_ids),
-        slots=np.where(interface.block == kind, interface.local, -1),
+        slots=np.where(interface.kind == kind, interface.local, -1),
     )
 
 

@@ -185,8 +185,7 @@ class Constraints(RowTable):
 
         There are none on a rank that does not evaluate it.
         """
-        named = [i for i, placed in enumerate(self.joints) if placed.joint.name == name]
-        own = np.isin(self.joint_of_row, named)
+        own = self._named(name)
         chosen = own & self.switchable if (own & self.switchable).any() else own
         return np.flatnonzero(chosen).astype(np.int64)
 
@@ -200,18 +199,17 @@ class Constraints(RowTable):
         """
         rows = self.rows_of(name)
         if hold:
-            face, sums = self.interface, np.zeros(self.size)
-            marker_poses(face.frames, self.marker_slot, self.marker_offset, self._poses)
-            sums_of_terms(
-                self._poses, self.term_marker, self.kinds, self.directions, self.factors,
-                self.angles, self.row_of_term, sums,
-            )  # fmt: skip
-            self.targets[rows] = sums[rows]
+            frames = self.interface.frames
+            marker_poses(frames, self.marker_slot, self.marker_offset, self._poses)
+            self.targets[rows] = self.sums()[rows]
         self._switch(rows, active)
 
-    def _switchable(self, name: str) -> IntArray:
+    def _named(self, name: str) -> BoolArray:
         named = [i for i, placed in enumerate(self.joints) if placed.joint.name == name]
-        rows = np.flatnonzero(self.switchable & np.isin(self.joint_of_row, named)).astype(np.int64)
+        return np.isin(self.joint_of_row, named)
+
+    def _switchable(self, name: str) -> IntArray:
+        rows = np.flatnonzero(self.switchable & self._named(name)).astype(np.int64)
         if self.comm.allreduce(len(rows)) == 0:
             raise ValueError(f'joint "{name}": the model has none that can be locked and released')
         return rows
@@ -289,12 +287,18 @@ class Constraints(RowTable):
         )  # fmt: skip
         return values
 
-    def along(self, steps: FloatArray) -> FloatArray:
-        """(r,) change of the rigid rows along local twists (n_slots, 6) of the slots."""
-        padded, out = np.concatenate([steps, np.zeros((1, 6))]), np.zeros(self.size)
-        change = np.einsum("tsi,tsi->t", self.rigid_jacobian(), padded[self.term_slots])
-        np.add.at(out, self.row_of_term, change)
-        return out
+    def changes(self, twists: FloatArray, sides: BoolArray | None = None) -> FloatArray:
+        """(r,) change of every row along local twists of the slots.
+
+        Args:
+            twists: (n_slots, 6) of the slots.
+            sides: (t, 2) sides of the terms that move, all when None.
+        """
+        padded = np.concatenate([twists, np.zeros((1, 6))])  # the ground's slot is -1
+        change = np.einsum("tsi,tsi->ts", self.force_jacobian, padded[self.term_slots])
+        if sides is not None:
+            change *= sides
+        return np.bincount(self.row_of_term, change.sum(axis=1), minlength=self.size)
 
     def add_forces(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> None:
         """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each slot."""
@@ -304,9 +308,10 @@ class Constraints(RowTable):
 
     def accept(self) -> None:
         """Remember the angles reached, so that they stay continuous."""
-        face = self.interface
-        marker_poses(face.frames, self.marker_slot, self.marker_offset, self._poses)
-        update_angles(self._poses, self.term_marker, self.kinds, self.directions, self.angles)
+        update_angles(
+            self.interface.frames, self.marker_slot, self.marker_offset, self.term_marker,
+            self.kinds, self.directions, self._poses, self.angles,
+        )  # fmt: skip
 
     def hessians(self, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""
@@ -333,7 +338,7 @@ class Constraints(RowTable):
         return jacobian
 
     def sums(self) -> FloatArray:
-        """(r,) sums of the rows' terms at the last evaluation, targets not subtracted."""
+        """(r,) sums of the rows' terms at the present marker frames, targets not subtracted."""
         out = np.zeros(self.size)
         sums_of_terms(
             self._poses, self.term_marker, self.kinds, self.directions, self.factors, self.angles,
@@ -371,12 +376,4 @@ class Constraints(RowTable):
 
     def rates(self) -> FloatArray:
         """(r,) time derivative of every row at the interface's velocities, drives held."""
-        out = np.zeros(self.size)
-        for side in range(2):
-            slot = self.term_slots[:, side]
-            held = slot >= 0
-            rate = np.einsum(
-                "ti,ti->t", self.force_jacobian[held, side], self.interface.velocities[slot[held]]
-            )
-            np.add.at(out, self.row_of_term[held], rate)
-        return out
+        return self.changes(self.interface.velocities)

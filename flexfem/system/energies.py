@@ -12,7 +12,6 @@ from flexfem.core.row import LawKind
 from flexfem.model.model import Model
 from flexfem.system.constraints import Constraints
 from flexfem.system.momenta import ChosenBodies
-from flexfem.system.row_kernels import sums_of_terms
 from flexfem.system.system import System
 
 __all__ = ["Energies", "EnergyMeter", "refresh_rows"]
@@ -61,12 +60,7 @@ def refresh_rows(system: System) -> None:
 def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
     """Stored energy and dissipative force of every row, (r,) each; zero for rigid rows."""
     kind, stiffness, _, lower, upper = rows.elastic.T
-    values = np.zeros(rows.size)
-    sums_of_terms(
-        rows.marker_frames(), rows.term_marker, rows.kinds, rows.directions, rows.factors,
-        rows.angles, rows.row_of_term, values,
-    )  # fmt: skip
-    values -= rows.targets
+    values = rows.sums() - rows.targets
     beyond = values - np.clip(values, lower, upper)
     stretch = np.select([kind == LawKind.SPRING, kind == LawKind.LIMIT], [values, beyond], 0.0)
     loss = np.where(kind == LawKind.RIGID, 0.0, rows.forces - stiffness * stretch)
@@ -147,10 +141,7 @@ class EnergyMeter:
 
     def _side_rates(self) -> FloatArray:
         """(r,) rates of the rows by the motion of their working sides."""
-        rows, velocities = self._system.constraints, self._system.interface.velocities
-        padded = np.concatenate([velocities, np.zeros((1, 6))])[rows.term_slots]
-        rates = np.einsum("tsi,tsi,ts->t", rows.force_jacobian, padded, self._working.astype(float))
-        return np.bincount(rows.row_of_term, rates, rows.size)
+        return self._system.constraints.changes(self._system.interface.velocities, self._working)
 
     def _stored(self) -> FloatArray:
         """(3,) kinetic, strain and gravity's energy; the last less that at the start."""

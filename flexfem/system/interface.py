@@ -74,7 +74,8 @@ class Interface:
         frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
         steps: (n, 6) Newton steps after ``update_steps``.
         inertial: (n,) whether translations are integrated in inertial axes.
-        block: block of each slot; local: local node where owned, else -1.
+        kind: kind of block of each slot; local: local node where owned, else -1.
+        number: global number of the node within its block.
     """
 
     def __init__(
@@ -97,22 +98,22 @@ class Interface:
         self.comm = comm
         self.keys = [keys[k] for k in mine]
         self.slot_of = {key: slot for slot, key in enumerate(self.keys)}
-        self.block: IntArray = np.array([key[0] for key in self.keys], dtype=np.int64)
+        self.kind: IntArray = np.array([key[0] for key in self.keys], dtype=np.int64)
         self.local: IntArray = directory.local[mine]
         self.number: IntArray = directory.number[mine]
         self.frames = np.zeros((len(mine), 12))
         self.increments = np.zeros((len(mine), 6))
         self.velocities = np.zeros((len(mine), 6))
         self.steps = np.zeros((len(mine), 6))
-        kinds = [block is not None and block.inertial for block in blocks]
+        inertial = [block is not None and block.inertial for block in blocks]
         self.inertial: BoolArray = np.array(
-            [kinds[kind] for kind in self.block.tolist()], dtype=np.bool_
+            [inertial[kind] for kind in self.kind.tolist()], dtype=np.bool_
         )
         self._sources = [
             (block, self.local[slots], slots)
             for kind, block in enumerate(blocks)
             if block is not None
-            for slots in [np.flatnonzero((self.block == kind) & (self.local >= 0))]
+            for slots in [np.flatnonzero((self.kind == kind) & (self.local >= 0))]
             if len(slots)
         ]
         self._plan(directory, mine, needed_by)

@@ -46,7 +46,7 @@ class ChosenBodies:
             of_node = member[part.kind][part.node_body]
             self.masses.append(of_node[part.masses.nodes])
             self.forces.append(of_node[part.forces.nodes])
-        numbers = zip(system.interface.block, system.body_of_slot, strict=True)
+        numbers = zip(system.interface.kind, system.body_of_slot, strict=True)
         of_slot = [bool(member[int(kind)][body]) for kind, body in numbers]
         # the ground's slot is -1, the last one
         self.sides: BoolArray = np.array([*of_slot, True])[system.constraints.term_slots]

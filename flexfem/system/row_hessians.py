@@ -78,7 +78,7 @@ def _term_hessian(
         direction = s[0]
         direction[:] = u
         if kind == DISTANCE:
-            _distance_hessian(Ha, Hb, Ra, Rb, Rab, Rba, direction, h)
+            _distance_hessian(Ha, Hb, Ra, Rb, direction, h)
         rotate_back_into(Ha, direction, s[1], 0)
         rotate_back_into(Hb, direction, s[2], 0)
         _skew_into(s[1], -1.0, h, 0, 3)
@@ -123,10 +123,10 @@ def _along_hessian(
 
 @kernel
 def _distance_hessian(
-    Ha: FloatArray, Hb: FloatArray, Ra: FloatArray, Rb: FloatArray, Rab: FloatArray,
-    Rba: FloatArray, direction: FloatArray, h: FloatArray,
+    Ha: FloatArray, Hb: FloatArray, Ra: FloatArray, Rb: FloatArray, direction: FloatArray,
+    h: FloatArray,
 ) -> None:  # fmt: skip
-    """Part of the distance that comes from its changing direction, which it returns."""
+    """Part of the distance that comes from its changing direction, left in ``direction``."""
     length = 0.0
     for i in range(3):
         direction[i] = Hb[i] - Ha[i]

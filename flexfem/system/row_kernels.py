@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import RowKind
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.system.row_laws import RIGID, force_law
 
@@ -67,6 +67,28 @@ def dot(a: FloatArray, b: FloatArray) -> float:
 
 
 @kernel
+def _angle(
+    Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray, memory: float,
+    g: FloatArray, s: FloatArray,
+) -> float:  # fmt: skip
+    """Angle about ``R_a u`` from ``R_a p`` to ``R_b v``; turning parts of the gradient in ``g``."""
+    rotate_into(Hb, v, s[0], 0)
+    rotate_back_into(Ha, s[0], s[1], 0)  # y
+    cross_into(u, p, s[2], 0)
+    cosine, sine = dot(p, s[1]), dot(s[2], s[1])
+    square = cosine * cosine + sine * sine
+    for i in range(3):
+        s[3, i] = (cosine * s[2, i] - sine * p[i]) / square
+    cross_into(s[3], s[1], g, 3)
+    rotate_into(Ha, s[3], s[4], 0)
+    rotate_back_into(Hb, s[4], s[0], 0)
+    cross_into(v, s[0], g, 9)
+    angle = np.arctan2(sine, cosine)
+    turned: float = memory + np.arctan2(np.sin(angle - memory), np.cos(angle - memory))
+    return turned
+
+
+@kernel
 def _term(
     kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
     memory: float, g: FloatArray, s: FloatArray,
@@ -82,20 +104,8 @@ def _term(
         cross_into(v, s[3], g, 9)
         return dot(s[2], s[0])
     if kind == ANGLE:
-        rotate_into(Hb, v, s[0], 0)
-        rotate_back_into(Ha, s[0], s[1], 0)  # y
-        cross_into(u, p, s[2], 0)
-        cosine, sine = dot(p, s[1]), dot(s[2], s[1])
-        square = cosine * cosine + sine * sine
-        for i in range(3):
-            s[3, i] = (cosine * s[2, i] - sine * p[i]) / square
-        cross_into(s[3], s[1], g, 3)
-        rotate_into(Ha, s[3], s[4], 0)
-        rotate_back_into(Hb, s[4], s[0], 0)
-        cross_into(v, s[0], g, 9)
-        angle = np.arctan2(sine, cosine)
-        turned: float = memory + np.arctan2(np.sin(angle - memory), np.cos(angle - memory))
-        return turned
+        angle: float = _angle(Ha, Hb, u, v, p, memory, g, s)
+        return angle
     for i in range(3):
         s[0, i] = Hb[i] - Ha[i]
     if kind == ALONG:
@@ -141,10 +151,11 @@ def marker_poses(
 
 @kernel
 def update_angles(
-    poses: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
-    memory: FloatArray,
+    frames: FloatArray, marker_node: IntArray, marker_offset: FloatArray, term_marker: IntArray,
+    kinds: IntArray, directions: FloatArray, poses: FloatArray, memory: FloatArray,
 ) -> None:  # fmt: skip
-    """Store the continuous angle of each angle (call it when a step is accepted)."""
+    """Store the poses of all markers and the continuous angles of accepted frames."""
+    marker_poses(frames, marker_node, marker_offset, poses)
     g, scratch = np.empty(12), np.empty((5, 3))
     for t in range(kinds.size):
         if kinds[t] == ANGLE:
@@ -238,6 +249,29 @@ def _apply_law(
         coupling[k] = -compliance[r] * law[3] * out[3] * part
 
 
+@inlined
+def _to_nodes(
+    t: int, g: FloatArray, factor: float, velocities: FloatArray, marker_node: IntArray,
+    marker_offset: FloatArray, term_marker: IntArray, force_jacobian: FloatArray,
+    step_jacobian: FloatArray,
+) -> float:  # fmt: skip
+    """Gradient of a term with respect to its nodes from that to its markers; its rate."""
+    rate = 0.0
+    for side in range(2):
+        m = term_marker[t, side]
+        node = marker_node[m]
+        if node < 0:
+            force_jacobian[t, side] = 0.0
+            step_jacobian[t, side] = 0.0
+            continue
+        _to_node(marker_offset[m], g, 6 * side, force_jacobian[t, side])
+        for i in range(6):
+            force_jacobian[t, side, i] *= factor
+            step_jacobian[t, side, i] = force_jacobian[t, side, i]
+            rate += force_jacobian[t, side, i] * velocities[node, i]
+    return rate
+
+
 @kernel
 def evaluate_rows(
     frames: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
@@ -286,18 +320,10 @@ def evaluate_rows(
                 kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
                 memory[t], g, scratch,
             )  # fmt: skip
-            for side in range(2):
-                m = term_marker[t, side]
-                node = marker_node[m]
-                if node < 0:
-                    force_jacobian[t, side] = 0.0
-                    step_jacobian[t, side] = 0.0
-                    continue
-                _to_node(marker_offset[m], g, 6 * side, force_jacobian[t, side])
-                for i in range(6):
-                    force_jacobian[t, side, i] *= factors[t]
-                    step_jacobian[t, side, i] = force_jacobian[t, side, i]
-                    rate += force_jacobian[t, side, i] * velocities[node, i]
+            rate += _to_nodes(
+                t, g, factors[t], velocities, marker_node, marker_offset, term_marker,
+                force_jacobian, step_jacobian,
+            )  # fmt: skip
         if active[r] and elastic[r, 0] == RIGID:
             values[r], compliance[r] = value - relaxation * multipliers[r], relaxation
             continue

@@ -126,15 +126,13 @@ class _Part:
         )  # fmt: skip
         return largest
 
-    def accept(self, h: float) -> FloatArray:
-        """Take the trial state; how far the predictions with and without jumps were off (2,)."""
+    def accept(self, h: float) -> tuple[float, float]:
+        """Take the trial state; how far the predictions without and with jumps were off."""
         state, block = self.state, self.block
         owned = slice(0, block.owned)
         path = (state.rates - self.base)[owned] / state.law[2] - h * state.rates0[owned]
-        misses = np.array([
-            np.abs(path).max(initial=0.0),
-            np.abs(path - 0.5 * h * self.jumps[owned]).max(initial=0.0),
-        ])  # fmt: skip
+        curved = path - 0.5 * h * self.jumps[owned]
+        misses = float(np.abs(path).max(initial=0.0)), float(np.abs(curved).max(initial=0.0))
         mean_acceleration(
             state.frames, state.rates0, state.rates, block.velocity, self.centres, h,
             block.acceleration,
@@ -231,15 +229,13 @@ class StepMechanics:
 
     def accept(self, system: System) -> None:
         """Take the trial state (collective)."""
-        misses = np.zeros(2)
+        misses = []
         for part in self._parts.values():
             if part.beams is not None:
                 twists = part.beams.twists(part.state.frames)
                 part.last_change = twists - part.twists0
-            np.maximum(misses, part.accept(self.h), out=misses)
-        if system.comm.size > 1:
-            system.comm.Allreduce(MPI.IN_PLACE, misses, op=MPI.MAX)
-        system.smooth = bool(misses[1] < misses[0])
+            misses.append(part.accept(self.h))
+        system.choose_prediction(misses)
         system.interface.update()
         self._rows.accept()
         system.constraints.accept()

@@ -141,7 +141,7 @@ class System:
         self.comm, self.parts = comm, list(parts)
         kinds = [part.kind for part in self.parts]
         self.part_of_slot: IntArray = np.array(
-            [kinds.index(int(kind)) for kind in interface.block], dtype=np.int64
+            [kinds.index(int(kind)) for kind in interface.kind], dtype=np.int64
         )
         self.body_of_slot = body_of_slot
         self.interface, self.constraints = interface, constraints
@@ -238,20 +238,26 @@ class System:
 
     def largest_step(self) -> float:
         """Largest entry of the blocks' steps on any rank (collective)."""
-        sizes = [np.abs(p.block.step[: p.block.owned]).max(initial=0.0) for p in self.parts]
+        sizes = [np.abs(part.block.owned_step).max(initial=0.0) for part in self.parts]
         largest = float(np.max(sizes, initial=0.0))
         return self.comm.allreduce(largest, op=MPI.MAX) if self.comm.size > 1 else largest
 
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: trial state becomes the state, and the better predictor is chosen."""
-        misses = np.zeros(2)
-        for part in self.parts:
-            np.maximum(misses, part.block.accept(law, h), out=misses)
-        if self.comm.size > 1:
-            self.comm.Allreduce(MPI.IN_PLACE, misses, op=MPI.MAX)
-        self.smooth = bool(misses[1] < misses[0])
+        self.choose_prediction([part.block.accept(law, h) for part in self.parts])
         self.interface.update()
         self.constraints.accept()
+
+    def choose_prediction(self, misses: Sequence[tuple[float, float]]) -> None:
+        """Set ``smooth`` by how far both predictions were off in each block (collective)."""
+        plain = curved = 0.0
+        for first, second in misses:
+            plain, curved = max(plain, first), max(curved, second)
+        if self.comm.size > 1:
+            largest = np.array([plain, curved])
+            self.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+            plain, curved = largest.tolist()
+        self.smooth = curved < plain
 
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""

@@ -100,7 +100,7 @@ class OneBeam:
         self.block.residual[:] = 0.0
         add()
         self.block.add_ghosts()
-        return self.block.residual[: self.block.owned].copy()
+        return self.block.owned_residual.copy()
 
     def residual(self, scale: float = 1.0) -> np.ndarray:
         """Owned rows of the residual."""

@@ -130,7 +130,7 @@ def test_damping_is_proportional_to_stiffness_and_dissipates(one_beam, rng):
     beam.disturb(rng)
     block, state, sides = beam.block, beam.state(), []
     force = beam.residual()
-    for _, group in beam.beams._groups:
+    for _, group in beam.beams.groups:
         group.data.damping[:] = 0.0
     force -= beam.residual()
     power = beam.total((force * block.velocity[: block.owned]).ravel())
@@ -148,7 +148,7 @@ def test_damping_leaves_rigid_motion_alone(one_beam):
     beam = one_beam(_helix(5), SECTION, 0.03)
     beam.block.velocity[:] = beam.rigidly(np.array([1.0, 2.0, 3.0]), np.array([0.5, -1.0, 0.2]))
     damped = beam.residual()
-    for _, group in beam.beams._groups:
+    for _, group in beam.beams.groups:
         group.data.damping[:] = 0.0
     # mass-proportional damping, or rates that are not objective, would brake it by 1e-2
     assert beam.largest(damped - beam.residual()) <= 1e-12

@@ -239,7 +239,7 @@ def _answers(names: list[str], split_above: int) -> dict[str, list[np.ndarray]]:
         add()
         block.add_ghosts()
         out = np.zeros((nodes, 6))
-        out[block.node_ids[: block.owned]] = block.residual[: block.owned]
+        out[block.node_ids[: block.owned]] = block.owned_residual
         results.append(comm.allreduce(out).reshape(len(names), 5, 6))
     energies = np.bincount(
         part.beams.data.body, part.beams.energies(block.frames), minlength=len(names)

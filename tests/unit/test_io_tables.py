@@ -177,3 +177,6 @@ def test_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     text = stream.getvalue()
     assert "t = 2 of 2 s, 15 iterations, 3 factorisations" in text
     assert "100%" in text
+    with Progress(2.0, True, unit="") as bar:  # a load factor
+        bar.update(1.0, 4, 4)
+    assert "t = 1 of 2, 4 iterations" in stream.getvalue()

@@ -91,7 +91,7 @@ class Measures:
         block, beams = part.block, part.beams
         R = se3.rotation(block.frames)
         v = np.einsum("nij,nj->ni", R, block.velocity[:, :3])
-        cells, turned, turns, _, lengths, _, sections, laws = beams.linear.cell_data()
+        cells, turned, turns, _, lengths, _, sections, laws = beams.linear.cell_data
         energy, momenta = 0.0, np.zeros(6)
         for c, (i, j) in enumerate(cells):
             law = np.zeros((6, 6))
@@ -136,7 +136,7 @@ class Measures:
             total += self._masses(part)[0]
             if part.beams is not None:
                 total += self._axis(part)[0]
-                law = part.beams.linear.cell_data()[-1][part.beams.data.section, 21:]
+                law = part.beams.linear.cell_data[-1][part.beams.data.section, 21:]
                 D = np.zeros((len(law), 6, 6))
                 upper = np.triu_indices(6)
                 D[:, upper[0], upper[1]] = D[:, upper[1], upper[0]] = law
@@ -477,7 +477,7 @@ def test_tangent(rho_inf):
     for size in (eps, -eps):
         move(size, direction)
         system.evaluate(shifts)
-        found.append(([p.block.residual[: p.block.owned].copy() for p in system.parts],
+        found.append(([p.block.owned_residual.copy() for p in system.parts],
                       rows.values.copy()))  # fmt: skip
         restore()
     system.evaluate(shifts)
@@ -487,7 +487,7 @@ def test_tangent(rho_inf):
     system.subtract_tangent(shifts)
     # differences have seven digits left of numbers of size one to a hundred
     for part, plus, minus in zip(system.parts, found[0][0], found[1][0], strict=True):
-        exact = -part.block.residual[: part.block.owned]
+        exact = -part.block.owned_residual
         np.testing.assert_allclose((plus - minus) / (2 * eps), exact, atol=2e-7, rtol=1e-6)
     padded = np.concatenate([system.interface.steps, np.zeros((1, 6))])
     exact = np.zeros(rows.size)

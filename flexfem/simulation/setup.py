@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""From a model to its system, with mistakes told as such."""
+
+from collections.abc import Callable
+
+from mpi4py import MPI
+
+from flexfem._checks import InputError
+from flexfem.model.model import Model
+from flexfem.system.assembly import Assembly
+from flexfem.system.build import build
+from flexfem.system.system import System
+
+__all__ = ["set_up"]
+
+
+def set_up(
+    model: Model, comm: MPI.Intracomm | None, split_above: int,
+    check: Callable[[Assembly], None] | None = None,
+) -> tuple[Assembly, System]:  # fmt: skip
+    """Serial data and system of a model (collective).
+
+    Args:
+        model: the model, the same on every rank.
+        comm: communicator, all ranks by default.
+        split_above: elements above which one beam may be split over ranks.
+        check: raises a ValueError for serial data that will not do.
+
+    Raises:
+        InputError: a mistake in the model (a ValueError).
+    """
+    try:
+        model.validate()
+        serial = Assembly(model)
+        if check is not None:
+            check(serial)
+        return serial, build(serial, comm or MPI.COMM_WORLD, split_above)
+    except ValueError as error:  # on every rank, the model being the same
+        raise InputError(str(error)) from error
