@@ -49,6 +49,7 @@ class Integrator(Protocol):
 
     def restore(self, system: System, state: State) -> None:
         """Take back what :meth:`state` returned, the system being restored (collective)."""
+        return
 
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
