@@ -153,7 +153,8 @@ def test_signals_end_in_order(
     folder = tmp_path / "results"
     options = ["--elements", "4", "--dt", "1e-4", "--every", "5", "--output", str(folder)]
     process = start(command_line(ranks, SPAGHETTI, *options), environment)
-    wait_for((folder / "history.csv").exists, process)
+    table = folder / "history.csv"  # before its first rows a rank may not be listening yet
+    wait_for(lambda: table.exists() and table.read_text().count("\n") > 5, process)
     pids = ranks_of(process)
     os.kill(process.pid if target == "all" else pids[-1], number)
     text = "".join(process.communicate(timeout=60))
