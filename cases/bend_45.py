@@ -2,7 +2,7 @@
 """Cantilever bent by 45 degrees under a force out of its plane (Bathe, Bolourchi 1979).
 
 Arc of radius 100 in the plane XY, from the clamped root along +X towards +Y; square section 1 x 1,
-E = 1e7, nu = 0; a dead force of 600 along +Z at the tip, which is the load at t = 1. Published
+E = 1e7, nu = 0, any consistent units; a dead force of 600 along +Z at the tip at t = 1. Published
 values belong to two torsion constants: that of the square, 0.1406, and the polar moment 1/6.
 
 History: ``tip_x, tip_y, tip_z``: displacement of the tip.

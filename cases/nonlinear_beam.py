@@ -11,7 +11,7 @@ moment-curvature law is
 and all strains are viscous, with the stress T D strain_rate where D is the stiffness at zero strain
 and T the retardation time.
 
-History: ``tip_x, tip_y, tip_z``, the end of the beam; ``tip_angle``, its rotation about -y, rad.
+History: ``tip_x, tip_y, tip_z``, the end of the beam, m; ``tip_angle``, its rotation about -y, rad.
 
 Expected: a beam under a constant moment has a constant curvature, kappa = (M/EI) / sqrt(1 -/+
 (M/(EI k0))^2). With M = 0.6 EI k0 the end comes to rest at the angle kappa L = 1.5 rad (softening)

@@ -19,12 +19,16 @@ v = (V, Omega)     twist in the frame's own axes: V = R^T dx/dt, Omega the body 
 [x, R]             a frame in arrays: 12 numbers, x (3) then R row by row (9)
 e1, e2, e3         axes of a beam's section: e1 the tangent, e2 and e3 in the section's plane
 (gamma, kappa)     beam strains: extension, two shears along e2, e3, twist, bendings about e2, e3
+(n, m)             stress resultants of a section: normal and shear forces, torque, bending moments
 stiffness (6x6)    of a section, in the order of the strains
 inertia (6x6)      of a section per length, acting on v: [[m I, -S], [S, J]], S = skew(rho A c)
 Phi, G, lambda     constraints, their Jacobian dPhi = G w, their multipliers
 r                  residual: r_inertial + r_internal - r_external + G^T lambda = 0
 M, C, K            mass, damping and stiffness matrices: derivatives of r
-h, rho_inf         time step; spectral radius of generalised-alpha at infinite frequency
+A                  iteration matrix of a step: M, C and K combined, scaled by beta h^2
+beta h^2           scale of all equations of a step; their multipliers are beta h^2 lambda
+t                  time, or the load factor in statics
+h, rho_inf         time step; spectral radius of an integrator at infinite frequency
 =================  ================================================================================
 """
 
