@@ -13,6 +13,7 @@ from flexfem.lie.compiled import inlined
 
 __all__ = [
     "Triple",
+    "inverse_coefficient",
     "inverse_derivatives",
     "pose_coefficients",
     "tangent_derivatives",
@@ -26,6 +27,11 @@ _B2, _C2 = _series.B2, _series.C2
 _E, _E1, _E2 = _series.E_REST, _series.E1_REST, _series.E2_REST
 _POLE = _series.E_POLE
 
+#: Squared angle up to which the first terms of the series reach round-off: what increments over a
+#: step hardly ever exceed, in the loops over nodes.
+_TINY = 0.03
+_TERMS = 5
+_B_TINY, _C_TINY, _E_TINY = _B[:_TERMS], _C[:_TERMS], _E[:_TERMS]
 #: Squared angle up to which the series of a, b, c are used.
 _SMALL = 4.0
 #: Squared angle up to which the series of e is used (pi^2 and a little).
@@ -43,6 +49,9 @@ def _horner(series: tuple[float, ...], x: float) -> float:
 @inlined
 def pose_coefficients(x: float) -> Triple:
     """``(a, b, c)`` at the squared angle ``x``."""
+    if x < _TINY:
+        c = _horner(_C_TINY, x)
+        return 1.0 - x * c, _horner(_B_TINY, x), c
     if x < _SMALL:
         c = _horner(_C, x)
         return 1.0 - x * c, _horner(_B, x), c
@@ -63,6 +72,15 @@ def tangent_derivatives(x: float) -> tuple[Triple, Triple]:
     b1 = (a - 2.0 * b) / x
     c1 = (b - 3.0 * c) / x
     return (b, b1, (a1 - 4.0 * b1) / x), (c, c1, (b1 - 5.0 * c1) / x)
+
+
+@inlined
+def inverse_coefficient(x: float) -> float:
+    """The first of :func:`inverse_derivatives`, quick for small angles."""
+    if x < _TINY:
+        return 2.0 / (_POLE - x) + _horner(_E_TINY, x)
+    e, _, _ = inverse_derivatives(x)
+    return e
 
 
 @inlined

@@ -13,6 +13,7 @@ from flexfem.lie._blocks import (
 )
 from flexfem.lie._coefficients import (
     Triple,
+    inverse_coefficient,
     inverse_derivatives,
     pose_coefficients,
 )
@@ -53,7 +54,7 @@ def exp_into(w: FloatArray, H: FloatArray) -> None:
 def log_into(H: FloatArray, w: FloatArray) -> None:
     """Twist of a frame, with a rotation of at most pi."""
     x, t = triple(H, 0), log_entries(H, 3)
-    e, _, _ = inverse_derivatives(dot(t, t))
+    e = inverse_coefficient(dot(t, t))
     y = cross(t, x)
     z = cross(t, y)
     w[0] = x[0] - 0.5 * y[0] + e * z[0]

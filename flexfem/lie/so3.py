@@ -23,6 +23,7 @@ from flexfem.lie._batch import batch, batch_pair
 from flexfem.lie._blocks import dot, first_block, map_block, triple
 from flexfem.lie._coefficients import (
     Triple,
+    inverse_coefficient,
     inverse_derivatives,
     pose_coefficients,
     tangent_derivatives,
@@ -115,8 +116,7 @@ def tangent_into(theta: FloatArray, T: FloatArray) -> None:
 def inverse_tangent_into(theta: FloatArray, Tinv: FloatArray) -> None:
     """Inverse of the right tangent map, ``|theta| < 2 pi``."""
     t = triple(theta, 0)
-    e, _, _ = inverse_derivatives(dot(t, t))
-    map_block(0.5, e, t, Tinv, 0, 3)
+    map_block(0.5, inverse_coefficient(dot(t, t)), t, Tinv, 0, 3)
 
 
 @inlined
