@@ -57,8 +57,8 @@ class LockJoint:
 
     Attributes:
         joint: its name; with ``Model.release`` it is open from the start.
-        hold: its rows (distances, angles) keep their present values; else they take those of the
-            joint's definition, which the positions must satisfy.
+        hold: its rows (distances, angles) keep their present values, those of a drive as well;
+            else they take those of the joint's definition, which the positions must satisfy.
     """
 
     joint: str
@@ -208,9 +208,12 @@ class Event:
         """Return the function's value at time `t`.
 
         Raises:
-            TypeError: It is not one number.
+            TypeError: It is not one number, or the function takes other arguments.
         """
-        value: Any = self.function(t, *states)
+        try:
+            value: Any = self.function(t, *states)
+        except TypeError as error:
+            raise TypeError(f'Event "{self.name}": {error}') from error
         try:
             return float(np.asarray(value, dtype=np.float64).reshape(()))
         except (TypeError, ValueError):

@@ -13,10 +13,14 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
+from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.start import make_consistent, project_velocities
+from flexfem.model.event import LockJoint, Rebound, ReleaseJoint, Stop
+from flexfem.model.model import Model
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.assembly import Assembly
+from flexfem.system.constraints import Constraints
 from flexfem.system.marker_states import MarkerStates
 from flexfem.system.system import System
 
@@ -63,7 +67,8 @@ class Events:
             span: over which drives are differentiated after an impact, s.
 
         Raises:
-            InputError: a function does not return a finite number.
+            InputError: a function does not return a finite number, or a rebound is at a joint that
+                knows no impact.
         """
         self._system, self._tangent, self._span = system, tangent, span
         self._events = serial.model.events
@@ -73,6 +78,7 @@ class Events:
         self.fired: list[tuple[str, float]] = []
         self.stopped_by: str | None = None
         self.bad: str | None = None
+        _check_rebounds(system.constraints, serial.model)
         self._reversing: BoolArray = np.array([e.reverses for e in self._events], dtype=np.bool_)
         self._armed: BoolArray = np.ones(len(self._events), dtype=np.bool_)
         try:
@@ -219,6 +225,31 @@ class Events:
         else:
             rows.set_active(impact.joint, False)
         return status
+
+
+def _check_rebounds(rows: Constraints, model: Model) -> None:
+    """Raise for a rebound at a joint with a law of force, or that is closed (collective).
+
+    Raises:
+        InputError: names event and joint.
+    """
+    actions = [(event, action) for event in model.events for action in event.actions]
+    named = (LockJoint, ReleaseJoint, Rebound, Stop)
+    opened = {action.joint for _, action in actions if isinstance(action, ReleaseJoint)}
+    opened.update(model.released)
+    custom = any(not isinstance(action, named) for _, action in actions)
+    for event, action in actions:
+        if not isinstance(action, Rebound):
+            continue
+        owner, joint = f'Event "{event.name}"', f'"{action.joint}"'
+        lawful = bool(np.any(rows.elastic[rows.rows_of(action.joint), 0] != LawKind.RIGID))
+        if rows.comm.allreduce(lawful, op=MPI.LOR):
+            raise InputError(f"{owner}: nothing rebounds at {joint}, which holds no value rigidly")
+        if action.joint not in opened and not custom:
+            raise InputError(
+                f"{owner}: rebounds are at open joints, but nothing opens {joint} "
+                f"(Model.release({joint}))"
+            )
 
 
 class _Moving:

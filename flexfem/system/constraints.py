@@ -28,8 +28,8 @@ __all__ = ["Constraints"]
 class Constraints(RowTable):
     """Rows of all joints of this rank: rows of one rank only first, shared rows last.
 
-    ``targets``, ``active``, ``angles`` and ``forces`` are the state of the rows that a checkpoint
-    holds.
+    ``targets``, ``active``, ``held``, ``angles`` and ``forces`` are the state of the rows that a
+    checkpoint holds.
 
     Attributes:
         comm: communicator.
@@ -37,6 +37,8 @@ class Constraints(RowTable):
         owned: (r,) 1 for rows whose multipliers this rank owns.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
+        mean_forces: ``forces`` are means over the last step, not those at its end.
+        held: (r,) rows that keep a target taken from the motion, whatever drives them.
         values, compliance: (r,) residuals and compliances of the last evaluation.
         coupling: (k,) compliances between the multipliers of ``coupled`` rows.
         slopes: (r, 2) derivatives of ``values`` by a row's sum and its rate.
@@ -63,7 +65,8 @@ class Constraints(RowTable):
         self.values, self.compliance = np.zeros(total), np.zeros(total)
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
-        self.relaxation = 0.0
+        self.relaxation, self.mean_forces = 0.0, False
+        self.held: BoolArray = np.zeros(total, dtype=np.bool_)
         self._poses = np.zeros((len(self.marker_slot), 12))
         damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] > LawKind.LIMIT)
         self._damped = bool(damping.any())
@@ -117,8 +120,8 @@ class Constraints(RowTable):
 
     def state(self) -> State:
         """What the rows remember of the accepted state, and which of them hold what."""
-        active = self.active.astype(np.float64)
-        rows = {"forces": self.forces, "targets": self.targets, "active": active}
+        active, held = self.active.astype(np.float64), self.held.astype(np.float64)
+        rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
         values = {"relaxation": np.array([self.relaxation])}
         return State(values, {"rows": rows, "terms": {"angles": self.angles}})
 
@@ -126,7 +129,7 @@ class Constraints(RowTable):
         """Take back what :meth:`state` returned."""
         rows = state.rows["rows"]
         self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
-        self.active[:] = rows["active"] > 0.0
+        self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
         self.angles[:] = state.rows["terms"]["angles"]
         self.relaxation = float(state.values["relaxation"][0])
 
@@ -195,9 +198,11 @@ class Constraints(RowTable):
         Args:
             name: of any joint; a rank that does not evaluate it does nothing.
             active: whether its rows hold.
-            hold: they hold their present values, at the interface's state, not their targets.
+            hold: they hold their present values, at the interface's state, not their targets, nor
+                what drives them.
         """
         rows = self.rows_of(name)
+        self.held[rows] = hold
         if hold:
             frames = self.interface.frames
             marker_poses(frames, self.marker_slot, self.marker_offset, self._poses)
@@ -242,7 +247,8 @@ class Constraints(RowTable):
     def set_time(self, t: float) -> None:
         """Update the rows of driven joints to time ``t``."""
         for i, joint in self._driven:
-            self.write(int(self.start[i]), joint.rows(t))
+            if not self.held[self.start[i]]:
+                self.write(int(self.start[i]), joint.rows(t))
 
     def evaluate(self, dynamics: FloatArray) -> None:
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""

@@ -308,6 +308,45 @@ def test_bad_models_with_events():
     _raises('Event "e": Marker on "cube"', lambda: _run(model))
 
 
+def test_bad_rebounds():
+    hook, spring = ff.Marker("ball"), ff.Ground((0.0, 0.0, 2.0))
+    model = _ball(ff.Rebound("pull", 0.5))
+    model.add(ff.SpringDamper("pull", spring, hook, stiffness=1.0))
+    model.release("pull")
+    # it would cut the spring at the impact
+    _raises('Event "hit": nothing rebounds at "pull", which holds no', lambda: _run(model))
+    closed = _ball(ff.Rebound("wall", 0.5))
+    closed.add(ff.PointOnPlane("wall", ff.Ground(), hook, axis=(1, 0, 0)))
+    # it would open the joint at the impact
+    _raises('Event "hit": rebounds are at open joints, but nothing opens "wall"',
+            lambda: _run(closed))  # fmt: skip
+    model = _ball(ff.Stop())
+    model.add(ff.Event("e", ff.Marker("ball"), lambda t: 1.0, ff.Stop()))
+    _raises('Event "e": ', lambda: _run(model))
+
+
+def test_a_drive_is_let_go_and_held():
+    """A turntable that a motor drives; it runs free, then a brake holds it where it is."""
+    disk, axis = ff.Marker("disk"), (0.0, 0.0, 1.0)
+    model = ff.Model("turntable")
+    model.add(
+        ff.RigidBody("disk", 1.0, (0.1, 0.1, 0.2)),
+        ff.Revolute("axle", ff.Ground(), disk, axis=axis),
+        ff.PrescribedAngle("motor", ff.Ground(), disk, axis, lambda t: 5.0 * t * t),
+        ff.Event("off", disk, lambda t, s: t - 0.0305, ff.ReleaseJoint("motor")),
+        ff.Event("brake", disk, lambda t, s: t - 0.0605, ff.LockJoint("motor")),
+        ff.Probe("turn", disk, ("angle",), lambda t, s: (np.arctan2(*s.rotation[1::-1, 0]),)),
+    )
+    for integrator in (*SCHEMES, "energy_momentum"):
+        history = _run(model, integrator=integrator, rho_inf=0.9).history
+        if history:
+            t = history["t"]
+            free = 5.0 * 0.0305**2 + 0.305 * (t - 0.0305)
+            expected = np.where(t < 0.0305, 5.0 * t * t, np.minimum(free, free[0] + 0.305 * 0.0605))
+            # a motor that goes on pulling the disk would put it at 0.05 rad
+            np.testing.assert_allclose(history["angle"], expected, atol=3e-6)
+
+
 def test_a_function_that_fails_later_ends_the_run():
     model = _ball(ff.Stop())
     model.add(
