@@ -148,4 +148,18 @@ class Settings:
                 raise type(error)(f"{type(self).__name__}: {option.name} {error}") from None
             object.__setattr__(self, option.name, value)
         if self.output is not None:
-            object.__setattr__(self, "output", Path(self.output))
+            object.__setattr__(self, "output", self._path("output"))
+
+    def _path(self, name: str) -> Path:
+        """A field as a path.
+
+        Raises:
+            TypeError: It is none.
+        """
+        try:
+            return Path(getattr(self, name))
+        except TypeError:
+            value = getattr(self, name)
+            raise TypeError(
+                f"{type(self).__name__}: {name} must be a path or None, got {value!r}"
+            ) from None

@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import CampbellOptions
 from flexfem.core.status import Status
@@ -56,8 +57,10 @@ def sweep_spin(
 
     Raises:
         InputError: a mistake in the model or the options, before anything is written.
+        TypeError: the options are those of another analysis.
         OSError: the results cannot be written.
     """
+    _checks.instance("sweep_spin", "options", options, CampbellOptions)
     point = OperatingPoint(model, options, comm)
     point.check_count("CampbellOptions", options.modes)
     speeds, found, senses, reason = _sweep(point, options)

@@ -49,8 +49,6 @@ def rest(
     loads = serial.model.loads
     rows = system.constraints
     system.set_time(0.0)
-    for name in serial.model.released:
-        rows.set_active(name, False)
     check_start(system)
     growing = np.array([grow and load.amplitude is None for load in loads], dtype=np.bool_)
     # rows that may carry nothing leave the matrix unsymmetric, as loads without potential do

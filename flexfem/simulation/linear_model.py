@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import LinearOptions
@@ -74,9 +75,11 @@ def linearize(
 
     Raises:
         InputError: a mistake in the model, or too large a model without reduction.
+        TypeError: the options are those of another analysis.
         OSError: the file cannot be written.
     """
     options = options or LinearOptions()
+    _checks.instance("linearize", "options", options, LinearOptions)
     point = OperatingPoint(model, options, comm)
     if options.modes == 0 and point.system.unknowns > LARGEST:
         raise InputError(

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import ModeOptions
@@ -59,8 +60,10 @@ def find_modes(
 
     Raises:
         InputError: a mistake in the model or the options, before anything is written.
+        TypeError: the options are those of another analysis.
         OSError: the results cannot be written.
     """
+    _checks.instance("find_modes", "options", options, ModeOptions)
     point = OperatingPoint(model, options, comm)
     point.check_count("ModeOptions", options.modes)
     status = point.settle(options.spin)

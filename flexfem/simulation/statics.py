@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
@@ -66,9 +67,11 @@ def solve_static(
 
     Raises:
         InputError: a mistake in the model, before anything is written (a ValueError).
+        TypeError: the options are those of another analysis.
         OSError: the results cannot be written.
         KeyboardInterrupt: after what is there was written, if there is one rank only.
     """
+    _checks.instance("solve_static", "options", options, StaticOptions)
     run = _Run(model, options, case, results, comm)
     try:
         status = run.to_the_end()

@@ -60,8 +60,6 @@ class Simulation:
         self.serial, self.system = set_up(model, comm, options.split_above, check)
         self.options = options
         self.system.set_time(0.0)
-        for name in model.released:
-            self.system.constraints.set_active(name, False)
         self._integrator = create_integrator(options.integrator, options.rho_inf)
         self._control = StepControl(
             options.error_tolerance if options.adaptive else None, self._integrator.order

@@ -49,6 +49,8 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
     interface, joints = _connect(serial, comm, placement, blocks)
     constraints = Constraints(comm, joints, interface)
+    for name in model.released:
+        constraints.set_active(name, False)
     parts = [
         _part(serial, kind, block, interface, beams)
         for kind, block in enumerate(blocks)

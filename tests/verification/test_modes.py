@@ -230,6 +230,33 @@ def test_options_are_checked(options, message):
     assert message in str(error.value)
 
 
+def test_open_joints_do_not_hold():
+    """A pendulum with a weld that is open from the start swings as if there were none."""
+    top, weld = _top(gravity=(0, 0, 9.81)), ff.Rigid("weld", ff.Ground(), ff.Marker(
+        "top", offset=(0, 0, -0.5)))  # fmt: skip
+    options = ff.ModeOptions(quiet=True, modes=3)
+    expected = ff.find_modes(top, options).history
+    top.add(weld)
+    top.release("weld")
+    found = ff.find_modes(top, options).history  # held there are no freedoms at all
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values, rtol=1e-12, atol=1e-12)
+
+
+def test_options_of_another_analysis_are_named():
+    dynamics = ff.RunOptions(dt=0.1, t_end=1.0)
+    modes = ff.ModeOptions()
+    for run, options in (
+        (ff.find_modes, dynamics), (ff.sweep_spin, modes), (ff.linearize, dynamics),
+        (ff.solve_static, dynamics), (ff.simulate, modes),
+    ):  # fmt: skip
+        with pytest.raises(TypeError, match=f"^{run.__name__}: options must be a .*Options, got"):
+            run(_top(), options)
+    for name in ("output", "restart"):
+        with pytest.raises(TypeError, match=f"^RunOptions: {name} must be a path or None, got 5"):
+            ff.RunOptions(dt=0.1, t_end=1.0, **{name: 5})
+
+
 def test_large_linear_models_need_a_reduction():
     straight = _straight_beam()
     with pytest.raises(ValueError, match=r"modes must be given .* with 606 > 600 unknowns"):
