@@ -78,6 +78,7 @@ class EnergyMomentum(Integrator):
             InputError: a part of the model has no such equations.
         """
         self._mechanics = StepMechanics(system, self.chi)
+        system.constraints.mean_forces = True
 
     @property
     def mechanics(self) -> StepMechanics | None:

@@ -75,11 +75,14 @@ class EnergyProbe(_BodiesProbe):
       the joints and springs that connect them with others;
     - dissipation: taken since the start by dampers and by the damping of beams;
     - balance: kinetic + strain + gravity - work + dissipation minus the same at the start. It is
-      what the time integration has lost (negative) or made up (positive).
+      what the time integration has lost (negative) or made up (positive), and what impacts, joints
+    that lock and springs that are released by events have taken.
 
     Work and dissipation are integrated from row to row of the history, a mean force times a
     displacement, or a mean force times a mean rate times the step: of second order, and exact for
-    linear motion by the trapezoidal rule (``rho_inf=1``).
+    linear motion by the trapezoidal rule (``rho_inf=1``). In statics, where nothing has a rate,
+    the work of moments, of drives and of bodies left out is missing; the potential of a weight that
+    grows with the load factor is minus the work it has done.
     """
 
     name: str = "energy"

@@ -39,8 +39,10 @@ class _State:
     Attributes:
         loads: (k, 12) force, moment, place and angular velocity of each load, inertial axes.
         viscous, stretching: (m, 6) viscous stress of the beams, and the rate of their strain.
-        forces, rates: (r,) of the rows that do work, and the rate they do it along.
-        losses, loss_rates: (r,) the dissipative part of the rows' forces, and its rate.
+        forces: (r,) of all rows.
+        rates: (r,) of the rows that do work, by the motion of the sides that they work on.
+        pulls: (r,) elastic part of the forces.
+        all_rates: (r,) of all rows.
     """
 
     loads: FloatArray
@@ -48,8 +50,8 @@ class _State:
     stretching: FloatArray
     forces: FloatArray
     rates: FloatArray
-    losses: FloatArray
-    loss_rates: FloatArray
+    pulls: FloatArray
+    all_rates: FloatArray
 
 
 def refresh_rows(system: System) -> None:
@@ -58,13 +60,13 @@ def refresh_rows(system: System) -> None:
 
 
 def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
-    """Stored energy and dissipative force of every row, (r,) each; zero for rigid rows."""
+    """Stored energy and elastic force of every row, (r,) each; zero for rigid and open ones."""
     kind, stiffness, _, lower, upper = rows.elastic.T
     values = rows.sums() - rows.targets
     beyond = values - np.clip(values, lower, upper)
     stretch = np.select([kind == LawKind.SPRING, kind == LawKind.LIMIT], [values, beyond], 0.0)
-    loss = np.where(kind == LawKind.RIGID, 0.0, rows.forces - stiffness * stretch)
-    return 0.5 * stiffness * stretch**2, np.where(rows.rigid, 0.0, loss)
+    pull = np.where(rows.active, stiffness * stretch, 0.0)
+    return 0.5 * pull * stretch, pull
 
 
 class EnergyMeter:
@@ -72,8 +74,14 @@ class EnergyMeter:
 
     Create it at the start and call :meth:`update` after every accepted step. The work of a step is
     the mean of a force before and after times its displacement; of moments, drives and dampers it
-    is the mean times the mean rate times the step. Both are of second order.
+    is the mean times the mean rate times the step. Both are of second order. Where forces of rows
+    are means over the step (``Constraints.mean_forces``), they count as such.
+
+    Attributes:
+        SHARES: length of :meth:`state`.
     """
+
+    SHARES = 6
 
     def __init__(self, system: System, model: Model, bodies: Sequence[str] | None = None) -> None:
         """Choose the bodies and read the accepted state they start from.
@@ -93,12 +101,13 @@ class EnergyMeter:
         # a drive works on all its sides, any row works on a chosen body against another one
         self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
         self._springs = owned & ~crossing
+        self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID)
         self._work = self._dissipation = 0.0
         self._time = system.time
         refresh_rows(system)
         self._state = self._read()
-        self._weight = 0.0
-        self._weight = self._stored()[2]
+        self._gravity, self._growth = system.gravity.copy(), 0.0
+        self._centre = self._start = self._first_moment()
         self._initial = float(self._stored().sum())
 
     def update(self) -> FloatArray:
@@ -107,19 +116,21 @@ class EnergyMeter:
         h, self._time = system.time - self._time, system.time
         refresh_rows(system)
         before, self._state = self._state, self._read()
-        self._work += _work(before, self._state, h)
+        self._work += _work(before, self._state, h) + self._drive(before, self._state, h)
         self._dissipation += self._loss(before, self._state, h)
+        self._let_gravity_grow()
         stored = self._stored()
         balance = float(stored.sum()) - self._work + self._dissipation - self._initial
         return np.array([*stored, self._work, self._dissipation, balance])
 
     def state(self) -> FloatArray:
-        """(4,) this rank's shares of what is summed up and of what was there at the start."""
-        return np.array([self._work, self._dissipation, self._initial, self._weight])
+        """(6,) this rank's shares of what is summed up and of what was there at the start."""
+        return np.array([self._work, self._dissipation, self._initial, *self._start])
 
     def restore(self, shares: FloatArray) -> None:
         """Take back what :meth:`state` returned; only its sum over the ranks matters."""
-        self._work, self._dissipation, self._initial, self._weight = shares.tolist()
+        self._work, self._dissipation, self._initial = shares[:3].tolist()
+        self._start = shares[3:].copy()
 
     def total(self) -> Energies:
         """Take in the accepted state and sum over all ranks (collective)."""
@@ -133,11 +144,10 @@ class EnergyMeter:
             loads.append(part.forces.states(part.block, system.factors)[mask])
             if part.beams is not None and part.beams.viscous:
                 viscosity = part.beams.viscosity(part.block)
-        forces = -rows.forces  # on the bodies
-        loss = _springs(rows)[1] * self._springs
         return _State(
-            np.concatenate(loads), *viscosity, forces, self._side_rates(), loss, rows.rates()
-        )
+            np.concatenate(loads), *viscosity, rows.forces.copy(), self._side_rates(),
+            _springs(rows)[1], rows.rates(),
+        )  # fmt: skip
 
     def _side_rates(self) -> FloatArray:
         """(r,) rates of the rows by the motion of their working sides."""
@@ -151,18 +161,45 @@ class EnergyMeter:
         for part in system.parts:
             if part.beams is not None:
                 strain += float(part.beams.energies(part.block.frames) @ chosen.cells)
-        weight = -float(system.gravity @ state[motion.FIRST : motion.LINEAR])
-        return np.array([state[motion.KINETIC], strain, weight - self._weight])
+        way = state[motion.FIRST : motion.LINEAR] - self._start
+        weight = self._growth - float(system.gravity @ way)
+        return np.array([state[motion.KINETIC], strain, weight])
+
+    def _first_moment(self) -> FloatArray:
+        """(3,) of the mass of this rank, kg m."""
+        return self._chosen.motion()[motion.FIRST : motion.LINEAR]
+
+    def _let_gravity_grow(self) -> None:
+        """Leave out what the potential changes as gravity does, which is no work."""
+        gravity, before = self._system.gravity, self._centre
+        if not np.array_equal(gravity, self._gravity):
+            self._centre = self._first_moment()
+            way = 0.5 * (before + self._centre) - self._start
+            self._growth += float((gravity - self._gravity) @ way)
+            self._gravity = gravity.copy()
 
     def _loss(self, before: _State, after: _State, h: float) -> float:
         """Energy taken by dampers and by the damping of beams."""
-        total = _mean_product(before.losses, after.losses, before.loss_rates, after.loss_rates, h)
+        force = self._mean_force(before, after) - 0.5 * (before.pulls + after.pulls)
+        rate = 0.5 * (before.all_rates + after.all_rates)
+        total = h * float((force * self._dampers) @ rate)
         for part in self._system.parts:
             if part.beams is not None and len(after.viscous):
                 weights = 0.25 * h * self._chosen.cells * part.beams.lengths
                 stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
                 total += float(np.einsum("m,mi,mi->", weights, stress, rate))
         return total
+
+    def _mean_force(self, before: _State, after: _State) -> FloatArray:
+        """(r,) mean forces of all rows over a step."""
+        if self._system.constraints.mean_forces:
+            return after.forces
+        return 0.5 * (before.forces + after.forces)
+
+    def _drive(self, before: _State, after: _State, h: float) -> float:
+        """Work of drives, and of bodies left out, over a step: rows pull against their rates."""
+        rate = 0.5 * (before.rates + after.rates)
+        return -h * float(self._mean_force(before, after) @ rate)
 
 
 def _mean_product(
@@ -173,8 +210,7 @@ def _mean_product(
 
 
 def _work(before: _State, after: _State, h: float) -> float:
-    """Work of loads, drives and bodies left out over one step of size h (s)."""
+    """Work of loads over one step of size h (s)."""
     a, b = before.loads, after.loads
     work = 0.5 * float(np.vdot(a[:, :3] + b[:, :3], b[:, 6:9] - a[:, 6:9]))
-    work += _mean_product(a[:, 3:6], b[:, 3:6], a[:, 9:], b[:, 9:], h)
-    return work + _mean_product(before.forces, after.forces, before.rates, after.rates, h)
+    return work + _mean_product(a[:, 3:6], b[:, 3:6], a[:, 9:], b[:, 9:], h)

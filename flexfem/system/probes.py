@@ -105,7 +105,7 @@ class ProbeRecorder:
 
     def restore(self, state: FloatArray) -> None:
         """Take back what :meth:`state` returned."""
-        shares = state.reshape(len(self._meters), 4) * float(self._comm.rank == 0)
+        shares = state.reshape(len(self._meters), EnergyMeter.SHARES) * float(self._comm.rank == 0)
         for meter, share in zip(self._meters, shares, strict=True):
             meter.restore(share)
 
