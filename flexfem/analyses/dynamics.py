@@ -147,7 +147,7 @@ class RunOptions(Settings):
         """Check every value, and the values against each other."""
         super().__post_init__()
         if self.restart is not None:
-            object.__setattr__(self, "restart", Path(self.restart))
+            object.__setattr__(self, "restart", self._path("restart"))
         if self.dt > self.t_end:
             raise ValueError(f"RunOptions: dt {self.dt:g} s exceeds t_end {self.t_end:g} s")
         if self.t_end > MAX_STEPS * self.dt:

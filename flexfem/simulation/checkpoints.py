@@ -23,7 +23,7 @@ from flexfem.system.system import System
 __all__ = ["Checkpoints", "Restart"]
 
 #: Options that a restart may not change.
-_AGREE = ("dt", "integrator", "rho_inf")
+_AGREE = ("dt", "integrator", "rho_inf", "redundant_constraints", "start")
 _NAME = re.compile(r"checkpoint_\d{6,}\.h5|\.checkpoint_\d{6,}\.h5\.tmp")
 #: Files of one run that are kept.
 _KEEP = 2
@@ -64,7 +64,7 @@ class Restart:
                 f"was written by flexfem {header['flexfem']}, this is {flexfem.__version__}"
             )
         for name in _AGREE:
-            then, now = header["options"][name], getattr(options, name)
+            then, now = header["options"].get(name), getattr(options, name)
             if then != now:
                 raise file.refuse(f"was written with {name} = {then}, not {now}")
         self.grid = TimeGrid(*header["grid"])

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem import _checks
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.io.summary import write_summary
@@ -49,9 +50,11 @@ def simulate(
 
     Raises:
         InputError: a mistake in the model, before anything is written (a ValueError).
+        TypeError: the options are those of another analysis.
         OSError: the results cannot be written.
         KeyboardInterrupt: SIGINT or SIGTERM came; a checkpoint and what was computed are written.
     """
+    _checks.instance("simulate", "options", options, RunOptions)
     begin = time.perf_counter()
     comm = comm or MPI.COMM_WORLD
     restart = None if options.restart is None else Restart(options, comm)
@@ -116,6 +119,8 @@ class _Run:
             stopped = simulation.events.stopped_by is not None
             self._recorder.record(step, last=stopped or step == count)
             if stopped:
+                if every:  # the rest of the step is made by a restart
+                    self._save(step if simulation.time >= grid.time(step) else step - 1)
                 break
             self.signal = self._agreed(signals)
             if self.signal or (every and (step % every == 0 or step == count)):

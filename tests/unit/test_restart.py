@@ -92,10 +92,15 @@ def bouncing() -> ff.Model:
             once=False,
         ),
         ff.Event("catch", bob, lambda t, s: s.position[2] + 0.1, ff.LockJoint("hook")),
+        ff.RigidBody("reel", 1.0, (0.1, 0.1, 0.1), position=(0.0, 1.0, 0.0)),
+        ff.Revolute("axle", ff.Ground((0, 1, 0)), ff.Marker("reel"), axis=(1, 0, 0)),
+        ff.PrescribedAngle("motor", ff.Ground(), ff.Marker("reel"), (1, 0, 0), lambda t: 9.0 * t),
+        ff.Event("brake", bob, lambda t, s: t - 0.155, ff.LockJoint("motor")),
         ff.EnergyProbe("energy"),
         ff.ReactionProbe("held", "clamp"),
         ff.PositionProbe("ball_path", ball),
         ff.PositionProbe("bob_path", bob),
+        ff.PositionProbe("reel_rim", ff.Marker("reel", offset=(0, 1, 0))),
         ff.PositionProbe("tip", ff.Marker("rod", "end")),
     )
     model.release("floor", "hook")
@@ -267,6 +272,30 @@ def test_failed_run_keeps_a_checkpoint_of_its_last_good_state(shared_tmp_path: P
     np.testing.assert_allclose(np.delete(times, 6), 1e-3 * np.arange(21), rtol=1e-12)
 
 
+def test_stopped_run_goes_on(shared_tmp_path: Path) -> None:
+    """From the instant of the event, which lies within a step; once it has stopped it is over."""
+
+    def build() -> ff.Model:
+        model = pendulum()
+        model.add(ff.Event("halt", ff.Marker("bob"), lambda t, s: t - 0.054, ff.Stop()))
+        return model
+
+    run = ff.RunOptions(dt=1e-2, t_end=0.1, output=shared_tmp_path, checkpoint_every=100)
+    assert ff.simulate(build(), run).summary["stopped_by"] == "halt"
+    file = shared_tmp_path / "checkpoint_000005.h5"
+    COMM.barrier()
+    outcome = ff.simulate(build(), replace(run, restart=file))
+    assert outcome.status == "ok"
+    reference = ff.simulate(pendulum(), replace(run, output=None))
+    if COMM.rank == 0:
+        times = outcome.history["t"]
+        np.testing.assert_allclose(times[6], 0.054, atol=2e-9)
+        np.testing.assert_allclose(np.delete(times, 6), reference.history["t"], rtol=1e-12)
+        # two partial steps instead of one; without the rest of the step a tenth is missing
+        path = [h["path_y"][-1] for h in (outcome.history, reference.history)]
+        np.testing.assert_allclose(*path, rtol=0.01)
+
+
 def test_other_table_in_the_folder_is_left_alone(shared_tmp_path: Path) -> None:
     run = options("driven", shared_tmp_path / "a", checkpoint_every=9, t_end=0.018)
     ff.simulate(driven(), run)
@@ -321,6 +350,12 @@ OTHERS: dict[str, tuple[Any, dict[str, Any], str]] = {
     "name": (lambda: pendulum(name="bib"), {}, "another model, other joints, loads, rigid bodies$"),
     "bodies": (driven, {}, "another model, other beams, gravity, joints, loads, mesh"),
     "step": (pendulum, {"dt": 2e-3}, "was written with dt = 0.001, not 0.002$"),
+    "redundancy": (
+        pendulum,
+        {"redundant_constraints": "least_norm"},
+        "with redundant_constraints = refuse, not",
+    ),
+    "start": (pendulum, {"start": "equilibrium"}, "was written with start = given, not equilibr"),
     "scheme": (pendulum, {"rho_inf": 0.5}, "was written with rho_inf = 0.9, not 0.5$"),
     "end": (pendulum, {"t_end": 5e-3}, "at t = 0.005 s already, t_end = 0.005 s leaves nothing"),
     "version": (pendulum, {}, "was written by flexfem 0.0.7, this is "),
