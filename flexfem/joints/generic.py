@@ -42,11 +42,13 @@ class Generic(Joint):
         """Check freedoms and limits.
 
         Raises:
-            TypeError: a limit is not a number.
+            TypeError: freedoms are no list of names, limits no mapping, or a limit is not a number.
             ValueError: an unknown freedom or one given twice, a limit on a held one or without
                 sense.
         """
         super().__post_init__()
+        _checks.instance(self.owner, "free", self.free, (list, tuple))
+        _checks.instance(self.owner, "limits", self.limits, Mapping)
         for name in self.free:
             if name not in (*_TRANSLATIONS, *_ROTATIONS) or list(self.free).count(name) > 1:
                 raise ValueError(

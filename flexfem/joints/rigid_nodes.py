@@ -32,9 +32,10 @@ class RigidNodes(Joint):
         """Check the markers.
 
         Raises:
-            TypeError: one of them is not a Marker or Ground.
+            TypeError: they are no list, or one of them is not a Marker or Ground.
             ValueError: there are none, or one is given twice.
         """
+        _checks.instance(self.owner, "nodes", self.nodes, (list, tuple))
         if len(self.nodes) == 0:
             raise ValueError(f"{self.owner}: nodes must hold at least one marker, got none")
         _checks.assign(self, b=self.nodes[0])

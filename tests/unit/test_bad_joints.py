@@ -38,6 +38,10 @@ ALONE = {
         lambda: ff.Gear("j", A, B, A, C, second_axis=(0, 0, 0)), "second_axis must not be zero"
     ),
     "Gear marker": (lambda: ff.Gear("j", A, B, "two", C), "c must be a Marker or Ground"),
+    "Generic type": (lambda: ff.Generic("j", A, B, free="rz"), "free must be a list or tuple"),
+    "Generic limits type": (
+        lambda: ff.Generic("j", A, B, free=["x"], limits=[1.0]), "limits must be a Mapping, got"
+    ),
     "Generic name": (lambda: ff.Generic("j", A, B, free=("u",)), "free must name .*, got 'u'"),
     "Generic twice": (lambda: ff.Generic("j", A, B, free=("x", "x")), "once each, got 'x'"),
     "Generic held": (
@@ -120,6 +124,7 @@ ALONE = {
     ),
     "Lock joint": (lambda: ff.Lock("j", ff.Rigid("weld", A, B)), 'Rigid "weld" leaves no motion'),
     "Lock flag": (lambda: ff.Lock("j", HINGE, locked=1), "locked must be a bool, got 1"),
+    "RigidNodes one": (lambda: ff.RigidNodes("j", A, B), "nodes must be a list or tuple, got Mar"),
     "RigidNodes none": (lambda: ff.RigidNodes("j", A, []), "at least one marker, got none"),
     "RigidNodes twice": (lambda: ff.RigidNodes("j", A, [B, C, B]), r"nodes\[2\] is given twice"),
     "RigidNodes type": (lambda: ff.RigidNodes("j", A, [B, 3]), r"nodes\[1\] must be a Marker"),
