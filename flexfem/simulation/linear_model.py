@@ -16,6 +16,7 @@ from flexfem.analyses.modes import LinearOptions
 from flexfem.core.status import Status
 from flexfem.io.state_space import write_arrays
 from flexfem.model.model import Model
+from flexfem.model.probe import Probe
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.solvers.mode_shapes import ComplexArray, find
 from flexfem.solvers.reduction import Reduction, reduce_equations
@@ -35,7 +36,8 @@ class LinearModel:
     The state holds the reduced coordinates, those of the drives, and the rates of both. The inputs
     are changes of the loads' amplitudes and accelerations of the drives (the second derivative of
     the rows' targets, m/s^2 or rad/s^2: no state space has an input that acts through its
-    derivatives). The outputs are the columns of the probes.
+    derivatives). The outputs are the columns of the probes of markers; energies, momenta, joint
+    forces and resultants of beams are left out.
 
     Attributes:
         A, B, C, D: (n, n), (n, m), (p, n), (p, m).
@@ -88,7 +90,7 @@ def linearize(
         )
     point.check_count("LinearOptions", options.modes)
     status = point.settle(options.spin)
-    outputs = tuple(c for probe in model.probes for c in probe.columns)
+    outputs = tuple(c for probe in model.probes if isinstance(probe, Probe) for c in probe.columns)
     if status is not Status.OK:
         nothing = np.zeros((0, 0))
         return LinearModel(

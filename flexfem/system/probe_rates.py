@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.lie import se3
-from flexfem.model.probe import MarkerState
+from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
 from flexfem.system.system import System
 
@@ -21,7 +21,7 @@ def probe_rates(
     system: System, serial: Assembly, split: Callable[[FloatArray], list[FloatArray]],
     motions: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """Columns of all probes and their derivatives by the coordinates of motions (collective).
+    """Columns of markers' probes and their derivatives by coordinates of motions (collective).
 
     With ``u = sum_j motion_j q_j`` a node's twist changes by ``u' + ad_v u``; markers follow their
     nodes exactly, and the probe functions of the markers' states are differentiated numerically.
@@ -35,7 +35,7 @@ def probe_rates(
     Returns:
         Values (p,), derivatives by q and by its rate (p, k), on every rank.
     """
-    probes = serial.model.probes
+    probes = [probe for probe in serial.model.probes if isinstance(probe, Probe)]
     markers = [marker for probe in probes for marker in probe.markers]
     count = len(motions)
     states, twists = np.zeros((len(markers), 18)), np.zeros((len(markers), 6, count))
@@ -60,8 +60,8 @@ def probe_rates(
         own = slice(at, at + len(probe.markers))
         at += len(probe.markers)
 
-        def columns(table: FloatArray, probe: object = probe) -> FloatArray:
-            return probe.evaluate(system.time, [_state(row) for row in table])  # type: ignore
+        def columns(table: FloatArray, probe: Probe = probe) -> FloatArray:
+            return probe.evaluate(system.time, [_state(row) for row in table])
 
         values.append(columns(states[own]))
         for moving, found in ((False, by_q), (True, by_rate)):

@@ -257,6 +257,18 @@ def test_options_of_another_analysis_are_named():
             ff.RunOptions(dt=0.1, t_end=1.0, **{name: 5})
 
 
+def test_linear_models_leave_measurements_out():
+    top = _top()
+    top.add(
+        ff.EnergyProbe(), ff.ReactionProbe("force", "tip"),
+        ff.PositionProbe("path", ff.Marker("top")), ff.MomentumProbe("momenta"),
+    )  # fmt: skip
+    linear = ff.linearize(top)
+    assert linear.outputs == ("path_x", "path_y", "path_z")
+    np.testing.assert_allclose(linear.y0, (0, 0, 0.5), atol=1e-15)
+    assert linear.C.shape[0] == 3
+
+
 def test_large_linear_models_need_a_reduction():
     straight = _straight_beam()
     with pytest.raises(ValueError, match=r"modes must be given .* with 606 > 600 unknowns"):
