@@ -58,9 +58,9 @@ check-paraview: $(STAMP) ## open short runs of all cases, on 1 and 2 ranks, in t
 	@set -e; folders=; for case in $$(cd cases && ls *.py | sed 's/\.py$$//'); do \
 		for ranks in 1 $(RANKS); do \
 			folder=results/check-paraview/$$case-$$ranks; folders="$$folders $$folder"; \
-			$(BIN)/mpirun -n $$ranks $(BIN)/flexfem run $$case --smoke --every 2 --output $$folder; \
+			$(BIN)/mpirun -n $$ranks $(BIN)/flexfem run $$case --smoke --output $$folder; \
 		done; \
-	done; sh tests/paraview/check.sh $$folders
+	done; sh tests/paraview/check.sh $$(find $$folders -name '*.pvd' -printf '%h\n' | sort -u)
 
 clean: ## remove .venv, results and caches
 	rm -rf $(VENV) results build dist .pytest_cache .mypy_cache .ruff_cache
