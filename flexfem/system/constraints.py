@@ -248,7 +248,7 @@ class Constraints(RowTable):
         """Update the rows of driven joints to time ``t``."""
         for i, joint in self._driven:
             if not self.held[self.start[i]]:
-                self.write(int(self.start[i]), joint.rows(t))
+                self.write(i, joint.rows(t))
 
     def evaluate(self, dynamics: FloatArray) -> None:
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
