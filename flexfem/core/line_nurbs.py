@@ -18,7 +18,7 @@ from flexfem._types import FloatArray
 from flexfem.lie import so3
 from flexfem.lie.compiled import inlined, kernel
 
-__all__ = ["nurbs_jacobian", "nurbs_pose", "shape_functions"]
+__all__ = ["add_nurbs_second", "nurbs_jacobian", "nurbs_pose", "shape_functions"]
 
 
 @kernel
@@ -155,3 +155,145 @@ def nurbs_jacobian(
     shape_functions(shape, xi, N)
     _interpolate(frames, N, angles, x, theta, H, T)
     _jacobian(frames, N, angles, x, theta, H, T, inverse, J)
+
+
+@inlined
+def _add_cross(a: FloatArray, factor: float, out: FloatArray, row: int, column: int) -> None:
+    """Add ``factor * skew(a)`` to a block of ``out``."""
+    for i in range(3):
+        p, q = (i + 1) % 3, (i + 2) % 3
+        out[row + i, column + q] += factor * a[p]
+        out[row + i, column + p] -= factor * a[q]
+
+
+@inlined
+def _add_force_part(
+    frames: FloatArray, N: FloatArray, x: FloatArray, H: FloatArray, f: FloatArray, J: FloatArray,
+    a: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add the changes of ``N_I R_I^T F`` and ``x' . F`` with ``F = R f``.
+
+    ``a`` (4, 3) is work space.
+    """
+    k = frames.shape[0]
+    _apply(H[3:], f, a[0])
+    for c in range(6 * k + 1):
+        if c < 6 * k and c % 6 < 3:
+            continue  # translations do not turn F
+        for i in range(3):
+            p, q = (i + 1) % 3, (i + 2) % 3
+            a[1, i] = J[3 + p, c] * f[q] - J[3 + q, c] * f[p]
+        _apply(H[3:], a[1], a[2])
+        for node in range(k):
+            _apply_transposed(frames[node, 3:], a[2], a[3])
+            for i in range(3):
+                out[6 * node + i, c] += N[0, node] * a[3, i]
+        for i in range(3):
+            out[6 * k, c] += x[1, i] * a[2, i]
+    for node in range(k):
+        _apply_transposed(frames[node, 3:], a[0], a[1])
+        _add_cross(a[1], N[0, node], out, 6 * node, 6 * node + 3)
+        for i in range(3):
+            out[6 * node + i, 6 * k] += N[1, node] * a[1, i]
+            out[6 * k, 6 * node + i] += N[1, node] * a[1, i]
+    for i in range(3):
+        out[6 * k, 6 * k] += x[2, i] * a[0, i]
+
+
+@inlined
+def _angle_changes(
+    N: FloatArray, theta: FloatArray, inverse: FloatArray, change: FloatArray
+) -> None:
+    """``change`` (6, 6k + 1) becomes that of Theta and of Theta'."""
+    k = N.shape[1]
+    r = k // 2
+    change[:] = 0.0
+    for node in range(k):
+        if node == r:
+            continue
+        for m in range(2):
+            for i in range(3):
+                for j in range(3):
+                    row = 3 * m + i
+                    change[row, 6 * node + 3 + j] = N[m, node] * inverse[node, 3 * i + j]
+                    change[row, 6 * r + 3 + j] -= N[m, node] * inverse[node, 3 * j + i]
+    for i in range(3):
+        change[i, 6 * k] = theta[1, i]
+        change[3 + i, 6 * k] = theta[2, i]
+
+
+@inlined
+def _add_moment_part(
+    N: FloatArray, theta: FloatArray, T: FloatArray, inverse: FloatArray, m: FloatArray,
+    change: FloatArray, D: FloatArray, a: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add the changes by Theta of ``N_I T^-1(Theta_I)^T M`` and ``Theta' . M``, ``M = T^T m``.
+
+    ``D`` (9,) and ``a`` (4, 3) are work space, ``a[0]`` becomes M.
+    """
+    k = N.shape[1]
+    r = k // 2
+    _apply_transposed(T, m, a[0])
+    so3.tangent_product_into(theta[0], m, D)
+    for c in range(6 * k + 1):
+        if c < 6 * k and c % 6 < 3:
+            continue  # translations do not change Theta
+        for i in range(3):
+            a[1, i] = change[i, c]
+        _apply(D, a[1], a[2])
+        for node in range(k):
+            if node == r:
+                continue
+            _apply_transposed(inverse[node], a[2], a[3])
+            for i in range(3):
+                out[6 * node + 3 + i, c] += N[0, node] * a[3, i]
+                out[6 * r + 3 + i, c] -= N[0, node] * a[3, i]
+        for i in range(3):
+            out[6 * k, c] += theta[1, i] * a[2, i] + a[0, i] * change[3 + i, c]
+
+
+@inlined
+def _add_map_part(
+    N: FloatArray, angles: FloatArray, inverse: FloatArray, M: FloatArray, D: FloatArray,
+    a: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add the change of ``N_I T^-1(Theta_I)^T M`` at a constant M."""
+    k = N.shape[1]
+    r = k // 2
+    for node in range(k):
+        if node == r:
+            continue
+        so3.inverse_tangent_product_into(angles[node], M, D)
+        _apply_transposed(inverse[node], M, a)
+        for i in range(3):
+            row, opposite = 6 * node + 3 + i, 6 * r + 3 + i
+            for j in range(3):
+                own, other = 0.0, 0.0
+                for n in range(3):
+                    own += N[0, node] * D[3 * i + n] * inverse[node, 3 * n + j]
+                    other += N[0, node] * D[3 * i + n] * inverse[node, 3 * j + n]
+                out[row, 6 * node + 3 + j] += own
+                out[row, 6 * r + 3 + j] -= other
+                out[opposite, 6 * node + 3 + j] -= own
+                out[opposite, 6 * r + 3 + j] += other
+            out[row, 6 * k] += N[1, node] * a[i]
+            out[opposite, 6 * k] -= N[1, node] * a[i]
+
+
+@kernel
+def add_nurbs_second(
+    frames: FloatArray, shape: FloatArray, xi: float, g: FloatArray, out: FloatArray
+) -> None:
+    """Add the derivative of ``J^T g``; arguments as in ``line_points.add_line_second``."""
+    k = frames.shape[0]
+    N, angles, T, H = np.empty((4, k)), np.empty((k, 3)), np.empty(9), np.empty(12)
+    x, theta, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((k, 9))
+    J, change, a = np.empty((6, 6 * k + 1)), np.empty((6, 6 * k + 1)), np.empty((4, 3))
+    shape_functions(shape, xi, N)
+    _interpolate(frames, N, angles, x, theta, H, T)
+    _jacobian(frames, N, angles, x, theta, H, T, inverse, J)
+    _add_force_part(frames, N, x, H, g[:3], J, a, out)
+    _angle_changes(N, theta, inverse, change)
+    D = np.empty(9)
+    _add_moment_part(N, theta, T, inverse, g[3:], change, D, a, out)
+    _add_map_part(N, angles, inverse, a[0], D, a[1], out)

@@ -20,23 +20,29 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.line_nurbs import (
+    add_nurbs_second,
     nurbs_jacobian,
     nurbs_pose,
     shape_functions,
 )
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import (
+    adjoint_into,
     compose_into,
+    exp_into,
     inverse_into,
+    inverse_tangent_derivative_into,
     inverse_tangent_into,
     log_into,
     retract_into,
+    tangent_derivative_into,
     tangent_into,
 )
 
 __all__ = [
     "NURBS",
     "SE3",
+    "add_line_second",
     "arc_length",
     "line_jacobian",
     "line_pose",
@@ -115,6 +121,94 @@ def line_jacobian(
             J[i, 6 + j] = xi * value
         J[i, i] += 1.0
         J[i, 12] = d[i]
+
+
+@inlined
+def _apply_transposed(A: FloatArray, v: FloatArray, factor: float, out: FloatArray) -> None:
+    """``factor * A^T v`` of a map of SE(3), whose lower left block is zero."""
+    for j in range(6):
+        value = 0.0
+        for i in range(3 if j < 3 else 6):
+            value += A[6 * i + j] * v[i]
+        out[j] = factor * value
+
+
+@inlined
+def _helix_changes(
+    d: FloatArray, w: FloatArray, xi: float, g: FloatArray, inverse: FloatArray, S: FloatArray,
+    A: FloatArray, H: FloatArray, a: FloatArray,
+) -> None:  # fmt: skip
+    """Derivative ``S`` (6, 7) of ``B^T g`` by d and xi.
+
+    ``A`` (36,), ``H`` (12,) and ``a`` (5, 6) are work space.
+    """
+    tangent_into(w, A)
+    _apply_transposed(A, g, xi, a[0])
+    for j in range(6):
+        a[1] = 0.0
+        a[1, j] = 1.0
+        tangent_derivative_into(w, a[1], A)
+        _apply_transposed(A, g, xi * xi, a[2])
+        _apply_transposed(inverse, a[2], 1.0, a[3])
+        inverse_tangent_derivative_into(d, a[1], A)
+        _apply_transposed(A, a[0], 1.0, a[4])
+        for i in range(6):
+            S[i, j] = a[3, i] + a[4, i]
+    # xi T(xi d) is the integral of Ad(exp(-xi d))
+    for i in range(6):
+        a[1, i] = -w[i]
+    exp_into(a[1], H)
+    adjoint_into(H, A)
+    _apply_transposed(A, g, 1.0, a[2])
+    _apply_transposed(inverse, a[2], 1.0, a[3])
+    for i in range(6):
+        S[i, 6] = a[3, i]
+
+
+@kernel
+def _add_helix_second(frames: FloatArray, xi: float, g: FloatArray, out: FloatArray) -> None:
+    d, w, H, a = np.empty(6), np.empty(6), np.empty(12), np.empty((5, 6))
+    inverse, back, A, S = np.empty(36), np.empty(36), np.empty(36), np.empty((6, 7))
+    _helix(frames, xi, H, d, w)
+    inverse_tangent_into(d, inverse)
+    _helix_changes(d, w, xi, g, inverse, S, A, H, a)
+    for i in range(6):
+        a[0, i] = -d[i]
+    inverse_tangent_into(a[0], back)
+    for j in range(6):
+        by_first, by_second = 0.0, 0.0
+        for m in range(6):
+            by_first -= g[m] * back[6 * m + j]
+            by_second += g[m] * inverse[6 * m + j]
+        out[12, j] += by_first
+        out[12, 6 + j] += by_second
+        for i in range(6):
+            first, second = 0.0, 0.0
+            for m in range(6):
+                first -= S[i, m] * back[6 * m + j]
+                second += S[i, m] * inverse[6 * m + j]
+            out[i, j] -= first
+            out[i, 6 + j] -= second
+            out[6 + i, j] += first
+            out[6 + i, 6 + j] += second
+        out[j, 12] -= S[j, 6]
+        out[6 + j, 12] += S[j, 6]
+
+
+@kernel
+def add_line_second(
+    kind: int, frames: FloatArray, shape: FloatArray, xi: float, g: FloatArray, out: FloatArray
+) -> None:
+    """Add to ``out`` (6k + 1, 6k + 1) the derivative of ``J^T g`` at a constant ``g`` (6,).
+
+    ``out[i, j]`` is that of entry i along column j of the Jacobian J of ``line_jacobian``. It is
+    not symmetric: increments of rotation do not commute. The other arguments are those of
+    ``line_pose``.
+    """
+    if kind == SE3:
+        _add_helix_second(frames, xi, g, out)
+    else:
+        add_nurbs_second(frames, shape, xi, g, out)
 
 
 @kernel
