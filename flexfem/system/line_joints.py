@@ -178,6 +178,12 @@ class LineJoints:
         return result
 
     @property
+    def nodes(self) -> IntArray:
+        """Slots of all nodes of the lines."""
+        slots = np.unique(self._lines.nodes)
+        return slots[slots >= 0]
+
+    @property
     def sliding(self) -> bool:
         """A marker slides."""
         return bool(self._points.slides.any())

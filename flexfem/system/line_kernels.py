@@ -21,8 +21,10 @@ from flexfem.core.line_points import (
     add_line_second,
     arc_length,
     line_jacobian,
+    offset_jacobian,
     turn_columns,
     turn_frames,
+    turn_second,
 )
 from flexfem.core.row import RowKind
 from flexfem.lie.compiled import kernel
@@ -152,7 +154,7 @@ def _section(
     for i in range(k):
         work.frames[i] = frames[lines.nodes[e, i]]
     if lines.turned[line]:
-        turn_frames(work.frames[:k], lines.turns[e, :k])
+        turn_frames(work.frames[:k], lines.turns[e, :k], work.frames[:k])
     J = work.section[:, : 6 * k + 1]
     line_jacobian(lines.element[line], work.frames[:k], lines.shape[e, :k, :k], xi, H, J)
     if lines.turned[line]:
@@ -199,25 +201,18 @@ def _speed(lines: LineData, e: int, xi: float) -> float:
 
 
 @kernel
-def _put_marker(
-    offset: FloatArray, section: FloatArray, at: int, xi: int, J: FloatArray
-) -> None:
+def _put_marker(offset: FloatArray, section: FloatArray, at: int, xi: int, J: FloatArray) -> None:
     """Derivatives J of a marker from those of the section that carries it.
 
     The nodes' columns begin at ``at``, that of the coordinate is ``xi``, -1 where it is held.
     """
-    map_ = np.empty((6, 6))
-    marker_map(offset, map_)
+    offset_jacobian(offset, section)
     last = section.shape[1] - 1
-    for j in range(section.shape[1]):
-        to = xi if j == last else at + j
-        if to < 0:
-            continue
-        for i in range(6):
-            total = 0.0
-            for k in range(6):
-                total += map_[i, k] * section[k, j]
-            J[i, to] = total
+    for i in range(6):
+        for j in range(last):
+            J[i, at + j] = section[i, j]
+        if xi >= 0:
+            J[i, xi] = section[i, last]
 
 
 @kernel
@@ -462,13 +457,12 @@ def _add_point_second(
     block = work.block[: 6 * k + 1, : 6 * k + 1]
     block[:] = 0.0
     if lines.turned[line]:
-        turn_frames(work.frames[:k], lines.turns[e, :k])
+        turn_frames(work.frames[:k], lines.turns[e, :k], work.frames[:k])
     add_line_second(
         lines.element[line], work.frames[:k], lines.shape[e, :k, :k], places[m, 1], g, block
     )
     if lines.turned[line]:
-        turn_columns(lines.turns[e, :k], block)
-        turn_columns(lines.turns[e, :k], block.T)
+        turn_second(lines.turns[e, :k], block)
     at = 6 * points.column[m]
     for i in range(6 * k + 1):
         row = xi if i == 6 * k else at + i

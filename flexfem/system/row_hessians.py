@@ -17,7 +17,7 @@ from flexfem.system.row_kernels import (
     rotate_back_into,
 )
 
-__all__ = ["add_dampers", "add_hessians", "marker_map", "second_rates", "term_hessian"]
+__all__ = ["add_dampers", "add_hessians", "marker_map", "second_rates", "term_hessian", "velocity_changes"]
 
 
 @kernel
@@ -311,3 +311,16 @@ def add_dampers(
                     rate += w[i] * J[side, i, j]
                     rate += force_jacobian[t, side, i] * by_v[6 * i + j]
                 step_jacobian[t, side, j] += slope * rate
+
+
+@kernel
+def velocity_changes(
+    increments: FloatArray, velocities: FloatArray, inertial: BoolArray, by_increment: float
+) -> FloatArray:
+    """(n, 6, 6) derivatives of the nodes' local velocities by their steps."""
+    out, by_v, by_w = np.empty((inertial.size, 6, 6)), np.empty(36), np.empty(36)
+    rates, nothing = np.array([by_increment, 0.0]), np.zeros(6)
+    for n in range(inertial.size):
+        step_rates_into(inertial[n], increments[n], velocities[n], nothing, rates, by_v, by_w)
+        out[n] = by_v.reshape(6, 6)
+    return out
