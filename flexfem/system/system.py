@@ -18,7 +18,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import Load
 from flexfem.core.state import Numbering, State
-from flexfem.elements.se3_beam import SE3Beams
+from flexfem.elements.family import BeamFamily
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
 from flexfem.system.mechanics import EndPoint, Mechanics
@@ -89,7 +89,7 @@ class BlockPart:
     block: FrameBlock
     masses: NodeMasses
     forces: NodeForces
-    beams: SE3Beams | None
+    beams: BeamFamily | None
     node_body: IntArray
     slots: IntArray
 
