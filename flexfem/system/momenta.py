@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core import motion
 from flexfem.model.model import Model
-from flexfem.system.placement import BEAMS, RIGID
+from flexfem.system.placement import BEAMS, NURBS, RIGID
 from flexfem.system.system import System
 
 __all__ = ["ChosenBodies", "MomentumMeter"]
@@ -35,7 +35,11 @@ class ChosenBodies:
         self._parts = system.parts
         member = {
             kind: np.array([names is None or body.name in names for body in bodies], dtype=np.bool_)
-            for kind, bodies in ((BEAMS, model.beams), (RIGID, model.rigid_bodies))
+            for kind, bodies in (
+                (BEAMS, model.beams),
+                (NURBS, model.beams),
+                (RIGID, model.rigid_bodies),
+            )
         }
         self.cells: list[BoolArray] = []
         self.masses: list[BoolArray] = []

@@ -77,7 +77,7 @@ class BlockPart:
     """A block with what acts on its nodes.
 
     Attributes:
-        kind: kind of block (``placement.BEAMS`` or ``placement.RIGID``).
+        kind: kind of block (``placement.BEAMS``, ``NURBS`` or ``RIGID``).
         block: the nodes and their state.
         masses, forces: at nodes of this rank.
         beams: the element family, None for rigid bodies.
@@ -117,7 +117,8 @@ class System:
 
     Attributes:
         comm: communicator.
-        parts: the blocks that exist, in the order of the nest (beams, rigid bodies).
+        parts: the blocks that exist, in the order of the nest (SE(3) beams, NURBS
+            beams, rigid bodies).
         interface, constraints: nodes with joints and the rows between them.
         part_of_slot, body_of_slot: part and body of every interface slot.
         gravity: (3,) acceleration in inertial axes, m/s^2.
