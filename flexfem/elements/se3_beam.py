@@ -37,6 +37,8 @@ class SE3Beams:
         groups: numbers of the cells of each material, and what computes with them.
         lengths: (m,) arc lengths at the start, m.
         law_owner: what messages call the first section with a law of the user, None without one.
+
+    The methods of :class:`flexfem.elements.family.BeamFamily` are described there.
     """
 
     def __init__(
@@ -77,6 +79,16 @@ class SE3Beams:
             self.lengths[rows] = group.lengths
 
     @property
+    def connectivity(self) -> list[IndexArray]:
+        """See :class:`flexfem.elements.family.BeamFamily`."""
+        return [self.data.cells]
+
+    @property
+    def body(self) -> IntArray:
+        """See :class:`flexfem.elements.family.BeamFamily`."""
+        return self.data.body
+
+    @property
     def linear(self) -> BeamGroup:
         """The cells of linear material, all of them unless :attr:`law_owner` is given."""
         return self.groups[0][1]
@@ -105,6 +117,13 @@ class SE3Beams:
         for rows, group in self.groups:
             values[rows] = group.tangent(block, gravity, shifts, scale, local)
         return values
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.elements.family.BeamFamily`."""
+        return self.tangent(block, gravity, shifts, scale, local).ravel()
 
     def assume(self, frames: FloatArray, steps: FloatArray) -> None:
         """Let the tangent take stresses continued along steps, see :meth:`BeamGroup.assume`."""

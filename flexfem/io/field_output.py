@@ -7,6 +7,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.se3_beam import SE3Beams
 from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.surfaces import body_surface
@@ -81,7 +82,7 @@ def _motion(block: FrameBlock) -> tuple[FloatArray, FloatArray, FloatArray, Floa
 
 
 def _beam_fields(part: BlockPart) -> BeamFields:
-    assert part.beams is not None
+    assert isinstance(part.beams, SE3Beams)
     position, rotation, velocity, spin = _motion(part.block)
     strain, resultant = part.beams.resultants(part.block.frames)
     data = part.beams.data

@@ -15,7 +15,7 @@ from flexfem.solvers.stability import softest_motion
 from flexfem.solvers.statics import Equilibrium, Limits, Loading, settle
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.assembly import Assembly
-from flexfem.system.placement import BEAMS
+from flexfem.system.placement import RIGID
 from flexfem.system.system import System
 
 __all__ = ["check_held", "rest", "start_in_equilibrium"]
@@ -101,8 +101,10 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
         for body in np.unique(part.node_body[: part.block.owned][size > _PART * largest]):
             mine.add((part.kind, int(body)))
     moving = sorted(set().union(*system.comm.allgather(mine)))
-    bodies = {BEAMS: serial.model.beams}
-    owners = [bodies.get(kind, serial.model.rigid_bodies)[number] for kind, number in moving]
+    model = serial.model
+    owners = [
+        (model.rigid_bodies if kind == RIGID else model.beams)[number] for kind, number in moving
+    ]
     names = [f'{type(body).__name__} "{body.name}"' for body in owners]
     more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
     raise InputError(

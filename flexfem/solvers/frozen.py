@@ -17,14 +17,11 @@ needs no new factors either.
 from dataclasses import astuple, dataclass
 from itertools import pairwise
 
-from mpi4py import MPI
-
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.state import State
-from flexfem.la.factor import Factor
-from flexfem.la.nest import CoordinateMatrix
+from flexfem.solvers.frozen_bodies import Bodies, FlexibleBodies, KeptFactor
 from flexfem.solvers.interface_system import InterfaceSystem
 from flexfem.solvers.minimal_residual import minimal_residual
 from flexfem.solvers.schur_kernels import (
@@ -35,7 +32,6 @@ from flexfem.solvers.schur_kernels import (
     row_products,
     schur,
 )
-from flexfem.solvers.tangent import part_pattern, part_values
 from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["FrozenSolver"]
@@ -47,38 +43,14 @@ _KEPT = 6
 _INNER, _SWEEPS = 0.02, 8
 
 
-@dataclass
-class _Bodies:
-    """Bodies of one part with their interface columns; rigid bodies have one node each.
-
-    ``responses`` holds the rows of ``A^-T J^T``, ``compliances`` the matrices ``J A^-1 J^T``.
-    """
-
-    part: BlockPart
-    nodes: IntArray
-    node_start: IntArray
-    columns: IntArray
-    column_start: IntArray
-    sides: IntArray
-    side_start: IntArray
-    compliance_start: IntArray
-    response_start: IntArray
-    compliances: FloatArray
-    responses: FloatArray
-    entries: FloatArray
-
-
 @dataclass(frozen=True)
 class _Kept:
-    """Factors of the flexible bodies for one step size, with what they were computed from.
+    """Factors of all flexible bodies for one step size, one entry a part.
 
-    ``nodes`` and ``numbers`` are those of ``Mechanics.origin``.
+    ``numbers`` are those of ``Mechanics.origin``.
     """
 
-    factor: Factor
-    responses: FloatArray
-    compliances: FloatArray
-    nodes: dict[str, FloatArray]
+    parts: list[KeptFactor]
     numbers: FloatArray
 
 
@@ -107,18 +79,15 @@ class FrozenSolver:
         self._response = np.zeros((len(face.keys), 6))
         active = rows.active_components()
         self._groups = [self._bodies(part, active) for part in system.parts]
-        self._beams = next((g for g in self._groups if g.part.beams is not None), None)
-        if self._beams is not None:
-            block = self._beams.part.block
-            size = (6 * block.owned, 6 * block.size_global)
-            self._matrix = CoordinateMatrix(
-                system.comm, size, size, *part_pattern(self._beams.part)
-            )
+        self._rigid = [g for g in self._groups if g.part.beams is None]
+        self._flexible = [
+            FlexibleBodies(system, g) for g in self._groups if g.part.beams is not None
+        ]
         self._interface = self._pattern()
         self._sizes = _starts(np.array([6 * p.block.owned for p in system.parts], dtype=np.int64))
         self._nothing = np.zeros(rows.size)
 
-    def _bodies(self, part: BlockPart, active: IntArray) -> _Bodies:
+    def _bodies(self, part: BlockPart, active: IntArray) -> Bodies:
         """Interface columns of a part's bodies and the sides of terms that act on them."""
         bodies, nodes, node_start = part.bodies()
         slots = np.flatnonzero(self.system.part_of_slot == self.system.parts.index(part))
@@ -133,7 +102,7 @@ class FrozenSolver:
         self._slot_active[slots], self._local_slot[slots] = active[slots], True
         sides, per_body = self._sides(slots, number, len(bodies))
         lengths = 6 * np.diff(node_start) * widths
-        return _Bodies(
+        return Bodies(
             part=part,
             nodes=nodes,
             node_start=node_start,
@@ -182,46 +151,28 @@ class FrozenSolver:
 
     def use(self, shifts: Shifts) -> None:
         """Take the kept factors of a step size, or factorise at the trial state (collective)."""
-        group, kept = self._beams, self._kept.pop(shifts, None)
-        if group is None or kept is None:
+        kept = self._kept.pop(shifts, None)
+        if kept is None:
             self.factor(shifts)
             return
         self._kept[shifts] = kept  # the latest used is the last
-        self.shifts, self._factor = shifts, kept.factor
-        group.responses, group.compliances = kept.responses, kept.compliances
+        self.shifts = shifts
+        for flexible, one in zip(self._flexible, kept.parts, strict=True):
+            flexible.use(one)
 
     def factor(self, shifts: Shifts) -> None:
         """Factorise the flexible bodies at the trial state and compute their compliances."""
         self.shifts = shifts
-        group = self._beams
-        if group is None:
+        if not self._flexible:
             return
-        self.system.counters.factorizations += 1
+        system = self.system
+        system.counters.factorizations += 1
         self._kept.pop(shifts, None)
         while len(self._kept) >= _KEPT:
             del self._kept[next(iter(self._kept))]
-        group.responses = np.zeros(len(group.responses))
-        group.compliances = np.zeros(len(group.compliances))
-        part = group.part
-        self._matrix.assemble(part_values(self.system, part, shifts))
-        self._factor = Factor(self._matrix.mat, local=not part.block.has_ghosts)
-        widths = np.diff(group.column_start)
-        most = self.system.comm.allreduce(int(widths.max(initial=0)), op=MPI.MAX)
-        rhs, solution = np.zeros((part.block.owned, 6)), np.zeros((part.block.owned, 6))
-        for c in range(most):
-            bodies = np.flatnonzero(widths > c)
-            columns = group.columns[group.column_start[bodies] + c]
-            local = part.slots[columns[:, 0]]
-            held = local >= 0
-            rhs[:] = 0.0
-            rhs[local[held], columns[held, 1]] = 1.0
-            self._factor.solve_transpose(rhs, solution)
-            self._store(group, bodies, c, solution)
-        nodes, numbers = self.system.mechanics.origin(self.system, part)
-        self._kept[shifts] = _Kept(
-            self._factor, group.responses, group.compliances,
-            {name: values.copy() for name, values in nodes.items()}, numbers.copy(),
-        )  # fmt: skip
+        parts = [flexible.factorise(shifts) for flexible in self._flexible]
+        _, numbers = system.mechanics.origin(system, self._flexible[0].group.part)
+        self._kept[shifts] = _Kept(parts, numbers.copy())
 
     def state(self) -> State:
         """Where and with which shifts factors were computed, and whether steps are refined."""
@@ -231,11 +182,15 @@ class FrozenSolver:
             "frozen_numbers": np.array([kept.numbers for kept in self._kept.values()]),
             "refine": np.array([float(self.refine), self.defect]),
         }
-        if self._beams is None:
-            return State(values)
-        kept = enumerate(self._kept.values())
-        rows = {f"frozen_{k}_{name}": a for k, one in kept for name, a in one.nodes.items()}
-        return State(values, {self._beams.part.block.name: rows})
+        rows = {
+            flexible.group.part.block.name: {
+                f"frozen_{k}_{name}": array
+                for k, kept in enumerate(self._kept.values())
+                for name, array in kept.parts[i].nodes.items()
+            }
+            for i, flexible in enumerate(self._flexible)
+        }
+        return State(values, rows)
 
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned; factorises anew (collective).
@@ -244,28 +199,20 @@ class FrozenSolver:
         """
         if "frozen_shifts" not in state.values:
             return
-        if self._beams is not None:
-            system, part = self.system, self._beams.part
-            rows, numbers = state.rows[part.block.name], state.values["frozen_numbers"]
+        if self._flexible:
+            numbers = state.values["frozen_numbers"]
             for k, (v, a, scale, stiffness, local) in enumerate(state.values["frozen_shifts"]):
-                first = f"frozen_{k}_"
-                nodes = {n.removeprefix(first): x for n, x in rows.items() if n.startswith(first)}
-                system.mechanics.recall(system, part, nodes, numbers[k])
+                self._recall(state, f"frozen_{k}_", numbers[k])
                 self.factor(Shifts(float(v), float(a), float(scale), float(stiffness), bool(local)))
         self.refine, self.defect = bool(state.values["refine"][0]), float(state.values["refine"][1])
 
-    def _store(self, group: _Bodies, bodies: IntArray, c: int, solution: FloatArray) -> None:
-        """Column ``c`` of the responses, row ``c`` of the compliances of the given bodies."""
-        for b in bodies:
-            width = group.column_start[b + 1] - group.column_start[b]
-            nodes = group.nodes[group.node_start[b] : group.node_start[b + 1]]
-            a, e = group.response_start[b], group.response_start[b + 1]
-            group.responses[a:e].reshape(-1, width)[:, c] = solution[nodes].ravel()
-            columns = group.columns[group.column_start[b] : group.column_start[b + 1]]
-            local = group.part.slots[columns[:, 0]]
-            row = np.where(local >= 0, solution[local, columns[:, 1]], 0.0)
-            a, e = group.compliance_start[b], group.compliance_start[b + 1]
-            group.compliances[a:e].reshape(width, width)[c] = row
+    def _recall(self, state: State, first: str, numbers: FloatArray) -> None:
+        """Put all flexible parts where arrays whose names begin with ``first`` were kept."""
+        for flexible in self._flexible:
+            part = flexible.group.part
+            rows = state.rows[part.block.name]
+            nodes = {n.removeprefix(first): x for n, x in rows.items() if n.startswith(first)}
+            self.system.mechanics.recall(self.system, part, nodes, numbers)
 
     def step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
         """One Newton step from the evaluated residuals (collective).
@@ -326,9 +273,9 @@ class FrozenSolver:
     def _factor_interface(self, shifts: Shifts) -> bool:
         """Invert the rigid bodies, assemble and factorise the multipliers' system."""
         rows, regular = self.system.constraints, True
+        for group in self._rigid:
+            regular = self._invert_rigid(group, shifts)
         for group in self._groups:
-            if group.part.beams is None:
-                regular = self._invert_rigid(group, shifts)
             schur(
                 group.sides, group.side_start, self._slot_column, self._slot_active,
                 group.column_start, group.compliances, group.compliance_start,
@@ -367,14 +314,14 @@ class FrozenSolver:
             )  # fmt: skip
             self._interface.solve(self._right)
             self.system.add_constraint_forces(self._right)
-        for group in self._groups:
+        for flexible in self._flexible:
+            block = flexible.group.part.block
+            flexible.factor.solve(block.owned_residual, block.owned_step)
+        for group in self._rigid:
             block = group.part.block
-            if group.part.beams is None:
-                multiply_blocks(self._inverses, block.residual, block.step)
-            else:
-                self._factor.solve(block.owned_residual, block.owned_step)
+            multiply_blocks(self._inverses, block.residual, block.step)
 
-    def _invert_rigid(self, group: _Bodies, shifts: Shifts) -> bool:
+    def _invert_rigid(self, group: Bodies, shifts: Shifts) -> bool:
         """Fresh inverses of the rigid bodies' matrices and their compliances."""
         part = group.part
         blocks = np.zeros((part.block.owned, 6, 6))

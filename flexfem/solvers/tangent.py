@@ -182,8 +182,8 @@ def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
     single = numbers[own][:, np.newaxis]
     entries = [block_indices(single, single)]
     if part.beams is not None:
-        cells = numbers[part.beams.data.cells]
-        entries.insert(0, block_indices(cells, cells))
+        cells = [numbers[nodes] for nodes in part.beams.connectivity]
+        entries[:0] = [block_indices(nodes, nodes) for nodes in cells]
     return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
 
 
@@ -195,7 +195,7 @@ def part_values(system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         mechanics.forces(system, part, shifts).ravel(),
     ]
     if part.beams is not None:
-        values.insert(0, mechanics.cells(system, part, shifts).ravel())
+        values.insert(0, mechanics.cells(system, part, shifts))
     return np.concatenate(values)
 
 

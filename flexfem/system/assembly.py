@@ -12,8 +12,10 @@ from flexfem.core.pose import Pose
 from flexfem.elements.se3_beam import BeamCells, node_frames
 from flexfem.lie import se3
 from flexfem.mesh.line_mesh import section_frames
+from flexfem.mesh.topology import trace_lines
 from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
+from flexfem.system.line_cells import LineCells, se3_line
 from flexfem.system.placement import BEAMS, RIGID, NodeKey
 
 __all__ = ["Assembly"]
@@ -76,6 +78,25 @@ class Assembly:
             self.velocities[nodes, :3] = np.einsum("nij,nj->ni", back, speed)
             self.velocities[nodes, 3:] = back @ beam.angular_velocity
 
+    def line(self, name: str) -> LineCells:
+        """Elements of a beam in order.
+
+        Raises:
+            ValueError: the model has no such beam, or it branches or falls apart.
+        """
+        beam = self.model.get(name)
+        if not isinstance(beam, Beam):
+            raise ValueError(f'{self.model!r} has no beam "{name}"')
+        cells = np.flatnonzero(self.cells.body == self.model.beams.index(beam))
+        nodes = self.cells.cells[cells]
+        order = _chain(nodes)
+        if order is None:
+            raise ValueError(f'Beam "{name}": group "{beam.group}" branches or falls apart')
+        cells = cells[order]
+        return se3_line(
+            BEAMS, cells, self.cells.cells[cells], self.cells.frames[cells], self.frames
+        )
+
     def key(self, marker: Attachment) -> NodeKey | None:
         """Node that carries a marker, None for the ground."""
         if not isinstance(marker, Marker):
@@ -120,6 +141,14 @@ class Assembly:
         if key is not None:
             frame = se3.compose(self.node_frame(key), frame)
         return Pose(se3.position(frame), se3.rotation(frame))
+
+
+def _chain(cells: IntArray) -> IntArray | None:
+    """Order of cells of one line, all in its direction; None where they branch or fall apart."""
+    lines = trace_lines(cells)
+    if len(lines) != 1 or lines[0].reversed.any():
+        return None
+    return lines[0].cells
 
 
 def _along(model: Model, beam: Beam) -> IntArray:

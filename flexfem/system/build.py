@@ -18,7 +18,7 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
 from flexfem.system.node_loads import Force, NodeForces, NodeMasses
-from flexfem.system.placement import BEAMS, RIGID, NodeKey, Placement, place
+from flexfem.system.placement import BEAMS, KINDS, RIGID, NodeKey, Placement, place
 from flexfem.system.row_table import PlacedJoint
 from flexfem.system.system import BlockPart, System
 
@@ -41,7 +41,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
     _check_joints(serial)
     _check_laws(serial)
-    blocks: list[FrameBlock | None] = [None, None]
+    blocks: list[FrameBlock | None] = [None for _ in KINDS]
     beams = None
     if model.beams:
         blocks[BEAMS], beams = _beam_block(serial, comm, placement)

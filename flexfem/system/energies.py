@@ -139,13 +139,14 @@ class EnergyMeter:
     def _read(self) -> _State:
         """The present state of all that does work."""
         system, rows = self._system, self._system.constraints
-        loads, viscosity = [np.empty((0, 12))], (np.empty((0, 6)), np.empty((0, 6)))
+        loads, viscosity = [np.empty((0, 12))], [np.empty((2, 0, 6))]
         for part, mask in zip(system.parts, self._chosen.forces, strict=True):
             loads.append(part.forces.states(part.block, system.factors)[mask])
             if part.beams is not None and part.beams.viscous:
-                viscosity = part.beams.viscosity(part.block)
+                viscosity.append(np.stack(part.beams.viscosity(part.block)))
+        stress, rate = np.concatenate(viscosity, axis=1)
         return _State(
-            np.concatenate(loads), *viscosity, rows.forces.copy(), self._side_rates(),
+            np.concatenate(loads), stress, rate, rows.forces.copy(), self._side_rates(),
             _springs(rows)[1], rows.rates(),
         )  # fmt: skip
 
@@ -158,9 +159,9 @@ class EnergyMeter:
         system, chosen = self._system, self._chosen
         state = chosen.motion()
         strain = float(_springs(system.constraints)[0] @ self._springs)
-        for part in system.parts:
+        for part, cells in zip(system.parts, chosen.cells, strict=True):
             if part.beams is not None:
-                strain += float(part.beams.energies(part.block.frames) @ chosen.cells)
+                strain += float(part.beams.energies(part.block.frames) @ cells)
         way = state[motion.FIRST : motion.LINEAR] - self._start
         weight = self._growth - float(system.gravity @ way)
         return np.array([state[motion.KINETIC], strain, weight])
@@ -183,11 +184,14 @@ class EnergyMeter:
         force = self._mean_force(before, after) - 0.5 * (before.pulls + after.pulls)
         rate = 0.5 * (before.all_rates + after.all_rates)
         total = h * float((force * self._dampers) @ rate)
-        for part in self._system.parts:
-            if part.beams is not None and len(after.viscous):
-                weights = 0.25 * h * self._chosen.cells * part.beams.lengths
-                stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
-                total += float(np.einsum("m,mi,mi->", weights, stress, rate))
+        weights = [
+            0.25 * h * cells * part.beams.lengths
+            for part, cells in zip(self._system.parts, self._chosen.cells, strict=True)
+            if part.beams is not None and part.beams.viscous
+        ]
+        if weights:
+            stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
+            total += float(np.einsum("m,mi,mi->", np.concatenate(weights), stress, rate))
         return total
 
     def _mean_force(self, before: _State, after: _State) -> FloatArray:

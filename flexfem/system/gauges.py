@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
 from flexfem.model.measured import EnergyProbe, MomentumProbe, ReactionProbe, StrainProbe
 from flexfem.model.probe import AnyProbe
@@ -56,7 +57,7 @@ class _StrainGauge:
     def __init__(self, system: System, serial: Assembly, probe: StrainProbe) -> None:
         self._part = next(part for part in system.parts if part.kind == BEAMS)
         beams, ids = self._part.beams, self._part.block.node_ids
-        assert beams is not None
+        assert isinstance(beams, SE3Beams)
         self._beams = beams
         wanted = np.sort(serial.mesh_nodes(probe.nodes(serial.model)))
         ends = np.sort(ids[beams.data.cells], axis=1).reshape(-1, 2)

@@ -32,7 +32,7 @@ class Mechanics(Protocol):
         ...
 
     def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
-        """Matrices (m, 12, 12) of a part's beam cells."""
+        """Entries of the matrices of all beam cells of a part, flat."""
         ...
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
@@ -84,7 +84,7 @@ class EndPoint:
     def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`Mechanics`."""
         assert part.beams is not None
-        return part.beams.tangent(
+        return part.beams.values(
             part.block, system.gravity, shifts.array, shifts.scale, shifts.local
         )
 

@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core import motion
 from flexfem.model.model import Model
-from flexfem.system.placement import BEAMS, RIGID
+from flexfem.system.placement import BEAMS, NURBS, RIGID
 from flexfem.system.system import System
 
 __all__ = ["ChosenBodies", "MomentumMeter"]
@@ -18,7 +18,7 @@ class ChosenBodies:
     """Some bodies, as masks over what acts on them.
 
     Attributes:
-        cells: mask over the beams' cells of this rank.
+        cells: mask over the beams' cells of this rank for each part, empty for rigid bodies.
         masses, forces: one mask for each part.
         sides: (t, 2) whether the sides of the rows' terms are at chosen bodies; the ground counts
             as one.
@@ -35,14 +35,18 @@ class ChosenBodies:
         self._parts = system.parts
         member = {
             kind: np.array([names is None or body.name in names for body in bodies], dtype=np.bool_)
-            for kind, bodies in ((BEAMS, model.beams), (RIGID, model.rigid_bodies))
+            for kind, bodies in (
+                (BEAMS, model.beams),
+                (NURBS, model.beams),
+                (RIGID, model.rigid_bodies),
+            )
         }
-        self.cells: BoolArray = np.empty(0, dtype=np.bool_)
+        self.cells: list[BoolArray] = []
         self.masses: list[BoolArray] = []
         self.forces: list[BoolArray] = []
         for part in system.parts:
-            if part.beams is not None:
-                self.cells = member[BEAMS][part.beams.data.body]
+            body = np.empty(0, dtype=np.int64) if part.beams is None else part.beams.body
+            self.cells.append(member[BEAMS][body])
             of_node = member[part.kind][part.node_body]
             self.masses.append(of_node[part.masses.nodes])
             self.forces.append(of_node[part.forces.nodes])
@@ -54,9 +58,9 @@ class ChosenBodies:
     def motion(self) -> FloatArray:
         """(11,) energy, mass and momenta on this rank, see ``flexfem.core.motion``."""
         out = np.zeros(motion.WIDTH)
-        for part, masses in zip(self._parts, self.masses, strict=True):
+        for part, cells, masses in zip(self._parts, self.cells, self.masses, strict=True):
             if part.beams is not None:
-                part.beams.add_motion(part.block, self.cells, out)
+                part.beams.add_motion(part.block, cells, out)
             part.masses.add_motion(part.block, masses, out)
         return out
 

@@ -11,11 +11,12 @@ from flexfem.core.marker import Marker
 from flexfem.mesh.partition import partition_bodies
 from flexfem.model.model import Model
 
-__all__ = ["BEAMS", "RIGID", "NodeKey", "Placement", "place"]
+__all__ = ["BEAMS", "KINDS", "NURBS", "RIGID", "NodeKey", "Placement", "place"]
 
-BEAMS, RIGID = 0, 1
+#: Kinds of blocks in the order of the nest: SE(3) beams, NURBS beams, rigid bodies.
+BEAMS, NURBS, RIGID = KINDS = range(3)
 
-#: block (BEAMS or RIGID) and index of a node in the block's input order
+#: block (BEAMS, NURBS or RIGID) and index of a node in the block's input order
 NodeKey = tuple[int, int]
 
 

@@ -19,6 +19,7 @@ from flexfem.bodies.step_inertia import add_step_inertia, lump, step_inertia_tan
 from flexfem.core.state import State
 from flexfem.core.step_kernels import correct, mean_acceleration, start
 from flexfem.elements.energy_beam import EnergyBeams, StepState
+from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3, so3
 from flexfem.system.step_constraints import StepRows
 from flexfem.system.system import BlockPart, Shifts, System
@@ -42,7 +43,9 @@ class _Part:
         block, masses = part.block, part.masses
         count = len(block.frames)
         self.block, self.chi = block, chi
-        self.beams = None if part.beams is None else EnergyBeams(system.comm, part.beams.linear)
+        self.beams = None
+        if isinstance(part.beams, SE3Beams):
+            self.beams = EnergyBeams(system.comm, part.beams.linear)
         self.centres, self.jumps = np.zeros((count, 3)), np.zeros((count, 6))
         self.base = np.zeros((count, 6))
         self.nodes, self.lumps = masses.nodes, lump(masses.matrices)
@@ -273,16 +276,16 @@ class StepMechanics:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         mine = self._parts[id(part)]
         assert mine.beams is not None
-        return mine.beams.tangent(mine.state, self.weight)
+        return mine.beams.tangent(mine.state, self.weight).ravel()
 
     def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         assert part.beams is not None
         if self._cells is None:
             self._cells = self.cells(system, part, shifts)
-        nodes = part.beams.data.cells
+        (nodes,) = part.beams.connectivity
         steps = part.block.step[nodes].reshape(-1, 12, 1)
-        action = factor * (self._cells @ steps)
+        action = factor * (self._cells.reshape(-1, 12, 12) @ steps)
         np.add.at(part.block.residual, nodes, action.reshape(-1, 2, 6))
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:

@@ -18,7 +18,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import Load
 from flexfem.core.state import Numbering, State
-from flexfem.elements.se3_beam import SE3Beams
+from flexfem.elements.family import BeamFamily
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
 from flexfem.system.mechanics import EndPoint, Mechanics
@@ -77,7 +77,7 @@ class BlockPart:
     """A block with what acts on its nodes.
 
     Attributes:
-        kind: kind of block (``placement.BEAMS`` or ``placement.RIGID``).
+        kind: kind of block (``placement.BEAMS``, ``NURBS`` or ``RIGID``).
         block: the nodes and their state.
         masses, forces: at nodes of this rank.
         beams: the element family, None for rigid bodies.
@@ -89,7 +89,7 @@ class BlockPart:
     block: FrameBlock
     masses: NodeMasses
     forces: NodeForces
-    beams: SE3Beams | None
+    beams: BeamFamily | None
     node_body: IntArray
     slots: IntArray
 
@@ -117,7 +117,8 @@ class System:
 
     Attributes:
         comm: communicator.
-        parts: the blocks that exist, in the order of the nest (beams, rigid bodies).
+        parts: the blocks that exist, in the order of the nest (SE(3) beams, NURBS
+            beams, rigid bodies).
         interface, constraints: nodes with joints and the rows between them.
         part_of_slot, body_of_slot: part and body of every interface slot.
         gravity: (3,) acceleration in inertial axes, m/s^2.

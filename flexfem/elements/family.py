@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What every family of flexible elements offers to the system."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+
+if TYPE_CHECKING:
+    from flexfem.core.frame_block import FrameBlock
+
+__all__ = ["BeamFamily"]
+
+
+class BeamFamily(Protocol):
+    """Residual, tangent and stress resultants of all beams of one formulation on this rank.
+
+    The elements come in groups with the same number of nodes each; "all cells" are those of one
+    group after the other.
+
+    Attributes:
+        law_owner: what messages call the first section with a law of the user, None without one.
+    """
+
+    law_owner: str | None
+
+    @property
+    def connectivity(self) -> list[IndexArray]:
+        """Local nodes (m_g, k_g) of the elements of each group."""
+        ...
+
+    @property
+    def body(self) -> IntArray:
+        """(m,) number of the beam in the model that each cell belongs to."""
+        ...
+
+    @property
+    def lengths(self) -> FloatArray:
+        """(m,) arc lengths at the start, m."""
+        ...
+
+    @property
+    def viscous(self) -> bool:
+        """Whether any cells resist the rate of their strain."""
+        ...
+
+    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+        """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
+        ...
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """Entries of the matrices ``scale (k K + C dv + M dw)`` of all cells, flat, row by row.
+
+        ``shifts`` = (dv/dn, dw/dn, k); with ``local`` the derivative K is that at fixed local
+        velocities and accelerations.
+        """
+        ...
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
+    ) -> None:
+        """Add ``scale`` times the tangent applied to the block's step to its residual."""
+        ...
+
+    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
+        """Let the tangent take stresses continued linearly along local twists of the nodes."""
+        ...
+
+    def assume_forces(self, assumed: bool) -> None:
+        """Let the residual take those stresses, too, or not."""
+        ...
+
+    def exact(self) -> None:
+        """Let the tangent take the present stresses again."""
+        ...
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Strains and stress resultants (m, 6) in section axes, of all or the ``chosen`` cells."""
+        ...
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m,) of all cells, J."""
+        ...
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        ...
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.motion``."""
+        ...

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bodies of one part of the system, as the frozen solver sees them, and their kept factors."""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.la.factor import Factor
+from flexfem.la.nest import CoordinateMatrix
+from flexfem.solvers.tangent import part_pattern, part_values
+from flexfem.system.system import BlockPart, Shifts, System
+
+__all__ = ["Bodies", "FlexibleBodies", "KeptFactor"]
+
+
+@dataclass
+class Bodies:
+    """Bodies of one part with their interface columns; rigid bodies have one node each.
+
+    ``responses`` holds the rows of ``A^-T J^T``, ``compliances`` the matrices ``J A^-1 J^T``.
+    """
+
+    part: BlockPart
+    nodes: IntArray
+    node_start: IntArray
+    columns: IntArray
+    column_start: IntArray
+    sides: IntArray
+    side_start: IntArray
+    compliance_start: IntArray
+    response_start: IntArray
+    compliances: FloatArray
+    responses: FloatArray
+    entries: FloatArray
+
+
+@dataclass(frozen=True)
+class KeptFactor:
+    """Factors of the flexible bodies of a part for one step size.
+
+    ``nodes`` are the arrays of ``Mechanics.origin`` that they were computed from.
+    """
+
+    factor: Factor
+    responses: FloatArray
+    compliances: FloatArray
+    nodes: dict[str, FloatArray]
+
+
+class FlexibleBodies:
+    """Matrix and factors of the flexible bodies of one part.
+
+    Attributes:
+        group: the bodies with their responses.
+        factor: the factors in use.
+    """
+
+    factor: Factor
+
+    def __init__(self, system: System, group: Bodies) -> None:
+        """Set up the pattern (collective)."""
+        self._system, self.group = system, group
+        block = group.part.block
+        size = (6 * block.owned, 6 * block.size_global)
+        self._matrix = CoordinateMatrix(system.comm, size, size, *part_pattern(group.part))
+
+    def factorise(self, shifts: Shifts) -> KeptFactor:
+        """Factorise at the trial state and compute the compliances (collective)."""
+        system, group, part = self._system, self.group, self.group.part
+        group.responses = np.zeros(len(group.responses))
+        group.compliances = np.zeros(len(group.compliances))
+        self._matrix.assemble(part_values(system, part, shifts))
+        self.factor = Factor(self._matrix.mat, local=not part.block.has_ghosts)
+        widths = np.diff(group.column_start)
+        most = system.comm.allreduce(int(widths.max(initial=0)), op=MPI.MAX)
+        rhs, solution = np.zeros((part.block.owned, 6)), np.zeros((part.block.owned, 6))
+        for c in range(most):
+            bodies = np.flatnonzero(widths > c)
+            columns = group.columns[group.column_start[bodies] + c]
+            local = part.slots[columns[:, 0]]
+            held = local >= 0
+            rhs[:] = 0.0
+            rhs[local[held], columns[held, 1]] = 1.0
+            self.factor.solve_transpose(rhs, solution)
+            self._store(bodies, c, solution)
+        nodes, _ = system.mechanics.origin(system, part)
+        copies = {name: values.copy() for name, values in nodes.items()}
+        return KeptFactor(self.factor, group.responses, group.compliances, copies)
+
+    def use(self, kept: KeptFactor) -> None:
+        """Take factors that were computed before."""
+        self.factor = kept.factor
+        self.group.responses, self.group.compliances = kept.responses, kept.compliances
+
+    def _store(self, bodies: IntArray, c: int, solution: FloatArray) -> None:
+        """Column ``c`` of the responses, row ``c`` of the compliances of the given bodies."""
+        group = self.group
+        for b in bodies:
+            width = group.column_start[b + 1] - group.column_start[b]
+            nodes = group.nodes[group.node_start[b] : group.node_start[b + 1]]
+            a, e = group.response_start[b], group.response_start[b + 1]
+            group.responses[a:e].reshape(-1, width)[:, c] = solution[nodes].ravel()
+            columns = group.columns[group.column_start[b] : group.column_start[b + 1]]
+            local = group.part.slots[columns[:, 0]]
+            row = np.where(local >= 0, solution[local, columns[:, 1]], 0.0)
+            a, e = group.compliance_start[b], group.compliance_start[b + 1]
+            group.compliances[a:e].reshape(width, width)[c] = row

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The elements of one beam in the order of its line: what slides along it or is carried by it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.lie import se3
+from flexfem.system.placement import NodeKey
+
+__all__ = ["LineCells", "se3_line"]
+
+
+@dataclass(frozen=True, eq=False)
+class LineCells:
+    """Elements of a beam from the start of its line to the end, the same on every rank.
+
+    Attributes:
+        kind: block of the nodes, ``placement.BEAMS`` or ``placement.NURBS``.
+        nodes: (m, k) numbers of the nodes in the input order of the block.
+        cells: (m,) numbers of the elements among those of their kind in the model.
+        shape: (m, k, k) coefficients of the shape functions as in ``core.line_points``; None for
+            SE(3) elements.
+        turns: (m, 2, 9) rotations of the sections at both ends against their nodes; None for NURBS
+            elements.
+        starts: (m,) arc length from the beam's start to each element, m.
+        arc: (m, q) arc length from each element's start in powers of xi, m.
+    """
+
+    kind: int
+    nodes: IntArray
+    cells: IntArray
+    shape: FloatArray | None
+    turns: FloatArray | None
+    starts: FloatArray
+    arc: FloatArray
+
+    @property
+    def length(self) -> float:
+        """Arc length of the beam at the start, m."""
+        return float(self.starts[-1] + self.arc[-1].sum())
+
+    def keys(self, element: int) -> list[NodeKey]:
+        """Nodes of one element."""
+        return [(self.kind, int(node)) for node in self.nodes[element]]
+
+
+def se3_line(
+    kind: int, cells: IntArray, nodes: IntArray, ends: FloatArray, frames: FloatArray
+) -> LineCells:
+    """Line of an SE(3) beam.
+
+    Args:
+        kind: of the block.
+        cells: (m,) numbers of the cells in the order of the line, which they all run along.
+        nodes: (m, 2) their nodes.
+        ends: (m, 2, 12) section frames at their ends at the start.
+        frames: (n, 12) frames of all nodes at the start.
+    """
+    relative = se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
+    lengths = np.linalg.norm(relative[:, :3], axis=1)
+    turns = np.swapaxes(se3.rotation(frames[nodes]), -1, -2) @ se3.rotation(ends)
+    starts = np.cumsum(lengths) - lengths
+    arc = np.stack([np.zeros(len(cells)), lengths], axis=1)
+    return LineCells(kind, nodes, cells, None, turns.reshape(-1, 2, 9), starts, arc)
