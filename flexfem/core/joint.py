@@ -97,6 +97,14 @@ class Joint:
         """Axis of the joint at the start in inertial axes (unit vector), None if it has none."""
         return None
 
+    def motion(self, kind: str, poses: Sequence[Pose]) -> Term:
+        """Displacement (m) for "translation" or angle (rad) for "rotation", see ``leaves``."""
+        a, b = poses
+        axis = np.asarray(self.direction)
+        if kind == "translation":
+            return Term(RowKind.ALONG, u=a.rotation.T @ axis)
+        return turn_angle(axis, a, b)
+
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """Rows of the joint at time ``t`` (s).
 
@@ -175,10 +183,7 @@ class JointAction(Joint):
 
     def terms(self, poses: Sequence[Pose]) -> list[Term]:
         """Displacement (m) and angle (rad) of these motions."""
-        a, b = poses
-        axis = np.asarray(self.direction)
-        along = Term(RowKind.ALONG, u=a.rotation.T @ axis)
-        return [along if m == "translation" else turn_angle(axis, a, b) for m in self.motions]
+        return [self.joint.motion(kind, poses) for kind in self.motions]
 
 
 def unit(vector: Sequence[float] | FloatArray) -> FloatArray:

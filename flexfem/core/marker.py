@@ -67,6 +67,22 @@ class Marker:
         return f"{place}+offset" if self.offset.any() else place
 
 
+class Carrier(Marker):
+    """The whole line of a beam, along which the other marker of a joint slides.
+
+    Its frame is that of the section where the slider is.
+    """
+
+    def __init__(self, body: str) -> None:
+        """Name the beam.
+
+        Raises:
+            TypeError: The name is not a string.
+            ValueError: It is empty or not printable.
+        """
+        super().__init__(body)
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class Ground:
     """Marker fixed in the inertial frame.

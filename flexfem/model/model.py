@@ -9,7 +9,7 @@ from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
-from flexfem.core.marker import Attachment, Marker
+from flexfem.core.marker import Attachment, Carrier, Marker
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
@@ -154,7 +154,7 @@ class Model:
         Raises:
             ValueError: The marker's body or point does not exist.
         """
-        if not isinstance(marker, Marker):
+        if not isinstance(marker, Marker) or isinstance(marker, Carrier):
             return None
         body = self.get(marker.body)
         if isinstance(body, RigidBody):

@@ -97,6 +97,10 @@ class Assembly:
             BEAMS, cells, self.cells.cells[cells], self.cells.frames[cells], self.frames
         )
 
+    def point(self, marker: Attachment) -> tuple[LineCells, int, float] | None:
+        """Line, element and coordinate of a marker inside an element, None for the others."""
+        return None
+
     def key(self, marker: Attachment) -> NodeKey | None:
         """Node that carries a marker, None for the ground."""
         if not isinstance(marker, Marker):

@@ -17,9 +17,9 @@ from flexfem.model.bodies import RigidBody
 from flexfem.system.assembly import Assembly
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
+from flexfem.system.connect import connect, joint_ends
 from flexfem.system.node_loads import Force, NodeForces, NodeMasses
 from flexfem.system.placement import BEAMS, KINDS, RIGID, NodeKey, Placement, place
-from flexfem.system.row_table import PlacedJoint
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
@@ -47,7 +47,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         blocks[BEAMS], beams = _beam_block(serial, comm, placement)
     if model.rigid_bodies:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
-    interface, joints = _connect(serial, comm, placement, blocks)
+    interface, joints = connect(serial, comm, placement, blocks)
     constraints = Constraints(comm, joints, interface)
     for name in model.released:
         constraints.set_active(name, False)
@@ -80,7 +80,7 @@ def _part(
 def _check_joints(serial: Assembly) -> None:
     """Raise for joints without rows at the start, such as a spring between coinciding markers."""
     for joint in serial.model.joints:
-        joint.rows([serial.marker_pose(m) for m in joint.markers], 0.0)
+        joint.rows(joint_ends(serial, joint).poses, 0.0)
 
 
 def _check_laws(serial: Assembly) -> None:
@@ -132,40 +132,6 @@ def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) ->
     return FrameBlock(
         "rigid_bodies", comm, frames, velocity, mine, IndexMap(comm, len(mine)), inertial=False
     )
-
-
-def _connect(
-    serial: Assembly, comm: MPI.Intracomm, placement: Placement,
-    blocks: Sequence[FrameBlock | None],
-) -> tuple[Interface, list[PlacedJoint]]:  # fmt: skip
-    """Interface nodes of all joints and the joints that this rank evaluates."""
-    needed: dict[NodeKey, set[int]] = {}
-    for joint in serial.model.joints:
-        ranks = placement.joint_ranks(joint)
-        for marker in joint.markers:
-            key = serial.key(marker)
-            if key is not None:
-                needed.setdefault(key, set()).update(ranks)
-    keys = list(needed)
-    interface = Interface(comm, blocks, keys, [sorted(needed[k]) for k in keys])
-    joints = []
-    for index, joint in enumerate(serial.model.joints):
-        ranks = placement.joint_ranks(joint)
-        if comm.rank not in ranks:
-            continue
-        ends = [serial.key(m) for m in joint.markers]
-        joints.append(
-            PlacedJoint(
-                joint,
-                index,
-                tuple(serial.marker_pose(m) for m in joint.markers),
-                tuple(-1 if k is None else interface.slot_of[k] for k in ends),
-                np.array([serial.marker_frame(m) for m in joint.markers]),
-                owned=ranks[0] == comm.rank,
-                shared=len(ranks) > 1,
-            )
-        )
-    return interface, joints
 
 
 def _rigid_inertia(body: RigidBody) -> FloatArray:

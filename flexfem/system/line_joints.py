@@ -26,7 +26,7 @@ from flexfem.system.line_kernels import (
     node_slots,
     update_line_angles,
 )
-from flexfem.system.lines import LineCells
+from flexfem.system.line_cells import LineCells
 
 if TYPE_CHECKING:
     from flexfem.system.row_table import RowTable
@@ -74,39 +74,39 @@ class LineJoints:
 
     def _collect_lines(self) -> None:
         """All elements of all lines, one line after the other."""
-        found: dict[int, LineCells] = {}
-        for i in self.joints:
-            for point in self._table.joints[i].points:
-                if point is not None:
-                    found.setdefault(id(point.line), point.line)
-        self._found = list(found.values())
+        found = {
+            id(point.rail): point.rail
+            for i in self.joints
+            for point in self._table.joints[i].points
+            if point is not None
+        }
+        rails = list(found.values())
         self._number = {key: n for n, key in enumerate(found)}
-        lines = self._found
-        width = max((line.nodes.shape[1] for line in lines), default=1)
-        powers = max((line.arc.shape[1] for line in lines), default=1)
-        first = _starts([len(line.nodes) for line in lines])
+        width = max((rail.slots.shape[1] for rail in rails), default=1)
+        powers = max((rail.cells.arc.shape[1] for rail in rails), default=1)
+        first = _starts([len(rail.slots) for rail in rails])
         total = int(first[-1])
         slots = np.full((total, width), -1, dtype=np.int64)
-        shape, turns = np.zeros((total, width, width)), np.zeros((total, width, 9))
+        shape, turns = np.zeros((total, width, width)), np.zeros((total, 2, 9))
         arc, start = np.zeros((total, powers)), np.zeros(total)
-        for line, a, b in zip(lines, first[:-1], first[1:], strict=True):
-            k = line.nodes.shape[1]
-            slots[a:b, :k] = line.nodes
-            shape[a:b, :k, :k], turns[a:b, :k] = line.shape, line.turns
-            arc[a:b, : line.arc.shape[1]], start[a:b] = line.arc, line.start[:-1]
-        unturned = np.eye(3).ravel()
+        for rail, a, b in zip(rails, first[:-1], first[1:], strict=True):
+            cells, k = rail.cells, rail.slots.shape[1]
+            slots[a:b, :k] = rail.slots
+            if cells.shape is not None:
+                shape[a:b, :k, :k] = cells.shape
+            if cells.turns is not None:
+                turns[a:b] = cells.turns
+            arc[a:b, : cells.arc.shape[1]], start[a:b] = cells.arc, cells.starts
         self._lines = LineData(
-            element=np.array([line.element for line in lines], dtype=np.int64),
-            width=np.array([line.nodes.shape[1] for line in lines], dtype=np.int64),
+            element=np.array([rail.element for rail in rails], dtype=np.int64),
+            width=np.array([rail.slots.shape[1] for rail in rails], dtype=np.int64),
             first=first,
             nodes=slots,
             shape=shape,
             turns=turns,
             start=start,
             arc=arc,
-            turned=np.array(
-                [np.abs(line.turns - unturned).max() > 1e-12 for line in lines], dtype=np.bool_
-            ),
+            turned=np.array([_turned(rail.cells) for rail in rails], dtype=np.bool_),
         )
 
     def _collect_points(self) -> None:
@@ -118,7 +118,7 @@ class LineJoints:
             markers += range(table.marker_start[i], table.marker_start[i + 1])
             columns += list(_starts(joint.widths)[:-1])
             for point in joint.points:
-                number = 0 if point is None else self._number[id(point.line)]
+                number = 0 if point is None else self._number[id(point.rail)]
                 line.append(number)
                 slides.append(point is not None and point.slides)
                 place = (0.0, 0.0) if point is None else (point.element, point.xi)
@@ -298,6 +298,13 @@ class LineJoints:
                 forces, self._lines, self._points, self._rows, self._table.interface.frames,
                 self.accepted, self._work, poses, self.places, out,
             )  # fmt: skip
+
+
+def _turned(cells: LineCells) -> bool:
+    """Whether any section of a line is turned against its node."""
+    if cells.turns is None:
+        return False
+    return bool(np.abs(cells.turns - np.eye(3).ravel()).max() > 1e-12)
 
 
 def _starts(counts: Sequence[int]) -> IntArray:

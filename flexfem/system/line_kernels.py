@@ -60,7 +60,7 @@ class LineData(NamedTuple):
         element: (n_lines,) how frames are interpolated; width: (n_lines,) nodes of an element.
         first: (n_lines + 1,) first element of each line.
         nodes: (e, k) slots of the nodes.
-        shape: (e, k, k), turns: (e, k, 9), start: (e,), arc: (e, q), see ``lines.LineCells``.
+        shape: (e, k, k), turns: (e, 2, 9), start: (e,), arc: (e, q), see ``line_cells``.
         turned: (n_lines,) whether any section is turned against its node.
     """
 
@@ -154,11 +154,11 @@ def _section(
     for i in range(k):
         work.frames[i] = frames[lines.nodes[e, i]]
     if lines.turned[line]:
-        turn_frames(work.frames[:k], lines.turns[e, :k], work.frames[:k])
+        turn_frames(work.frames[:k], lines.turns[e], work.frames[:k])
     J = work.section[:, : 6 * k + 1]
     line_jacobian(lines.element[line], work.frames[:k], lines.shape[e, :k, :k], xi, H, J)
     if lines.turned[line]:
-        turn_columns(lines.turns[e, :k], J)
+        turn_columns(lines.turns[e], J)
 
 
 @kernel
@@ -457,12 +457,12 @@ def _add_point_second(
     block = work.block[: 6 * k + 1, : 6 * k + 1]
     block[:] = 0.0
     if lines.turned[line]:
-        turn_frames(work.frames[:k], lines.turns[e, :k], work.frames[:k])
+        turn_frames(work.frames[:k], lines.turns[e], work.frames[:k])
     add_line_second(
         lines.element[line], work.frames[:k], lines.shape[e, :k, :k], places[m, 1], g, block
     )
     if lines.turned[line]:
-        turn_second(lines.turns[e, :k], block)
+        turn_second(lines.turns[e], block)
     at = 6 * points.column[m]
     for i in range(6 * k + 1):
         row = xi if i == 6 * k else at + i

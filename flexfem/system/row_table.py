@@ -50,7 +50,7 @@ class PlacedJoint:
     def widths(self) -> list[int]:
         """Number of nodes that each marker depends on."""
         return [
-            int(slot >= 0) if point is None else point.line.nodes.shape[1]
+            int(slot >= 0) if point is None else point.rail.slots.shape[1]
             for slot, point in zip(self.slots, self.points, strict=True)
         ]
 
