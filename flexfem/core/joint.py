@@ -97,7 +97,7 @@ class Joint:
         """Axis of the joint at the start in inertial axes (unit vector), None if it has none."""
         return None
 
-    def motion(self, kind: str, poses: Sequence[Pose]) -> Term:
+    def motion_term(self, kind: str, poses: Sequence[Pose]) -> Term:
         """Displacement (m) for "translation" or angle (rad) for "rotation", see ``leaves``."""
         a, b = poses
         axis = np.asarray(self.direction)
@@ -183,7 +183,7 @@ class JointAction(Joint):
 
     def terms(self, poses: Sequence[Pose]) -> list[Term]:
         """Displacement (m) and angle (rad) of these motions."""
-        return [self.joint.motion(kind, poses) for kind in self.motions]
+        return [self.joint.motion_term(kind, poses) for kind in self.motions]
 
 
 def unit(vector: Sequence[float] | FloatArray) -> FloatArray:

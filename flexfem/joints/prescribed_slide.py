@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
-from flexfem.core.joint import JointAction
+from flexfem.core.joint import Joint, JointAction
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
 from flexfem.joints.slide_stop import check_sliding
@@ -37,6 +37,11 @@ class PrescribedSlide(JointAction):
         super().__post_init__()
         check_sliding(self)
         _checks.function(self.owner, "zeta", self.zeta, ())
+
+    @property
+    def partner(self) -> Joint:
+        """See :attr:`Joint.partner`."""
+        return self.joint
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

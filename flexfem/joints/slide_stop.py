@@ -4,8 +4,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem import _checks
-from flexfem.core.joint import JointAction, check_limits
+from flexfem.core.joint import Joint, JointAction, check_limits
 from flexfem.core.marker import Carrier
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, limit
@@ -52,6 +51,11 @@ class SlideStop(JointAction):
         super().__post_init__()
         check_sliding(self)
         check_limits(self.owner, self.lower, self.upper, self.stiffness, self.damping)
+
+    @property
+    def partner(self) -> Joint:
+        """See :attr:`Joint.partner`."""
+        return self.joint
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

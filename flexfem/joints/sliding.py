@@ -4,8 +4,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from flexfem import _checks
 from flexfem.core.joint import Joint, displacement, equal_rotation
 from flexfem.core.marker import Carrier
@@ -46,8 +44,8 @@ class Sliding(Joint):
         _checks.instance(self.owner, "a", self.a, Carrier)
         _checks.instance(self.owner, "tied", self.tied, bool)
 
-    def motion(self, kind: str, poses: Sequence[Pose]) -> Term:
-        """See :meth:`Joint.motion`: zeta."""
+    def motion_term(self, kind: str, poses: Sequence[Pose]) -> Term:
+        """See :meth:`Joint.motion_term`: zeta."""
         return Term(RowKind.ARC)
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:

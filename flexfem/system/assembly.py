@@ -87,7 +87,8 @@ class Assembly:
         beam = self.model.get(name)
         if not isinstance(beam, Beam):
             raise ValueError(f'{self.model!r} has no beam "{name}"')
-        cells = np.flatnonzero(self.cells.body == self.model.beams.index(beam))
+        own = self.cells.body == self.model.beams.index(beam)
+        cells = np.flatnonzero(own).astype(np.int64)
         nodes = self.cells.cells[cells]
         order = _chain(nodes)
         if order is None:

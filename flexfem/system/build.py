@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """From a model to a system (collective)."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from mpi4py import MPI
 
@@ -15,11 +15,11 @@ from flexfem.lie import se3, so3
 from flexfem.mesh.beam_mesh import create_beam_mesh
 from flexfem.model.bodies import RigidBody
 from flexfem.system.assembly import Assembly
+from flexfem.system.connect import connect, joint_ends
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
-from flexfem.system.connect import connect, joint_ends
 from flexfem.system.node_loads import Force, NodeForces, NodeMasses
-from flexfem.system.placement import BEAMS, KINDS, RIGID, NodeKey, Placement, place
+from flexfem.system.placement import BEAMS, KINDS, RIGID, Placement, place
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]

@@ -13,13 +13,13 @@ from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.joint import Joint
 from flexfem.core.line_points import NURBS, SE3, line_jacobian, turn_frames
-from flexfem.core.marker import Carrier
+from flexfem.core.marker import Carrier, Marker
 from flexfem.core.pose import Pose
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
 from flexfem.system.interface import Interface
 from flexfem.system.line_cells import LineCells
-from flexfem.system.line_kernels import ON_LINE
+from flexfem.system.line_data import ON_LINE
 from flexfem.system.lines import LinePoint, Rail
 from flexfem.system.placement import NodeKey, Placement
 from flexfem.system.row_table import PlacedJoint
@@ -97,15 +97,13 @@ def _slider(
     gap = float(np.linalg.norm(x - frame[:3]))
     if gap > _GAP * line.length:
         raise ValueError(
-            f'{joint.owner}: the slider at {_checks.show(x.tolist())} is {gap:.3g} m away from '
+            f"{joint.owner}: the slider at {_checks.show(x.tolist())} is {gap:.3g} m away from "
             f'the line of "{carrier.body}"'
         )
     return (line, element, xi), Pose(se3.position(frame), se3.rotation(frame))
 
 
-def _closest(
-    serial: Assembly, line: LineCells, x: FloatArray
-) -> tuple[int, float, FloatArray]:
+def _closest(serial: Assembly, line: LineCells, x: FloatArray) -> tuple[int, float, FloatArray]:
     """Element, coordinate and section frame of the point whose section's plane holds x."""
     ends = np.array(
         [[serial.node_frame(key) for key in line.keys(e)] for e in range(len(line.nodes))]
@@ -151,7 +149,8 @@ def connect(
             needed.setdefault(key, set()).update(ranks)
     keys = list(needed)
     interface = Interface(comm, blocks, keys, [sorted(needed[k]) for k in keys])
-    joints, rails = [], {}
+    joints: list[PlacedJoint] = []
+    rails: dict[str, Rail] = {}
     for index, (joint, ends) in enumerate(zip(serial.model.joints, found, strict=True)):
         ranks = placement.joint_ranks(joint)
         if comm.rank not in ranks:
@@ -162,8 +161,10 @@ def connect(
                 points.append(None)
                 continue
             line, element, xi, slides = point
-            rail = rails.setdefault(marker.body, _rail(interface, line))
-            points.append(LinePoint(rail, element, xi, slides))
+            assert isinstance(marker, Marker)  # the ground has no lines
+            if marker.body not in rails:
+                rails[marker.body] = _rail(interface, line)
+            points.append(LinePoint(rails[marker.body], element, xi, slides))
         joints.append(
             PlacedJoint(
                 joint,

@@ -175,7 +175,7 @@ class Constraints(RowTable):
             self.poses, self.term_marker, self.kinds, self.directions, self.factors,
             self.row_of_term, self.forces, out,
         )  # fmt: skip
-        self.lines.add_wrenches(self.forces, self.poses, out)
+        self.lines.add_wrenches(self.forces, out)
         return out
 
     def lock(self, name: str) -> None:
@@ -267,12 +267,13 @@ class Constraints(RowTable):
     def evaluate(self, dynamics: FloatArray) -> None:
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
         face = self.interface
-        self.lines.evaluate(face.frames, self.poses)
+        self.lines.evaluate(face.frames, self.poses, self.force_jacobian)
         evaluate_rows(
             face.frames, face.velocities, self.marker_slot, self.marker_offset, self.term_marker,
-            self.term_slots, self.lines.sums, self.kinds, self.directions, self.factors, self.angles, self.term_start, self.targets,
-            self.active, self.elastic, self.relaxation, self.coupled,
-            dynamics, self.multipliers, self.poses, self.force_jacobian, self.step_jacobian,
+            self.term_slots, self.lines.sums, self.kinds, self.directions, self.factors,
+            self.angles, self.term_start, self.targets, self.active, self.elastic, self.relaxation,
+            self.coupled, dynamics, self.multipliers, self.poses, self.force_jacobian,
+            self.step_jacobian,
             self.values, self.compliance, self.coupling, self.slopes,
         )  # fmt: skip
         if self._damped:
@@ -335,23 +336,23 @@ class Constraints(RowTable):
             self.interface.frames, self.marker_slot, self.marker_offset, self.term_marker,
             self.kinds, self.directions, self.poses, self.angles,
         )  # fmt: skip
-        self.lines.evaluate(self.interface.frames, self.poses)
-        self.lines.accept(self.poses)
+        self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
+        self.lines.accept()
 
     def _place_markers(self) -> None:
         """Poses of all markers at the interface's state."""
         frames = self.interface.frames
         marker_poses(frames, self.marker_slot, self.marker_offset, self.poses)
-        self.lines.evaluate(frames, self.poses)
+        self.lines.evaluate(frames, self.poses, self.force_jacobian)
 
     def _add_line_dampers(self, slopes: FloatArray, velocity: float) -> None:
         """The part of ``row_hessians.add_dampers`` of joints on lines."""
         if self.lines.joints:
             face = self.interface
-            by_velocity = velocity_changes(
-                face.increments, face.velocities, face.inertial, velocity
+            by_step = velocity_changes(face.increments, face.velocities, face.inertial, velocity)
+            self.lines.add_dampers(
+                slopes, face.velocities, by_step, self.force_jacobian, self.step_jacobian
             )
-            self.lines.add_dampers(slopes, by_velocity, self.force_jacobian, self.step_jacobian)
 
     def hessians(self, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""
@@ -378,17 +379,19 @@ class Constraints(RowTable):
             )  # fmt: skip
             # at fixed velocities
             held = np.zeros((len(face.keys), 6, 6))
-            self.lines.add_dampers(self.slopes[:, 1], held, self.force_jacobian, jacobian)
+            self.lines.add_dampers(
+                self.slopes[:, 1], face.velocities, held, self.force_jacobian, jacobian
+            )
         return jacobian
 
     def sums(self) -> FloatArray:
         """(r,) sums of the rows' terms at the present marker frames, targets not subtracted."""
-        out = self.lines.sums.copy()
+        out = np.zeros(self.size)
         sums_of_terms(
             self.poses, self.term_marker, self.kinds, self.directions, self.factors, self.angles,
             self.row_of_term, out,
         )  # fmt: skip
-        return out
+        return out + self.lines.sums
 
     def turning_forces(self, hessians: FloatArray, steps: FloatArray) -> FloatArray:
         """(n_slots, 6) change of the constraint forces on the nodes along steps of the slots.

@@ -15,18 +15,15 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.row import Row
+from flexfem.system.line_cells import LineCells
+from flexfem.system.line_data import LineData, PointData, RowData, Work
+from flexfem.system.line_hessians import line_hessian
 from flexfem.system.line_kernels import (
-    LineData,
-    PointData,
-    RowData,
-    Work,
     add_line_wrenches,
     evaluate_lines,
-    line_hessian,
     node_slots,
     update_line_angles,
 )
-from flexfem.system.line_cells import LineCells
 
 if TYPE_CHECKING:
     from flexfem.system.row_table import RowTable
@@ -54,7 +51,7 @@ class LineJoints:
         self._collect_lines()
         self._collect_points()
         self._collect_rows(rows)
-        count, width = self._points.count, self._lines.nodes.shape[1]
+        count, width = self._points.width, self._lines.nodes.shape[1]
         nodes, markers = int(count.max(initial=0)), int(np.diff(self._points.first).max(initial=0))
         size = 6 * nodes + 1
         self._work = Work(
@@ -111,12 +108,14 @@ class LineJoints:
 
     def _collect_points(self) -> None:
         """Markers of the joints and how many nodes each depends on."""
-        table, markers, columns = self._table, [], []
+        table = self._table
+        markers: list[int] = []
+        columns: list[int] = []
         line, slides, places = [], [], []
         joints = [table.joints[i] for i in self.joints]
         for i, joint in zip(self.joints, joints, strict=True):
             markers += range(table.marker_start[i], table.marker_start[i + 1])
-            columns += list(_starts(joint.widths)[:-1])
+            columns += _starts(joint.widths)[:-1].tolist()
             for point in joint.points:
                 number = 0 if point is None else self._number[id(point.rail)]
                 line.append(number)
@@ -134,7 +133,7 @@ class LineJoints:
             line=np.array(line, dtype=np.int64),
             slides=np.array(slides, dtype=np.bool_),
             column=np.array(columns, dtype=np.int64),
-            count=np.array([sum(joint.widths) for joint in joints], dtype=np.int64),
+            width=np.array([sum(joint.widths) for joint in joints], dtype=np.int64),
         )
 
     def _collect_rows(self, rows: Sequence[Sequence[Row]]) -> None:
@@ -195,14 +194,21 @@ class LineJoints:
         powers = self._lines.arc[int(e)]
         return float(self._lines.start[int(e)] + np.polynomial.polynomial.polyval(xi, powers))
 
-    def evaluate(self, frames: FloatArray, poses: FloatArray) -> None:
-        """Sums, gradients and poses of markers at the given frames of all slots."""
+    def evaluate(self, frames: FloatArray, poses: FloatArray, gradients: FloatArray) -> None:
+        """Sums, gradients and poses of markers at the given frames of all slots.
+
+        Args:
+            frames: (n, 12); the other methods refer to them, too.
+            poses: (m, 12) of all markers; those of these joints are set.
+            gradients: (t, 2, 6) of all terms; those of these joints are set.
+        """
         if not self.joints:
             return
+        self._frames, self._poses = frames, poses
         elements = self.places[:, 0].copy()
         evaluate_lines(
             self._lines, self._points, self._rows, frames, self.accepted, self._work, poses,
-            self.places, self.sums, self._table.force_jacobian,
+            self.places, self.sums, gradients,
         )  # fmt: skip
         if (elements != self.places[:, 0]).any():
             self._connect()
@@ -217,19 +223,19 @@ class LineJoints:
                 table.term_slots, table.pair_slots,
             )  # fmt: skip
 
-    def accept(self, poses: FloatArray) -> None:
+    def accept(self) -> None:
         """The last evaluation becomes the accepted state."""
-        self.accepted[:] = self.places
-        update_line_angles(self._points, self._rows, poses)
+        if self.joints:
+            self.accepted[:] = self.places
+            update_line_angles(self._points, self._rows, self._poses)
 
     def _hessian(self, c: int, weights: FloatArray) -> FloatArray:
         """(6 n, 6 n) second derivative of a weighted sum of the rows of the c-th of the joints."""
-        size = 6 * int(self._points.count[c])
+        size = 6 * int(self._points.width[c])
         out = np.empty((size, size))
-        table = self._table
         line_hessian(
-            c, weights, self._lines, self._points, self._rows, table.interface.frames,
-            self.accepted, self._work, table.poses, self.places, out,
+            c, weights, self._lines, self._points, self._rows, self._frames, self.accepted,
+            self._work, self._poses, self.places, out,
         )  # fmt: skip
         return out
 
@@ -239,7 +245,7 @@ class LineJoints:
             weights = factor[self._table.start[i] : self._table.start[i + 1]]
             if not weights.any():
                 continue
-            count, at = int(self._points.count[c]), int(self._first_pair[c])
+            count, at = int(self._points.width[c]), int(self._first_pair[c])
             blocks = self._hessian(c, factor).reshape(count, 6, count, 6)
             for a in range(count):
                 for b in range(a + 1, count):
@@ -254,7 +260,7 @@ class LineJoints:
     def _slots(self, c: int) -> IntArray:
         """(n,) slots of the nodes of the c-th of the joints, as its rows' terms hold them."""
         first = self._rows.entry[self._rows.first[c]]
-        count = int(self._points.count[c])
+        count = int(self._points.width[c])
         return self._table.term_slots[first : first + (count + 1) // 2].reshape(-1)[:count]
 
     def add_second_rates(self, velocities: FloatArray, out: FloatArray) -> None:
@@ -265,19 +271,20 @@ class LineJoints:
                 out[r] += v @ self._hessian(c, np.eye(1, len(out), r)[0]) @ v
 
     def add_dampers(
-        self, slopes: FloatArray, by_velocity: FloatArray, force_jacobian: FloatArray,
-        step_jacobian: FloatArray,
+        self, slopes: FloatArray, velocities: FloatArray, by_step: FloatArray,
+        force_jacobian: FloatArray, step_jacobian: FloatArray,
     ) -> None:  # fmt: skip
         """Add that rates of rows depend on position, see ``row_hessians.add_dampers``.
 
         Args:
             slopes: (r,) derivatives of the rows' values by their rates.
-            by_velocity: (n, 6, 6) derivatives of the slots' velocities by their steps.
-            force_jacobian, step_jacobian: (t, 2, 6) gradients, and what is added to.
+            velocities: (n, 6) of the slots.
+            by_step: (n, 6, 6) derivatives of these velocities by the slots' steps.
+            force_jacobian: (t, 2, 6) gradients.
+            step_jacobian: (t, 2, 6) what is added to.
         """
-        velocities = self._table.interface.velocities
         for c, i in enumerate(self.joints):
-            slots, count = self._slots(c), int(self._points.count[c])
+            slots, count = self._slots(c), int(self._points.width[c])
             for r in range(self._table.start[i], self._table.start[i + 1]):
                 if slopes[r] == 0.0:
                     continue
@@ -286,17 +293,15 @@ class LineJoints:
                 first = self._table.term_start[r]
                 last = first + (count + 1) // 2
                 gradient = force_jacobian[first:last].reshape(-1, 6)[:count]
-                change = change.reshape(-1, 6) + np.einsum(
-                    "ni,nij->nj", gradient, by_velocity[slots]
-                )
+                change = change.reshape(-1, 6) + np.einsum("ni,nij->nj", gradient, by_step[slots])
                 step_jacobian[first:last].reshape(-1, 6)[:count] += slopes[r] * change
 
-    def add_wrenches(self, forces: FloatArray, poses: FloatArray, out: FloatArray) -> None:
+    def add_wrenches(self, forces: FloatArray, out: FloatArray) -> None:
         """Add the wrenches (m, 6) on the bodies at all markers, see ``Constraints.reactions``."""
         if self.joints:
             add_line_wrenches(
-                forces, self._lines, self._points, self._rows, self._table.interface.frames,
-                self.accepted, self._work, poses, self.places, out,
+                forces, self._lines, self._points, self._rows, self._frames, self.accepted,
+                self._work, self._poses, self.places, out,
             )  # fmt: skip
 
 

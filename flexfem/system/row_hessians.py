@@ -17,7 +17,14 @@ from flexfem.system.row_kernels import (
     rotate_back_into,
 )
 
-__all__ = ["add_dampers", "add_hessians", "marker_map", "second_rates", "term_hessian", "velocity_changes"]
+__all__ = [
+    "add_dampers",
+    "add_hessians",
+    "marker_map",
+    "second_rates",
+    "term_hessian",
+    "velocity_changes",
+]
 
 
 @kernel

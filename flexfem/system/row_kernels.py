@@ -301,7 +301,8 @@ def _line_rate(
 @kernel
 def evaluate_rows(
     frames: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
-    term_marker: IntArray, term_slots: IntArray, line_sums: FloatArray, kinds: IntArray, directions: FloatArray, factors: FloatArray,
+    term_marker: IntArray, term_slots: IntArray, line_sums: FloatArray, kinds: IntArray,
+    directions: FloatArray, factors: FloatArray,
     memory: FloatArray, term_start: IntArray, targets: FloatArray, active: BoolArray,
     elastic: FloatArray, relaxation: float, coupled: IntArray,
     dynamics: FloatArray, multipliers: FloatArray, poses: FloatArray, force_jacobian: FloatArray,
