@@ -51,6 +51,7 @@ _MODULES = {
     "BeamLaw": "materials.beam_law",
     "LineMesh": "mesh.line_mesh",
     "read_mesh": "mesh.line_mesh",
+    "NurbsCurve": "mesh.nurbs",
     "build_mesh": "mesh.library",
     "Pose": "core.pose",
     "Beam": "model.bodies",
