@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from flexfem._types import FloatArray
 from flexfem.lie._batch import batch, batch_pair
-from flexfem.lie._blocks import dot, first_block, map_block, triple
+from flexfem.lie._blocks import dot, first_block, map_block, product_block, triple
 from flexfem.lie._coefficients import (
     Triple,
     inverse_coefficient,
@@ -37,6 +37,7 @@ __all__ = [
     "inverse_tangent_derivative",
     "inverse_tangent_derivative_into",
     "inverse_tangent_into",
+    "inverse_tangent_product_into",
     "log",
     "log_into",
     "skew",
@@ -44,6 +45,7 @@ __all__ = [
     "tangent_derivative",
     "tangent_derivative_into",
     "tangent_into",
+    "tangent_product_into",
 ]
 
 
@@ -135,6 +137,21 @@ def inverse_tangent_derivative_into(
     t, u = triple(theta, 0), triple(direction, 0)
     q = inverse_derivatives(dot(t, t))
     first_block((0.5, 0.0, 0.0), q, t, u, dTinv, 0, 3)
+
+
+@inlined
+def tangent_product_into(theta: FloatArray, v: FloatArray, D: FloatArray) -> None:
+    """Derivative of ``tangent(theta)^T v`` by theta at a constant v."""
+    t = triple(theta, 0)
+    p, q = right_coefficients(dot(t, t))
+    product_block(p, q, t, triple(v, 0), D)
+
+
+@inlined
+def inverse_tangent_product_into(theta: FloatArray, v: FloatArray, D: FloatArray) -> None:
+    """Derivative of ``inverse_tangent(theta)^T v`` by theta at a constant v."""
+    t = triple(theta, 0)
+    product_block((0.5, 0.0, 0.0), inverse_derivatives(dot(t, t)), t, triple(v, 0), D)
 
 
 @kernel
