@@ -232,7 +232,7 @@ class NurbsCurve:
         power p + 1 of the element length; `deviation` tells it.
 
         Args:
-            path: Function of u in [0, 1], shape (n,), that returns points (n, 3), metres; or points.
+            path: Function of u (n,) in [0, 1] that returns points (n, 3), metres; or points.
             degree: Degree p.
             elements: Number of elements; as many as the tolerance asks for if left out.
             tolerance: Largest distance, metres; not checked if left out.
@@ -335,7 +335,7 @@ class NurbsCurve:
             ValueError: a parameter lies outside the curve.
         """
         places = np.asarray(u, dtype=np.float64)
-        index, xi = self._places(places.ravel())
+        index, xi = self.places(places.ravel())
         values = evaluate(self.elements, self.points, index, xi, order)
         size = np.diff(self.elements.spans[index])
         scaled: FloatArray = values / size ** np.arange(order + 1)[:, None, None]
@@ -349,7 +349,7 @@ class NurbsCurve:
     def arc_length(self, u: npt.ArrayLike) -> FloatArray:
         """Return the arc lengths from the start at parameters of any shape, metres."""
         places = np.asarray(u, dtype=np.float64)
-        index, xi = self._places(places.ravel())
+        index, xi = self.places(places.ravel())
         before = np.append(0.0, np.cumsum(self.elements.lengths))[index]
         powers = xi[:, None] ** np.arange(self.elements.arc.shape[1])
         along = before + np.einsum("nj,nj->n", powers, self.elements.arc[index])
@@ -382,7 +382,7 @@ class NurbsCurve:
             lambda u: self.position(first + size * u),
         )
 
-    def _places(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
+    def places(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return elements and places xi in them of parameters (n,)."""
         spans = self.elements.spans
         first, last = spans[0, 0], spans[-1, 1]
