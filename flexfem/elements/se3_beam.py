@@ -182,6 +182,11 @@ class SE3Beams:
             stress[rows], rate[rows] = group.viscosity(block)
         return stress, rate
 
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """See :class:`flexfem.elements.family.BeamFamily`."""
+        return np.arange(len(self.lengths)), self.lengths
+
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.motion``."""
         for rows, group in self.groups:

@@ -7,10 +7,11 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem.core.marker import Attachment
+from flexfem.core.marker import Attachment, Ground
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState
 from flexfem.system.assembly import Assembly
+from flexfem.system.line_points import held_places
 from flexfem.system.system import System
 
 __all__ = ["MarkerStates"]
@@ -29,19 +30,26 @@ class MarkerStates:
         # a marker on the ground is its offset on a node that stays at the origin
         if system.comm.rank == 0:
             for k, marker in enumerate(markers):
-                if serial.key(marker) is None:
+                if isinstance(marker, Ground):
                     self._ground[k, [3, 7, 11]] = 1.0
         self._sources = []
         for part in system.parts:
             local = [serial.local_node(m, part.kind, part.block) for m in markers]
             places = [k for k, node in enumerate(local) if node >= 0]
             self._sources.append((part.block, places, [local[k] for k in places]))
+        self._inside = [
+            (part.block, points, places)
+            for part in system.parts
+            for points, places in held_places(serial, part.kind, part.block, markers)
+        ]
 
     def evaluate(self) -> list[MarkerState]:
         """States of all markers (collective)."""
         nodes = self._ground.copy()
         for block, places, local in self._sources:
             nodes[places, :12], nodes[places, 12:] = block.frames[local], block.velocity[local]
+        for block, points, which in self._inside:
+            nodes[which, :12], nodes[which, 12:] = points.motion(block)
         if self._comm.size > 1:  # one rank owns a node, the others add zeros
             self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
         frames = se3.compose(nodes[:, :12], self._offsets)
