@@ -16,7 +16,7 @@ from flexfem.materials.beam_law import BeamLaw
 from flexfem.materials.matrices import check_definite
 from flexfem.materials.section import Section
 
-__all__ = ["LawMaterial", "LinearMaterial", "Material", "materials", "symmetric"]
+__all__ = ["LawMaterial", "LinearMaterial", "Material", "grouped", "materials", "symmetric"]
 
 _UPPER = np.triu_indices(6)
 #: Viscous stress at rest that still counts as round-off, relative to the viscosity.
@@ -50,7 +50,7 @@ class Material(Protocol):
         ...
 
 
-def _grouped(sections: Sequence[Section]) -> Mapping[LawExpressions | None, list[int]]:
+def grouped(sections: Sequence[Section]) -> Mapping[LawExpressions | None, list[int]]:
     """Numbers of the sections that share kernels, by their law; None stands for the linear one.
 
     Raises:
@@ -78,7 +78,7 @@ def materials(
         ValueError: a section's law is not usable; on all ranks.
     """
     found: list[tuple[list[int], Material]] = []
-    for law, numbers in _grouped(sections).items():
+    for law, numbers in grouped(sections).items():
         own = [sections[i] for i in numbers]
         if law is None:
             found.append((numbers, LinearMaterial(own, damped)))

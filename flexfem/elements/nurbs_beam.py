@@ -7,6 +7,7 @@ group.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from mpi4py import MPI
 
@@ -75,7 +76,7 @@ class NurbsBeams:
         self.body: IntArray = np.concatenate([none, *(g.data.body for g in self.groups)])
         self.lengths: FloatArray = np.concatenate([np.empty(0), *(g.lengths for g in self.groups)])
         ends = np.cumsum([0, *(len(g.data.nodes) for g in self.groups)])
-        self._parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self._parts = [slice(a, b) for a, b in pairwise(ends)]
 
     @property
     def connectivity(self) -> list[IndexArray]:
@@ -96,10 +97,13 @@ class NurbsBeams:
         ``shifts`` = (dv/dn, dw/dn, k). With ``local`` the derivative K is that at fixed local
         velocities and accelerations.
         """
-        return np.concatenate([
-            np.empty(0),
-            *(g.tangent(block, gravity, shifts, scale, local).ravel() for g in self.groups),
-        ])  # fmt: skip
+        sizes = [36 * group.data.nodes.size * group.data.nodes.shape[1] for group in self.groups]
+        values, first = np.empty(sum(sizes)), 0
+        for group, size in zip(self.groups, sizes, strict=True):
+            own = values[first : first + size].reshape(len(group.data.nodes), -1)
+            group.tangent_into(block, gravity, shifts, scale, local, own)
+            first += size
+        return values
 
     def assume(self, frames: FloatArray, steps: FloatArray) -> None:
         """Let the tangent take stresses continued along steps, see ``NurbsGroup.assume``."""
@@ -140,12 +144,19 @@ class NurbsBeams:
     def resultants_at(
         self, frames: FloatArray, xi: FloatArray, chosen: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Strains and stress resultants (m, q, 6) at places ``xi`` (q,) of the cells, 0 to 1."""
+        """Strains and stress resultants (m, q, 6) at places in the cells, see :meth:`resultants`.
+
+        Args:
+            frames: (n, 12) frames of the nodes.
+            xi: (q,) or (m, q) places in the chosen cells, 0 to 1.
+            chosen: (m,) cells, all of them when None.
+        """
         cells = np.arange(len(self.lengths)) if chosen is None else chosen
-        strain, resultant = np.empty((2, len(cells), len(xi), 6))
+        places = np.broadcast_to(xi, (len(cells), xi.shape[-1]))
+        strain, resultant = np.empty((2, *places.shape, 6))
         for part, group in zip(self._parts, self.groups, strict=True):
             to = np.flatnonzero((part.start <= cells) & (cells < part.stop))
-            strain[to], resultant[to] = group.response(frames, cells[to] - part.start, xi)
+            strain[to], resultant[to] = group.response(frames, cells[to] - part.start, places[to])
         return strain, resultant
 
     def energies(self, frames: FloatArray) -> FloatArray:
@@ -159,8 +170,8 @@ class NurbsBeams:
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """Viscous stress resultants and strain rates (j, 6) at the points of :attr:`viscous_at`."""
-        found = [group.viscosity(block) for group in self.groups]
-        stress, rate = (np.concatenate([np.empty((0, 6)), *part]) for part in zip(*found))
+        both = [np.empty((2, 0, 6)), *(np.stack(g.viscosity(block)) for g in self.groups)]
+        stress, rate = np.concatenate(both, axis=1)
         return stress, rate
 
     @property

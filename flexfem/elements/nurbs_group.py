@@ -14,13 +14,15 @@ from flexfem.elements.nurbs_inertia import (
     add_inertia,
     add_inertia_action,
     add_inertia_tangent,
+    step_changes,
     step_rates,
 )
 from flexfem.elements.nurbs_loops import add_action, add_residual, point_strains
 from flexfem.elements.nurbs_motion import add_element_motion
-from flexfem.elements.nurbs_tables import Points, gauss, lanes, masses, points, unlaned
+from flexfem.elements.nurbs_tables import gauss, lanes, masses, points, unlaned
 from flexfem.elements.nurbs_tangent import tangent_into
 from flexfem.forms.nurbs_beam import nurbs_forms, strain_form
+from flexfem.la.batch import LANES
 from flexfem.la.kernel import Kernel, compile_kernel
 
 __all__ = ["NurbsCells", "NurbsGroup", "NurbsKernels"]
@@ -44,6 +46,11 @@ class NurbsCells:
     section: IntArray
     shape: FloatArray
     damping: FloatArray
+
+
+def _inertial(block: FrameBlock, shifts: FloatArray) -> bool:
+    """Translations are inertial, and it is not the mass matrix alone that is asked for."""
+    return bool(block.inertial and shifts[2] != 0.0)
 
 
 class NurbsKernels:
@@ -109,32 +116,24 @@ class NurbsGroup:
         self._products = mass[:, np.newaxis, np.newaxis] * self._masses.products
         rest = own.copy()
         rest[:, range(3), range(3)] -= mass[:, np.newaxis]
-        self._nodes, first, back = np.unique(cells.ravel(), return_index=True, return_inverse=True)
-        self._nodes = self._nodes.astype(np.int64)
+        nodes, first, back = np.unique(cells.ravel(), return_index=True, return_inverse=True)
+        self._nodes: IntArray = nodes.astype(np.int64)
         self._homes = np.stack(np.unravel_index(first, cells.shape), axis=1).astype(np.int64)
         self._lumps = np.zeros((len(self._nodes), 6, 6))
         lumps = self._masses.weights[..., np.newaxis, np.newaxis] * rest[:, np.newaxis]
         np.add.at(self._lumps, back.ravel(), lumps.reshape(-1, 6, 6))
 
-    def _points(self, at: IntArray | slice, xi: FloatArray) -> Points:
-        """Shape functions of some elements at places (q,)."""
-        data = self.data
-        ones = np.ones(xi.shape[-1])
-        return points(data.shape[at], data.nodes[at], self._start, xi, ones)
-
     def _start_strains(self, tables: FloatArray, cells: IndexArray) -> FloatArray:
         """Strains (b, q, 6, LANES) of the start as such."""
-        nothing = np.zeros((*tables.shape[:2], 6, tables.shape[-1]))
-        return self._strains(tables, cells, nothing, self._start, np.zeros((len(self._start), 6)))[
-            :, :, :6
-        ].copy()
+        nothing, rest = np.zeros((*tables.shape[:2], 6, LANES)), np.zeros((len(self._start), 6))
+        return self._strains(tables, cells, nothing, self._start, rest)[:, :, :6].copy()
 
     def _strains(
         self, tables: FloatArray, cells: IndexArray, starts: FloatArray, frames: FloatArray,
         velocity: FloatArray,
     ) -> FloatArray:  # fmt: skip
         """Strains and their rates (b, q, 12, LANES)."""
-        strains = np.empty((*tables.shape[:2], 12, tables.shape[-1]))
+        strains = np.empty((*tables.shape[:2], 12, LANES))
         kernel = self._kernels.strain
         point_strains(
             kernel.batch, kernel.offsets, cells, tables, starts, frames, velocity, strains
@@ -188,32 +187,24 @@ class NurbsGroup:
             data.damping, data.section, self._material.data,
         )  # fmt: skip
 
-    def _step_rates(
-        self, block: FrameBlock, shifts: FloatArray, local: bool
-    ) -> tuple[FloatArray, FloatArray]:
-        """Changes (n, 6, 6) of local velocities and accelerations along local twists."""
-        by_v, by_w = np.empty((2, len(block.frames), 6, 6))
-        # the mass matrix alone knows nothing of how translations are integrated
-        inertial = bool(block.inertial and shifts[2] != 0.0) and not local
-        step_rates(
-            self._nodes, inertial, block.increment, block.velocity, block.acceleration, shifts,
-            by_v, by_w,
-        )  # fmt: skip
-        return by_v, by_w
-
-    def tangent(
+    def tangent_into(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
-    ) -> FloatArray:  # fmt: skip
-        """Matrices (m, 6 k, 6 k) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k).
+        local: bool, values: FloatArray,
+    ) -> None:  # fmt: skip
+        """Write the matrices (m, 36 k k) ``scale (k K + C dv + M dw)``.
 
-        With ``local`` the derivative K is that at fixed local velocities and accelerations. What
-        belongs to a node alone is in the matrix of one of its elements.
+        ``shifts`` = (dv/dn, dw/dn, k). With ``local`` the derivative K is that at fixed local
+        velocities and accelerations. What belongs to a node alone is in the matrix of one of its
+        elements.
         """
-        width = 6 * self.data.nodes.shape[1]
-        values = np.zeros((len(self.data.nodes), width * width))
-        by_v, by_w = self._step_rates(block, shifts, local)
-        if shifts[2] != 0.0 or shifts[0] != 0.0:
+        by_v, by_w = np.empty((2, len(block.frames), 6, 6))
+        step_rates(
+            self._nodes, _inertial(block, shifts) and not local, block.increment, block.velocity,
+            block.acceleration, shifts, by_v, by_w,
+        )  # fmt: skip
+        if shifts[0] == 0.0 and shifts[2] == 0.0:
+            values[:] = 0.0
+        else:
             tangent_into(
                 *self._loop_data(self._kernels.tangent, self._assumed_starts(block.frames)),
                 block.frames, block.velocity, by_v, shifts[2], scale, values,
@@ -222,17 +213,17 @@ class NurbsGroup:
             self._nodes, self.data.nodes, self._products, self._lumps, gravity, self._homes,
             block.frames, block.velocity, block.acceleration, by_v, by_w, shifts[2], scale, values,
         )  # fmt: skip
-        return values.reshape(-1, width, width)
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
     ) -> None:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
-        by_v, by_w = self._step_rates(block, shifts, False)
-        dv = np.einsum("nij,nj->ni", by_v, block.step)
-        dw = np.einsum("nij,nj->ni", by_w, block.step)
-        steps = shifts[2] * block.step
-        if shifts[2] != 0.0 or shifts[0] != 0.0:
+        steps, dv, dw = np.empty((3, len(block.frames), 6))
+        step_changes(
+            self._nodes, _inertial(block, shifts), block.increment, block.velocity,
+            block.acceleration, shifts, block.step, steps, dv, dw,
+        )  # fmt: skip
+        if shifts[0] != 0.0 or shifts[2] != 0.0:
             add_action(
                 *self._loop_data(self._kernels.action, self._starts), block.frames, block.velocity,
                 steps, dv, scale, block.residual,
@@ -243,17 +234,18 @@ class NurbsGroup:
         )  # fmt: skip
 
     def response(
-        self, frames: FloatArray, at: IntArray | slice, xi: FloatArray | None = None
+        self, frames: FloatArray, at: IntArray, xi: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Strains and resultants (m, q, 6) of the given elements in section axes.
 
         Args:
             frames: (n, 12) frames of the nodes.
-            at: the elements meant.
-            xi: (q,) places in all of them; None for the middle.
+            at: (m,) the elements meant.
+            xi: (q,) or (m, q) places in them, 0 to 1.
         """
-        place = self._points(at, np.array([0.5]) if xi is None else xi)
-        cells, tables = self.data.nodes[at], place.tables
+        data, ones = self.data, np.ones(xi.shape[-1])
+        cells = data.nodes[at]
+        tables = points(data.shape[at], cells, self._start, xi, ones).tables
         starts = self._start_strains(tables, cells)
         velocity = np.zeros((len(frames), 6))
         strains = self._strains(tables, cells, starts, frames, velocity)[:, :, :6]

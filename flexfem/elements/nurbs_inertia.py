@@ -18,7 +18,13 @@ from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel
 
-__all__ = ["add_inertia", "add_inertia_action", "add_inertia_tangent", "step_rates"]
+__all__ = [
+    "add_inertia",
+    "add_inertia_action",
+    "add_inertia_tangent",
+    "step_changes",
+    "step_rates",
+]
 
 
 @inlined
@@ -154,6 +160,29 @@ def step_rates(
         for i in range(6):
             for j in range(6):
                 by_v[node, i, j], by_w[node, i, j] = v[6 * i + j], w[6 * i + j]
+
+
+@kernel
+def step_changes(
+    nodes: IntArray, inertial: bool, increments: FloatArray, velocity: FloatArray,
+    acceleration: FloatArray, shifts: FloatArray, steps: FloatArray, turns: FloatArray,
+    dv: FloatArray, dw: FloatArray,
+) -> None:  # fmt: skip
+    """Write what :func:`step_rates` gives along ``steps`` (n, 6) to ``dv``, ``dw`` (n, 6).
+
+    ``turns`` (n, 6) gets k times the steps.
+    """
+    v, w = np.empty(36), np.empty(36)
+    for node in nodes:
+        step_rates_into(
+            inertial, increments[node], velocity[node], acceleration[node], shifts, v, w
+        )
+        for i in range(6):
+            turns[node, i] = shifts[2] * steps[node, i]
+            dv[node, i], dw[node, i] = 0.0, 0.0
+            for j in range(6):
+                dv[node, i] += v[6 * i + j] * steps[node, j]
+                dw[node, i] += w[6 * i + j] * steps[node, j]
 
 
 @kernel

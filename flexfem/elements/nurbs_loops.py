@@ -175,10 +175,8 @@ def add_action(
 ) -> None:  # fmt: skip
     """Add ``scale`` times the change of the internal forces to ``residual`` (n, 6).
 
-    Args:
-        steps: (n, 6) local twists by which the nodes move.
-        changes: (n, 6) change of their local velocities.
-        others: as for the residual.
+    The nodes move by the local twists ``steps`` (n, 6), and their local velocities change by
+    ``changes`` (n, 6).
     """
     k = cells.shape[1]
     shape = (k, 6, LANES)

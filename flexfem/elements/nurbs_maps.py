@@ -156,12 +156,8 @@ def rate_changes_into(
 ) -> None:  # fmt: skip
     """Change (k, 6, L) of :func:`rates_into` at fixed local twists as the nodes move.
 
-    Args:
-        relative, places: of :func:`places_into`.
-        twists: (k, 6, L) local twists.
-        steps: (k, 6, L) local twists by which the nodes move.
-        moved: (k, 6, L) change of the places along them.
-        changes: (k, 6, L) the result.
+    They move by the local twists ``steps`` (k, 6, L), which change the places by ``moved``
+    (k, 6, L).
     """
     k = twists.shape[0]
     ref = k // 2
@@ -213,13 +209,8 @@ def force_changes_into(
 ) -> None:  # fmt: skip
     """Change of :func:`forces_into` at a fixed dual as the nodes move.
 
-    Args:
-        relative, places: of :func:`places_into`.
-        dual: (k, 6, L) forces dual to the places.
-        steps: (k, 6, L) local twists by which the nodes move.
-        moved: (k, 6, L) change of the places along them.
-        changes: (k, 6, L) the change at each node; not touched at the reference node.
-        moments: (k, 3, L) what each node adds to the moment at the reference node.
+    They move as in :func:`rate_changes_into`. ``changes`` (k, 6, L) gets the change at each node
+    but the reference node, ``moments`` (k, 3, L) what it adds to the moment there.
     """
     k = dual.shape[0]
     ref = k // 2

@@ -109,7 +109,8 @@ def _add_columns(K: FloatArray, A: FloatArray, X: FloatArray) -> None:
             for b in range(others):
                 node = b + (b >= ref)
                 for m in range(6):
-                    for j in range(6):
+                    # rotations do not change along translations
+                    for j in range(3 * (m >= 3), 6):
                         for lane in range(LANES):
                             factor = K[a, i, b, m, lane]
                             X[a, i, node, j, lane] += factor * A[0, b, m, j, lane]
@@ -125,7 +126,7 @@ def _rows_into(A: FloatArray, X: FloatArray, E: FloatArray) -> None:
     for a in range(others):
         node = a + (a >= ref)
         for m in range(6):
-            for i in range(6):
+            for i in range(3 * (m >= 3), 6):
                 for J in range(k):
                     for j in range(6):
                         for lane in range(LANES):
@@ -217,11 +218,8 @@ def tangent_into(
 ) -> None:  # fmt: skip
     """Write ``scale (k K + C dv)`` of the internal forces of all elements to ``values``.
 
-    Args:
-        by_v: (n, 6, 6) dv, the change of each node's local velocity along its local twist.
-        stiffness: k.
-        values: (m, 36 k k).
-        others: as in ``nurbs_loops.add_residual``.
+    ``by_v`` (n, 6, 6) is dv, the change of each node's local velocity along its local twist,
+    ``stiffness`` k; ``values`` (m, 36 k k). The rest is as in ``nurbs_loops.add_residual``.
     """
     k, viscous = cells.shape[1], offsets[RATES] >= 0
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, 6, LANES))

@@ -194,8 +194,8 @@ class RelativeRotation:
 
     def variables(self) -> "RelativeRotation":
         """The same coefficients, that expressions can be differentiated by."""
-        made = (ufl.variable(f) for f in (self.a, self.b, self.c, self.b_1, self.c_1))
-        return RelativeRotation(*made, self.b_2, self.c_2)
+        a, b, c, b_1, c_1 = map(ufl.variable, (self.a, self.b, self.c, self.b_1, self.c_1))
+        return RelativeRotation(a, b, c, b_1, c_1, self.b_2, self.c_2)
 
     def slopes(self) -> list[tuple[Expr, Expr]]:
         """Coefficients a to c_1, each with the factor of theta in its gradient by theta."""

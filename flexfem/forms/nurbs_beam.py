@@ -135,7 +135,8 @@ def _written(mesh: ufl.Mesh, entries: list[Expr]) -> ufl.Form:
     shape = (len(entries),)
     space = ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=shape))
     value = ufl.dot(ufl.as_vector(entries), ufl.TestFunction(space))
-    return value / ufl.CellVolume(mesh) * ufl.dx(mesh, degree=0)
+    form: ufl.Form = value / ufl.CellVolume(mesh) * ufl.dx(mesh, degree=0)
+    return form
 
 
 @cache
