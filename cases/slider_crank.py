@@ -33,20 +33,21 @@ import flexfem as ff
 LENGTH_1, LENGTH_2 = 0.3, 0.6
 
 
-def build(*, elements: int) -> ff.Model:
-    """Model with ``elements`` beam elements per rod."""
+def build(*, elements: int, formulation: str, degree: int) -> ff.Model:
+    """Model with ``elements`` beam elements per rod, NURBS ones of the given degree."""
     mesh = ff.build_mesh("slider_crank", elements=elements, length_1=LENGTH_1, length_2=LENGTH_2)
     steel = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
     section = ff.Section.rectangle(0.03, 0.03, steel)
     model = ff.Model("slider_crank", mesh=mesh)
     root, tip = ff.Marker("rod_1", "start"), ff.Marker("rod_1", "end")
     pin, slider = ff.Marker("rod_2", "start"), ff.Marker("rod_2", "end")
-    half = (elements // 2) / elements
+    half = 0.5 if formulation == "nurbs" else (elements // 2) / elements
+    along = {"formulation": formulation, "degree": degree if formulation == "nurbs" else None}
     middle = [ff.Marker("rod_2", half), ff.Marker("rod_2", 1.0 - half)]
     model.add(
         ff.Gravity((0.0, -9.81, 0.0)),
-        ff.Beam("rod_1", section, orientation=(0.0, 1.0, 0.0)),
-        ff.Beam("rod_2", section, orientation=(0.0, 1.0, 0.0)),
+        ff.Beam("rod_1", section, orientation=(0.0, 1.0, 0.0), **along),
+        ff.Beam("rod_2", section, orientation=(0.0, 1.0, 0.0), **along),
         ff.PointMass("slider", 0.1, slider),
         ff.Spherical("ground_pin", ff.Ground(), root),
         ff.Spherical("crank_pin", tip, pin),
@@ -93,7 +94,11 @@ CASE = ff.Case(
     summary="high-speed flexible slider-crank (Wu et al. 2020)",
     description=__doc__,
     build=build,
-    options=(ff.Option("elements", int, 12, "beam elements per rod", minimum=2),),
+    options=(
+        ff.Option("elements", int, 12, "beam elements per rod", minimum=2),
+        ff.Option("formulation", str, "se3", "of the beams", choices=("se3", "nurbs")),
+        ff.Option("degree", int, 3, "of NURBS beams", minimum=1),
+    ),
     dt=1e-4,
     t_end=0.2,
     smoke={"elements": 2, "t_end": 1e-3},

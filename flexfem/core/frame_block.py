@@ -108,6 +108,15 @@ class FrameBlock:
         found = known[at] == ids if len(known) else np.zeros(len(ids), dtype=bool)
         return np.where(found, order[at] if len(known) else 0, -1).astype(np.int64)
 
+    def local_index(self, ids: IndexArray) -> IntArray:
+        """Local indices of nodes (any shape) given by their input numbers, ghosts included.
+
+        All of them are on this rank.
+        """
+        order = np.argsort(self.node_ids)
+        found: IntArray = order[np.searchsorted(self.node_ids[order], ids)].astype(np.int64)
+        return found
+
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step; see ``frame_kernels.predict``."""
         self._rates = rates

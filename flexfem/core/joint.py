@@ -54,6 +54,8 @@ class Joint:
 
     #: rows change with time: they are asked for at every step
     driven: ClassVar[bool] = False
+    #: marker a may be the line of a beam, on which marker b slides
+    slides: ClassVar[bool] = False
     #: relative motions left along ("translation") and about ("rotation") the axis of the joint
     leaves: ClassVar[tuple[str, ...]] = ()
 
@@ -156,6 +158,8 @@ class JointAction(Joint):
     b: Attachment = field(init=False)
     joint: Joint
     motion: str | None = None
+
+    slides = True
 
     def __post_init__(self) -> None:
         """Take markers and axis from the joint.

@@ -10,8 +10,9 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_loops import add_action, add_residual, add_tangent
-from flexfem.elements.beam_material import Material
+from flexfem.elements.beam_material import Material, symmetric
 from flexfem.elements.beam_motion import add_cell_motion, cell_rates
+from flexfem.forms.beam import beam_forms
 from flexfem.la.kernel import compile_kernel
 from flexfem.lie import se3
 
@@ -86,8 +87,8 @@ class BeamGroup:
         # one row for all cells whose section axes are the nodes' own
         turns = turns if self.turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
         self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
-        self._inertias = _symmetric(material.data[:, :21])
-        forms = material.forms
+        self._inertias = symmetric(material.data[:, :21])
+        forms = beam_forms(material.damped, material.law)
         coefficients = tuple(forms.coefficients.values())
         self._residual = compile_kernel(comm, forms.residual, coefficients, batched=True)
         self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)
@@ -202,10 +203,3 @@ class BeamGroup:
             self.data.cells, chosen, self.turned, self._turns, self.lengths, self.data.section,
             self._inertias, block.frames, block.velocity, motion,
         )  # fmt: skip
-
-
-def _symmetric(upper: FloatArray) -> FloatArray:
-    """Matrices (s, 6, 6) from their upper triangles (s, 21)."""
-    matrices = np.zeros((len(upper), 6, 6))
-    matrices[:, *np.triu_indices(6)] = upper
-    return matrices + np.swapaxes(np.triu(matrices, 1), -1, -2)

@@ -10,14 +10,13 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.elements.beam_loops import law_values, linear_resultants
-from flexfem.forms.beam import BeamForms, beam_forms
 from flexfem.forms.beam_law import LawExpressions, law_expressions, law_form
 from flexfem.la.kernel import Kernel, compile_kernel
 from flexfem.materials.beam_law import BeamLaw
 from flexfem.materials.matrices import check_definite
 from flexfem.materials.section import Section
 
-__all__ = ["LawMaterial", "LinearMaterial", "Material", "grouped"]
+__all__ = ["LawMaterial", "LinearMaterial", "Material", "grouped", "materials", "symmetric"]
 
 _UPPER = np.triu_indices(6)
 #: Viscous stress at rest that still counts as round-off, relative to the viscosity.
@@ -28,13 +27,15 @@ class Material(Protocol):
     """What distinguishes the cells of one material from others.
 
     Attributes:
-        forms: the beam's forms with this material.
+        law, damped: what the forms of an element depend on: the law, None for the linear one, and
+            whether there is stiffness-proportional damping.
         data: (s, k) what the loops hand to the kernels for each section: 21 entries of the inertia,
             then stiffness or parameters.
         viscous: whether the cells resist the rate of their strain.
     """
 
-    forms: BeamForms
+    law: LawExpressions | None
+    damped: bool
     data: FloatArray
     viscous: bool
 
@@ -62,6 +63,37 @@ def grouped(sections: Sequence[Section]) -> Mapping[LawExpressions | None, list[
     return groups
 
 
+def materials(
+    comm: MPI.Intracomm, sections: Sequence[Section], owners: Sequence[str], damped: bool
+) -> list[tuple[list[int], "Material"]]:
+    """Materials of a model's sections, each with the numbers of its sections (collective).
+
+    Args:
+        comm: communicator.
+        sections: the sections.
+        owners: what messages call each of them.
+        damped: some cells have stiffness-proportional damping.
+
+    Raises:
+        ValueError: a section's law is not usable; on all ranks.
+    """
+    found: list[tuple[list[int], Material]] = []
+    for law, numbers in grouped(sections).items():
+        own = [sections[i] for i in numbers]
+        if law is None:
+            found.append((numbers, LinearMaterial(own, damped)))
+        else:
+            found.append((numbers, LawMaterial(comm, law, own, [owners[i] for i in numbers])))
+    return found
+
+
+def symmetric(upper: FloatArray) -> FloatArray:
+    """Matrices (s, 6, 6) from their upper triangles (s, 21)."""
+    matrices = np.zeros((len(upper), 6, 6))
+    matrices[:, *_UPPER] = upper
+    return matrices + np.swapaxes(np.triu(matrices, 1), -1, -2)
+
+
 def _data(sections: Sequence[Section], material: FloatArray) -> FloatArray:
     inertia = np.array([s.inertia[_UPPER] for s in sections])
     return np.ascontiguousarray(np.concatenate([inertia, material], axis=1))
@@ -70,10 +102,12 @@ def _data(sections: Sequence[Section], material: FloatArray) -> FloatArray:
 class LinearMaterial:
     """Stiffness matrices, with stiffness-proportional damping on demand."""
 
+    law: LawExpressions | None
+
     def __init__(self, sections: Sequence[Section], damped: bool) -> None:
         """Collect the matrices."""
         self._matrices = np.array([s.stiffness for s in sections])
-        self.forms, self.viscous = beam_forms(damped), damped
+        self.law, self.damped, self.viscous = None, damped, damped
         self.data = _data(sections, self._matrices[:, *_UPPER])
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -92,6 +126,8 @@ class LinearMaterial:
 class LawMaterial:
     """Laws of the user that differ in the values of parameters only."""
 
+    law: LawExpressions | None
+
     def __init__(
         self, comm: MPI.Intracomm, law: LawExpressions, sections: Sequence[Section],
         owners: Sequence[str],
@@ -106,7 +142,7 @@ class LawMaterial:
         self._size = law_form(law).size
         self._kernel = _compile(comm, law, f"{owners[0]}: {laws[0].owner}")
         self._check(laws, owners)
-        self.forms, self.viscous = beam_forms(False, law), law.dissipation is not None
+        self.law, self.damped, self.viscous = law, False, law.dissipation is not None
         self.data = _data(sections, self._parameters)
 
     def _values(self, strain: FloatArray, rate: FloatArray, sections: IntArray) -> FloatArray:

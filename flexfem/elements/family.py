@@ -81,7 +81,10 @@ class BeamFamily(Protocol):
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Strains and stress resultants (m, 6) in section axes, of all or the ``chosen`` cells."""
+        """Strains and stress resultants (m, 6) in section axes, of all or the ``chosen`` cells.
+
+        They are those in the middle of the cells.
+        """
         ...
 
     def energies(self, frames: FloatArray) -> FloatArray:
@@ -89,7 +92,12 @@ class BeamFamily(Protocol):
         ...
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        """Viscous stress resultants and strain rates (j, 6) at the points of :attr:`viscous_at`."""
+        ...
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """Cell (j,) of each point of :meth:`viscosity`, and the length (j,) it stands for, m."""
         ...
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:

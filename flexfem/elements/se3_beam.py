@@ -14,8 +14,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_group import BeamCells, BeamGroup
-from flexfem.elements.beam_material import LawMaterial, LinearMaterial, Material, grouped
-from flexfem.forms.beam_law import LawExpressions
+from flexfem.elements.beam_material import materials
 from flexfem.materials.section import Section
 
 __all__ = ["BeamCells", "SE3Beams", "node_frames"]
@@ -65,14 +64,10 @@ class SE3Beams:
         named = zip(sections, owners, strict=True)
         self.law_owner = next((owner for s, owner in named if s.law is not None), None)
         damped = comm.allreduce(bool(np.any(data.damping > 0.0)), op=MPI.LOR)
-        groups = grouped(sections).items()
-        # all laws are checked before the long compilation of the first
-        materials = [
-            _material(comm, law, numbers, sections, owners, damped) for law, numbers in groups
-        ]
         self.groups: list[tuple[IntArray, BeamGroup]] = []
         self.lengths = np.empty(len(data.cells))
-        for (_, numbers), material in zip(groups, materials, strict=True):
+        # all laws are checked before the long compilation of the first
+        for numbers, material in materials(comm, sections, owners, damped):
             rows = np.flatnonzero(np.isin(data.section, numbers))
             group = BeamGroup(comm, _part(data, rows, numbers), material, start)
             self.groups.append((rows, group))
@@ -187,21 +182,15 @@ class SE3Beams:
             stress[rows], rate[rows] = group.viscosity(block)
         return stress, rate
 
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """See :class:`flexfem.elements.family.BeamFamily`."""
+        return np.arange(len(self.lengths)), self.lengths
+
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.motion``."""
         for rows, group in self.groups:
             group.add_motion(block, chosen[rows], motion)
-
-
-def _material(
-    comm: MPI.Intracomm, law: LawExpressions | None, numbers: Sequence[int],
-    sections: Sequence[Section], owners: Sequence[str], damped: bool,
-) -> Material:  # fmt: skip
-    """Material of the sections with the given numbers."""
-    own = [sections[i] for i in numbers]
-    if law is None:
-        return LinearMaterial(own, damped)
-    return LawMaterial(comm, law, own, [owners[i] for i in numbers])
 
 
 def _part(data: BeamCells, rows: IntArray, numbers: Sequence[int]) -> BeamCells:

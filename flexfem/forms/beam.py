@@ -25,7 +25,7 @@ from functools import cache
 import basix.ufl
 import ufl
 
-from flexfem.forms.beam_law import LawExpressions, constant_field, interval_mesh
+from flexfem.forms.beam_law import LawExpressions, constant_field, interval_mesh, symmetric
 from flexfem.forms.lie import Expr, coadjoint_product, se3_log, se3_relative_rate
 
 __all__ = ["BeamForms", "beam_forms"]
@@ -64,15 +64,6 @@ def _ends(field: Expr, jacobian: Expr) -> tuple[Expr, Expr]:
 
 def _frame_rows(rotation: Expr) -> Expr:
     return ufl.as_matrix([[rotation[3 * i + j] for j in range(3)] for i in range(3)])
-
-
-def _sym(values: Expr) -> Expr:
-    """Symmetric 6x6 matrix from its 21 upper-triangle entries, row by row."""
-    index: dict[tuple[int, int], int] = {}
-    for i in range(6):
-        for j in range(i, 6):
-            index[i, j] = index[j, i] = len(set(index.values()))
-    return ufl.as_matrix([[values[index[i, j]] for j in range(6)] for i in range(6)])
 
 
 def _linear_field(mesh: ufl.Mesh, size: int) -> ufl.Coefficient:
@@ -158,7 +149,7 @@ def _stress(
         return law.stress(stretch / length, rate / length, fields["parameters"])
     if damped:
         stretch += fields["damping"] * rate
-    return _sym(fields["stiffness"]) * (stretch / length)
+    return symmetric(fields["stiffness"]) * (stretch / length)
 
 
 @cache
@@ -181,7 +172,7 @@ def beam_forms(damped: bool, law: LawExpressions | None = None) -> BeamForms:
     R_1, R_2 = (_frame_rows(r) for r in _ends(fields["rotation"], jacobian))
     v, a = (_ends(fields[name], jacobian) for name in ("velocity", "acceleration"))
     w, dw = _ends(test, jacobian), _ends(trial, jacobian)
-    length, m = fields["length"], _sym(fields["inertia"])
+    length, m = fields["length"], symmetric(fields["inertia"])
 
     d = ufl.variable(se3_log(R_1.T * (x_2 - x_1), R_1.T * R_2))
 

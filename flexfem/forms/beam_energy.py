@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import basix.ufl
 import ufl
 
-from flexfem.forms.beam import _sym, _work
+from flexfem.forms.beam import _work
+from flexfem.forms.beam_law import symmetric
 from flexfem.forms.discrete import Change, cross, inverse, polynomial, root
 from flexfem.forms.lie import _ARC, _POLE, _REST, Expr, skew
 
@@ -142,7 +143,7 @@ def _stress(fields: dict[str, ufl.Coefficient], constants: Expr, d: Change) -> E
     change = d.end - d.start
     stretch = d.mean - fields["relative_twist"] + fields["damping"] * constants[1] * change
     stretch += constants[0] * (change - fields["last_change"])
-    return _sym(fields["stiffness"]) * (stretch / fields["length"])
+    return symmetric(fields["stiffness"]) * (stretch / fields["length"])
 
 
 def beam_energy_forms() -> BeamEnergyForms:

@@ -25,7 +25,15 @@ from flexfem._checks import show
 from flexfem.forms.lie import Expr
 from flexfem.materials.beam_law import BeamLaw
 
-__all__ = ["LawExpressions", "LawForm", "law_expressions", "law_form"]
+__all__ = [
+    "LawExpressions",
+    "LawForm",
+    "constant_field",
+    "interval_mesh",
+    "law_expressions",
+    "law_form",
+    "symmetric",
+]
 
 
 def interval_mesh() -> ufl.Mesh:
@@ -38,6 +46,15 @@ def constant_field(mesh: ufl.Mesh, *shape: int) -> ufl.Coefficient:
     return ufl.Coefficient(
         ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=shape))
     )
+
+
+def symmetric(values: Expr) -> Expr:
+    """Symmetric 6x6 matrix from its 21 upper-triangle entries, row by row."""
+    index: dict[tuple[int, int], int] = {}
+    for i in range(6):
+        for j in range(i, 6):
+            index[i, j] = index[j, i] = len(set(index.values()))
+    return ufl.as_matrix([[values[index[i, j]] for j in range(6)] for i in range(6)])
 
 
 @dataclass(frozen=True)

@@ -65,9 +65,7 @@ class FieldOutput:
 def model_extent(serial: Assembly) -> float:
     """Size of the model at the start, m."""
     poses = [serial.marker_pose(m).position for j in serial.model.joints for m in j.markers]
-    points = [se3.position(serial.rigid_frames), np.array(poses).reshape(-1, 3)]
-    if serial.model.beams:
-        points.append(serial.points)
+    points = [se3.position(serial.rigid_frames), np.array(poses).reshape(-1, 3), serial.nodes]
     every = np.concatenate(points)
     extent = float(np.linalg.norm(every.max(axis=0) - every.min(axis=0))) if len(every) else 0.0
     return extent or 1.0

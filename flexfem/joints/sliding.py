@@ -30,6 +30,7 @@ class Sliding(Joint):
     a: Carrier
     tied: bool = False
 
+    slides = True
     leaves = ("translation",)
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
+from flexfem.mesh.normals import angle_about, any_normal, dot, projected, reflect, turn
 from flexfem.mesh.topology import Line, meeting_ends, trace_lines
 
 #: Direction for e2: a vector, a function of points (n, 3), or None for rotation-minimising frames.
@@ -17,9 +18,6 @@ Orientation = npt.ArrayLike | Callable[[FloatArray], npt.ArrayLike] | None
 #: Largest angle between neighbouring cells, radians, that is still taken for a smooth curve.
 #: A full circle of eight cells turns by 45 degrees at each node.
 CORNER_ANGLE = np.deg2rad(60.0)
-
-# Sine of the smallest angle between an orientation vector and the tangent
-_PARALLEL = 1e-6
 
 
 def node_tangents(
@@ -63,7 +61,7 @@ def node_tangents(
     for side in (0, 1):
         one_sided = known[:, 1 - side] & ~known[:, side]
         t, chord = tangents[one_sided, 1 - side], chords[one_sided]
-        tangents[one_sided, side] = 2.0 * _dot(t, chord) * chord - t
+        tangents[one_sided, side] = 2.0 * dot(t, chord) * chord - t
     return tangents
 
 
@@ -101,14 +99,8 @@ def section_frames(
     if orientation is None:
         e2 = _rotation_minimising(points, cells, e1)
     else:
-        e2 = _projected(_orientation_vectors(points, cells, orientation), e1, points[cells])
+        e2 = projected(_orientation_vectors(points, cells, orientation), e1, points[cells])
     return np.stack([e1, e2, np.cross(e1, e2)], axis=-1)
-
-
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the dot products of the rows, shape (..., 1)."""
-    result: FloatArray = np.einsum("...i,...i->...", a, b)[..., None]
-    return result
 
 
 def _orientation_vectors(
@@ -123,52 +115,6 @@ def _orientation_vectors(
         "orientation", "result of the function", orientation(points[nodes]), (len(nodes), 3)
     )
     return values[index.reshape(cells.shape)]
-
-
-def _projected(vectors: FloatArray, e1: FloatArray, places: FloatArray) -> FloatArray:
-    """Return the unit vectors of the parts of `vectors` normal to `e1`."""
-    normal = vectors - _dot(vectors, e1) * e1
-    size = np.linalg.norm(normal, axis=-1, keepdims=True)
-    parallel = size <= _PARALLEL * np.linalg.norm(vectors, axis=-1, keepdims=True)
-    if parallel.any():
-        where = np.unravel_index(int(np.argmax(parallel)), parallel.shape)[:2]
-        raise ValueError(
-            f"orientation {_checks.show(vectors[where].tolist())} is parallel to the tangent at "
-            f"{_checks.show(places[where].tolist())}"
-        )
-    # Once more: near the tangent the first projection leaves a rounding error
-    normal /= size
-    normal -= _dot(normal, e1) * e1
-    result: FloatArray = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-    return result
-
-
-def _any_normal(tangents: FloatArray) -> FloatArray:
-    """Return unit vectors normal to unit tangents: horizontal, near ey for vertical tangents."""
-    vertical = np.abs(tangents[..., 2:]) > 0.99
-    normal = np.where(
-        vertical, np.array([0.0, 1.0, 0.0]), np.cross(np.array([0.0, 0.0, 1.0]), tangents)
-    )
-    normal = normal - _dot(normal, tangents) * tangents
-    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
-
-
-def _reflect(vectors: FloatArray, mirror: FloatArray) -> FloatArray:
-    """Reflect vectors in the planes normal to `mirror`; zero mirrors leave them as they are."""
-    square = _dot(mirror, mirror)
-    return vectors - 2.0 * _dot(mirror, vectors) / np.where(square > 0.0, square, 1.0) * mirror
-
-
-def _turn(vectors: FloatArray, old: FloatArray, new: FloatArray) -> FloatArray:
-    """Turn vectors normal to `old` by the smallest rotation from `old` to `new`."""
-    cosine = np.maximum(1.0 + _dot(old, new), 1e-15)  # a fold by 180 degrees keeps normals
-    return vectors - _dot(new, vectors) / cosine * (old + new)
-
-
-def _angle(vectors: FloatArray, normals: FloatArray, tangents: FloatArray) -> FloatArray:
-    """Return the angles about the tangents from `normals` to `vectors`."""
-    sine = _dot(vectors, np.cross(tangents, normals))[..., 0]
-    return np.arctan2(sine, _dot(vectors, normals)[..., 0])
 
 
 def _rotation_minimising(points: FloatArray, cells: IntArray, tangents: FloatArray) -> FloatArray:
@@ -213,20 +159,20 @@ def _carry(
     sides = np.where(line.reversed[:, None], [1, 0], [0, 1])
     sign = np.where(line.reversed, -1.0, 1.0)[:, None, None]
     t = sign * tangents[line.cells[:, None], sides]  # (k, 2, 3), along the line
-    normals = _any_normal(t)
+    normals = any_normal(t)
     # Inside a cell by double reflection, from one cell to the next by the smallest rotation
     chord = np.diff(points[line.nodes], axis=0)
-    mirrored = _reflect(t[:, 0], chord)
-    inside = _reflect(_reflect(normals[:, 0], chord), t[:, 1] - mirrored)
-    across = _turn(normals[:-1, 1], t[:-1, 1], t[1:, 0])
+    mirrored = reflect(t[:, 0], chord)
+    inside = reflect(reflect(normals[:, 0], chord), t[:, 1] - mirrored)
+    across = turn(normals[:-1, 1], t[:-1, 1], t[1:, 0])
     steps = np.zeros((len(t), 2))
-    steps[:, 1] = _angle(inside, normals[:, 1], t[:, 1])
-    steps[1:, 0] = _angle(across, normals[1:, 0], t[1:, 0])
+    steps[:, 1] = angle_about(inside, normals[:, 1], t[:, 1])
+    steps[1:, 0] = angle_about(across, normals[1:, 0], t[1:, 0])
     angle = np.cumsum(steps.ravel()).reshape(steps.shape)
     if frame is not None:
         end = (side, side)  # first end of the first cell or second end of the last
-        start = _turn(frame[1], frame[0], t[end])
-        angle += _angle(start, normals[end], t[end]) - angle[end]
+        start = turn(frame[1], frame[0], t[end])
+        angle += angle_about(start, normals[end], t[end]) - angle[end]
     normal = np.cos(angle)[..., None] * normals + np.sin(angle)[..., None] * np.cross(t, normals)
     e2[line.cells[:, None], sides] = normal
     return np.stack([t[0, 0], normal[0, 0]]), np.stack([t[-1, -1], normal[-1, -1]])

@@ -11,12 +11,18 @@ from flexfem._types import FloatArray
 from flexfem.core.marker import Marker
 from flexfem.materials.section import Section
 from flexfem.mesh.frames import Orientation
+from flexfem.mesh.nurbs import NurbsCurve
 
 # Relative to the largest principal moment: plates satisfy the triangle inequality as an equality
 _TRIANGLE_TOLERANCE = 1e-9
 _SINGULAR = 1e-12
 
 _ZERO = (0.0, 0.0, 0.0)
+
+#: Formulations of beams.
+FORMULATIONS = ("se3", "nurbs")
+#: Degree of curves through the nodes of a mesh.
+_DEGREE = 3
 
 
 @dataclass(frozen=True)
@@ -89,15 +95,19 @@ class Cylinder:
 
 @dataclass(frozen=True, eq=False, init=False)
 class Beam:
-    """Beam along a named group of line cells.
+    """Beam along a named group of line cells, or along a NURBS curve.
 
     Attributes:
         name: Unique name in the model.
         section: Stiffness and inertia.
-        group: Line group of the model's mesh.
+        group: Line group of the model's mesh, None with a curve.
+        curve: Curve of a beam that needs no mesh; its elements are its knot spans.
+        degree: Degree of the curve through the nodes of the group with the formulation "nurbs";
+            None for others.
+        formulation: Element formulation: "se3" for geometrically exact two-node elements on the
+            cells of the group, "nurbs" for isogeometric elements.
         orientation: Approximate direction of e2 in inertial axes: a vector, a function of points
             (n, 3) that returns vectors (n, 3), or None for rotation-minimising frames.
-        formulation: Element formulation.
         damping: Stiffness-proportional damping, seconds.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,
             inertial axes, shape (3,), m/s.
@@ -107,9 +117,11 @@ class Beam:
 
     name: str
     section: Section
-    group: str
-    orientation: Orientation
+    group: str | None
+    curve: NurbsCurve | None
+    degree: int | None
     formulation: str
+    orientation: Orientation
     damping: float
     velocity: FloatArray
     angular_velocity: FloatArray
@@ -120,29 +132,40 @@ class Beam:
         section: Section,
         *,
         group: str | None = None,
+        curve: NurbsCurve | None = None,
+        degree: int | None = None,
+        formulation: str | None = None,
         orientation: Orientation = None,
-        formulation: str = "se3",
         damping: float = 0.0,
         velocity: npt.ArrayLike = _ZERO,
         angular_velocity: npt.ArrayLike = _ZERO,
     ) -> None:
-        """Create a beam; the group has the beam's name when None.
+        """Create a beam.
+
+        Without a curve, the group has the beam's name when None. The formulation is "nurbs" where
+        a curve is given, else "se3" when None; the degree is 3 when None.
 
         Raises:
             TypeError: An argument has the wrong type.
-            ValueError: A wrong shape, NaN, a zero orientation or negative damping.
+            ValueError: A wrong shape, NaN, a zero orientation, negative damping, or arguments that
+                exclude one another.
         """
         owner = _checks.named(self, name)
         _checks.instance(owner, "section", section, Section)
+        formulation, degree = _formulation(owner, group, curve, degree, formulation)
+        if curve is None:
+            group = name if group is None else _checks.text(owner, "group", group)
         if orientation is not None and not callable(orientation):
             orientation = _checks.vector(owner, "orientation", orientation, nonzero=True)
         _checks.assign(
             self,
             name=name,
             section=section,
-            group=name if group is None else _checks.text(owner, "group", group),
+            group=group,
+            curve=curve,
+            degree=degree,
+            formulation=formulation,
             orientation=orientation,
-            formulation=_checks.text(owner, "formulation", formulation),
             damping=_checks.number(owner, "damping", damping, nonnegative=True),
             velocity=_checks.vector(owner, "velocity", velocity),
             angular_velocity=_checks.vector(owner, "angular_velocity", angular_velocity),
@@ -236,6 +259,40 @@ class PointMass:
         owner = _checks.named(self, self.name)
         _checks.number(owner, "mass", self.mass, positive=True)
         _checks.instance(owner, "marker", self.marker, Marker)
+
+
+def _formulation(
+    owner: str, group: str | None, curve: object, degree: int | None, formulation: str | None
+) -> tuple[str, int | None]:
+    """Return the checked formulation of a beam and the degree of the curve through its group."""
+    if formulation is None:
+        formulation = "se3" if curve is None else "nurbs"
+    _checks.text(owner, "formulation", formulation)
+    if formulation not in FORMULATIONS:
+        known = " or ".join(f'"{name}"' for name in FORMULATIONS)
+        raise ValueError(f"{owner}: formulation must be {known}, got {_checks.show(formulation)}")
+    if degree is not None:
+        if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)):
+            raise TypeError(f"{owner}: degree must be a whole number, got {_checks.show(degree)}")
+        if degree < 1:
+            raise ValueError(f"{owner}: degree must be at least 1, got {degree}")
+    if formulation == "se3":
+        for what, value in (("curve", curve), ("degree", degree)):
+            if value is not None:
+                raise ValueError(
+                    f'{owner}: formulation "se3" has no {what}, got {_checks.show(value)}'
+                )
+        return formulation, None
+    if curve is None:
+        return formulation, _DEGREE if degree is None else int(degree)
+    _checks.instance(owner, "curve", curve, NurbsCurve)
+    if group is not None:
+        raise ValueError(f'{owner}: give a curve or a group, got group "{group}" as well')
+    if degree is not None:
+        raise ValueError(
+            f"{owner}: the degree is that of the curve (NurbsCurve.elevate raises it), got {degree}"
+        )
+    return formulation, None
 
 
 def _inertia_tensor(owner: str, value: npt.ArrayLike) -> FloatArray:

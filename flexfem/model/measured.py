@@ -148,11 +148,13 @@ class ReactionProbe(AnyProbe):
 
 @dataclass(frozen=True, eq=False)
 class StrainProbe(AnyProbe):
-    """Strains and stress resultants of one element of a beam, in section axes.
+    """Strains and stress resultants of a beam at one place, in section axes.
 
     Columns: extension and shears name_gamma1 to _gamma3, twist and bendings (1/m) name_kappa1 to
     _kappa3, both relative to the shape at the start; forces (N) name_n1 to _n3 and moments (N m)
-    name_m1 to _m3 without what damping adds. The element is the one whose middle is nearest.
+    name_m1 to _m3 without what damping adds. On
+    SE(3) beams they are those of the element whose middle is nearest, on NURBS beams those at the
+    fraction.
 
     Attributes:
         name: Unique name in the model.
@@ -180,17 +182,20 @@ class StrainProbe(AnyProbe):
 
     def check(self, model: "Model") -> None:
         """See :meth:`AnyProbe.check`."""
-        self.nodes(model)
+        beam = model.get(self.beam)
+        if not isinstance(beam, Beam):
+            raise ValueError(f'StrainProbe "{self.name}": {model!r} has no beam "{self.beam}"')
+        if beam.formulation == "se3":
+            self.nodes(model)
 
     def nodes(self, model: "Model") -> tuple[int, int]:
-        """Return the mesh nodes at both ends of the element.
+        """Return the mesh nodes at both ends of the element of an SE(3) beam.
 
         Raises:
-            ValueError: The model has no such beam, or it is no simple line.
+            ValueError: The beam is no simple line.
         """
-        owner, beam = f'StrainProbe "{self.name}"', model.get(self.beam)
-        if not isinstance(beam, Beam) or model.mesh is None:
-            raise ValueError(f'{owner}: {model!r} has no beam "{self.beam}"')
+        owner, beam = f'StrainProbe "{self.name}"', model[self.beam]
+        assert model.mesh is not None
         try:
             return beam_cell(model.mesh, beam, self.fraction)
         except ValueError as error:

@@ -9,13 +9,15 @@ from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
-from flexfem.core.marker import Attachment, Carrier, Marker
+from flexfem.core.marker import Carrier, Marker, Observed
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
+from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.event import Event
+from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
-from flexfem.model.resolve import beam_node
+from flexfem.model.resolve import beam_node, curve_place, group_curve
 from flexfem.model.validate import validate
 
 # Kinds of named things and the lists they are kept in
@@ -35,7 +37,7 @@ class Model:
 
     Attributes:
         name: Name of the model.
-        mesh: Mesh of the beams, None when there are none.
+        mesh: Mesh of the beams along groups, None when there are none.
         gravity: Uniform gravity, None for none.
         beams: Beams in the order they were added.
         rigid_bodies: Rigid bodies in the order they were added.
@@ -68,6 +70,7 @@ class Model:
         self.released: list[str] = []
         self.probes: list[AnyProbe] = []
         self._named: dict[str, Any] = {}
+        self._curves: dict[str, NurbsCurve] = {}
 
     @overload
     def add[Thing](self, thing: Thing, /) -> Thing: ...
@@ -148,8 +151,8 @@ class Model:
         """
         validate(self)
 
-    def marker_node(self, marker: Attachment) -> int | None:
-        """Return the mesh node of a marker on a beam; None on rigid bodies and the ground.
+    def marker_place(self, marker: Observed) -> Place | None:
+        """Return where a marker is on a beam; None on rigid bodies and the ground.
 
         Raises:
             ValueError: The marker's body or point does not exist.
@@ -166,25 +169,52 @@ class Model:
             return None
         if not isinstance(body, Beam):
             raise ValueError(f'Marker on "{marker.body}": {self!r} has no such beam or rigid body')
-        return beam_node(self._mesh(), body, marker)
+        if body.formulation == "nurbs":
+            return curve_place(self, body, marker)
+        return Place(beam_node(self._mesh(), body, marker))
+
+    def beams_of(self, formulation: str) -> list[Beam]:
+        """Return the beams of a formulation in their order."""
+        return [beam for beam in self.beams if beam.formulation == formulation]
 
     def beam_cells(self, beam: Beam) -> IntArray:
-        """Return the cells of a beam as row numbers of the mesh's cells, ascending.
+        """Return the mesh's cells along a group as row numbers, ascending; none along a curve.
 
         Raises:
             ValueError: The model has no mesh or the mesh no such group of lines.
         """
+        if beam.group is None:
+            return np.empty(0, dtype=np.int64)
         mesh = self._mesh()
         mesh.group_cells(beam.group)
         return mesh.line_groups[beam.group]
 
+    def curve(self, beam: Beam) -> NurbsCurve:
+        """Return the curve of a beam with the formulation "nurbs".
+
+        Raises:
+            ValueError: The group of the beam is not in the mesh, branches or falls apart, or has
+                too few nodes for the degree.
+        """
+        if beam.curve is not None:
+            return beam.curve
+        if beam.name not in self._curves:
+            self._curves[beam.name] = group_curve(self._mesh(), beam)
+        return self._curves[beam.name]
+
     def weights(self) -> IntArray:
-        """Return the numbers of cells of the beams, in their order.
+        """Return the numbers of elements of the beams, in their order.
 
         Raises:
             ValueError: The model has no mesh or the mesh no such group of lines.
         """
-        return np.array([len(self.beam_cells(beam)) for beam in self.beams], dtype=np.int64)
+        counts = [
+            len(self.curve(beam).elements.nodes)
+            if beam.formulation == "nurbs"
+            else len(self.beam_cells(beam))
+            for beam in self.beams
+        ]
+        return np.array(counts, dtype=np.int64)
 
     def _mesh(self) -> LineMesh:
         """Return the mesh."""

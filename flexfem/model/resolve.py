@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where markers on beams are on the mesh."""
+"""Where markers on beams are."""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -7,8 +9,13 @@ from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.core.marker import LINE_ENDS, Marker
 from flexfem.mesh.line_mesh import LineMesh
+from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.topology import arc_length
 from flexfem.model.bodies import Beam
+from flexfem.model.place import Place, place_at_fraction, place_in
+
+if TYPE_CHECKING:
+    from flexfem.model.model import Model
 
 
 def beam_node(mesh: LineMesh, beam: Beam, marker: Marker) -> int:
@@ -18,12 +25,7 @@ def beam_node(mesh: LineMesh, beam: Beam, marker: Marker) -> int:
         ValueError: No point, a point group that is not on the beam, or an end or fraction of a
             line that has none because it is closed or branches.
     """
-    owner = f'Marker on "{beam.name}"'
-    point = marker.point
-    if point is None:
-        raise ValueError(
-            f'{owner}: a beam needs a point: a point group, "start", "end" or a fraction, got None'
-        )
+    owner, point = f'Marker on "{beam.name}"', _point(beam, marker)
     if isinstance(point, str) and point not in LINE_ENDS:
         return _group_node(mesh, beam, point)
     nodes = _ordered(mesh, beam, owner, point)
@@ -35,12 +37,67 @@ def beam_node(mesh: LineMesh, beam: Beam, marker: Marker) -> int:
     return int(nodes[np.argmin(np.abs(length - point * length[-1]))])
 
 
+def curve_place(model: "Model", beam: Beam, marker: Marker) -> Place:
+    """Return the place of a marker on a beam along a curve.
+
+    Raises:
+        ValueError: No point, a point group that is not on the beam, or one on a beam without mesh.
+    """
+    owner, point = f'Marker on "{beam.name}"', _point(beam, marker)
+    curve = model.curve(beam)
+    if not isinstance(point, str):
+        return place_at_fraction(curve, point)
+    parts = curve.elements
+    last = len(parts.nodes) - 1
+    if point in LINE_ENDS:
+        return place_in(parts, 0, 0.0) if point == "start" else place_in(parts, last, 1.0)
+    if beam.group is None or model.mesh is None:
+        raise ValueError(
+            f'{owner}: a beam along a curve has "start", "end" and fractions, got point "{point}"'
+        )
+    node = _group_node(model.mesh, beam, point)
+    order = _ordered(model.mesh, beam, owner, point)
+    at = int(np.flatnonzero(order == node)[0])
+    return place_in(parts, at, 0.0) if at <= last else place_in(parts, last, 1.0)
+
+
+def group_curve(mesh: LineMesh, beam: Beam) -> NurbsCurve:
+    """Return the curve through the nodes of a beam's group, with one element per cell.
+
+    Raises:
+        ValueError: The group is not in the mesh, branches or falls apart, or has no such curve.
+    """
+    owner = f'Beam "{beam.name}"'
+    assert beam.group is not None
+    assert beam.degree is not None
+    try:
+        nodes = mesh.order(beam.group)
+        if nodes is None:
+            raise ValueError(
+                f'group "{beam.group}" branches or falls apart, formulation "nurbs" needs one line'
+            )
+        return NurbsCurve.through(mesh.points[nodes], degree=beam.degree)
+    except ValueError as error:
+        raise ValueError(f"{owner}: {error}") from None
+
+
+def _point(beam: Beam, marker: Marker) -> str | float:
+    """Return the point of a marker on a beam."""
+    if marker.point is None:
+        raise ValueError(
+            f'Marker on "{beam.name}": a beam needs a point: a point group, "start", "end" or a '
+            "fraction, got None"
+        )
+    return marker.point
+
+
 def beam_cell(mesh: LineMesh, beam: Beam, fraction: float) -> tuple[int, int]:
     """Return the mesh nodes of the element whose middle is nearest to a fraction of the length.
 
     Raises:
         ValueError: The line branches or falls apart.
     """
+    assert beam.group is not None
     nodes = mesh.order(beam.group)
     if nodes is None:
         raise ValueError(f'fraction {fraction}: group "{beam.group}" branches or falls apart')
@@ -53,6 +110,7 @@ def beam_cell(mesh: LineMesh, beam: Beam, fraction: float) -> tuple[int, int]:
 def _group_node(mesh: LineMesh, beam: Beam, point: str) -> int:
     """Return the node of a point group on a beam."""
     owner = f'Marker on "{beam.name}"'
+    assert beam.group is not None
     cells = mesh.group_cells(beam.group)
     if point not in mesh.point_groups:
         nodes = set(cells.ravel().tolist())
@@ -69,6 +127,7 @@ def _group_node(mesh: LineMesh, beam: Beam, point: str) -> int:
 
 def _ordered(mesh: LineMesh, beam: Beam, owner: str, point: str | float) -> IntArray:
     """Return the nodes of a beam in order."""
+    assert beam.group is not None
     nodes = mesh.order(beam.group)
     if nodes is None:
         what = f'"{point}"' if isinstance(point, str) else str(point)

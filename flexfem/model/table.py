@@ -55,9 +55,7 @@ def _rows(model: Model, title: str, things: Iterable[Any]) -> list[str]:
 def _details(model: Model, thing: Any) -> str:
     """Return the most telling values of an object."""
     if hasattr(thing, "section"):
-        groups = {} if model.mesh is None else model.mesh.line_groups
-        cells = len(groups.get(thing.group, ()))
-        return f'group "{thing.group}", {cells} cells, {thing.section.mass_per_length:.4g} kg/m'
+        return f"{_line(model, thing)}, {thing.section.mass_per_length:.4g} kg/m"
     if hasattr(thing, "columns"):
         return ", ".join(thing.columns)
     if hasattr(thing, "a"):
@@ -66,6 +64,15 @@ def _details(model: Model, thing: Any) -> str:
         place = thing.marker if hasattr(thing, "marker") else f"at {_numbers(thing.position)}"
         return f"{thing.mass:.4g} kg, {place}"
     return ", ".join(str(place) for place in (*thing.markers, *thing.beams))
+
+
+def _line(model: Model, beam: Any) -> str:
+    """Return what a beam runs along."""
+    if beam.curve is not None:
+        return f"curve of degree {beam.curve.degree}, {len(beam.curve.elements.nodes)} elements"
+    groups = {} if model.mesh is None else model.mesh.line_groups
+    text = f'group "{beam.group}", {len(groups.get(beam.group, ()))} cells'
+    return text if beam.degree is None else f"{text}, nurbs of degree {beam.degree}"
 
 
 def _numbers(values: np.typing.NDArray[np.float64]) -> str:

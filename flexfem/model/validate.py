@@ -10,9 +10,11 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem.core.joint import Joint
-from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.core.marker import Carrier, Ground, Marker, Observed, SlidingMarker
 from flexfem.mesh.line_mesh import LineMesh, section_frames
+from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam
+from flexfem.model.place import Place
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -61,32 +63,39 @@ def _owner(thing: Any) -> str:
 
 def _check_beams(model: Model) -> None:
     """Check groups and orientations of all beams."""
-    mesh = model.mesh
-    if mesh is None:
-        raise ValueError(
-            f"{_owner(model.beams[0])}: {model!r} has beams but no mesh, give Model(mesh=...)"
-        )
-    users: dict[str, Beam] = {}
+    mesh, users = model.mesh, dict[str, Beam]()
     for beam in model.beams:
-        if beam.group in users:
-            raise ValueError(
-                f'{_owner(beam)}: group "{beam.group}" is used already by '
-                f"{_owner(users[beam.group])}"
-            )
-        users[beam.group] = beam
         try:
-            cells = mesh.group_cells(beam.group)
-            if beam.orientation is not None:
-                section_frames(mesh.points, cells, beam.orientation)
+            if beam.group is not None:
+                _check_group(model, beam, users)
+            if beam.formulation == "nurbs":
+                control_rotations(model.curve(beam), beam.orientation)
+            elif mesh is not None and beam.orientation is not None:
+                section_frames(mesh.points, mesh.group_cells(str(beam.group)), beam.orientation)
         except (TypeError, ValueError) as error:
-            raise type(error)(f"{_owner(beam)}: {error}") from None
-    _check_ownership(model, mesh)
+            message = str(error).removeprefix(f"{_owner(beam)}: ")
+            raise type(error)(f"{_owner(beam)}: {message}") from None
+    if mesh is not None:
+        _check_ownership(model, mesh)
+
+
+def _check_group(model: Model, beam: Beam, users: dict[str, Beam]) -> None:
+    """Check that the group of a beam is in the mesh and its own."""
+    assert beam.group is not None
+    if model.mesh is None:
+        raise ValueError(f"{model!r} has beams but no mesh, give Model(mesh=...)")
+    if beam.group in users:
+        raise ValueError(f'group "{beam.group}" is used already by {_owner(users[beam.group])}')
+    users[beam.group] = beam
+    model.mesh.group_cells(beam.group)
 
 
 def _check_ownership(model: Model, mesh: LineMesh) -> None:
     """Check that every cell belongs to one beam and that beams share no nodes."""
     rows = np.concatenate([model.beam_cells(beam) for beam in model.beams])
-    beams = np.repeat(np.arange(len(model.beams)), model.weights())
+    beams = np.repeat(
+        np.arange(len(model.beams)), [len(model.beam_cells(beam)) for beam in model.beams]
+    )
     counts = np.bincount(rows, minlength=len(mesh.cells))
     if (counts > 1).any():
         cell = int(np.argmax(counts > 1))
@@ -116,7 +125,7 @@ def _check_ownership(model: Model, mesh: LineMesh) -> None:
         )
 
 
-def _marked(model: Model) -> Iterator[tuple[Any, Attachment]]:
+def _marked(model: Model) -> Iterator[tuple[Any, Observed]]:
     """Yield every marker in the model with the object that has it."""
     for joint in model.joints:
         for marker in joint.markers:
@@ -134,19 +143,33 @@ def _marked(model: Model) -> Iterator[tuple[Any, Attachment]]:
             yield event, place
 
 
-def _check_markers(model: Model) -> dict[int, int | None]:
-    """Check that all markers exist, and return their nodes by the markers' identities."""
-    nodes: dict[int, int | None] = {}
+def _check_markers(model: Model) -> dict[int, Place | None]:
+    """Check that all markers exist, and return their places by the markers' identities."""
+    nodes: dict[int, Place | None] = {}
     for thing, marker in _marked(model):
         if id(marker) not in nodes:
             try:
-                nodes[id(marker)] = model.marker_node(marker)
+                _check_line(model, thing, marker)
+                nodes[id(marker)] = model.marker_place(marker)
             except ValueError as error:
                 raise ValueError(f"{_owner(thing)}: {error}") from None
     return nodes
 
 
-def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, int | None]) -> None:
+def _check_line(model: Model, thing: Any, marker: Observed) -> None:
+    """Check what slides: that the carrier is a beam, and that the joint of a slider is one."""
+    if isinstance(marker, SlidingMarker):
+        joint = model.get(marker.joint)
+        if not isinstance(joint, Joint) or not isinstance(joint.a, Carrier):
+            raise ValueError(f'{model!r} has no sliding joint "{marker.joint}"')
+    elif isinstance(marker, Carrier):
+        if not (isinstance(thing, Joint) and thing.slides):
+            raise ValueError(f'a Carrier ("{marker.body}") is for sliding joints only')
+        if not isinstance(model.get(marker.body), Beam):
+            raise ValueError(f'Carrier: {model!r} has no beam "{marker.body}"')
+
+
+def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, Place | None]) -> None:
     """Check that a joint connects two frames that can move relative to one another."""
     (first, a), (second, b) = (joint.places[number] for number in pair)
     both = "both markers" if len(joint.places) == 2 else f"{first} and {second}"
@@ -159,7 +182,7 @@ def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, int | None
         and nodes[id(a)] == nodes[id(b)]
     ):
         node = nodes[id(a)]
-        place = f'"{a.body}"' if node is None else f'node {node} of "{a.body}"'
+        place = f'"{a.body}"' if node is None else f'{node} of "{a.body}"'
         raise ValueError(f"{_owner(joint)}: {both} are fixed to {place}")
 
 

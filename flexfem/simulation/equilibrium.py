@@ -6,7 +6,6 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
 from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.start import check_start
@@ -117,8 +116,7 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
 def _size(serial: Assembly) -> float:
     """Largest extent of the model at the start, m."""
     poses = [serial.marker_pose(m).position for j in serial.model.joints for m in j.markers]
-    points: list[FloatArray] = [np.array(poses).reshape(-1, 3), se3.position(serial.rigid_frames)]
-    if serial.model.beams:
-        points.append(serial.points)
-    every = np.concatenate(points)
+    every = np.concatenate(
+        [np.array(poses).reshape(-1, 3), se3.position(serial.rigid_frames), serial.nodes]
+    )
     return float(np.ptp(every, axis=0).max(initial=0.0)) or 1.0

@@ -147,6 +147,9 @@ def _load_forces(linearization: Linearization, loads: int) -> FloatArray:
         for part in system.parts:
             part.block.residual[:] = 0.0
             part.forces.add_residual(part.block, system.factors, -1.0)
+            for inside in part.line_forces:
+                inside.add_residual(part.block, system.factors, -1.0)
+            part.block.add_ghosts()
             pieces.append(part.block.owned_residual.ravel().copy())
         forces[i] = np.concatenate(pieces)
     system.factors[:] = kept

@@ -193,7 +193,7 @@ def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
     single = numbers[own][:, np.newaxis]
     entries = [block_indices(single, single)]
     if part.beams is not None:
-        cells = [numbers[nodes] for nodes in part.beams.connectivity]
+        cells = [numbers[nodes] for nodes in part.connectivity()]
         entries[:0] = [block_indices(nodes, nodes) for nodes in cells]
     return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
 

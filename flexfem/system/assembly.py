@@ -7,16 +7,18 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.marker import Attachment, Marker
+from flexfem.core.marker import Carrier, Ground, Marker, Observed
 from flexfem.core.pose import Pose
 from flexfem.elements.se3_beam import BeamCells, node_frames
 from flexfem.lie import se3
+from flexfem.materials.section import Section
 from flexfem.mesh.line_mesh import section_frames
 from flexfem.mesh.topology import trace_lines
 from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
-from flexfem.system.line_cells import LineCells, se3_line
-from flexfem.system.placement import BEAMS, RIGID, NodeKey
+from flexfem.system.line_cells import LineCells, LinePlace, se3_line
+from flexfem.system.nurbs_lines import NurbsLines, initial_velocities
+from flexfem.system.placement import BEAMS, NURBS, RIGID, NodeKey
 
 __all__ = ["Assembly"]
 
@@ -26,26 +28,30 @@ class Assembly:
 
     Attributes:
         model: the validated model.
-        cells: all beam cells with their frames; node numbers count the nodes used by beams.
+        cells: all SE(3) cells with their frames; node numbers count the nodes used by them.
         points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6).
-        sections: the beams' different sections, by the numbers in ``cells``.
+        sections: the different sections of the SE(3) beams, by the numbers in ``cells``.
+        curves: all NURBS beams, None without any.
         rigid_frames: (n, 12) frames of the rigid bodies.
     """
 
     def __init__(self, model: Model) -> None:
-        """Number the beams' nodes and compute all frames at the start."""
+        """Number the nodes of all beams and compute all frames at the start."""
         self.model = model
         self._rigid_index = {b.name: i for i, b in enumerate(model.rigid_bodies)}
-        if model.beams:
-            self._beams()
+        self.points, self.frames = np.empty((0, 3)), np.empty((0, 12))
+        self.sections: list[Section] = []
+        if beams := model.beams_of("se3"):
+            self._beams(beams)
+        self.curves = NurbsLines.of(model) if model.beams_of("nurbs") else None
         self.rigid_frames = np.array(
             [se3.frame(b.position, b.rotation) for b in model.rigid_bodies]
         ).reshape(-1, 12)
 
-    def _beams(self) -> None:
+    def _beams(self, beams: list[Beam]) -> None:
         model, mesh = self.model, self.model.mesh
         assert mesh is not None  # checked by validate()
-        rows = [_along(model, beam) for beam in model.beams]
+        rows = [_along(model, beam) for beam in beams]
         used, cells = np.unique(np.concatenate([mesh.cells[r] for r in rows]), return_inverse=True)
         self._node_of_mesh = {int(node): i for i, node in enumerate(used)}
         self.points = mesh.points[used]
@@ -53,30 +59,33 @@ class Assembly:
         ends = np.concatenate(
             [
                 section_frames(mesh.points, mesh.cells[r], beam.orientation)
-                for r, beam in zip(rows, model.beams, strict=True)
+                for r, beam in zip(rows, beams, strict=True)
             ]
         )
-        cells = cells.reshape(-1, 2)
-        sections = list({id(b.section): b.section for b in model.beams}.values())
+        cells = cells.reshape(-1, 2).astype(np.int64)
+        sections = list({id(b.section): b.section for b in beams}.values())
         number = {id(s): i for i, s in enumerate(sections)}
         self.sections = sections
         self.cells = BeamCells(
             cells=cells,
-            body=np.repeat(np.arange(len(rows)), counts),
-            section=np.repeat([number[id(b.section)] for b in model.beams], counts),
+            body=np.repeat([model.beams.index(b) for b in beams], counts),
+            section=np.repeat([number[id(b.section)] for b in beams], counts),
             frames=se3.frame(self.points[cells], ends),
-            damping=np.repeat([b.damping for b in model.beams], counts),
+            damping=np.repeat([b.damping for b in beams], counts),
         )
         self._body_of_node = np.empty(len(used), dtype=np.int64)
         self._body_of_node[cells] = self.cells.body[:, np.newaxis]
         self.frames = node_frames(cells, self.cells.frames, len(used))
         self.velocities = np.zeros((len(used), 6))
-        for body, beam in enumerate(model.beams):
-            nodes = np.unique(cells[self.cells.body == body])
-            back = np.swapaxes(se3.rotation(self.frames[nodes]), -1, -2)
-            speed = beam.velocity + np.cross(beam.angular_velocity, self.points[nodes])
-            self.velocities[nodes, :3] = np.einsum("nij,nj->ni", back, speed)
-            self.velocities[nodes, 3:] = back @ beam.angular_velocity
+        for beam in beams:
+            nodes = np.unique(cells[self.cells.body == model.beams.index(beam)])
+            self.velocities[nodes] = initial_velocities(beam, self.frames[nodes])
+
+    @property
+    def nodes(self) -> FloatArray:
+        """Positions (n, 3) of all nodes of beams at the start, m."""
+        curves = np.empty((0, 12)) if self.curves is None else self.curves.frames
+        return np.concatenate([self.points, se3.position(curves)])
 
     def line(self, name: str) -> LineCells:
         """Elements of a beam in order.
@@ -87,9 +96,11 @@ class Assembly:
         beam = self.model.get(name)
         if not isinstance(beam, Beam):
             raise ValueError(f'{self.model!r} has no beam "{name}"')
-        own = self.cells.body == self.model.beams.index(beam)
-        cells = np.flatnonzero(own).astype(np.int64)
-        nodes = self.cells.cells[cells]
+        if beam.formulation == "nurbs":
+            assert self.curves is not None
+            return self.curves.line(self.curves.index(name))
+        cells = np.flatnonzero(self.cells.body == self.model.beams.index(beam))
+        nodes = self.cells.cells[cells].astype(np.int64)
         order = _chain(nodes)
         if order is None:
             raise ValueError(f'Beam "{name}": group "{beam.group}" branches or falls apart')
@@ -98,53 +109,106 @@ class Assembly:
             BEAMS, cells, self.cells.cells[cells], self.cells.frames[cells], self.frames
         )
 
-    def point(self, marker: Attachment) -> tuple[LineCells, int, float] | None:
+    def point(self, marker: Observed) -> tuple[LineCells, int, float] | None:
         """Line, element and coordinate of a marker inside an element, None for the others."""
-        return None
+        place = self.model.marker_place(marker)
+        if place is None or place.node is not None:
+            return None
+        assert isinstance(marker, Marker)
+        return self.line(marker.body), place.element, place.xi
 
-    def key(self, marker: Attachment) -> NodeKey | None:
-        """Node that carries a marker, None for the ground."""
+    def key(self, marker: Observed) -> NodeKey | None:
+        """Node that carries a marker, None for the ground.
+
+        Raises:
+            ValueError: the marker is inside an element, see :meth:`place`.
+        """
+        if not isinstance(marker, Marker) or isinstance(marker, Carrier):
+            return None
+        place = self.model.marker_place(marker)
+        if place is None:
+            return RIGID, self._rigid_index[marker.body]
+        if place.node is None:
+            raise ValueError(
+                f'Marker on "{marker.body}": point {marker.point} lies inside an element, where no '
+                "node is; a knot of multiplicity p there makes one (NurbsCurve.insert)"
+            )
+        if self.model[marker.body].formulation == "nurbs":
+            assert self.curves is not None
+            return NURBS, int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
+        return BEAMS, self._node_of_mesh[place.node]
+
+    def place(self, marker: Observed) -> LinePlace | None:
+        """Place of a marker that no single node carries; None for all others."""
         if not isinstance(marker, Marker):
             return None
-        node = self.model.marker_node(marker)
-        if node is None:
-            return RIGID, self._rigid_index[marker.body]
-        return BEAMS, self._node_of_mesh[node]
+        place = self.model.marker_place(marker)
+        if place is None or place.node is not None:
+            return None
+        assert self.curves is not None
+        beam, e = self.curves.index(marker.body), place.element
+        return LinePlace(
+            kind=NURBS,
+            nodes=self.curves.nodes(beam)[e],
+            cell=int(self.curves.first_cell[beam]) + e,
+            shape=self.curves.parts[beam].shape[e],
+            xi=place.xi,
+        )
 
     def mesh_nodes(self, nodes: Sequence[int]) -> IntArray:
         """Numbers of the beams' nodes given by their numbers in the mesh."""
         return np.array([self._node_of_mesh[node] for node in nodes], dtype=np.int64)
 
-    def local_node(self, marker: Attachment, kind: int, block: FrameBlock) -> int:
-        """Local index of a marker's node in the block of a kind, -1 if it is not owned there."""
-        key = self.key(marker)
+    def local_node(self, marker: Observed, kind: int, block: FrameBlock) -> int:
+        """Local index of a marker's node in the block of a kind, -1 if it is not owned there.
+
+        Also -1 for markers inside elements.
+        """
+        key = None if self.place(marker) else self.key(marker)
         if key is None or key[0] != kind:
             return -1
         return int(block.owned_index(np.array([key[1]]))[0])
 
     def bodies(self, kind: int, nodes: IntArray) -> IntArray:
-        """Numbers of the bodies that nodes of one kind belong to."""
-        return self._body_of_node[nodes] if kind == BEAMS else nodes
+        """Numbers of the beams or rigid bodies that nodes of one kind belong to."""
+        if kind == BEAMS:
+            return self._body_of_node[nodes]
+        if kind == NURBS:
+            assert self.curves is not None
+            return self.curves.body_of_node[nodes]
+        return nodes
 
-    def node_frame(self, key: NodeKey) -> FloatArray:
-        """Frame (12,) of a node at the start."""
-        frame: FloatArray = (self.frames if key[0] == BEAMS else self.rigid_frames)[key[1]]
-        return frame
+    def node_frames(self, kind: int) -> FloatArray:
+        """Frames (n, 12) of all nodes of a kind at the start."""
+        if kind == NURBS:
+            assert self.curves is not None
+            return self.curves.frames
+        return self.frames if kind == BEAMS else self.rigid_frames
 
-    def marker_frame(self, marker: Attachment) -> FloatArray:
-        """Frame (12,) of a marker relative to its node; absolute for the ground."""
-        if not isinstance(marker, Marker):
-            return se3.frame(marker.position, marker.rotation)
+    def carrier_frame(self, marker: Marker) -> FloatArray:
+        """Frame (12,) at the start of what carries a marker: its node, or its place in a line."""
+        place = self.place(marker)
+        if place is not None:
+            return place.frame(self.node_frames(place.kind)[place.nodes])
         key = self.key(marker)
         assert key is not None
-        turn = se3.rotation(self.node_frame(key)).T @ marker.rotation
+        frame: FloatArray = self.node_frames(key[0])[key[1]]
+        return frame
+
+    def marker_frame(self, marker: Observed) -> FloatArray:
+        """Frame (12,) of a marker relative to its carrier; absolute for the ground."""
+        if isinstance(marker, Ground):
+            return se3.frame(marker.position, marker.rotation)
+        if not isinstance(marker, Marker) or isinstance(marker, Carrier):
+            return se3.frame(np.zeros(3), np.eye(3))  # the section itself
+        turn = se3.rotation(self.carrier_frame(marker)).T @ marker.rotation
         return se3.frame(marker.offset, turn)
 
-    def marker_pose(self, marker: Attachment) -> Pose:
+    def marker_pose(self, marker: Observed) -> Pose:
         """Pose of a marker at the start."""
-        frame, key = self.marker_frame(marker), self.key(marker)
-        if key is not None:
-            frame = se3.compose(self.node_frame(key), frame)
+        frame = self.marker_frame(marker)
+        if isinstance(marker, Marker):
+            frame = se3.compose(self.carrier_frame(marker), frame)
         return Pose(se3.position(frame), se3.rotation(frame))
 
 
@@ -160,6 +224,7 @@ def _along(model: Model, beam: Beam) -> IntArray:
     """Cells of a beam ordered along it, so that neighbours in number are neighbours in space."""
     rows = model.beam_cells(beam)
     assert model.mesh is not None
+    assert beam.group is not None
     order = model.mesh.order(beam.group)
     if order is None:
         return rows

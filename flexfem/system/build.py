@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """From a model to a system (collective)."""
 
-from collections.abc import Iterator
-
 from mpi4py import MPI
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.elements.se3_beam import BeamCells, SE3Beams
+from flexfem.elements.family import BeamFamily
 from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
-from flexfem.mesh.beam_mesh import create_beam_mesh
-from flexfem.model.bodies import RigidBody
+from flexfem.model.bodies import PointMass, RigidBody
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import connect, joint_ends
 from flexfem.system.constraints import Constraints
+from flexfem.system.families import nurbs_block, se3_block
 from flexfem.system.interface import Interface
-from flexfem.system.node_loads import Force, NodeForces, NodeMasses
-from flexfem.system.placement import BEAMS, KINDS, RIGID, Placement, place
+from flexfem.system.line_loads import by_degree
+from flexfem.system.node_loads import NodeForces, NodeMasses
+from flexfem.system.placed_loads import line_forces, node_forces
+from flexfem.system.placement import BEAMS, KINDS, NURBS, RIGID, Placement, place
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
@@ -41,10 +41,14 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
     _check_joints(serial)
     _check_laws(serial)
+    for mass in model.point_masses:
+        _check_node(serial, mass)
     blocks: list[FrameBlock | None] = [None for _ in KINDS]
-    beams = None
-    if model.beams:
-        blocks[BEAMS], beams = _beam_block(serial, comm, placement)
+    families: dict[int, BeamFamily] = {}
+    if model.beams_of("se3"):
+        blocks[BEAMS], families[BEAMS] = se3_block(serial, comm, placement)
+    if serial.curves is not None:
+        blocks[NURBS], families[NURBS] = nurbs_block(serial, comm, placement)
     if model.rigid_bodies:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
     interface, joints = connect(serial, comm, placement, blocks)
@@ -52,7 +56,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     for name in model.released:
         constraints.set_active(name, False)
     parts = [
-        _part(serial, kind, block, interface, beams)
+        _part(serial, kind, block, interface, families.get(kind))
         for kind, block in enumerate(blocks)
         if block is not None
     ]
@@ -63,16 +67,19 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
 
 
 def _part(
-    serial: Assembly, kind: int, block: FrameBlock, interface: Interface, beams: SE3Beams | None
-) -> BlockPart:
+    serial: Assembly, kind: int, block: FrameBlock, interface: Interface,
+    beams: BeamFamily | None,
+) -> BlockPart:  # fmt: skip
     """A block with what acts on its nodes of this rank."""
+    node_body = serial.bodies(kind, block.node_ids)
     return BlockPart(
         kind=kind,
         block=block,
         masses=_masses(serial, kind, block),
-        forces=NodeForces(_forces(serial, kind, block)),
-        beams=beams if kind == BEAMS else None,
-        node_body=serial.bodies(kind, block.node_ids),
+        forces=NodeForces(node_forces(serial, kind, block)),
+        line_forces=by_degree(line_forces(serial, block) if kind == NURBS else [], node_body),
+        beams=beams,
+        node_body=node_body,
         slots=np.where(interface.kind == kind, interface.local, -1),
     )
 
@@ -100,25 +107,6 @@ def _check_laws(serial: Assembly) -> None:
             )
 
 
-def _beam_block(
-    serial: Assembly, comm: MPI.Intracomm, placement: Placement
-) -> tuple[FrameBlock, SE3Beams]:
-    destination = np.concatenate(placement.cells)
-    mesh = create_beam_mesh(comm, serial.points, serial.cells.cells, destination)
-    data, ids = serial.cells, mesh.cell_ids
-    mine = BeamCells(
-        mesh.cells, data.body[ids], data.section[ids], data.frames[ids], data.damping[ids]
-    )
-    frames = serial.frames[mesh.node_ids]
-    block = FrameBlock(
-        "beams", comm, frames, serial.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
-        inertial=True,
-    )  # fmt: skip
-    first = {id(b.section): f'Beam "{b.name}"' for b in reversed(serial.model.beams)}
-    owners = [first[id(s)] for s in serial.sections]
-    return block, SE3Beams(comm, mine, serial.sections, owners, frames)
-
-
 def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) -> FrameBlock:
     from dolfinx.common import IndexMap
 
@@ -141,6 +129,14 @@ def _rigid_inertia(body: RigidBody) -> FloatArray:
     return np.block([[body.mass * np.eye(3), -first], [first, about_point]])
 
 
+def _check_node(serial: Assembly, mass: PointMass) -> None:
+    """Raise for a mass inside an element: the inertia of elements knows nothing of it."""
+    try:
+        serial.key(mass.marker)
+    except ValueError as error:
+        raise ValueError(f'PointMass "{mass.name}": {error}') from None
+
+
 def _masses(serial: Assembly, kind: int, block: FrameBlock) -> NodeMasses:
     """Rigid bodies and point masses on the nodes of a block that this rank owns."""
     nodes: list[int] = []
@@ -156,40 +152,3 @@ def _masses(serial: Assembly, kind: int, block: FrameBlock) -> NodeMasses:
             nodes.append(local)
             matrices.append(mass.mass * np.block([[np.eye(3), -arm], [arm, -arm @ arm]]))
     return NodeMasses(nodes, matrices)
-
-
-def _forces(serial: Assembly, kind: int, block: FrameBlock) -> list[Force]:
-    """Loads on the nodes of a block that this rank owns."""
-    forces = []
-    for number, load in enumerate(serial.model.loads):
-        force, moment = load.wrench
-        for marker in load.markers:
-            local = serial.local_node(marker, kind, block)
-            if local >= 0:
-                frame = serial.marker_frame(marker)
-                forces.append(Force(local, frame, force, moment, load.follower, number))
-        for name in load.beams if kind == BEAMS else ():
-            for node, frame, half in _half_cells(serial, name, block):
-                forces.append(
-                    Force(node, frame, half * force, half * moment, load.follower, number)
-                )
-    return forces
-
-
-def _half_cells(
-    serial: Assembly, name: str, block: FrameBlock
-) -> Iterator[tuple[int, FloatArray, float]]:
-    """Owned node, section frame relative to it, and half length of both ends of a beam's cells.
-
-    Half of each cell's load at either end is exact for the linear positions of the element.
-    """
-    body = [b.name for b in serial.model.beams].index(name)
-    cells = np.flatnonzero(serial.cells.body == body)
-    nodes, ends = serial.cells.cells[cells], serial.cells.frames[cells]
-    relative = se3.compose(se3.inverse(ends[:, 0]), ends[:, 1])
-    half = 0.5 * np.linalg.norm(se3.log(relative)[:, :3], axis=1)
-    frames = se3.compose(se3.inverse(serial.frames[nodes]), ends)
-    for side in range(2):
-        local = block.owned_index(nodes[:, side])
-        for k in np.flatnonzero(local >= 0):
-            yield int(local[k]), frames[k, side], float(half[k])

@@ -105,9 +105,7 @@ def _slider(
 
 def _closest(serial: Assembly, line: LineCells, x: FloatArray) -> tuple[int, float, FloatArray]:
     """Element, coordinate and section frame of the point whose section's plane holds x."""
-    ends = np.array(
-        [[serial.node_frame(key) for key in line.keys(e)] for e in range(len(line.nodes))]
-    )
+    ends = np.array([serial.node_frames(line.kind)[nodes] for nodes in line.nodes])
     at = np.linalg.norm(ends[:, :, :3].mean(axis=1) - x, axis=1)
     for e in np.argsort(at, kind="stable")[:3]:
         frames = np.ascontiguousarray(ends[e])

@@ -38,7 +38,7 @@ class _State:
 
     Attributes:
         loads: (k, 12) force, moment, place and angular velocity of each load, inertial axes.
-        viscous, stretching: (m, 6) viscous stress of the beams, and the rate of their strain.
+        viscous, stretching: (j, 6) viscous stress of the beams, and the rate of their strain.
         forces: (r,) of all rows.
         rates: (r,) of the rows that do work, by the motion of the sides that they work on.
         pulls: (r,) elastic part of the forces.
@@ -140,8 +140,11 @@ class EnergyMeter:
         """The present state of all that does work."""
         system, rows = self._system, self._system.constraints
         loads, viscosity = [np.empty((0, 12))], [np.empty((2, 0, 6))]
-        for part, mask in zip(system.parts, self._chosen.forces, strict=True):
-            loads.append(part.forces.states(part.block, system.factors)[mask])
+        for i, part in enumerate(system.parts):
+            loads += [
+                forces.states(part.block, system.factors)[mask]
+                for forces, mask in self._chosen.loads(i)
+            ]
             if part.beams is not None and part.beams.viscous:
                 viscosity.append(np.stack(part.beams.viscosity(part.block)))
         stress, rate = np.concatenate(viscosity, axis=1)
@@ -184,11 +187,11 @@ class EnergyMeter:
         force = self._mean_force(before, after) - 0.5 * (before.pulls + after.pulls)
         rate = 0.5 * (before.all_rates + after.all_rates)
         total = h * float((force * self._dampers) @ rate)
-        weights = [
-            0.25 * h * cells * part.beams.lengths
-            for part, cells in zip(self._system.parts, self._chosen.cells, strict=True)
-            if part.beams is not None and part.beams.viscous
-        ]
+        weights = []
+        for part, chosen in zip(self._system.parts, self._chosen.cells, strict=True):
+            if part.beams is not None and part.beams.viscous:
+                cells, lengths = part.beams.viscous_at
+                weights.append(0.25 * h * chosen[cells] * lengths)
         if weights:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", np.concatenate(weights), stress, rate))

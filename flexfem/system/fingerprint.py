@@ -34,12 +34,23 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
         "gravity": model.gravity,
         "joints": model.joints,
         "loads": model.loads,
-        "mesh": (serial.points, serial.cells.cells, serial.frames) if model.beams else (),
+        "mesh": _lines(serial),
         "point masses": model.point_masses,
         "probes": [(probe.name, probe.columns) for probe in model.probes],
         "rigid bodies": model.rigid_bodies,
     }
     return {name: _Digest(serial).of(part) for name, part in parts.items()}
+
+
+def _lines(serial: Assembly) -> tuple[Any, ...]:
+    """Nodes and elements of all beams."""
+    parts: list[Any] = []
+    if serial.sections:
+        parts += [serial.points, serial.cells.cells, serial.frames]
+    if serial.curves is not None:
+        nodes = [serial.curves.nodes(beam) for beam in range(len(serial.curves.beams))]
+        parts += [serial.curves.frames, nodes]
+    return tuple(parts)
 
 
 class _Digest:
@@ -68,7 +79,7 @@ class _Digest:
             self._text(type(value).__name__)
             self._add(vars(value))
             if isinstance(value, Marker):  # groups of the mesh may have been renamed or moved
-                self._add(self._serial.key(value))
+                self._add(self._serial.place(value) or self._serial.key(value))
         else:
             self._text("function" if callable(value) else type(value).__name__)
 

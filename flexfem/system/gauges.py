@@ -8,15 +8,18 @@ from typing import Protocol
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
+from flexfem.elements.nurbs_beam import NurbsBeams
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
 from flexfem.model.measured import EnergyProbe, MomentumProbe, ReactionProbe, StrainProbe
+from flexfem.model.place import element_at_fraction
 from flexfem.model.probe import AnyProbe
 from flexfem.system.assembly import Assembly
 from flexfem.system.energies import EnergyMeter, refresh_rows
+from flexfem.system.line_points import holds
 from flexfem.system.momenta import MomentumMeter
-from flexfem.system.placement import BEAMS
+from flexfem.system.placement import BEAMS, NURBS
 from flexfem.system.system import System
 
 __all__ = ["Gauge", "create_gauge"]
@@ -51,8 +54,44 @@ class _ReactionGauge:
         return np.concatenate([force @ R, moment @ R])
 
 
+class _CurveStrainGauge:
+    """Strains and resultants at a fraction of a NURBS beam, on the rank that holds the element."""
+
+    def __init__(self, system: System, serial: Assembly, probe: StrainProbe) -> None:
+        self._part = next(part for part in system.parts if part.kind == NURBS)
+        block, beams, curves = self._part.block, self._part.beams, serial.curves
+        assert isinstance(beams, NurbsBeams)
+        assert curves is not None
+        curve = serial.model.curve(serial.model[probe.beam])
+        element, xi = element_at_fraction(curve, probe.fraction)
+        nodes = curves.nodes(curves.index(probe.beam))[element]
+        self._beams, self._xi = beams, np.array([xi])
+        self._cells = np.empty(0, dtype=np.int64)
+        if holds(block, nodes):
+            self._cells = np.array([_cell(beams, block.local_index(nodes))])
+
+    def update(self) -> FloatArray:
+        if not len(self._cells):
+            return np.zeros(12)
+        both = self._beams.resultants_at(self._part.block.frames, self._xi, self._cells)
+        values: FloatArray = np.concatenate(both, axis=2)[0, 0]
+        return values
+
+
+def _cell(beams: NurbsBeams, nodes: IntArray) -> int:
+    """Number of the cell with the given local nodes."""
+    first = 0
+    for group in beams.connectivity:
+        if group.shape[1] == len(nodes):
+            found = np.flatnonzero((group == nodes).all(axis=1))
+            if len(found):
+                return first + int(found[0])
+        first += len(group)
+    raise LookupError("no such element on this rank")
+
+
 class _StrainGauge:
-    """Strains and resultants of one cell, on the rank that holds it."""
+    """Strains and resultants of one SE(3) cell, on the rank that holds it."""
 
     def __init__(self, system: System, serial: Assembly, probe: StrainProbe) -> None:
         self._part = next(part for part in system.parts if part.kind == BEAMS)
@@ -81,5 +120,7 @@ def create_gauge(probe: AnyProbe, system: System, serial: Assembly) -> Gauge | N
         case ReactionProbe():
             return _ReactionGauge(system, probe)
         case StrainProbe():
+            if serial.model[probe.beam].formulation == "nurbs":
+                return _CurveStrainGauge(system, serial, probe)
             return _StrainGauge(system, serial, probe)
     return None

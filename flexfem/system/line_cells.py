@@ -5,11 +5,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.core.line_points import NURBS as LINE_NURBS
+from flexfem.core.line_points import line_pose
 from flexfem.lie import se3
 from flexfem.system.placement import NodeKey
 
-__all__ = ["LineCells", "se3_line"]
+__all__ = ["LineCells", "LinePlace", "se3_line"]
+
+
+@dataclass(frozen=True, eq=False)
+class LinePlace:
+    """A place inside an element, which moves with all nodes of the element.
+
+    Attributes:
+        kind: block of the nodes, ``placement.NURBS``.
+        nodes: (k,) numbers of the nodes in the input order of the block.
+        cell: number of the element among those of its kind in the model.
+        shape: (k, k) coefficients of the shape functions as in ``core.line_points``.
+        xi: place in the element, 0 to 1.
+    """
+
+    kind: int
+    nodes: IntArray
+    cell: int
+    shape: FloatArray
+    xi: float
+
+    def frame(self, frames: FloatArray) -> FloatArray:
+        """Frame (12,) of the place, given those of the nodes (k, 12)."""
+        out = np.empty(12)
+        line_pose(LINE_NURBS, np.ascontiguousarray(frames), self.shape, self.xi, out)
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +74,7 @@ class LineCells:
 
 
 def se3_line(
-    kind: int, cells: IntArray, nodes: IntArray, ends: FloatArray, frames: FloatArray
+    kind: int, cells: IntArray, nodes: IndexArray, ends: FloatArray, frames: FloatArray
 ) -> LineCells:
     """Line of an SE(3) beam.
 
@@ -63,4 +90,5 @@ def se3_line(
     turns = np.swapaxes(se3.rotation(frames[nodes]), -1, -2) @ se3.rotation(ends)
     starts = np.cumsum(lengths) - lengths
     arc = np.stack([np.zeros(len(cells)), lengths], axis=1)
-    return LineCells(kind, nodes, cells, None, turns.reshape(-1, 2, 9), starts, arc)
+    flat = turns.reshape(-1, 2, 9)
+    return LineCells(kind, nodes.astype(np.int64), cells, None, flat, starts, arc)

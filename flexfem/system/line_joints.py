@@ -22,6 +22,7 @@ from flexfem.system.line_kernels import (
     add_line_wrenches,
     evaluate_lines,
     node_slots,
+    slider_motion,
     update_line_angles,
 )
 
@@ -187,12 +188,24 @@ class LineJoints:
         """A marker slides."""
         return bool(self._points.slides.any())
 
-    def arc(self, joint: int) -> float:
-        """Arc length (m) of the first marker of a joint, given by its number in the table."""
-        c = self.joints.index(joint)
-        e, xi = self.places[self._points.first[c]]
-        powers = self._lines.arc[int(e)]
-        return float(self._lines.start[int(e)] + np.polynomial.polynomial.polyval(xi, powers))
+    def motion(self, joint: int, frames: FloatArray, velocities: FloatArray) -> FloatArray:
+        """Section at which the slider of a joint is, as (20,) numbers.
+
+        Args:
+            joint: its number in the table.
+            frames: (n, 12) of all slots.
+            velocities: (n, 6) their local twists.
+
+        Returns:
+            Frame and local twist of the section, arc length of the slider (m) and its rate (m/s).
+        """
+        c, out = self.joints.index(joint), np.empty(20)
+        places, poses = self.places.copy(), np.zeros((len(self._table.marker_slot), 12))
+        slider_motion(
+            c, self._lines, self._points, frames, velocities, self.accepted, self._work, poses,
+            places, out,
+        )  # fmt: skip
+        return out
 
     def evaluate(self, frames: FloatArray, poses: FloatArray, gradients: FloatArray) -> None:
         """Sums, gradients and poses of markers at the given frames of all slots.

@@ -36,6 +36,7 @@ __all__ = [
     "node_slots",
     "place_markers",
     "slide_gradient",
+    "slider_motion",
     "update_line_angles",
 ]
 
@@ -344,3 +345,43 @@ def _add_forces(
         for i in range(6):
             work.forces[6 * a + i] += force * rows.factors[t] * g[i]
             work.forces[6 * b + i] += force * rows.factors[t] * g[6 + i]
+
+
+@kernel
+def slider_motion(
+    c: int, lines: LineData, points: PointData, frames: FloatArray, velocities: FloatArray,
+    start: FloatArray, work: Work, poses: FloatArray, places: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Frame and local twist of the section at a joint's slider, its arc length and its rate.
+
+    Args:
+        c: number of the joint.
+        lines: elements.
+        points: markers.
+        frames: (n, 12) of all slots.
+        velocities: (n, 6) their local twists.
+        start: (m, 2) accepted places of the markers on lines.
+        work: work space.
+        poses: (m, 12) of all markers; set for the joint.
+        places: (m, 2) places; set for the joint.
+        out: (20,).
+    """
+    g, scratch = np.empty(12), np.empty((5, 3))
+    place_markers(c, lines, points, frames, start, work, poses, places)
+    slide_gradient(c, points, poses, work, g, scratch)
+    first, rate = points.first[c], 0.0
+    e = int(places[first, 0])
+    out[:12] = poses[points.marker[first]]
+    out[12:18] = 0.0
+    for m in range(first, points.first[c + 1]):
+        on_line = points.slot[m] == ON_LINE
+        count = lines.width[points.line[m]] if on_line else int(points.slot[m] >= 0)
+        for n in range(count):
+            node = lines.nodes[int(places[m, 0]), n] if on_line else points.slot[m]
+            for i in range(6):
+                j, v = 6 * (points.column[m] + n) + i, velocities[node, i]
+                rate += work.slide[j] * v
+                for k in range(6):
+                    out[12 + k] += work.point[0, k, j] * v
+    s, slope, _ = arc_length(lines.arc[e], places[first, 1])
+    out[18], out[19] = lines.start[e] + s, slope * rate

@@ -32,7 +32,7 @@ class Mechanics(Protocol):
         ...
 
     def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
-        """Entries of the matrices of all beam cells of a part, flat."""
+        """Entries of the matrices of a part's elements and of forces inside them, flat."""
         ...
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
@@ -48,7 +48,7 @@ class Mechanics(Protocol):
         ...
 
     def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
-        """Add ``factor`` times the action of a part's beam cells on its steps to its residual."""
+        """Add ``factor`` times the action of these matrices on a part's steps to its residual."""
         ...
 
     def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
@@ -84,9 +84,14 @@ class EndPoint:
     def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`Mechanics`."""
         assert part.beams is not None
-        return part.beams.values(
+        values = part.beams.values(
             part.block, system.gravity, shifts.array, shifts.scale, shifts.local
         )
+        if not part.line_forces:
+            return values
+        block, scale = part.block, shifts.scale * shifts.stiffness
+        own = [forces.tangent(block, system.factors, scale) for forces in part.line_forces]
+        return np.concatenate([values, *(matrices.ravel() for matrices in own)])
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`Mechanics`."""
@@ -108,6 +113,8 @@ class EndPoint:
         assert part.beams is not None
         scale = factor * shifts.scale
         part.beams.add_action(part.block, system.gravity, shifts.array, scale)
+        for forces in part.line_forces:
+            forces.add_action(part.block, system.factors, scale * shifts.stiffness)
 
     def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
         """See :class:`Mechanics`."""

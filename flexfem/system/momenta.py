@@ -8,6 +8,8 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core import motion
 from flexfem.model.model import Model
+from flexfem.system.line_loads import LineForces
+from flexfem.system.node_loads import NodeForces
 from flexfem.system.placement import BEAMS, NURBS, RIGID
 from flexfem.system.system import System
 
@@ -19,7 +21,7 @@ class ChosenBodies:
 
     Attributes:
         cells: mask over the beams' cells of this rank for each part, empty for rigid bodies.
-        masses, forces: one mask for each part.
+        masses, forces: one mask for each part; line_forces: masks over those inside elements.
         sides: (t, 2) whether the sides of the rows' terms are at chosen bodies; the ground counts
             as one.
     """
@@ -44,16 +46,24 @@ class ChosenBodies:
         self.cells: list[BoolArray] = []
         self.masses: list[BoolArray] = []
         self.forces: list[BoolArray] = []
+        self.line_forces: list[list[BoolArray]] = []
         for part in system.parts:
             body = np.empty(0, dtype=np.int64) if part.beams is None else part.beams.body
             self.cells.append(member[BEAMS][body])
             of_node = member[part.kind][part.node_body]
             self.masses.append(of_node[part.masses.nodes])
             self.forces.append(of_node[part.forces.nodes])
+            self.line_forces.append([member[part.kind][f.body] for f in part.line_forces])
         numbers = zip(system.interface.kind, system.body_of_slot, strict=True)
         of_slot = [bool(member[int(kind)][body]) for kind, body in numbers]
         # the ground's slot is -1, the last one
         self.sides: BoolArray = np.array([*of_slot, True])[system.constraints.term_slots]
+
+    def loads(self, part: int) -> list[tuple[NodeForces | LineForces, BoolArray]]:
+        """Forces on a part, and which of them act on chosen bodies."""
+        forces = self._parts[part]
+        inside = zip(forces.line_forces, self.line_forces[part], strict=True)
+        return [(forces.forces, self.forces[part]), *inside]
 
     def motion(self) -> FloatArray:
         """(11,) energy, mass and momenta on this rank, see ``flexfem.core.motion``."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Where bodies, joints and their nodes live: computed alike on every rank from the serial model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.marker import Marker
 from flexfem.mesh.partition import partition_bodies
+from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
 
 __all__ = ["BEAMS", "KINDS", "NURBS", "RIGID", "NodeKey", "Placement", "place"]
@@ -25,14 +27,20 @@ class Placement:
     """Distribution of a model.
 
     Attributes:
-        cells: rank of each beam cell, beams in the model's order.
+        cells: rank of each element of every beam, beams in the model's order.
+        numbers: place of a beam in that order, by its name.
         rigid: rank of each rigid body.
         body_ranks: ranks that hold a part of a body, by body name, ascending.
     """
 
     cells: list[IntArray]
+    numbers: dict[str, int]
     rigid: IntArray
     body_ranks: dict[str, tuple[int, ...]]
+
+    def cells_of(self, beams: Sequence[Beam]) -> list[IntArray]:
+        """Ranks of the elements of some beams."""
+        return [self.cells[self.numbers[beam.name]] for beam in beams]
 
     def joint_ranks(self, joint: Joint) -> tuple[int, ...]:
         """Ranks that evaluate a joint, ascending; its multipliers belong to the first of them."""
@@ -64,4 +72,5 @@ def place(model: Model, ranks: int, split_above: int) -> Placement:
     )
     for body, rank in zip(model.rigid_bodies, rigid, strict=True):
         body_ranks[body.name] = (int(rank),)
-    return Placement(cells, rigid, body_ranks)
+    numbers = {beam.name: i for i, beam in enumerate(model.beams)}
+    return Placement(cells, numbers, rigid, body_ranks)

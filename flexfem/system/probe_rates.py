@@ -5,10 +5,17 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.core.line_points import NURBS as LINE_NURBS
+from flexfem.core.line_points import line_jacobian
+from flexfem.core.marker import Attachment, Ground, SlidingMarker
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
+from flexfem.system.line_cells import LinePlace
+from flexfem.system.line_points import holds
 from flexfem.system.system import System
 
 __all__ = ["probe_rates"]
@@ -39,20 +46,10 @@ def probe_rates(
     markers = [marker for probe in probes for marker in probe.markers]
     count = len(motions)
     states, twists = np.zeros((len(markers), 18)), np.zeros((len(markers), 6, count))
-    first = system.comm.rank == 0
     for m, marker in enumerate(markers):
-        offset = serial.marker_frame(marker)
-        if serial.key(marker) is None:
-            states[m, :12] = offset if first else 0.0
-            continue
-        to_marker = se3.adjoint(se3.inverse(offset))
-        for p, part in enumerate(system.parts):
-            node = serial.local_node(marker, part.kind, part.block)
-            if node >= 0:
-                states[m, :12] = se3.compose(part.block.frames[node], offset)
-                states[m, 12:] = to_marker @ part.block.velocity[node]
-                for j, motion in enumerate(motions):
-                    twists[m, :, j] = to_marker @ split(motion)[p][node]
+        if isinstance(marker, SlidingMarker):
+            raise InputError(f'SlidingMarker "{marker.joint}": linear models have no sliders')
+        states[m], twists[m] = _motion(system, serial, split, motions, marker)
     states, twists = system.comm.allreduce(states), system.comm.allreduce(twists)
     values, by_q, by_rate = [np.zeros(0)], [np.zeros((0, count))], [np.zeros((0, count))]
     at = 0
@@ -67,6 +64,54 @@ def probe_rates(
         for moving, found in ((False, by_q), (True, by_rate)):
             found.append(_derivative(columns, states[own], twists[own], moving))
     return np.concatenate(values), np.concatenate(by_q), np.concatenate(by_rate)
+
+
+def _motion(
+    system: System, serial: Assembly, split: Callable[[FloatArray], list[FloatArray]],
+    motions: FloatArray, marker: Attachment,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """This rank's share in the state (18,) of a marker and its twists (6, k) along the motions."""
+    offset = serial.marker_frame(marker)
+    state, twists = np.zeros(18), np.zeros((6, len(motions)))
+    if isinstance(marker, Ground):
+        state[:12] = offset if system.comm.rank == 0 else 0.0
+        return state, twists
+    to_marker, place = se3.adjoint(se3.inverse(offset)), serial.place(marker)
+    for p, part in enumerate(system.parts):
+        block = part.block
+        if place is None:
+            nodes = np.array([serial.local_node(marker, part.kind, block)])
+            J = to_marker
+            if nodes[0] >= 0:
+                state[:12] = se3.compose(block.frames[nodes[0]], offset)
+                state[12:] = to_marker @ block.velocity[nodes[0]]
+        elif place.kind == part.kind:
+            state, J = _inside(block, place, offset)
+            nodes, J = block.owned_index(place.nodes), to_marker @ J
+        else:
+            continue
+        for k in np.flatnonzero(nodes >= 0):
+            for j, motion in enumerate(motions):
+                twists[:, j] += J[:, 6 * k : 6 * k + 6] @ split(motion)[p][nodes[k]]
+    return state, twists
+
+
+def _inside(
+    block: FrameBlock, place: LinePlace, offset: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """State (18,) of a marker inside an element on the rank that holds it, else zero.
+
+    Also, on all ranks, the local twist of the place by those of its nodes (collective).
+    """
+    k = len(place.nodes)
+    J, state = np.zeros((6, 6 * k + 1)), np.zeros(18)
+    if holds(block, place.nodes):
+        nodes, H = block.local_index(place.nodes), np.empty(12)
+        line_jacobian(LINE_NURBS, block.frames[nodes], place.shape, place.xi, H, J)
+        state[:12] = se3.compose(H, offset)
+        twist = J[:, :-1] @ block.velocity[nodes].ravel()
+        state[12:] = se3.adjoint(se3.inverse(offset)) @ twist
+    return state, block.comm.allreduce(J)
 
 
 def _derivative(

@@ -14,18 +14,21 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.marker import Attachment
+from flexfem.core.marker import Ground, Observed
+from flexfem.lie import se3
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
 from flexfem.system.energies import EnergyMeter
 from flexfem.system.gauges import create_gauge
+from flexfem.system.line_points import held_places
+from flexfem.system.sliders import Sliders
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["ProbeRecorder"]
 
-_WIDTH = 18  # frame, velocity, angular velocity
+_WIDTH = 20  # frame, velocities, arc length of a slider and its rate
 
 
 @kernel
@@ -67,12 +70,19 @@ class ProbeRecorder:
         self.unwrap = [c for p in self._probes for c in p.unwrap]
         markers = [m for p in self._probes for m in p.markers]
         self._comm = system.comm
+        offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         self._ground = np.zeros((len(markers), _WIDTH))
-        self._ground_places = [k for k, m in enumerate(markers) if serial.key(m) is None]
-        for k in self._ground_places:
-            self._ground[k, :12] = serial.marker_frame(markers[k])
-        self._sources = [self._source(part, serial, markers) for part in system.parts]
-        mine = [places for *_, places in self._sources]
+        self._ground_places = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
+        self._ground[self._ground_places, :12] = offsets[self._ground_places]
+        self._sources = [self._source(part, serial, markers, offsets) for part in system.parts]
+        self._inside = [
+            (part.block, points, offsets[places], places)
+            for part in system.parts
+            for points, places in held_places(serial, part.kind, part.block, markers)
+        ]
+        self._sliders = Sliders(system, markers)
+        mine = [places for *_, places in (*self._sources, *self._inside)]
+        mine.append(self._sliders.places)
         self._places = np.concatenate([np.empty(0, dtype=np.int64), *mine])
         self._buffer = np.zeros((depth, len(markers), _WIDTH))
         gauges = [create_gauge(probe, system, serial) for probe in self._probes]
@@ -86,15 +96,14 @@ class ProbeRecorder:
 
     @staticmethod
     def _source(
-        part: BlockPart, serial: Assembly, markers: list[Attachment]
+        part: BlockPart, serial: Assembly, markers: list[Observed], offsets: FloatArray
     ) -> tuple[FrameBlock, IntArray, FloatArray, IntArray]:
         """Block, nodes, offsets and places of the markers that this rank owns in a part."""
         block = part.block
         local = [serial.local_node(marker, part.kind, block) for marker in markers]
-        places = [k for k, node in enumerate(local) if node >= 0]
+        places = np.array([k for k, node in enumerate(local) if node >= 0], dtype=np.int64)
         nodes = np.array([local[k] for k in places], dtype=np.int64)
-        offsets = np.array([serial.marker_frame(markers[k]) for k in places]).reshape(-1, 12)
-        return block, nodes, offsets, np.array(places, dtype=np.int64)
+        return block, nodes, offsets[places], places
 
     def state(self) -> FloatArray:
         """What energies have summed up so far, over all ranks (collective)."""
@@ -120,9 +129,22 @@ class ProbeRecorder:
         for block, nodes, offsets, places in self._sources:
             if len(nodes):
                 _record(block.frames, block.velocity, nodes, offsets, places, row)
+        for block, points, offsets, places in self._inside:
+            frames, twists = points.motion(block)
+            _record(frames, twists, np.arange(len(places)), offsets, places, row)
+        if len(self._sliders.places):
+            self._record_sliders(row)
         if self._gauges:
             self._shares[len(self._times)] = np.concatenate([g.update() for g in self._gauges])
         self._times.append(t)
+
+    def _record_sliders(self, row: FloatArray) -> None:
+        """Sections where sliders are, their arc lengths and rates."""
+        motion, places = self._sliders.motion(), self._sliders.places
+        unmoved = np.tile(se3.frame(np.zeros(3), np.eye(3)), (len(places), 1))
+        frames, twists = motion[:, :12].copy(), motion[:, 12:18].copy()
+        _record(frames, twists, np.arange(len(places)), unmoved, places, row)
+        row[places, 18:] = motion[:, 18:]
 
     def flush(self) -> Iterator[tuple[float, FloatArray]]:
         """Empty the buffer (collective): times and column values on the first rank."""
@@ -142,7 +164,10 @@ class ProbeRecorder:
         return iter([(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows])
 
     def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
-        states = [MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18]) for r in row]
+        states = [
+            MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18], *r[18:].tolist())
+            for r in row
+        ]
         values, at, read = [np.empty(0)], 0, 0
         for probe in self._probes:
             if isinstance(probe, Probe):

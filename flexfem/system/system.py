@@ -14,13 +14,14 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import Load
 from flexfem.core.state import Numbering, State
 from flexfem.elements.family import BeamFamily
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
+from flexfem.system.line_loads import LineForces
 from flexfem.system.mechanics import EndPoint, Mechanics
 from flexfem.system.node_loads import NodeForces, NodeMasses
 
@@ -79,7 +80,7 @@ class BlockPart:
     Attributes:
         kind: kind of block (``placement.BEAMS``, ``NURBS`` or ``RIGID``).
         block: the nodes and their state.
-        masses, forces: at nodes of this rank.
+        masses, forces: at nodes of this rank; line_forces: inside its elements.
         beams: the element family, None for rigid bodies.
         node_body: (n,) number of the body that each node belongs to.
         slots: (n_slots,) local node of each interface slot that this rank owns in it, else -1.
@@ -89,6 +90,7 @@ class BlockPart:
     block: FrameBlock
     masses: NodeMasses
     forces: NodeForces
+    line_forces: list[LineForces]
     beams: BeamFamily | None
     node_body: IntArray
     slots: IntArray
@@ -100,11 +102,18 @@ class BlockPart:
         bodies, first = np.unique(owned[nodes], return_index=True)
         return bodies, nodes, np.append(first, len(nodes))
 
+    def connectivity(self) -> list[IndexArray]:
+        """Local nodes (m, k) of the elements, then of the forces inside elements, in groups."""
+        elements = [] if self.beams is None else self.beams.connectivity
+        return [*elements, *(forces.nodes for forces in self.line_forces)]
+
     def add_residual(self, gravity: FloatArray, factors: FloatArray, scale: float) -> None:
         """Compute the scaled residual without constraint forces; ghosts are summed to owners."""
         self.block.residual[:] = 0.0
         if self.beams is not None:
             self.beams.add_residual(self.block, gravity, scale)
+            for forces in self.line_forces:
+                forces.add_residual(self.block, factors, scale)
             self.block.add_ghosts()
         if len(self.masses.nodes):
             self.masses.add_residual(self.block, gravity, scale)

@@ -95,14 +95,14 @@ def test_printed_table(model):
     ],
 )
 def test_nodes_of_markers(model, point, x):
-    node = model.marker_node(Marker("second", point))
+    node = model.marker_place(Marker("second", point)).node
     assert node in model.mesh.group_cells("rod_2")
     assert model.mesh.points[node] == pytest.approx([x, 0, 0])
 
 
 def test_markers_without_node(model):
-    assert model.marker_node(Marker("slider", offset=(0, 1, 0))) is None
-    assert model.marker_node(Ground()) is None
+    assert model.marker_place(Marker("slider", offset=(0, 1, 0))) is None
+    assert model.marker_place(Ground()) is None
 
 
 def test_fraction_follows_the_arc_length():
@@ -110,7 +110,12 @@ def test_fraction_follows_the_arc_length():
     mesh = LineMesh(points, [[0, 1], [1, 2], [2, 3]], {"a": [0, 1, 2]})
     model = Model(mesh=mesh)
     model.add(Beam("a", SECTION))
-    assert [model.marker_node(Marker("a", s)) for s in (0.04, 0.3, 0.55, 0.65)] == [0, 2, 2, 3]
+    assert [model.marker_place(Marker("a", s)).node for s in (0.04, 0.3, 0.55, 0.65)] == [
+        0,
+        2,
+        2,
+        3,
+    ]
 
 
 def test_branching_beams_have_named_points():
@@ -119,7 +124,7 @@ def test_branching_beams_have_named_points():
     model = Model(mesh=mesh)
     model.add(Beam("tee", SECTION), Spherical("j", Ground(), Marker("tee", "foot")))
     model.validate()
-    assert model.marker_node(Marker("tee", "foot")) == 3
+    assert model.marker_place(Marker("tee", "foot")).node == 3
 
 
 def test_a_thousand_bodies_are_checked_quickly():

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled forces and moments at points inside NURBS elements.
+
+As ``node_forces``, but the point is carried by all control points of its element, with the frame
+``offset`` relative to that of the section. With J the local twist of the point by those of the
+control points and ``g`` the wrench in the axes of the point, the control points feel ``J^T g``.
+"""
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.line_points import NURBS, add_line_second, line_jacobian, offset_jacobian
+from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.se3 import compose_into
+
+__all__ = ["add_line_forces", "line_force_states", "line_force_tangent", "line_twists"]
+
+
+@inlined
+def _gather(nodes: IntArray, frames: FloatArray, out: FloatArray) -> None:
+    for i in range(nodes.size):
+        for j in range(12):
+            out[i, j] = frames[nodes[i], j]
+
+
+@inlined
+def _wrench(
+    point: FloatArray, force: FloatArray, moment: FloatArray, follower: bool, factor: float,
+    g: FloatArray,
+) -> None:  # fmt: skip
+    """Force and moment in the axes of the point."""
+    for i in range(3):
+        if follower:
+            g[i], g[3 + i] = factor * force[i], factor * moment[i]
+        else:
+            g[i], g[3 + i] = 0.0, 0.0
+            for j in range(3):
+                g[i] += factor * point[3 + 3 * j + i] * force[j]
+                g[3 + i] += factor * point[3 + 3 * j + i] * moment[j]
+
+
+@kernel
+def add_line_forces(
+    nodes: IntArray, shape: FloatArray, xi: FloatArray, offsets: FloatArray, forces: FloatArray,
+    moments: FloatArray, follower: BoolArray, load: IntArray, factors: FloatArray,
+    frames: FloatArray, scale: float, residual: FloatArray,
+) -> None:  # fmt: skip
+    """Subtract ``scale * factors[load]`` times every wrench from the residuals of its nodes."""
+    k = nodes.shape[1]
+    F, J = np.empty((k, 12)), np.empty((6, 6 * k + 1))
+    H, g = np.empty(12), np.empty(6)
+    for n in range(nodes.shape[0]):
+        _gather(nodes[n], frames, F)
+        line_jacobian(NURBS, F, shape[n], xi[n], H, J)
+        offset_jacobian(offsets[n], J)
+        compose_into(H, offsets[n], H)
+        _wrench(H, forces[n], moments[n], follower[n], scale * factors[load[n]], g)
+        for a in range(k):
+            for j in range(6):
+                total = 0.0
+                for i in range(6):
+                    total += J[i, 6 * a + j] * g[i]
+                residual[nodes[n, a], j] -= total
+
+
+@inlined
+def _back(offset: FloatArray, g: FloatArray, out: FloatArray) -> None:
+    """The same wrench at the frame that carries the point."""
+    for i in range(3):
+        out[i], out[3 + i] = 0.0, 0.0
+        for j in range(3):
+            out[i] += offset[3 + 3 * i + j] * g[j]
+            out[3 + i] += offset[3 + 3 * i + j] * g[3 + j]
+    out[3] += offset[1] * out[2] - offset[2] * out[1]
+    out[4] += offset[2] * out[0] - offset[0] * out[2]
+    out[5] += offset[0] * out[1] - offset[1] * out[0]
+
+
+@kernel
+def line_force_tangent(
+    nodes: IntArray, shape: FloatArray, xi: FloatArray, offsets: FloatArray, forces: FloatArray,
+    moments: FloatArray, follower: BoolArray, load: IntArray, factors: FloatArray,
+    frames: FloatArray, scale: float, out: FloatArray,
+) -> None:  # fmt: skip
+    """Write ``scale`` times the derivative of every wrench's residual to ``out`` (n, 6k, 6k)."""
+    k = nodes.shape[1]
+    size = 6 * k
+    F, J = np.empty((k, 12)), np.empty((6, size + 1))
+    S, change = np.empty((size + 1, size + 1)), np.empty(6)
+    H, g, carried = np.empty(12), np.empty(6), np.empty(6)
+    for n in range(nodes.shape[0]):
+        _gather(nodes[n], frames, F)
+        line_jacobian(NURBS, F, shape[n], xi[n], H, J)
+        offset_jacobian(offsets[n], J)
+        compose_into(H, offsets[n], H)
+        _wrench(H, forces[n], moments[n], follower[n], -scale * factors[load[n]], g)
+        _back(offsets[n], g, carried)
+        S[:] = 0.0
+        add_line_second(NURBS, F, shape[n], xi[n], carried, S)
+        for c in range(size):
+            if not follower[n]:  # d(R^T f) = (R^T f) x theta
+                for half in range(0, 6, 3):
+                    for i in range(3):
+                        p, q = (i + 1) % 3, (i + 2) % 3
+                        change[half + i] = g[half + p] * J[3 + q, c] - g[half + q] * J[3 + p, c]
+                for r in range(size):
+                    for i in range(6):
+                        S[r, c] += J[i, r] * change[i]
+            for r in range(size):
+                out[n, r, c] = S[r, c]
+
+
+@kernel
+def line_twists(
+    nodes: IntArray, shape: FloatArray, xi: FloatArray, frames: FloatArray, velocity: FloatArray,
+    points: FloatArray, twists: FloatArray,
+) -> None:  # fmt: skip
+    """Write frames (n, 12) and local twists (n, 6) of places in elements, offsets left out."""
+    k = nodes.shape[1]
+    F, J = np.empty((k, 12)), np.empty((6, 6 * k + 1))
+    for n in range(nodes.shape[0]):
+        _gather(nodes[n], frames, F)
+        line_jacobian(NURBS, F, shape[n], xi[n], points[n], J)
+        for i in range(6):
+            twists[n, i] = 0.0
+            for a in range(k):
+                for j in range(6):
+                    twists[n, i] += J[i, 6 * a + j] * velocity[nodes[n, a], j]
+
+
+@kernel
+def line_force_states(
+    points: FloatArray, twists: FloatArray, offsets: FloatArray, forces: FloatArray,
+    moments: FloatArray, follower: BoolArray, load: IntArray, factors: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Write force, moment, place and angular velocity of every wrench to ``out`` (n, 12).
+
+    All are inertial components; ``points`` and ``twists`` are those of :func:`line_twists`.
+    """
+    H = np.empty(12)
+    for n in range(points.shape[0]):
+        factor, state, P = factors[load[n]], out[n], points[n]
+        compose_into(P, offsets[n], H)
+        for i in range(3):
+            at = 3 + 3 * i
+            state[6 + i] = H[i]
+            state[9 + i] = 0.0
+            state[i], state[3 + i] = factor * forces[n, i], factor * moments[n, i]
+            for j in range(3):
+                state[9 + i] += P[at + j] * twists[n, 3 + j]
+            if follower[n]:
+                state[i], state[3 + i] = 0.0, 0.0
+                for j in range(3):
+                    state[i] += factor * H[at + j] * forces[n, j]
+                    state[3 + i] += factor * H[at + j] * moments[n, j]

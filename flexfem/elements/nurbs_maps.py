@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled maps between the control points' frames and what a NURBS element interpolates.
+
+With R = R_r^T R_I of node I and the reference node r, an element interpolates the places
+``y = R_r^T (x_I - x_r)`` and ``Theta = log(R)``. Along local twists ``(u, theta)`` of both nodes
+
+    dy = R u_I - u_r + y x theta_r,    dTheta = Tinv(Theta) theta_I - Tinv(-Theta) theta_r,
+
+``Tinv v = v + Theta x v / 2 + e Theta x (Theta x v)``. All arrays hold ``LANES`` elements side by
+side, in their last axis; before it come the nodes and their components. Entries of the reference
+node itself are not touched.
+"""
+
+from flexfem._types import FloatArray, IndexArray
+from flexfem.la.batch import LANES
+from flexfem.lie._blocks import cross, dot
+from flexfem.lie._coefficients import Triple, inverse_derivatives
+from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.so3 import log_entries
+
+__all__ = [
+    "INVERSE",
+    "RELATIVE",
+    "force_changes_into",
+    "forces_into",
+    "places_into",
+    "rate_changes_into",
+    "rates_into",
+    "twists_into",
+]
+
+#: Entries of a node's relative rotation, followed by e and twice its derivative by Theta^2.
+RELATIVE, INVERSE = 11, 9
+
+
+@inlined
+def _at(a: FloatArray, node: int, first: int, lane: int) -> Triple:
+    return a[node, first, lane], a[node, first + 1, lane], a[node, first + 2, lane]
+
+
+@inlined
+def _put(a: FloatArray, node: int, first: int, lane: int, v: Triple) -> None:
+    a[node, first, lane], a[node, first + 1, lane], a[node, first + 2, lane] = v
+
+
+@inlined
+def _add(a: FloatArray, node: int, first: int, lane: int, v: Triple) -> None:
+    a[node, first, lane] += v[0]
+    a[node, first + 1, lane] += v[1]
+    a[node, first + 2, lane] += v[2]
+
+
+@inlined
+def _sum(u: Triple, f: float, v: Triple) -> Triple:
+    return u[0] + f * v[0], u[1] + f * v[1], u[2] + f * v[2]
+
+
+@inlined
+def _turned(R: FloatArray, i: int, lane: int, v: Triple) -> Triple:
+    """``R v``."""
+    return (
+        R[i, 0, lane] * v[0] + R[i, 1, lane] * v[1] + R[i, 2, lane] * v[2],
+        R[i, 3, lane] * v[0] + R[i, 4, lane] * v[1] + R[i, 5, lane] * v[2],
+        R[i, 6, lane] * v[0] + R[i, 7, lane] * v[1] + R[i, 8, lane] * v[2],
+    )
+
+
+@inlined
+def _turned_back(R: FloatArray, i: int, lane: int, v: Triple) -> Triple:
+    """``R^T v``."""
+    return (
+        R[i, 0, lane] * v[0] + R[i, 3, lane] * v[1] + R[i, 6, lane] * v[2],
+        R[i, 1, lane] * v[0] + R[i, 4, lane] * v[1] + R[i, 7, lane] * v[2],
+        R[i, 2, lane] * v[0] + R[i, 5, lane] * v[1] + R[i, 8, lane] * v[2],
+    )
+
+
+@inlined
+def _even_change(R: FloatArray, i: int, lane: int, t: Triple, dt: Triple, v: Triple) -> Triple:
+    """Change of ``e Theta x (Theta x v)`` along ``dt``."""
+    p = cross(t, v)
+    change = _sum(cross(dt, p), 1.0, cross(t, cross(dt, v)))
+    e, e_1 = R[i, INVERSE, lane], R[i, INVERSE + 1, lane]
+    nothing = (0.0, 0.0, 0.0)
+    return _sum(_sum(nothing, e, change), e_1 * dot(t, dt), cross(t, p))
+
+
+@kernel
+def places_into(
+    cells: IndexArray, first: int, frames: FloatArray, relative: FloatArray, places: FloatArray
+) -> None:
+    """Relative rotations (k, RELATIVE, L) and places (k, 6, L) of the elements from ``first`` on.
+
+    The last element fills the lanes that are left.
+    """
+    count, k = cells.shape
+    R, ref = relative[0, :9, 0].copy(), k // 2
+    for lane in range(LANES):
+        c = min(first + lane, count - 1)
+        A = frames[cells[c, ref]]
+        for node in range(k):
+            if node == ref:
+                continue
+            B = frames[cells[c, node]]
+            x0, x1, x2 = B[0] - A[0], B[1] - A[1], B[2] - A[2]
+            for i in range(3):
+                a0, a1, a2 = A[3 + i], A[6 + i], A[9 + i]
+                places[node, i, lane] = a0 * x0 + a1 * x1 + a2 * x2
+                for j in range(3):
+                    R[3 * i + j] = a0 * B[3 + j] + a1 * B[6 + j] + a2 * B[9 + j]
+            t = log_entries(R, 0)
+            e, e_1, _ = inverse_derivatives(dot(t, t))
+            _put(places, node, 3, lane, t)
+            for i in range(9):
+                relative[node, i, lane] = R[i]
+            relative[node, INVERSE, lane], relative[node, INVERSE + 1, lane] = e, e_1
+
+
+@kernel
+def twists_into(cells: IndexArray, first: int, values: FloatArray, twists: FloatArray) -> None:
+    """Nodal twists (n, 6) of the elements from ``first`` on to (k, 6, L)."""
+    count, k = cells.shape
+    for lane in range(LANES):
+        c = min(first + lane, count - 1)
+        for node in range(k):
+            for i in range(6):
+                twists[node, i, lane] = values[cells[c, node], i]
+
+
+@kernel
+def rates_into(
+    relative: FloatArray, places: FloatArray, twists: FloatArray, rates: FloatArray
+) -> None:
+    """Change (k, 6, L) of the places along local twists (k, 6, L)."""
+    k = twists.shape[0]
+    ref = k // 2
+    for node in range(k):
+        if node == ref:
+            continue
+        for lane in range(LANES):
+            y, t = _at(places, node, 0, lane), _at(places, node, 3, lane)
+            omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
+            speed = _turned(relative, node, lane, _at(twists, node, 0, lane))
+            speed = _sum(speed, -1.0, _at(twists, ref, 0, lane))
+            _put(rates, node, 0, lane, _sum(speed, 1.0, cross(y, omega_r)))
+            difference = _sum(omega, -1.0, omega_r)
+            turn = _sum(difference, 0.5, cross(t, _sum(omega, 1.0, omega_r)))
+            e = relative[node, INVERSE, lane]
+            _put(rates, node, 3, lane, _sum(turn, e, cross(t, cross(t, difference))))
+
+
+@kernel
+def rate_changes_into(
+    relative: FloatArray, places: FloatArray, twists: FloatArray, steps: FloatArray,
+    moved: FloatArray, changes: FloatArray,
+) -> None:  # fmt: skip
+    """Change (k, 6, L) of :func:`rates_into` at fixed local twists as the nodes move.
+
+    They move by the local twists ``steps`` (k, 6, L), which change the places by ``moved``
+    (k, 6, L).
+    """
+    k = twists.shape[0]
+    ref = k // 2
+    for node in range(k):
+        if node == ref:
+            continue
+        for lane in range(LANES):
+            t, dt = _at(places, node, 3, lane), _at(moved, node, 3, lane)
+            turn = _turned_back(relative, node, lane, _at(steps, ref, 3, lane))
+            turn = _sum(_at(steps, node, 3, lane), -1.0, turn)
+            omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
+            speed = _turned(relative, node, lane, cross(turn, _at(twists, node, 0, lane)))
+            speed = _sum(speed, -1.0, cross(omega_r, _at(moved, node, 0, lane)))
+            _put(changes, node, 0, lane, speed)
+            even = _even_change(relative, node, lane, t, dt, _sum(omega, -1.0, omega_r))
+            odd = cross(dt, _sum(omega, 1.0, omega_r))
+            _put(changes, node, 3, lane, _sum(even, 0.5, odd))
+
+
+@kernel
+def forces_into(
+    relative: FloatArray, places: FloatArray, dual: FloatArray, forces: FloatArray
+) -> None:
+    """Nodal forces (k, 6, L) of forces dual to the places: the transpose of :func:`rates_into`."""
+    k = dual.shape[0]
+    ref = k // 2
+    for i in range(6):
+        for lane in range(LANES):
+            forces[ref, i, lane] = 0.0
+    for node in range(k):
+        if node == ref:
+            continue
+        for lane in range(LANES):
+            y, t = _at(places, node, 0, lane), _at(places, node, 3, lane)
+            f, m = _at(dual, node, 0, lane), _at(dual, node, 3, lane)
+            p = cross(t, m)
+            even = _sum(m, relative[node, INVERSE, lane], cross(t, p))
+            _put(forces, node, 0, lane, _turned_back(relative, node, lane, f))
+            _put(forces, node, 3, lane, _sum(even, -0.5, p))
+            _add(forces, ref, 0, lane, (-f[0], -f[1], -f[2]))
+            moment = _sum(_sum(even, 0.5, p), 1.0, cross(y, f))
+            _add(forces, ref, 3, lane, (-moment[0], -moment[1], -moment[2]))
+
+
+@kernel
+def force_changes_into(
+    relative: FloatArray, places: FloatArray, dual: FloatArray, steps: FloatArray,
+    moved: FloatArray, changes: FloatArray, moments: FloatArray,
+) -> None:  # fmt: skip
+    """Change of :func:`forces_into` at a fixed dual as the nodes move.
+
+    They move as in :func:`rate_changes_into`. ``changes`` (k, 6, L) gets the change at each node
+    but the reference node, ``moments`` (k, 3, L) what it adds to the moment there.
+    """
+    k = dual.shape[0]
+    ref = k // 2
+    for node in range(k):
+        if node == ref:
+            continue
+        for lane in range(LANES):
+            t, dt = _at(places, node, 3, lane), _at(moved, node, 3, lane)
+            f, m = _at(dual, node, 0, lane), _at(dual, node, 3, lane)
+            turn = _turned_back(relative, node, lane, _at(steps, ref, 3, lane))
+            turn = _sum(_at(steps, node, 3, lane), -1.0, turn)
+            _put(changes, node, 0, lane, cross(_turned_back(relative, node, lane, f), turn))
+            even, odd = _even_change(relative, node, lane, t, dt, m), cross(dt, m)
+            _put(changes, node, 3, lane, _sum(even, -0.5, odd))
+            moment = _sum(_sum(even, 0.5, odd), 1.0, cross(_at(moved, node, 0, lane), f))
+            _put(moments, node, 0, lane, (-moment[0], -moment[1], -moment[2]))

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Shape functions of NURBS elements at their quadrature points, and integrals over the elements."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import FloatArray, IndexArray
+from flexfem.la.batch import LANES
+
+__all__ = ["Masses", "Points", "gauss", "lanes", "masses", "points", "shape_functions", "unlaned"]
+
+#: Points for lengths and masses: they cost nothing later, and no curve of an element is so rough.
+_FINE = 16
+
+
+def gauss(count: int) -> tuple[FloatArray, FloatArray]:
+    """Points and weights (count,) of Gauss and Legendre on [0, 1]."""
+    at, weights = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (at + 1.0), 0.5 * weights
+
+
+def shape_functions(shape: FloatArray, xi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rational shape functions and their derivatives by xi.
+
+    Args:
+        shape: (m, k, k) coefficients in powers of xi of the weighted functions.
+        xi: (q,) places in all elements, or (m, q).
+
+    Returns:
+        Two arrays (m, q, k).
+    """
+    k = shape.shape[-1]
+    at = np.broadcast_to(xi, (len(shape), np.shape(xi)[-1]))[..., np.newaxis]
+    power = np.arange(k)
+    powers = at**power
+    slopes = power * at ** np.maximum(power - 1, 0)
+    values = np.einsum("mqj,mij->mqi", powers, shape)
+    derivatives = np.einsum("mqj,mij->mqi", slopes, shape)
+    total = values.sum(axis=-1, keepdims=True)
+    values /= total
+    derivatives = (derivatives - values * derivatives.sum(axis=-1, keepdims=True)) / total
+    return values, derivatives
+
+
+@dataclass(frozen=True)
+class Points:
+    """Shape functions at points of all elements.
+
+    Attributes:
+        values, slopes: (m, q, k) shape functions and their derivatives by the arc length at the
+            start, 1/m.
+        lengths: (m, q) arc length that each point stands for, m.
+    """
+
+    values: FloatArray
+    slopes: FloatArray
+    lengths: FloatArray
+
+    @property
+    def tables(self) -> FloatArray:
+        """As the compiled loops expect them, (b, q, 2, k, LANES)."""
+        return lanes(np.stack([self.values, self.slopes], axis=2))
+
+
+def points(
+    shape: FloatArray, cells: IndexArray, start: FloatArray, xi: FloatArray, weights: FloatArray
+) -> Points:
+    """Shape functions at given places.
+
+    Args:
+        shape: (m, k, k), see :func:`shape_functions`.
+        cells: (m, k) nodes.
+        start: (n, 12) frames of the nodes at the start.
+        xi: (q,) or (m, q) places.
+        weights: (q,) their weights.
+    """
+    values, slopes = shape_functions(shape, xi)
+    speed = np.linalg.norm(np.einsum("mqi,mij->mqj", slopes, start[cells, :3]), axis=-1)
+    return Points(values, slopes / speed[..., np.newaxis], weights * speed)
+
+
+@dataclass(frozen=True)
+class Masses:
+    """Integrals over the arc length at the start.
+
+    Attributes:
+        products: (m, k, k) of the products of two shape functions, m.
+        weights: (m, k) of the shape functions, m.
+        lengths: (m,) of the elements, m.
+    """
+
+    products: FloatArray
+    weights: FloatArray
+    lengths: FloatArray
+
+
+def masses(shape: FloatArray, cells: IndexArray, start: FloatArray) -> Masses:
+    """Integrals over all elements, to round-off; arguments as for :func:`points`."""
+    fine = points(shape, cells, start, *gauss(_FINE))
+    products = np.einsum("mq,mqi,mqj->mij", fine.lengths, fine.values, fine.values)
+    # shape functions add up to one, and so shall the integrals
+    return Masses(products, products.sum(axis=2), products.sum(axis=(1, 2)))
+
+
+def lanes(values: FloatArray) -> FloatArray:
+    """Rows (m, ...) side by side, (b, ..., LANES); the last row fills the last batch."""
+    count = len(values)
+    batches = -(-count // LANES)
+    rows = np.minimum(np.arange(batches * LANES), count - 1)
+    split = values[rows].reshape(batches, LANES, *values.shape[1:])
+    return np.ascontiguousarray(np.moveaxis(split, 1, -1))
+
+
+def unlaned(values: FloatArray, count: int) -> FloatArray:
+    """The first ``count`` rows of what :func:`lanes` has put side by side."""
+    rows = np.moveaxis(values, -1, 1)
+    return np.ascontiguousarray(rows.reshape(-1, *rows.shape[2:])[:count])

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Blocks and element families of the beams on the ranks (collective)."""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.nurbs_beam import NurbsBeams, NurbsCells
+from flexfem.elements.se3_beam import BeamCells, SE3Beams
+from flexfem.materials.section import Section
+from flexfem.mesh.beam_mesh import create_beam_mesh
+from flexfem.model.bodies import Beam
+from flexfem.system.assembly import Assembly
+from flexfem.system.nurbs_lines import NurbsLines
+from flexfem.system.placement import Placement
+
+__all__ = ["nurbs_block", "se3_block"]
+
+#: of the messages that set up the exchange of ghosts
+_TAG = 1201
+
+
+def se3_block(
+    serial: Assembly, comm: MPI.Intracomm, placement: Placement
+) -> tuple[FrameBlock, SE3Beams]:
+    """Nodes and elements of all SE(3) beams."""
+    beams = serial.model.beams_of("se3")
+    destination = np.concatenate(placement.cells_of(beams))
+    mesh = create_beam_mesh(comm, serial.points, serial.cells.cells, destination)
+    data, ids = serial.cells, mesh.cell_ids
+    mine = BeamCells(
+        mesh.cells, data.body[ids], data.section[ids], data.frames[ids], data.damping[ids]
+    )
+    frames = serial.frames[mesh.node_ids]
+    block = FrameBlock(
+        "beams", comm, frames, serial.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
+        inertial=True,
+    )  # fmt: skip
+    owners = _owners(beams, serial.sections)
+    return block, SE3Beams(comm, mine, serial.sections, owners, frames)
+
+
+def nurbs_block(
+    serial: Assembly, comm: MPI.Intracomm, placement: Placement
+) -> tuple[FrameBlock, NurbsBeams]:
+    """Control points and elements of all NURBS beams."""
+    from dolfinx.common import IndexMap
+
+    curves = serial.curves
+    assert curves is not None
+    ranks = placement.cells_of(curves.beams)
+    owner = _owners_of_nodes(curves, ranks)
+    order = np.argsort(owner, kind="stable")
+    number = np.empty(len(owner), dtype=np.int64)
+    number[order] = np.arange(len(owner))
+    chosen = [np.flatnonzero(rank == comm.rank) for rank in ranks]
+    touched = [curves.nodes(b)[cells].ravel() for b, cells in enumerate(chosen)]
+    mine = np.flatnonzero(owner == comm.rank)
+    ghosts = np.setdiff1d(np.concatenate(touched), mine)
+    ids = np.concatenate([mine, ghosts]).astype(np.int64)
+    index_map = IndexMap(
+        comm, len(mine), number[ghosts].astype(np.int64), owner[ghosts].astype(np.int32), _TAG
+    )
+    frames = curves.frames[ids]
+    block = FrameBlock(
+        "nurbs_beams", comm, frames, curves.velocities[ids], ids, index_map, inertial=True
+    )
+    data = _cells(curves, chosen, block)
+    return block, NurbsBeams(
+        comm, data, curves.sections, _owners(curves.beams, curves.sections), frames
+    )
+
+
+def _owners_of_nodes(curves: NurbsLines, ranks: Sequence[IntArray]) -> IntArray:
+    """Rank of every control point: the lowest of those of the elements that it touches."""
+    owner = np.full(len(curves.frames), np.iinfo(np.int64).max)
+    for beam, rank in enumerate(ranks):
+        nodes = curves.nodes(beam)
+        np.minimum.at(owner, nodes, np.broadcast_to(rank[:, np.newaxis], nodes.shape))
+    return owner
+
+
+def _cells(curves: NurbsLines, chosen: Sequence[IntArray], block: FrameBlock) -> list[NurbsCells]:
+    """Elements of this rank by degree; every rank has the same degrees, maybe without elements."""
+    widths = [parts.nodes.shape[1] for parts in curves.parts]
+    data = []
+    for k in sorted(set(widths)):
+        beams = [b for b, width in enumerate(widths) if width == k]
+        counts = [len(chosen[b]) for b in beams]
+        nodes = np.concatenate([curves.nodes(b)[chosen[b]] for b in beams])
+        data.append(
+            NurbsCells(
+                nodes=block.local_index(nodes),
+                body=np.repeat(curves.numbers[beams], counts),
+                section=np.repeat(curves.section[beams], counts),
+                shape=np.concatenate([curves.parts[b].shape[chosen[b]] for b in beams]),
+                damping=np.repeat([curves.beams[b].damping for b in beams], counts),
+            )
+        )
+    return data
+
+
+def _owners(beams: Sequence[Beam], sections: Sequence[Section]) -> list[str]:
+    """What messages call each section: the first beam that has it."""
+    first = {id(b.section): f'Beam "{b.name}"' for b in reversed(beams)}
+    return [first[id(section)] for section in sections]

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Serial data of all NURBS beams of a model: control points numbered along the curves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.materials.section import Section
+from flexfem.mesh.nurbs_elements import NurbsElements
+from flexfem.mesh.nurbs_frames import control_frames
+from flexfem.model.bodies import Beam
+from flexfem.model.model import Model
+from flexfem.system.line_cells import LineCells
+from flexfem.system.placement import NURBS
+
+__all__ = ["NurbsLines", "initial_velocities"]
+
+#: Gauss points for integrals over an element: they cost nothing later.
+_FINE = 16
+
+
+@dataclass(frozen=True, eq=False)
+class NurbsLines:
+    """Control points and elements of all NURBS beams, beam after beam, the same on every rank.
+
+    Attributes:
+        beams: the beams, and their numbers in the model in ``numbers``.
+        parts: elements of each beam; their nodes count the control points of its curve.
+        first_node, first_cell: (n + 1,) first control point and first element of each beam.
+        frames, velocities: (c, 12) and (c, 6) of the control points at the start.
+        body_of_node: (c,) number of the beam in the model.
+        sections: the beams' different sections, and which each beam has in ``section``.
+    """
+
+    beams: list[Beam]
+    numbers: IntArray
+    parts: list[NurbsElements]
+    first_node: IntArray
+    first_cell: IntArray
+    frames: FloatArray
+    velocities: FloatArray
+    body_of_node: IntArray
+    sections: list[Section]
+    section: IntArray
+
+    @classmethod
+    def of(cls, model: Model) -> "NurbsLines":
+        """Data of a model with NURBS beams."""
+        beams = model.beams_of("nurbs")
+        curves = [model.curve(beam) for beam in beams]
+        frames = [control_frames(c, b.orientation) for c, b in zip(curves, beams, strict=True)]
+        numbers = np.array([model.beams.index(beam) for beam in beams], dtype=np.int64)
+        parts = [curve.elements for curve in curves]
+        nodes = [len(f) for f in frames]
+        sections = list({id(b.section): b.section for b in beams}.values())
+        place = {id(section): i for i, section in enumerate(sections)}
+        return cls(
+            beams=beams,
+            numbers=numbers,
+            parts=parts,
+            first_node=_starts(nodes),
+            first_cell=_starts([len(p.nodes) for p in parts]),
+            frames=np.concatenate(frames),
+            velocities=np.concatenate(
+                [initial_velocities(b, f) for b, f in zip(beams, frames, strict=True)]
+            ),
+            body_of_node=np.repeat(numbers, nodes),
+            sections=sections,
+            section=np.array([place[id(b.section)] for b in beams], dtype=np.int64),
+        )
+
+    def index(self, name: str) -> int:
+        """Number of a beam among the NURBS beams.
+
+        Raises:
+            ValueError: there is none of this name.
+        """
+        return [beam.name for beam in self.beams].index(name)
+
+    def nodes(self, beam: int) -> IntArray:
+        """(m, k) control points of a beam's elements, numbered among all."""
+        numbers: IntArray = self.first_node[beam] + self.parts[beam].nodes
+        return numbers
+
+    def gauss(self, beam: int) -> tuple[FloatArray, FloatArray]:
+        """Gauss points (q,) in the elements of a beam, and lengths (m, q) they stand for, m."""
+        return self._points(beam, self.parts[beam].nodes.shape[1])
+
+    def integrals(self, beam: int) -> FloatArray:
+        """(m, k) integrals of the shape functions along the elements of a beam, m."""
+        xi, lengths = self._points(beam, _FINE)
+        shape = self.parts[beam].shape
+        values = np.einsum("qj,mij->mqi", xi[:, np.newaxis] ** np.arange(shape.shape[-1]), shape)
+        values /= values.sum(axis=-1, keepdims=True)
+        total: FloatArray = np.einsum("mq,mqi->mi", lengths, values)
+        return total
+
+    def _points(self, beam: int, count: int) -> tuple[FloatArray, FloatArray]:
+        at, weights = np.polynomial.legendre.leggauss(count)
+        xi, arc = 0.5 * (at + 1.0), self.parts[beam].arc
+        power = np.arange(1, arc.shape[1])
+        speed = (arc[:, 1:] * power) @ (xi ** (power[:, np.newaxis] - 1))
+        return xi, 0.5 * weights * speed
+
+    def line(self, beam: int) -> LineCells:
+        """Elements of a beam."""
+        parts = self.parts[beam]
+        return LineCells(
+            kind=NURBS,
+            nodes=self.nodes(beam),
+            cells=np.arange(self.first_cell[beam], self.first_cell[beam + 1]),
+            shape=parts.shape,
+            turns=None,
+            starts=np.cumsum(parts.lengths) - parts.lengths,
+            arc=parts.arc,
+        )
+
+
+def initial_velocities(beam: Beam, frames: FloatArray) -> FloatArray:
+    """Local twists (n, 6) at the start of nodes with frames (n, 12): a rigid motion."""
+    back = np.swapaxes(frames[:, 3:].reshape(-1, 3, 3), -1, -2)
+    speed = beam.velocity + np.cross(beam.angular_velocity, frames[:, :3])
+    local = np.einsum("nij,nj->ni", back, speed)
+    return np.concatenate([local, back @ beam.angular_velocity], axis=1)
+
+
+def _starts(counts: Sequence[int]) -> IntArray:
+    """Where each of several consecutive runs begins, and the end."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
