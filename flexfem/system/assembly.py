@@ -178,6 +178,12 @@ class Assembly:
             return self.curves.body_of_node[nodes]
         return nodes
 
+    def owner(self, kind: int) -> str:
+        """What messages call the first body of a kind."""
+        if kind == RIGID:
+            return f'RigidBody "{self.model.rigid_bodies[0].name}"'
+        return f'Beam "{self.model.beams_of("se3" if kind == BEAMS else "nurbs")[0].name}"'
+
     def node_frames(self, kind: int) -> FloatArray:
         """Frames (n, 12) of all nodes of a kind at the start."""
         if kind == NURBS:

@@ -79,6 +79,7 @@ def _part(
         forces=NodeForces(node_forces(serial, kind, block)),
         line_forces=by_degree(line_forces(serial, block) if kind == NURBS else [], node_body),
         beams=beams,
+        owner=serial.owner(kind),
         node_body=node_body,
         slots=np.where(interface.kind == kind, interface.local, -1),
     )
