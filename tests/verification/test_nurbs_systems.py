@@ -112,7 +112,7 @@ def test_markers_inside_elements_start_where_they_are():
         place = np.array([np.cos(ANGLE * fraction), np.sin(ANGLE * fraction), 0.0])
         # round-off; the nearest control point is off by centimetres
         np.testing.assert_allclose(x, place, atol=1e-11)
-        np.testing.assert_allclose(v, (1.0, 2.0, 3.0) + np.cross(spin, place), atol=1e-11)
+        np.testing.assert_allclose(v, np.add((1.0, 2.0, 3.0), np.cross(spin, place)), atol=1e-11)
         np.testing.assert_allclose(w, spin, atol=1e-11)
         # the tangent as an axis that the marker had at the start: none was given
         np.testing.assert_allclose(e, (1.0, 0.0, 0.0), atol=1e-11)
