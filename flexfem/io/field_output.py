@@ -115,7 +115,7 @@ def _joint_fields(system: System) -> JointFields:
     rows = system.constraints
     owned = np.array([placed.owned for placed in rows.joints], dtype=bool)
     first = rows.marker_start[:-1][owned]
-    frames, wrench = rows.marker_frames(), rows.reactions()[first]
+    frames, wrench = rows.poses, rows.reactions()[first]
     axis = np.zeros((len(first), 3))
     joints = [placed for placed in rows.joints if placed.owned]
     for i, placed in enumerate(joints):

@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.bodies.line_forces import line_twists
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.marker import Attachment
+from flexfem.core.marker import Observed
 from flexfem.system.assembly import Assembly
 from flexfem.system.line_cells import LinePlace
 from flexfem.system.nurbs_lines import NurbsLines
@@ -53,7 +53,7 @@ def held_elements(curves: NurbsLines, block: FrameBlock) -> list[IntArray]:
 
 
 def held_places(
-    serial: Assembly, kind: int, block: FrameBlock, markers: Sequence[Attachment]
+    serial: Assembly, kind: int, block: FrameBlock, markers: Sequence[Observed]
 ) -> list[tuple[LinePoints, IntArray]]:
     """Markers inside elements that this rank holds, in groups, and which of them these are."""
     found: dict[int, list[tuple[int, LinePlace]]] = {}
