@@ -18,10 +18,11 @@ from flexfem.lie import se3, so3
 
 dolfinx = pytest.importorskip("dolfinx")
 
-import ufl  # noqa: E402
-from dolfinx.fem.petsc import assemble_matrix, assemble_vector  # noqa: E402
 from mpi4py import MPI  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
+
+import ufl  # noqa: E402
+from dolfinx.fem.petsc import assemble_matrix, assemble_vector  # noqa: E402
 
 pytestmark = pytest.mark.serial
 
@@ -212,6 +213,4 @@ def test_consistent_masses(beam, broken):
     expected = np.einsum("ij,iab,jac->ibjc", masses, R, R)
     found = beam.matrix(np.array([0.0, 1.0, 0.0])).reshape(n, 6, n, 6)
     # a lumped or local mass matrix is off by percents
-    np.testing.assert_allclose(
-        found[:, :3, :, :3], expected, atol=1e-12 * np.abs(expected).max()
-    )
+    np.testing.assert_allclose(found[:, :3, :, :3], expected, atol=1e-12 * np.abs(expected).max())
