@@ -171,3 +171,87 @@ class OneBeam:
 def one_beam() -> type[OneBeam]:
     """Class of a beam on all ranks, created collectively."""
     return OneBeam
+
+
+class OneNurbs(OneBeam):
+    """The block of one NURBS beam on this process: elements of one degree that share end nodes."""
+
+    def __init__(
+        self, points: np.ndarray, degree: int, section: Any, damping: float = 0.0,
+        weights: np.ndarray | None = None, turns: np.ndarray | None = None, inertial: bool = True,
+    ) -> None:  # fmt: skip
+        """Create the beam.
+
+        Args:
+            points: (n, 3) control points, n - 1 a multiple of the degree.
+            degree: of the elements.
+            section: of the beam.
+            damping: stiffness-proportional, s.
+            weights: (n,) of the control points, all one when None.
+            turns: (n, 3) rotation vectors of the control points' frames, all zero when None.
+            inertial: as in the block.
+        """
+        from math import comb
+
+        from mpi4py import MPI
+
+        from flexfem.elements.nurbs_beam import NurbsCells
+
+        self.degree, count = degree, (len(points) - 1) // degree
+        nodes = degree * np.arange(count)[:, np.newaxis] + np.arange(degree + 1)
+        powers = np.zeros((degree + 1, degree + 1))
+        for i in range(degree + 1):
+            for j in range(i, degree + 1):
+                powers[i, j] = (-1) ** (j - i) * comb(degree, i) * comb(degree - i, j - i)
+        weights = np.ones(len(points)) if weights is None else weights
+        numbers = np.zeros(count, dtype=np.int64)
+        cells = NurbsCells(
+            nodes, numbers, numbers, weights[nodes][..., np.newaxis] * powers,
+            np.full(count, damping),
+        )  # fmt: skip
+        self.comm, self.most, self.gravity = MPI.COMM_SELF, MPI.MAX, np.zeros(3)
+        self.create(points, turns, [cells], [section], inertial)
+
+    def create(
+        self, points: np.ndarray, turns: np.ndarray | None, data: Any, sections: Any,
+        inertial: bool = True,
+    ) -> None:  # fmt: skip
+        """Create block and beams from the elements of all degrees."""
+        from dolfinx.common import IndexMap
+
+        from flexfem.core.frame_block import FrameBlock
+        from flexfem.elements.nurbs_beam import NurbsBeams
+        from flexfem.lie import se3, so3
+
+        n = len(points)
+        frames = se3.frame(points, so3.exp(np.zeros((n, 3)) if turns is None else turns))
+        index_map = IndexMap(self.comm, n)
+        self.block = FrameBlock(
+            "nurbs", self.comm, frames, np.zeros((n, 6)), np.arange(n), index_map, inertial
+        )
+        owners = [f"Section {i}" for i in range(len(sections))]
+        self.beams = NurbsBeams(self.comm, data, sections, owners, frames)
+
+    def matrix(self, shifts: np.ndarray, scale: float = 1.0, local: bool = False) -> np.ndarray:
+        """Dense matrix of all nodes."""
+        values = self.beams.values(self.block, self.gravity, shifts, scale, local)
+        n, first = 6 * len(self.block.frames), 0
+        dense = np.zeros((n, n))
+        for cells in self.beams.connectivity:
+            width = 6 * cells.shape[1]
+            for nodes in cells:
+                at = (6 * nodes[:, np.newaxis] + np.arange(6)).ravel()
+                dense[np.ix_(at, at)] += values[first : first + width**2].reshape(width, width)
+                first += width**2
+        assert first == len(values)
+        return dense
+
+    def product(self, step: np.ndarray, shifts: np.ndarray, scale: float) -> np.ndarray:
+        """The matrix times a step."""
+        return (self.matrix(shifts, scale) @ step.ravel()).reshape(-1, 6)
+
+
+@pytest.fixture
+def one_nurbs() -> type[OneNurbs]:
+    """Class of a NURBS beam on this process."""
+    return OneNurbs
