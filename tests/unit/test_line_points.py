@@ -135,6 +135,15 @@ def angle(R: Any) -> Any:
     return v if s == 0 else mp.atan2(s, (R[0, 0] + R[1, 1] + R[2, 2] - 1) / 2) / s * v
 
 
+def length(t: Any) -> Any:
+    return mp.sqrt(t @ t)
+
+
+def unit(t: Any) -> Any:
+    """The vector with the length 1, zero as it is."""
+    return t if length(t) == 0 else t / length(t)
+
+
 class Reference:
     """An element and a point of it, with many digits."""
 
@@ -168,7 +177,10 @@ class Reference:
             return x[0] + R[0] @ V @ (self.xi * u), R[0] @ rotation
         N = self.shape @ np.array([self.xi**j for j in range(len(x))], dtype=object)
         N, r = N / sum(N), len(x) // 2
-        theta = sum(N[i] * angle(R[r].T @ R[i]) for i in range(len(x)))
+        halves = [angle(R[r].T @ R[i]) / 2 for i in range(len(x))]
+        scalar = sum(N[i] * mp.cos(length(t)) for i, t in enumerate(halves))
+        vector = sum(N[i] * mp.sinc(length(t)) * t for i, t in enumerate(halves))
+        theta = 2 * mp.atan2(length(vector), scalar) * unit(vector)
         return sum(N[i] * x[i] for i in range(len(x))), R[r] @ turn(theta)[0]
 
     def twist(self, a: Any) -> Any:

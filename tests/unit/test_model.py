@@ -110,7 +110,12 @@ def test_fraction_follows_the_arc_length():
     mesh = LineMesh(points, [[0, 1], [1, 2], [2, 3]], {"a": [0, 1, 2]})
     model = Model(mesh=mesh)
     model.add(Beam("a", SECTION))
-    assert [model.marker_place(Marker("a", s)).node for s in (0.04, 0.3, 0.55, 0.65)] == [0, 2, 2, 3]
+    assert [model.marker_place(Marker("a", s)).node for s in (0.04, 0.3, 0.55, 0.65)] == [
+        0,
+        2,
+        2,
+        3,
+    ]
 
 
 def test_branching_beams_have_named_points():
