@@ -64,7 +64,7 @@ def interpolate(tables: FloatArray, places: FloatArray, first: int, data: FloatA
 def collect(
     tables: FloatArray, weights: FloatArray, force: FloatArray, first: int, dual: FloatArray
 ) -> None:
-    """Add the force of a point, ``force`` from ``first`` on, to the dual (k, PLACE, L) of places."""
+    """Add the force of a point, in ``force`` from ``first`` on, to the places' dual (k, PLACE, L)."""
     k = dual.shape[0]
     for node in range(k):
         if node == k // 2:

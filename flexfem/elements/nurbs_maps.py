@@ -6,7 +6,7 @@ With R = R_r^T R_I of node I and the reference node r, an element interpolates t
 twists ``(u, theta)`` of both nodes
 
     dy = R u_I - u_r + y x theta_r,    dq = (q o theta_I - theta_r o q) / 2,
-    dw = -v . (theta_I - theta_r) / 2,    dv = (w (theta_I - theta_r) + v x (theta_I + theta_r)) / 2.
+    2 dw = -v . (theta_I - theta_r),    2 dv = w (theta_I - theta_r) + v x (theta_I + theta_r).
 
 All arrays hold ``LANES`` elements side by side, in their last axis; before it come the nodes and
 their components, of places ``PLACE``: y, ``w - 1``, v. Entries of the reference node, whose place
@@ -101,7 +101,7 @@ def _moments(w: float, v: Triple, a: float, b: Triple) -> tuple[Triple, Triple]:
 def places_into(
     cells: IndexArray, first: int, frames: FloatArray, relative: FloatArray, places: FloatArray
 ) -> None:
-    """Relative rotations (k, RELATIVE, L) and places (k, PLACE, L) of the elements from ``first`` on.
+    """Relative rotations (k, RELATIVE, L), places (k, PLACE, L) of the elements from ``first`` on.
 
     The last element fills the lanes that are left.
     """

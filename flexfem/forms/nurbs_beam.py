@@ -162,7 +162,7 @@ def _force(
 
 
 def _derivative(force: Expr, unknowns: Expr, f: Expr) -> Expr:
-    """Derivative (11, 11) by the unknowns, of which the variable ``f = 2 / |q|^2`` is a function."""
+    """Derivative (11, 11) by the unknowns; the variable ``f = 2 / |q|^2`` depends on them, too."""
     q = ufl.as_vector([
         1 + unknowns[3] if i == 3 else unknowns[i] if 4 <= i < 7 else 0 for i in range(POINT)
     ])  # fmt: skip

@@ -212,4 +212,6 @@ def test_consistent_masses(beam, broken):
     expected = np.einsum("ij,iab,jac->ibjc", masses, R, R)
     found = beam.matrix(np.array([0.0, 1.0, 0.0])).reshape(n, 6, n, 6)
     # a lumped or local mass matrix is off by percents
-    np.testing.assert_allclose(found[:, :3, :, :3], expected, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        found[:, :3, :, :3], expected, atol=1e-12 * np.abs(expected).max()
+    )
