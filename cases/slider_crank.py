@@ -33,7 +33,7 @@ import flexfem as ff
 LENGTH_1, LENGTH_2 = 0.3, 0.6
 
 
-def build(*, elements: int, formulation: str, degree: int) -> ff.Model:
+def build(*, elements: int, formulation: str = "se3", degree: int = 3) -> ff.Model:
     """Model with ``elements`` beam elements per rod, NURBS ones of the given degree."""
     mesh = ff.build_mesh("slider_crank", elements=elements, length_1=LENGTH_1, length_2=LENGTH_2)
     steel = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)

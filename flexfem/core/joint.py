@@ -54,6 +54,8 @@ class Joint:
 
     #: rows change with time: they are asked for at every step
     driven: ClassVar[bool] = False
+    #: marker a may be the line of a beam, on which marker b slides
+    slides: ClassVar[bool] = False
     #: relative motions left along ("translation") and about ("rotation") the axis of the joint
     leaves: ClassVar[tuple[str, ...]] = ()
 
@@ -96,6 +98,14 @@ class Joint:
     def direction(self) -> FloatArray | None:
         """Axis of the joint at the start in inertial axes (unit vector), None if it has none."""
         return None
+
+    def motion_term(self, kind: str, poses: Sequence[Pose]) -> Term:
+        """Displacement (m) for "translation" or angle (rad) for "rotation", see ``leaves``."""
+        a, b = poses
+        axis = np.asarray(self.direction)
+        if kind == "translation":
+            return Term(RowKind.ALONG, u=a.rotation.T @ axis)
+        return turn_angle(axis, a, b)
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """Rows of the joint at time ``t`` (s).
@@ -149,6 +159,8 @@ class JointAction(Joint):
     joint: Joint
     motion: str | None = None
 
+    slides = True
+
     def __post_init__(self) -> None:
         """Take markers and axis from the joint.
 
@@ -175,10 +187,7 @@ class JointAction(Joint):
 
     def terms(self, poses: Sequence[Pose]) -> list[Term]:
         """Displacement (m) and angle (rad) of these motions."""
-        a, b = poses
-        axis = np.asarray(self.direction)
-        along = Term(RowKind.ALONG, u=a.rotation.T @ axis)
-        return [along if m == "translation" else turn_angle(axis, a, b) for m in self.motions]
+        return [self.joint.motion_term(kind, poses) for kind in self.motions]
 
 
 def unit(vector: Sequence[float] | FloatArray) -> FloatArray:

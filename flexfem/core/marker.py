@@ -67,6 +67,46 @@ class Marker:
         return f"{place}+offset" if self.offset.any() else place
 
 
+class Carrier(Marker):
+    """The whole line of a beam, along which the other marker of a joint slides.
+
+    Its frame is that of the section where the slider is.
+    """
+
+    def __init__(self, body: str) -> None:
+        """Name the beam.
+
+        Raises:
+            TypeError: The name is not a string.
+            ValueError: It is empty or not printable.
+        """
+        super().__init__(body)
+
+
+@dataclass(frozen=True)
+class SlidingMarker:
+    """Section of a carrier at which the slider of a sliding joint is, for probes and events.
+
+    Attributes:
+        joint: Name of the joint.
+    """
+
+    joint: str
+
+    def __post_init__(self) -> None:
+        """Check the name.
+
+        Raises:
+            TypeError: It is not a string.
+            ValueError: It is empty or not printable.
+        """
+        _checks.text("SlidingMarker", "joint", self.joint)
+
+    def __str__(self) -> str:
+        """Return a short text for tables and messages."""
+        return f"slider of {self.joint}"
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class Ground:
     """Marker fixed in the inertial frame.
@@ -106,3 +146,7 @@ class Ground:
 
 #: What a joint connects.
 Attachment = Marker | Ground
+
+#: What probes and events observe.
+Observed = Marker | Ground | SlidingMarker
+OBSERVED = (Marker, Ground, SlidingMarker)

@@ -28,6 +28,8 @@ class RowKind(IntEnum):
     DISTANCE = 3
     #: angle about R_a u from R_a p to R_b v; continuous over any number of turns
     ANGLE = 4
+    #: arc length of the place of marker a on its line, in the undeformed state
+    ARC = 5
 
 
 class LawKind(IntEnum):

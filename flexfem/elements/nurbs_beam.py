@@ -72,6 +72,10 @@ class NurbsBeams:
                 rows.append(first + at)
             first += len(cells.nodes)
         self.rows: IntArray = np.concatenate(rows)
+        self._count()
+
+    def _count(self) -> None:
+        """Put the cells of all groups into one order."""
         none = np.empty(0, dtype=np.int64)
         self.body: IntArray = np.concatenate([none, *(g.data.body for g in self.groups)])
         self.lengths: FloatArray = np.concatenate([np.empty(0), *(g.lengths for g in self.groups)])
@@ -97,12 +101,12 @@ class NurbsBeams:
         ``shifts`` = (dv/dn, dw/dn, k). With ``local`` the derivative K is that at fixed local
         velocities and accelerations.
         """
-        sizes = [36 * group.data.nodes.size * group.data.nodes.shape[1] for group in self.groups]
-        values, first = np.empty(sum(sizes)), 0
-        for group, size in zip(self.groups, sizes, strict=True):
-            own = values[first : first + size].reshape(len(group.data.nodes), -1)
+        shapes = [(len(g.data.nodes), 36 * g.data.nodes.shape[1] ** 2) for g in self.groups]
+        values, first = np.empty(sum(m * width for m, width in shapes)), 0
+        for group, (m, width) in zip(self.groups, shapes, strict=True):
+            own = values[first : first + m * width].reshape(m, width)
             group.tangent_into(block, gravity, shifts, scale, local, own)
-            first += size
+            first += m * width
         return values
 
     def assume(self, frames: FloatArray, steps: FloatArray) -> None:

@@ -34,10 +34,19 @@ __all__ = [
     "point_strains",
     "put_elements",
     "put_points",
+    "workspace",
 ]
 
 # positions in the order of forms.nurbs_beam.NurbsForms.coefficients
 _UNKNOWNS, RATES, _START, _DAMPING, _MATERIAL, CHANGE, RATE_CHANGE = 0, 1, 2, 3, 4, 5, 6
+
+
+@inlined
+def workspace(offsets: IntArray) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """What kernels are called with: data, sections held in it, constants, points of a mesh."""
+    points = np.zeros(6)
+    points[3] = 1.0  # the forms do not depend on the size of the reference cell
+    return np.zeros((offsets[-1], LANES)), np.full(LANES, -1), np.zeros(1), points
 
 
 @kernel
@@ -64,7 +73,7 @@ def interpolate(tables: FloatArray, places: FloatArray, first: int, data: FloatA
 def collect(
     tables: FloatArray, weights: FloatArray, force: FloatArray, first: int, dual: FloatArray
 ) -> None:
-    """Add the force of a point, in ``force`` from ``first`` on, to the places' dual (k, PLACE, L)."""
+    """Add the force of a point, ``force`` from ``first`` on, to the dual (k, PLACE, L)."""
     k = dual.shape[0]
     for node in range(k):
         if node == k // 2:
@@ -152,9 +161,8 @@ def add_residual(
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, PLACE, LANES))
     speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, PLACE, LANES))
     dual, forces = np.zeros((k, PLACE, LANES)), np.zeros((k, 6, LANES))
-    data, force = np.zeros((offsets[-1], LANES)), np.empty((11, LANES))
-    held, nothing, points = np.full(LANES, -1), np.zeros(1), np.zeros(6)
-    points[3] = 1.0  # the forms do not depend on the size of the reference cell
+    force = np.empty((11, LANES))
+    data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
         places_into(cells, first, frames, relative, places)
@@ -184,18 +192,15 @@ def add_action(
     The nodes move by the local twists ``steps`` (n, 6), and their local velocities change by
     ``changes`` (n, 6).
     """
-    k = cells.shape[1]
-    nodal, shape = (k, 6, LANES), (k, PLACE, LANES)
-    relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros(shape)
-    moments, speeds, turns = np.zeros((k, 3, LANES)), np.zeros(nodal), np.zeros(nodal)
-    rates, rate_changes, moved, more = (
-        np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape),
-    )  # fmt: skip
+    nodal, shape = (cells.shape[1], 6, LANES), (cells.shape[1], PLACE, LANES)
+    relative, moments = np.zeros((shape[0], RELATIVE, LANES)), np.zeros((shape[0], 3, LANES))
+    places, speeds, turns = np.zeros(shape), np.zeros(nodal), np.zeros(nodal)
+    rates, rate_changes = np.zeros(shape), np.zeros(shape)
+    moved, more = np.zeros(shape), np.zeros(shape)
     dual, dual_change = np.zeros(shape), np.zeros(shape)
-    forces, changed = np.zeros(nodal), np.zeros(nodal)
-    data, force = np.zeros((offsets[-1], LANES)), np.empty((22, LANES))
-    held, nothing, points = np.full(LANES, -1), np.zeros(1), np.zeros(6)
-    points[3] = 1.0
+    forces, force_changes = np.zeros(nodal), np.zeros(nodal)
+    force = np.empty((22, LANES))
+    data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
         places_into(cells, first, frames, relative, places)
@@ -204,9 +209,9 @@ def add_action(
         if offsets[RATES] >= 0:
             twists_into(cells, first, velocity, speeds)
             rates_into(relative, places, speeds, rates)
-            rate_changes_into(relative, speeds, turns, moved, rate_changes)
+            rate_changes_into(relative, speeds, turns, moved, more)
             twists_into(cells, first, changes, speeds)
-            rates_into(relative, places, speeds, more)
+            rates_into(relative, places, speeds, rate_changes)
             rate_changes += more
         put_elements(offsets, damping, sections, laws, first, held, data)
         dual[:], dual_change[:] = 0.0, 0.0
@@ -220,8 +225,8 @@ def add_action(
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
             collect(tables[batch, q], weights[batch, q], force, 11, dual_change)
         forces_into(relative, places, dual_change, forces)
-        force_changes_into(relative, dual, turns, moved, changed, moments)
-        _add_changes(changed, moments, forces)
+        force_changes_into(relative, dual, turns, moved, force_changes, moments)
+        _add_changes(force_changes, moments, forces)
         _add_forces(cells, first, forces, scale, residual)
 
 
@@ -234,8 +239,7 @@ def point_strains(
     k = cells.shape[1]
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, PLACE, LANES))
     speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, PLACE, LANES))
-    data, nothing, points = np.zeros((offsets[-1], LANES)), np.zeros(1), np.zeros(6)
-    points[3] = 1.0
+    data, _, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
         places_into(cells, first, frames, relative, places)

@@ -147,26 +147,46 @@ def _coefficients(mesh: ufl.Mesh, law: LawExpressions | None) -> dict[str, ufl.C
     }
 
 
-def _force(
-    fields: dict[str, ufl.Coefficient], unknowns: Expr, rates: Expr, f: Expr | None, damped: bool,
+def _stress(
+    fields: dict[str, ufl.Coefficient], strain: Expr, rate: Expr, damped: bool,
     law: LawExpressions | None,
 ) -> Expr:  # fmt: skip
-    """Force (11,) dual to the unknowns."""
-    at = _Kinematics.of(unknowns, f)
-    strain, rate = _joined(*at.strain()) - fields["start"], at.rate(rates)
+    """Stress resultants (6,)."""
     if law is not None:
-        return at.force(law.stress(strain, rate, fields["parameters"]))
+        return law.stress(strain, rate, fields["parameters"])
     if damped:
         strain += fields["damping"] * rate
-    return at.force(symmetric(fields["stiffness"]) * strain)
+    return symmetric(fields["stiffness"]) * strain
 
 
-def _derivative(force: Expr, unknowns: Expr, f: Expr) -> Expr:
-    """Derivative (11, 11) by the unknowns; the variable ``f = 2 / |q|^2`` depends on them, too."""
-    q = ufl.as_vector([
-        1 + unknowns[3] if i == 3 else unknowns[i] if 4 <= i < 7 else 0 for i in range(POINT)
-    ])  # fmt: skip
-    return ufl.diff(force, unknowns) - ufl.outer(f**2 * ufl.diff(force, f), q)
+def _derivative(vector: Expr, unknowns: Expr, f: Expr) -> Expr:
+    """Derivative by the unknowns; the variable ``f = 2 / |q|^2`` depends on them, too."""
+    q = ufl.as_vector([0, 0, 0, 1 + unknowns[3], *(unknowns[i] for i in (4, 5, 6)), 0, 0, 0, 0])
+    return ufl.diff(vector, unknowns) - ufl.outer(ufl.diff(vector, f), f**2 * q)
+
+
+def _matrices(
+    fields: dict[str, ufl.Coefficient], damped: bool, viscous: bool, law: LawExpressions | None
+) -> list[Expr]:
+    """Derivatives (11, 11) of the force by the unknowns and, with viscosity, by their rates."""
+    at = _Kinematics.of(fields["unknowns"])
+    strain = ufl.variable(_joined(*at.strain()) - fields["start"])
+    rate = ufl.variable(at.rate(fields["rates"]))
+    stress = _stress(fields, strain, rate, damped, law)
+    units = [ufl.as_vector([float(i == j) for i in range(POINT)]) for j in range(POINT)]
+    columns = [at.rate(unit) for unit in units]
+    B = ufl.as_matrix([[column[i] for column in columns] for i in range(6)])
+
+    # one product for |q|^2 instead of its derivative in each of the entries
+    unknowns, f = ufl.variable(fields["unknowns"]), ufl.variable(at.f)
+    varied = _Kinematics.of(unknowns, f)
+    geometric = _derivative(varied.force(stress), unknowns, f)
+    change = ufl.diff(stress, strain) * B
+    if not viscous:
+        return [geometric + B.T * change]
+    viscosity = ufl.diff(stress, rate)
+    change += viscosity * _derivative(varied.rate(fields["rates"]), unknowns, f)
+    return [geometric + B.T * change, B.T * (viscosity * B)]
 
 
 def _written(mesh: ufl.Mesh, entries: list[Expr]) -> ufl.Form:
@@ -188,16 +208,12 @@ def nurbs_forms(damped: bool, law: LawExpressions | None = None) -> NurbsForms:
     """
     mesh = interval_mesh()
     fields = _coefficients(mesh, law)
-    force = _force(fields, fields["unknowns"], fields["rates"], None, damped, law)
-
-    # one product for |q|^2 instead of its derivative in each of the entries
-    p, rates = ufl.variable(fields["unknowns"]), ufl.variable(fields["rates"])
-    f = ufl.variable(_factor(fields["unknowns"]))
-    varied = _force(fields, p, rates, f, damped, law)
-    entries, matrices = [force[i] for i in range(POINT)], [_derivative(varied, p, f)]
-    if damped or (law is not None and law.dissipation is not None):
-        matrices.append(ufl.diff(varied, rates))
-    at = [(i, j) for i in range(POINT) for j in range(POINT)]
+    viscous = damped or (law is not None and law.dissipation is not None)
+    at = _Kinematics.of(fields["unknowns"])
+    strain, rate = _joined(*at.strain()) - fields["start"], at.rate(fields["rates"])
+    force = at.force(_stress(fields, strain, rate, damped, law))
+    entries, matrices = [force[i] for i in range(POINT)], _matrices(fields, damped, viscous, law)
+    places = [(i, j) for i in range(POINT) for j in range(POINT)]
 
     space = ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=(2 * POINT,)))
     test = ufl.TestFunction(space)
@@ -207,11 +223,11 @@ def nurbs_forms(damped: bool, law: LawExpressions | None = None) -> NurbsForms:
     ]
     action = works[0]
     for name, change in (("unknowns", "change"), ("rates", "rate_change")):
-        if name == "unknowns" or len(matrices) == 2:
+        if name == "unknowns" or viscous:
             action += ufl.derivative(works[1], fields[name], fields[change])
     return NurbsForms(
         residual=_written(mesh, entries),
-        tangent=_written(mesh, entries + [m[i, j] for m in matrices for i, j in at]),
+        tangent=_written(mesh, entries + [m[i, j] for m in matrices for i, j in places]),
         action=action,
         coefficients=fields,
     )

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
+from flexfem.system.placement import KINDS
 from flexfem.system.system import System
 
 __all__ = ["check_independence"]
@@ -61,7 +62,8 @@ def check_independence(system: System) -> None:
     rows, comm = system.constraints, system.comm
     mine = np.flatnonzero((rows.owned * rows.rigid)[rows.row_of_term] > 0.0)
     row = rows.row_of_term[mine]
-    keys = np.append(2 * system.interface.number + system.interface.kind, -1)  # -1: ground
+    face = system.interface
+    keys = np.append(len(KINDS) * face.number + face.kind, -1)  # -1: ground
     joints = np.array([joint.index for joint in rows.joints], dtype=np.int64)
     parts = comm.gather(
         (

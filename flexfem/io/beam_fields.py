@@ -64,6 +64,18 @@ class BeamFields:
                 raise ValueError(f"BeamFields '{name}': shape {found}, expected {shape}")
 
     @classmethod
+    def joined(cls, several: Sequence[BeamFields]) -> BeamFields:
+        """Fields of several groups of beams, none of which may be given."""
+        if len(several) < 2:
+            return several[0] if several else cls.empty()
+        first = np.cumsum([0, *(len(one.position) for one in several)])
+        values = {
+            f.name: np.concatenate([getattr(one, f.name) for one in several]) for f in fields(cls)
+        }
+        cells = [one.cells + at for one, at in zip(several, first, strict=False)]
+        return cls(**{**values, "cells": np.concatenate(cells)})
+
+    @classmethod
     def empty(cls) -> BeamFields:
         """Fields of a rank without beams."""
         v, s, i = np.zeros((0, 3)), np.zeros((0, 6)), np.zeros(0, dtype=np.int64)

@@ -10,9 +10,11 @@ from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
+from flexfem.io.curve_fields import CurveSampler
 from flexfem.io.surfaces import body_surface
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
+from flexfem.system.placement import BEAMS, NURBS, RIGID
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["FieldOutput", "model_extent"]
@@ -40,9 +42,11 @@ class FieldOutput:
         """
         self._system = system
         model, comm = serial.model, system.comm
-        self._parts = {part.block.name: part for part in system.parts}
+        self._parts = {part.kind: part for part in system.parts}
+        self._curves = CurveSampler(self._parts[NURBS], serial) if NURBS in self._parts else None
         size = _GLYPH * model_extent(serial)
-        outlines = [s.outline for s in serial.sections] if model.beams else []
+        curves = [] if serial.curves is None else serial.curves.sections
+        outlines = [section.outline for section in (*serial.sections, *curves)]
         self._beams = BeamWriter(folder, comm, outlines, resume=resume)
         surfaces = [body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies]
         self._bodies = RigidBodyWriter(folder, comm, surfaces, resume=resume)
@@ -51,8 +55,11 @@ class FieldOutput:
 
     def write(self, time: float, step: int) -> None:
         """Write the accepted state."""
-        beams, bodies = self._parts.get("beams"), self._parts.get("rigid_bodies")
-        self._beams.write(time, step, _beam_fields(beams) if beams else BeamFields.empty())
+        beams, bodies = self._parts.get(BEAMS), self._parts.get(RIGID)
+        fields = [_beam_fields(beams)] if beams else []
+        if self._curves is not None:
+            fields.append(self._curves.fields())
+        self._beams.write(time, step, BeamFields.joined(fields))
         self._bodies.write(time, step, _body_fields(bodies) if bodies else RigidBodyFields.empty())
         self._joints.write(time, step, _joint_fields(self._system))
 
@@ -108,7 +115,7 @@ def _joint_fields(system: System) -> JointFields:
     rows = system.constraints
     owned = np.array([placed.owned for placed in rows.joints], dtype=bool)
     first = rows.marker_start[:-1][owned]
-    frames, wrench = rows.marker_frames(), rows.reactions()[first]
+    frames, wrench = rows.poses, rows.reactions()[first]
     axis = np.zeros((len(first), 3))
     joints = [placed for placed in rows.joints if placed.owned]
     for i, placed in enumerate(joints):

@@ -4,8 +4,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from flexfem import _checks
 from flexfem.core.joint import Joint, JointAction
 from flexfem.core.pose import Pose
@@ -46,11 +44,11 @@ class Lock(JointAction):
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
         a, b = poses
-        start = float(np.asarray(self.direction) @ (b.position - a.position))
+        apart = a.rotation.T @ (b.position - a.position)
         return tuple(
             Row(
                 (term,),
-                start if term.kind is RowKind.ALONG else 0.0,
+                float(term.u @ apart) if term.kind is RowKind.ALONG else 0.0,
                 switchable=True,
                 locked=self.locked,
             )

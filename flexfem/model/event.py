@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from flexfem import _checks
-from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.core.marker import OBSERVED, Observed
 from flexfem.model.probe import MarkerState
 
 __all__ = ["Action", "Event", "LockJoint", "Mechanism", "Rebound", "ReleaseJoint", "Stop"]
@@ -145,7 +145,7 @@ class Event:
     """
 
     name: str
-    markers: tuple[Attachment, ...]
+    markers: tuple[Observed, ...]
     function: Callable[..., float]
     actions: tuple[Action, ...]
     direction: int
@@ -155,7 +155,7 @@ class Event:
     def __init__(
         self,
         name: str,
-        markers: Attachment | Sequence[Attachment],
+        markers: Observed | Sequence[Observed],
         function: Callable[..., float],
         actions: Action | Sequence[Action],
         *,
@@ -171,9 +171,9 @@ class Event:
                 positive.
         """
         owner = _checks.named(self, name)
-        places = (markers,) if isinstance(markers, (Marker, Ground)) else tuple(markers)
+        places = (markers,) if isinstance(markers, OBSERVED) else tuple(markers)
         for marker in places:
-            _checks.instance(owner, "markers", marker, (Marker, Ground))
+            _checks.instance(owner, "markers", marker, OBSERVED)
         acts = (actions,) if callable(actions) else tuple(actions)
         for what, value in [("function", function), *(("actions", a) for a in acts)]:
             if not callable(value):

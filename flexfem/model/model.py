@@ -9,7 +9,7 @@ from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
-from flexfem.core.marker import Attachment, Marker
+from flexfem.core.marker import Carrier, Marker, Observed
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.nurbs import NurbsCurve
@@ -151,13 +151,13 @@ class Model:
         """
         validate(self)
 
-    def marker_place(self, marker: Attachment) -> Place | None:
+    def marker_place(self, marker: Observed) -> Place | None:
         """Return where a marker is on a beam; None on rigid bodies and the ground.
 
         Raises:
             ValueError: The marker's body or point does not exist.
         """
-        if not isinstance(marker, Marker):
+        if not isinstance(marker, Marker) or isinstance(marker, Carrier):
             return None
         body = self.get(marker.body)
         if isinstance(body, RigidBody):

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.core.marker import OBSERVED, Observed
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -24,12 +24,17 @@ class MarkerState:
         rotation: Marker axes to inertial axes, shape (3, 3).
         velocity: Shape (3,), m/s.
         angular_velocity: Shape (3,), rad/s.
+        arc: Of a ``SlidingMarker``: arc length zeta from the carrier's start in the undeformed
+            state, metres. The other attributes are those of the carrier's section there.
+        arc_rate: Its time derivative, m/s.
     """
 
     position: FloatArray
     rotation: FloatArray
     velocity: FloatArray
     angular_velocity: FloatArray
+    arc: float = 0.0
+    arc_rate: float = 0.0
 
 
 class AnyProbe:
@@ -45,7 +50,7 @@ class AnyProbe:
     name: str
     columns: tuple[str, ...]
     unwrap: tuple[str, ...] = ()
-    markers: tuple[Attachment, ...] = ()
+    markers: tuple[Observed, ...] = ()
 
     def check(self, model: "Model") -> None:
         """Check what the probe refers to by name.
@@ -73,7 +78,7 @@ class Probe(AnyProbe):
     """
 
     name: str
-    markers: tuple[Attachment, ...]
+    markers: tuple[Observed, ...]
     columns: tuple[str, ...]
     function: ProbeFunction
     unwrap: tuple[str, ...]
@@ -81,7 +86,7 @@ class Probe(AnyProbe):
     def __init__(
         self,
         name: str,
-        markers: Attachment | Sequence[Attachment],
+        markers: Observed | Sequence[Observed],
         columns: Sequence[str],
         function: ProbeFunction,
         unwrap: Sequence[str] = (),
@@ -94,9 +99,9 @@ class Probe(AnyProbe):
                 or an `unwrap` that is no column.
         """
         owner = _checks.named(self, name)
-        places = (markers,) if isinstance(markers, (Marker, Ground)) else tuple(markers)
+        places = (markers,) if isinstance(markers, OBSERVED) else tuple(markers)
         for marker in places:
-            _checks.instance(owner, "markers", marker, (Marker, Ground))
+            _checks.instance(owner, "markers", marker, OBSERVED)
         if not callable(function):
             raise TypeError(f"{owner}: function must be callable, got {_checks.show(function)}")
         names = strings(owner, "columns", columns)
@@ -129,14 +134,14 @@ class Probe(AnyProbe):
 class PositionProbe(Probe):
     """Inertial position of a marker in the columns name_x, name_y, name_z, metres."""
 
-    def __init__(self, name: str, marker: Attachment) -> None:
+    def __init__(self, name: str, marker: Observed) -> None:
         """Create the probe.
 
         Raises:
             TypeError: An argument has the wrong type.
             ValueError: The name is empty or would break the table.
         """
-        _checks.instance(_checks.named(self, name), "marker", marker, (Marker, Ground))
+        _checks.instance(_checks.named(self, name), "marker", marker, OBSERVED)
         super().__init__(name, marker, [f"{name}_{axis}" for axis in "xyz"], _position)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem.core.joint import Joint
-from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.core.marker import Carrier, Ground, Marker, Observed, SlidingMarker
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam
@@ -125,7 +125,7 @@ def _check_ownership(model: Model, mesh: LineMesh) -> None:
         )
 
 
-def _marked(model: Model) -> Iterator[tuple[Any, Attachment]]:
+def _marked(model: Model) -> Iterator[tuple[Any, Observed]]:
     """Yield every marker in the model with the object that has it."""
     for joint in model.joints:
         for marker in joint.markers:
@@ -149,10 +149,24 @@ def _check_markers(model: Model) -> dict[int, Place | None]:
     for thing, marker in _marked(model):
         if id(marker) not in nodes:
             try:
+                _check_line(model, thing, marker)
                 nodes[id(marker)] = model.marker_place(marker)
             except ValueError as error:
                 raise ValueError(f"{_owner(thing)}: {error}") from None
     return nodes
+
+
+def _check_line(model: Model, thing: Any, marker: Observed) -> None:
+    """Check what slides: that the carrier is a beam, and that the joint of a slider is one."""
+    if isinstance(marker, SlidingMarker):
+        joint = model.get(marker.joint)
+        if not isinstance(joint, Joint) or not isinstance(joint.a, Carrier):
+            raise ValueError(f'{model!r} has no sliding joint "{marker.joint}"')
+    elif isinstance(marker, Carrier):
+        if not (isinstance(thing, Joint) and thing.slides):
+            raise ValueError(f'a Carrier ("{marker.body}") is for sliding joints only')
+        if not isinstance(model.get(marker.body), Beam):
+            raise ValueError(f'Carrier: {model!r} has no beam "{marker.body}"')
 
 
 def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, Place | None]) -> None:

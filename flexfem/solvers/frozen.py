@@ -86,6 +86,7 @@ class FrozenSolver:
         self._interface = self._pattern()
         self._sizes = _starts(np.array([6 * p.block.owned for p in system.parts], dtype=np.int64))
         self._nothing = np.zeros(rows.size)
+        self._version = rows.lines.version
 
     def _bodies(self, part: BlockPart, active: IntArray) -> Bodies:
         """Interface columns of a part's bodies and the sides of terms that act on them."""
@@ -273,6 +274,8 @@ class FrozenSolver:
     def _factor_interface(self, shifts: Shifts) -> bool:
         """Invert the rigid bodies, assemble and factorise the multipliers' system."""
         rows, regular = self.system.constraints, True
+        if rows.lines.version != self._version:
+            self._follow_sliders()
         for group in self._rigid:
             regular = self._invert_rigid(group, shifts)
         for group in self._groups:
@@ -287,6 +290,13 @@ class FrozenSolver:
         if rows.size_global:
             regular = self._interface.factor(self._values, regular)
         return regular
+
+    def _follow_sliders(self) -> None:
+        """Take the nodes that sliders act on now; the bodies stay the same."""
+        rows = self.system.constraints
+        self._version = rows.lines.version
+        for group in self._groups:
+            group.sides[:, 2] = rows.term_slots[group.sides[:, 0], group.sides[:, 1]]
 
     def _collect(self) -> FloatArray:
         """Steps of the owned nodes of all blocks, then of this rank's multipliers, as a vector."""

@@ -5,6 +5,7 @@
 forces; all blocks keep their pattern, so that only numbers are set in an iteration.
 """
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -33,8 +34,16 @@ class TangentSolver:
     def __init__(self, system: System) -> None:
         """Create patterns of all blocks (collective)."""
         self.system = system
+        sliding = system.constraints.lines.sliding
+        self._sliding: bool = system.comm.allreduce(sliding, op=MPI.LOR)
+        self._create()
+
+    def _create(self) -> None:
+        """Create patterns of all blocks for the nodes that joints act on now (collective)."""
+        system = self.system
         comm, rows = system.comm, system.constraints
         parts = system.parts
+        self._version = rows.lines.version
         sizes = [(6 * p.block.owned, 6 * p.block.size_global) for p in parts]
         if rows.size_global:
             sizes.append((rows.owned_count, rows.size_global))
@@ -87,6 +96,8 @@ class TangentSolver:
     def assemble(self, shifts: Shifts) -> None:
         """Set the numbers of all blocks at the trial state (collective)."""
         system, rows = self.system, self.system.constraints
+        if self._sliding and system.comm.allreduce(self._version != rows.lines.version, op=MPI.LOR):
+            self._create()
         owned = rows.owned
         factor = owned * rows.multipliers * shifts.stiffness
         hessians = system.mechanics.hessians(system, factor)

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.marker import Attachment, Marker
+from flexfem.core.marker import Carrier, Ground, Marker, Observed
 from flexfem.core.pose import Pose
 from flexfem.elements.se3_beam import BeamCells, node_frames
 from flexfem.lie import se3
@@ -109,13 +109,21 @@ class Assembly:
             BEAMS, cells, self.cells.cells[cells], self.cells.frames[cells], self.frames
         )
 
-    def key(self, marker: Attachment) -> NodeKey | None:
+    def point(self, marker: Observed) -> tuple[LineCells, int, float] | None:
+        """Line, element and coordinate of a marker inside an element, None for the others."""
+        place = self.model.marker_place(marker)
+        if place is None or place.node is not None:
+            return None
+        assert isinstance(marker, Marker)
+        return self.line(marker.body), place.element, place.xi
+
+    def key(self, marker: Observed) -> NodeKey | None:
         """Node that carries a marker, None for the ground.
 
         Raises:
             ValueError: the marker is inside an element, see :meth:`place`.
         """
-        if not isinstance(marker, Marker):
+        if not isinstance(marker, Marker) or isinstance(marker, Carrier):
             return None
         place = self.model.marker_place(marker)
         if place is None:
@@ -130,7 +138,7 @@ class Assembly:
             return NURBS, int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
         return BEAMS, self._node_of_mesh[place.node]
 
-    def place(self, marker: Attachment) -> LinePlace | None:
+    def place(self, marker: Observed) -> LinePlace | None:
         """Place of a marker that no single node carries; None for all others."""
         if not isinstance(marker, Marker):
             return None
@@ -151,7 +159,7 @@ class Assembly:
         """Numbers of the beams' nodes given by their numbers in the mesh."""
         return np.array([self._node_of_mesh[node] for node in nodes], dtype=np.int64)
 
-    def local_node(self, marker: Attachment, kind: int, block: FrameBlock) -> int:
+    def local_node(self, marker: Observed, kind: int, block: FrameBlock) -> int:
         """Local index of a marker's node in the block of a kind, -1 if it is not owned there.
 
         Also -1 for markers inside elements.
@@ -170,6 +178,12 @@ class Assembly:
             return self.curves.body_of_node[nodes]
         return nodes
 
+    def owner(self, kind: int) -> str:
+        """What messages call the first body of a kind."""
+        if kind == RIGID:
+            return f'RigidBody "{self.model.rigid_bodies[0].name}"'
+        return f'Beam "{self.model.beams_of("se3" if kind == BEAMS else "nurbs")[0].name}"'
+
     def node_frames(self, kind: int) -> FloatArray:
         """Frames (n, 12) of all nodes of a kind at the start."""
         if kind == NURBS:
@@ -187,14 +201,16 @@ class Assembly:
         frame: FloatArray = self.node_frames(key[0])[key[1]]
         return frame
 
-    def marker_frame(self, marker: Attachment) -> FloatArray:
+    def marker_frame(self, marker: Observed) -> FloatArray:
         """Frame (12,) of a marker relative to its carrier; absolute for the ground."""
-        if not isinstance(marker, Marker):
+        if isinstance(marker, Ground):
             return se3.frame(marker.position, marker.rotation)
+        if not isinstance(marker, Marker) or isinstance(marker, Carrier):
+            return se3.frame(np.zeros(3), np.eye(3))  # the section itself
         turn = se3.rotation(self.carrier_frame(marker)).T @ marker.rotation
         return se3.frame(marker.offset, turn)
 
-    def marker_pose(self, marker: Attachment) -> Pose:
+    def marker_pose(self, marker: Observed) -> Pose:
         """Pose of a marker at the start."""
         frame = self.marker_frame(marker)
         if isinstance(marker, Marker):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """From a model to a system (collective)."""
 
-from collections.abc import Sequence
-
 from mpi4py import MPI
 
 import numpy as np
@@ -14,14 +12,14 @@ from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
 from flexfem.model.bodies import PointMass, RigidBody
 from flexfem.system.assembly import Assembly
+from flexfem.system.connect import connect, joint_ends
 from flexfem.system.constraints import Constraints
 from flexfem.system.families import nurbs_block, se3_block
 from flexfem.system.interface import Interface
 from flexfem.system.line_loads import by_degree
 from flexfem.system.node_loads import NodeForces, NodeMasses
 from flexfem.system.placed_loads import line_forces, node_forces
-from flexfem.system.placement import BEAMS, KINDS, NURBS, RIGID, NodeKey, Placement, place
-from flexfem.system.row_table import PlacedJoint
+from flexfem.system.placement import BEAMS, KINDS, NURBS, RIGID, Placement, place
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
@@ -53,7 +51,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         blocks[NURBS], families[NURBS] = nurbs_block(serial, comm, placement)
     if model.rigid_bodies:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
-    interface, joints = _connect(serial, comm, placement, blocks)
+    interface, joints = connect(serial, comm, placement, blocks)
     constraints = Constraints(comm, joints, interface)
     for name in model.released:
         constraints.set_active(name, False)
@@ -81,6 +79,7 @@ def _part(
         forces=NodeForces(node_forces(serial, kind, block)),
         line_forces=by_degree(line_forces(serial, block) if kind == NURBS else [], node_body),
         beams=beams,
+        owner=serial.owner(kind),
         node_body=node_body,
         slots=np.where(interface.kind == kind, interface.local, -1),
     )
@@ -89,7 +88,7 @@ def _part(
 def _check_joints(serial: Assembly) -> None:
     """Raise for joints without rows at the start, such as a spring between coinciding markers."""
     for joint in serial.model.joints:
-        joint.rows([serial.marker_pose(m) for m in joint.markers], 0.0)
+        joint.rows(joint_ends(serial, joint).poses, 0.0)
 
 
 def _check_laws(serial: Assembly) -> None:
@@ -122,40 +121,6 @@ def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) ->
     return FrameBlock(
         "rigid_bodies", comm, frames, velocity, mine, IndexMap(comm, len(mine)), inertial=False
     )
-
-
-def _connect(
-    serial: Assembly, comm: MPI.Intracomm, placement: Placement,
-    blocks: Sequence[FrameBlock | None],
-) -> tuple[Interface, list[PlacedJoint]]:  # fmt: skip
-    """Interface nodes of all joints and the joints that this rank evaluates."""
-    needed: dict[NodeKey, set[int]] = {}
-    for joint in serial.model.joints:
-        ranks = placement.joint_ranks(joint)
-        for marker in joint.markers:
-            key = serial.key(marker)
-            if key is not None:
-                needed.setdefault(key, set()).update(ranks)
-    keys = list(needed)
-    interface = Interface(comm, blocks, keys, [sorted(needed[k]) for k in keys])
-    joints = []
-    for index, joint in enumerate(serial.model.joints):
-        ranks = placement.joint_ranks(joint)
-        if comm.rank not in ranks:
-            continue
-        ends = [serial.key(m) for m in joint.markers]
-        joints.append(
-            PlacedJoint(
-                joint,
-                index,
-                tuple(serial.marker_pose(m) for m in joint.markers),
-                tuple(-1 if k is None else interface.slot_of[k] for k in ends),
-                np.array([serial.marker_frame(m) for m in joint.markers]),
-                owned=ranks[0] == comm.rank,
-                shared=len(ranks) > 1,
-            )
-        )
-    return interface, joints
 
 
 def _rigid_inertia(body: RigidBody) -> FloatArray:

@@ -11,8 +11,14 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import LawKind, RowKind
 from flexfem.core.state import Numbering, State
 from flexfem.system.interface import Interface
-from flexfem.system.row_hessians import add_dampers, add_hessians, second_rates
+from flexfem.system.row_hessians import (
+    add_dampers,
+    add_hessians,
+    second_rates,
+    velocity_changes,
+)
 from flexfem.system.row_kernels import (
+    ON_LINES,
     add_forces,
     evaluate_rows,
     marker_poses,
@@ -37,6 +43,7 @@ class Constraints(RowTable):
         owned: (r,) 1 for rows whose multipliers this rank owns.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
+        poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
         mean_forces: ``forces`` are means over the last step, not those at its end.
         held: (r,) rows that keep a target taken from the motion, whatever drives them.
         values, compliance: (r,) residuals and compliances of the last evaluation.
@@ -67,7 +74,7 @@ class Constraints(RowTable):
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
         self.relaxation, self.mean_forces = 0.0, False
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
-        self._poses = np.zeros((len(self.marker_slot), 12))
+        self.poses = np.zeros((len(self.marker_slot), 12))
         damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] > LawKind.LIMIT)
         self._damped = bool(damping.any())
         self._number(comm)
@@ -103,8 +110,11 @@ class Constraints(RowTable):
         per_joint = {
             "rows": np.diff(self.start),
             "terms": np.diff(self.term_start[self.start]),
+            "places": self.lines.counts("places"),
+            "line_terms": self.lines.counts("line_terms"),
         }
-        owned = {"rows": self.owned > 0.0, "terms": self.owned[self.row_of_term] > 0.0}
+        joint = np.array([j.owned for j in self.joints], dtype=np.bool_)
+        owned = {name: np.repeat(joint, counts) for name, counts in per_joint.items()}
         return {name: self._in_order(per_joint[name], owned[name]) for name in owned}
 
     def _in_order(self, counts: IntArray, owned: BoolArray) -> Numbering:
@@ -123,7 +133,11 @@ class Constraints(RowTable):
         active, held = self.active.astype(np.float64), self.held.astype(np.float64)
         rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
         values = {"relaxation": np.array([self.relaxation])}
-        return State(values, {"rows": rows, "terms": {"angles": self.angles}})
+        lines = {
+            "places": {"places": self.lines.accepted},
+            "line_terms": {"line_angles": self.lines.memory},
+        }
+        return State(values, {"rows": rows, "terms": {"angles": self.angles}, **lines})
 
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned."""
@@ -131,6 +145,8 @@ class Constraints(RowTable):
         self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
         self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
         self.angles[:] = state.rows["terms"]["angles"]
+        self.lines.accepted[:] = state.rows["places"]["places"]
+        self.lines.memory[:] = state.rows["line_terms"]["line_angles"]
         self.relaxation = float(state.values["relaxation"][0])
 
     def active_components(self) -> IntArray:
@@ -142,12 +158,10 @@ class Constraints(RowTable):
             if side == 0:
                 turning |= self.kinds == RowKind.ALONG
             turning |= np.any(self.marker_offset[marker, :3] != 0.0, axis=1)
+            turning |= self.kinds == ON_LINES
             active[slot[turning & (slot >= 0)]] = 6
+        active[self.lines.nodes] = 6
         return active
-
-    def marker_frames(self) -> FloatArray:
-        """(m, 12) frames of the markers at the last evaluation, see ``marker_start``."""
-        return self._poses
 
     def reactions(self) -> FloatArray:
         """(m, 6) wrenches that the joints exert on the bodies at their markers.
@@ -158,9 +172,10 @@ class Constraints(RowTable):
         """
         out = np.zeros((len(self.marker_slot), 6))
         marker_wrenches(
-            self._poses, self.term_marker, self.kinds, self.directions, self.factors,
+            self.poses, self.term_marker, self.kinds, self.directions, self.factors,
             self.row_of_term, self.forces, out,
         )  # fmt: skip
+        self.lines.add_wrenches(self.forces, out)
         return out
 
     def lock(self, name: str) -> None:
@@ -204,8 +219,7 @@ class Constraints(RowTable):
         rows = self.rows_of(name)
         self.held[rows] = hold
         if hold:
-            frames = self.interface.frames
-            marker_poses(frames, self.marker_slot, self.marker_offset, self._poses)
+            self._place_markers()
             self.targets[rows] = self.sums()[rows]
         self._switch(rows, active)
 
@@ -248,25 +262,28 @@ class Constraints(RowTable):
         """Update the rows of driven joints to time ``t``."""
         for i, joint in self._driven:
             if not self.held[self.start[i]]:
-                self.write(int(self.start[i]), joint.rows(t))
+                self.write(i, joint.rows(t))
 
     def evaluate(self, dynamics: FloatArray) -> None:
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
         face = self.interface
+        self.lines.evaluate(face.frames, self.poses, self.force_jacobian)
         evaluate_rows(
             face.frames, face.velocities, self.marker_slot, self.marker_offset, self.term_marker,
-            self.kinds, self.directions, self.factors, self.angles, self.term_start, self.targets,
-            self.active, self.elastic, self.relaxation, self.coupled,
-            dynamics, self.multipliers, self._poses, self.force_jacobian, self.step_jacobian,
+            self.term_slots, self.lines.sums, self.kinds, self.directions, self.factors,
+            self.angles, self.term_start, self.targets, self.active, self.elastic, self.relaxation,
+            self.coupled, dynamics, self.multipliers, self.poses, self.force_jacobian,
+            self.step_jacobian,
             self.values, self.compliance, self.coupling, self.slopes,
         )  # fmt: skip
         if self._damped:
             add_dampers(
-                self._poses, face.increments, face.velocities, self.marker_slot,
+                self.poses, face.increments, face.velocities, self.marker_slot,
                 self.marker_offset, self.term_marker, self.kinds, self.directions, self.factors,
                 self.row_of_term, self.slopes, face.inertial, dynamics, self.force_jacobian,
                 self.step_jacobian,
             )  # fmt: skip
+            self._add_line_dampers(self.slopes[:, 1], dynamics[0])
 
     def use_rates(self, velocity: float, by_time: FloatArray) -> FloatArray:
         """Put the rates of the rigid rows in the place of their values, with exact derivatives.
@@ -287,10 +304,11 @@ class Constraints(RowTable):
         slopes[rigid, 1] = 1.0 / velocity
         self.step_jacobian[rigid[self.row_of_term]] = 0.0
         add_dampers(
-            self._poses, face.increments, face.velocities, self.marker_slot, self.marker_offset,
+            self.poses, face.increments, face.velocities, self.marker_slot, self.marker_offset,
             self.term_marker, self.kinds, self.directions, self.factors, self.row_of_term, slopes,
             face.inertial, np.array([velocity, 0.0]), self.force_jacobian, self.step_jacobian,
         )  # fmt: skip
+        self._add_line_dampers(slopes[:, 1], velocity)
         return values
 
     def changes(self, twists: FloatArray, sides: BoolArray | None = None) -> FloatArray:
@@ -316,16 +334,34 @@ class Constraints(RowTable):
         """Remember the angles reached, so that they stay continuous."""
         update_angles(
             self.interface.frames, self.marker_slot, self.marker_offset, self.term_marker,
-            self.kinds, self.directions, self._poses, self.angles,
+            self.kinds, self.directions, self.poses, self.angles,
         )  # fmt: skip
+        self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
+        self.lines.accept()
+
+    def _place_markers(self) -> None:
+        """Poses of all markers at the interface's state."""
+        frames = self.interface.frames
+        marker_poses(frames, self.marker_slot, self.marker_offset, self.poses)
+        self.lines.evaluate(frames, self.poses, self.force_jacobian)
+
+    def _add_line_dampers(self, slopes: FloatArray, velocity: float) -> None:
+        """The part of ``row_hessians.add_dampers`` of joints on lines."""
+        if self.lines.joints:
+            face = self.interface
+            by_step = velocity_changes(face.increments, face.velocities, face.inertial, velocity)
+            self.lines.add_dampers(
+                slopes, face.velocities, by_step, self.force_jacobian, self.step_jacobian
+            )
 
     def hessians(self, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""
         out = np.zeros((len(self.pair_slots), 12, 12))
         add_hessians(
-            self._poses, self.marker_slot, self.marker_offset, self.term_marker, self.kinds,
+            self.poses, self.marker_slot, self.marker_offset, self.term_marker, self.kinds,
             self.directions, self.pair_of_term, factor[self.row_of_term] * self.factors, out,
         )  # fmt: skip
+        self.lines.add_hessians(factor, out)
         return out
 
     def local_jacobian(self) -> FloatArray:
@@ -336,21 +372,26 @@ class Constraints(RowTable):
         face = self.interface
         if self._damped:
             add_dampers(
-                self._poses, 0.0 * face.increments, face.velocities, self.marker_slot,
+                self.poses, 0.0 * face.increments, face.velocities, self.marker_slot,
                 self.marker_offset, self.term_marker, self.kinds, self.directions, self.factors,
                 self.row_of_term, self.slopes, np.zeros_like(face.inertial), np.zeros(2),
                 self.force_jacobian, jacobian,
             )  # fmt: skip
+            # at fixed velocities
+            held = np.zeros((len(face.keys), 6, 6))
+            self.lines.add_dampers(
+                self.slopes[:, 1], face.velocities, held, self.force_jacobian, jacobian
+            )
         return jacobian
 
     def sums(self) -> FloatArray:
         """(r,) sums of the rows' terms at the present marker frames, targets not subtracted."""
         out = np.zeros(self.size)
         sums_of_terms(
-            self._poses, self.term_marker, self.kinds, self.directions, self.factors, self.angles,
+            self.poses, self.term_marker, self.kinds, self.directions, self.factors, self.angles,
             self.row_of_term, out,
         )  # fmt: skip
-        return out
+        return out + self.lines.sums
 
     def turning_forces(self, hessians: FloatArray, steps: FloatArray) -> FloatArray:
         """(n_slots, 6) change of the constraint forces on the nodes along steps of the slots.
@@ -371,9 +412,10 @@ class Constraints(RowTable):
         """(r,) second time derivative of every row at constant local velocities."""
         out = np.zeros(self.size)
         second_rates(
-            self._poses, self.interface.velocities, self.marker_slot, self.marker_offset,
+            self.poses, self.interface.velocities, self.marker_slot, self.marker_offset,
             self.term_marker, self.kinds, self.directions, self.factors, self.row_of_term, out,
         )  # fmt: skip
+        self.lines.add_second_rates(self.interface.velocities, out)
         return out
 
     def rigid_jacobian(self) -> FloatArray:

@@ -2,6 +2,7 @@
 """Blocks and element families of the beams on the ranks (collective)."""
 
 from collections.abc import Sequence
+from itertools import groupby
 
 from mpi4py import MPI
 
@@ -86,10 +87,9 @@ def _owners_of_nodes(curves: NurbsLines, ranks: Sequence[IntArray]) -> IntArray:
 
 def _cells(curves: NurbsLines, chosen: Sequence[IntArray], block: FrameBlock) -> list[NurbsCells]:
     """Elements of this rank by degree; every rank has the same degrees, maybe without elements."""
-    widths = [parts.nodes.shape[1] for parts in curves.parts]
     data = []
-    for k in sorted(set(widths)):
-        beams = [b for b, width in enumerate(widths) if width == k]
+    for _, group in groupby(curves.by_degree(), lambda b: curves.parts[b].nodes.shape[1]):
+        beams = list(group)
         counts = [len(chosen[b]) for b in beams]
         nodes = np.concatenate([curves.nodes(b)[chosen[b]] for b in beams])
         data.append(

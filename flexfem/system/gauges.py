@@ -50,7 +50,7 @@ class _ReactionGauge:
         force, moment = rows.reactions()[b].reshape(2, 3)
         if self._axes == "inertial":
             return np.concatenate([force, moment])
-        R = se3.rotation(rows.marker_frames()[a if self._axes == "a" else b])
+        R = se3.rotation(rows.poses[a if self._axes == "a" else b])
         return np.concatenate([force @ R, moment @ R])
 
 

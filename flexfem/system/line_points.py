@@ -8,11 +8,12 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.bodies.line_forces import line_twists
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.marker import Attachment
+from flexfem.core.marker import Observed
 from flexfem.system.assembly import Assembly
 from flexfem.system.line_cells import LinePlace
+from flexfem.system.nurbs_lines import NurbsLines
 
-__all__ = ["LinePoints", "held_places", "holds"]
+__all__ = ["LinePoints", "held_elements", "held_places", "holds"]
 
 
 class LinePoints:
@@ -27,11 +28,15 @@ class LinePoints:
         """Store the places."""
         self.nodes, self.shape, self.xi = nodes, shape, xi
 
+    def at(self, frames: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Frames (n, 12) and local twists (n, 6) of the places, given those of all nodes."""
+        points, twists = np.empty((len(self.xi), 12)), np.empty((len(self.xi), 6))
+        line_twists(self.nodes, self.shape, self.xi, frames, velocity, points, twists)
+        return points, twists
+
     def motion(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """Frames (n, 12) and local twists (n, 6) at the trial state."""
-        points, twists = np.empty((len(self.xi), 12)), np.empty((len(self.xi), 6))
-        line_twists(self.nodes, self.shape, self.xi, block.frames, block.velocity, points, twists)
-        return points, twists
+        return self.at(block.frames, block.velocity)
 
 
 def holds(block: FrameBlock, nodes: IntArray) -> bool:
@@ -39,8 +44,16 @@ def holds(block: FrameBlock, nodes: IntArray) -> bool:
     return bool(block.owned_index(nodes[-1:])[0] >= 0)
 
 
+def held_elements(curves: NurbsLines, block: FrameBlock) -> list[IntArray]:
+    """Numbers along each beam of the elements that this rank holds."""
+    return [
+        np.flatnonzero(block.owned_index(curves.nodes(beam)[:, -1]) >= 0)
+        for beam in range(len(curves.beams))
+    ]
+
+
 def held_places(
-    serial: Assembly, kind: int, block: FrameBlock, markers: Sequence[Attachment]
+    serial: Assembly, kind: int, block: FrameBlock, markers: Sequence[Observed]
 ) -> list[tuple[LinePoints, IntArray]]:
     """Markers inside elements that this rank holds, in groups, and which of them these are."""
     found: dict[int, list[tuple[int, LinePlace]]] = {}

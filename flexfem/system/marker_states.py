@@ -7,24 +7,26 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem.core.marker import Attachment, Ground
+from flexfem.core.marker import Ground, Observed
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState
 from flexfem.system.assembly import Assembly
 from flexfem.system.line_points import held_places
+from flexfem.system.sliders import Sliders
 from flexfem.system.system import System
 
 __all__ = ["MarkerStates"]
 
-_WIDTH = 18  # frame and local twist
+_WIDTH = 20  # frame, local twist, arc length and its rate
 
 
 class MarkerStates:
     """States of markers at the trial state; every rank gets the same numbers."""
 
-    def __init__(self, system: System, serial: Assembly, markers: Sequence[Attachment]) -> None:
+    def __init__(self, system: System, serial: Assembly, markers: Sequence[Observed]) -> None:
         """Find the markers on this rank."""
-        self._comm = system.comm
+        self._comm, self._system = system.comm, system
+        self._sliders = Sliders(system, markers)
         self._offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         self._ground = np.zeros((len(markers), _WIDTH))
         # a marker on the ground is its offset on a node that stays at the origin
@@ -47,16 +49,20 @@ class MarkerStates:
         """States of all markers (collective)."""
         nodes = self._ground.copy()
         for block, places, local in self._sources:
-            nodes[places, :12], nodes[places, 12:] = block.frames[local], block.velocity[local]
+            nodes[places, :12], nodes[places, 12:18] = block.frames[local], block.velocity[local]
         for block, points, which in self._inside:
-            nodes[which, :12], nodes[which, 12:] = points.motion(block)
+            nodes[which, :12], nodes[which, 12:18] = points.motion(block)
+        if self._sliders.exist:
+            self._system.interface.update()
+            nodes[self._sliders.places] = self._sliders.motion()
         if self._comm.size > 1:  # one rank owns a node, the others add zeros
             self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
         frames = se3.compose(nodes[:, :12], self._offsets)
         turn = se3.rotation(nodes[:, :12])
         arm = self._offsets[:, :3]
-        speed = nodes[:, 12:15] + np.cross(nodes[:, 15:], arm)
+        spins = nodes[:, 15:18]
+        speed = nodes[:, 12:15] + np.cross(spins, arm)
         return [
-            MarkerState(H[:3].copy(), H[3:].reshape(3, 3).copy(), R @ v, R @ spin)
-            for H, R, v, spin in zip(frames, turn, speed, nodes[:, 15:], strict=True)
+            MarkerState(H[:3].copy(), H[3:].reshape(3, 3).copy(), R @ v, R @ spin, *map(float, arc))
+            for H, R, v, spin, arc in zip(frames, turn, speed, spins, nodes[:, 18:], strict=True)
         ]

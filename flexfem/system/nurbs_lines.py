@@ -79,6 +79,10 @@ class NurbsLines:
         """
         return [beam.name for beam in self.beams].index(name)
 
+    def by_degree(self) -> list[int]:
+        """Numbers of the beams in the order in which elements are grouped."""
+        return sorted(range(len(self.beams)), key=lambda b: self.parts[b].nodes.shape[1])
+
     def nodes(self, beam: int) -> IntArray:
         """(m, k) control points of a beam's elements, numbered among all."""
         numbers: IntArray = self.first_node[beam] + self.parts[beam].nodes

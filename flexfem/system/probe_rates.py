@@ -5,11 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.line_points import NURBS as LINE_NURBS
 from flexfem.core.line_points import line_jacobian
-from flexfem.core.marker import Attachment, Ground
+from flexfem.core.marker import Attachment, Ground, SlidingMarker
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
@@ -46,6 +47,8 @@ def probe_rates(
     count = len(motions)
     states, twists = np.zeros((len(markers), 18)), np.zeros((len(markers), 6, count))
     for m, marker in enumerate(markers):
+        if isinstance(marker, SlidingMarker):
+            raise InputError(f'SlidingMarker "{marker.joint}": linear models have no sliders')
         states[m], twists[m] = _motion(system, serial, split, motions, marker)
     states, twists = system.comm.allreduce(states), system.comm.allreduce(twists)
     values, by_q, by_rate = [np.zeros(0)], [np.zeros((0, count))], [np.zeros((0, count))]

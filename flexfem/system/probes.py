@@ -14,7 +14,8 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.marker import Attachment, Ground
+from flexfem.core.marker import Ground, Observed
+from flexfem.lie import se3
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.model.probe import MarkerState, Probe
@@ -22,11 +23,12 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.energies import EnergyMeter
 from flexfem.system.gauges import create_gauge
 from flexfem.system.line_points import held_places
+from flexfem.system.sliders import Sliders
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["ProbeRecorder"]
 
-_WIDTH = 18  # frame, velocity, angular velocity
+_WIDTH = 20  # frame, velocities, arc length of a slider and its rate
 
 
 @kernel
@@ -78,7 +80,9 @@ class ProbeRecorder:
             for part in system.parts
             for points, places in held_places(serial, part.kind, part.block, markers)
         ]
+        self._sliders = Sliders(system, markers)
         mine = [places for *_, places in (*self._sources, *self._inside)]
+        mine.append(self._sliders.places)
         self._places = np.concatenate([np.empty(0, dtype=np.int64), *mine])
         self._buffer = np.zeros((depth, len(markers), _WIDTH))
         gauges = [create_gauge(probe, system, serial) for probe in self._probes]
@@ -92,7 +96,7 @@ class ProbeRecorder:
 
     @staticmethod
     def _source(
-        part: BlockPart, serial: Assembly, markers: list[Attachment], offsets: FloatArray
+        part: BlockPart, serial: Assembly, markers: list[Observed], offsets: FloatArray
     ) -> tuple[FrameBlock, IntArray, FloatArray, IntArray]:
         """Block, nodes, offsets and places of the markers that this rank owns in a part."""
         block = part.block
@@ -128,9 +132,19 @@ class ProbeRecorder:
         for block, points, offsets, places in self._inside:
             frames, twists = points.motion(block)
             _record(frames, twists, np.arange(len(places)), offsets, places, row)
+        if len(self._sliders.places):
+            self._record_sliders(row)
         if self._gauges:
             self._shares[len(self._times)] = np.concatenate([g.update() for g in self._gauges])
         self._times.append(t)
+
+    def _record_sliders(self, row: FloatArray) -> None:
+        """Sections where sliders are, their arc lengths and rates."""
+        motion, places = self._sliders.motion(), self._sliders.places
+        unmoved = np.tile(se3.frame(np.zeros(3), np.eye(3)), (len(places), 1))
+        frames, twists = motion[:, :12].copy(), motion[:, 12:18].copy()
+        _record(frames, twists, np.arange(len(places)), unmoved, places, row)
+        row[places, 18:] = motion[:, 18:]
 
     def flush(self) -> Iterator[tuple[float, FloatArray]]:
         """Empty the buffer (collective): times and column values on the first rank."""
@@ -150,7 +164,10 @@ class ProbeRecorder:
         return iter([(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows])
 
     def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
-        states = [MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18]) for r in row]
+        states = [
+            MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18], *r[18:].tolist())
+            for r in row
+        ]
         values, at, read = [np.empty(0)], 0, 0
         for probe in self._probes:
             if isinstance(probe, Probe):

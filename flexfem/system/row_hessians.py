@@ -11,12 +11,20 @@ from flexfem.system.row_kernels import (
     ANGLE,
     AXES,
     DISTANCE,
+    ON_LINES,
     cross_into,
     dot,
     rotate_back_into,
 )
 
-__all__ = ["add_dampers", "add_hessians", "second_rates"]
+__all__ = [
+    "add_dampers",
+    "add_hessians",
+    "marker_map",
+    "second_rates",
+    "term_hessian",
+    "velocity_changes",
+]
 
 
 @kernel
@@ -55,7 +63,7 @@ def _add(out: FloatArray, i: int, j: int, sign: float, B: FloatArray) -> None:
 
 
 @kernel
-def _term_hessian(
+def term_hessian(
     kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
     h: FloatArray,
 ) -> None:  # fmt: skip
@@ -181,7 +189,7 @@ def _angle_hessian(
 
 
 @kernel
-def _marker_map(offset: FloatArray, J: FloatArray) -> None:
+def marker_map(offset: FloatArray, J: FloatArray) -> None:
     """``J`` (6, 6): marker twist from node twist, ``Ad(H_o^-1)``."""
     J[:] = 0.0
     for i in range(3):
@@ -209,16 +217,16 @@ def add_hessians(
     """
     h, J, left = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty((12, 12))
     for t in range(kinds.size):
-        if factor[t] == 0.0:
+        if factor[t] == 0.0 or kinds[t] == ON_LINES:
             continue
         a, b = term_marker[t, 0], term_marker[t, 1]
         d = directions[t]
-        _term_hessian(kinds[t], poses[a], poses[b], d[0], d[1], d[2], h)
+        term_hessian(kinds[t], poses[a], poses[b], d[0], d[1], d[2], h)
         for side in range(2):
             m = term_marker[t, side]
             J[side] = 0.0
             if marker_node[m] >= 0:
-                _marker_map(marker_offset[m], J[side])
+                marker_map(marker_offset[m], J[side])
         for i in range(12):
             for j in range(12):
                 left[i, j] = 0.0
@@ -242,7 +250,7 @@ def _marker_twists(
     for side in range(2):
         m = markers[side]
         if marker_node[m] >= 0:
-            _marker_map(marker_offset[m], J[side])
+            marker_map(marker_offset[m], J[side])
             for i in range(6):
                 for j in range(6):
                     v[6 * side + i] += J[side, i, j] * velocities[marker_node[m], j]
@@ -258,8 +266,10 @@ def second_rates(
     h, J, v = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(12)
     out[:] = 0.0
     for t in range(kinds.size):
+        if kinds[t] == ON_LINES:
+            continue
         d = directions[t]
-        _term_hessian(
+        term_hessian(
             kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2], h
         )
         _marker_twists(velocities, marker_node, marker_offset, term_marker[t], J, v)
@@ -284,10 +294,10 @@ def add_dampers(
     v, w = np.empty(12), np.empty(6)
     for t in range(kinds.size):
         slope = slopes[row_of_term[t], 1]
-        if slope == 0.0:
+        if slope == 0.0 or kinds[t] == ON_LINES:
             continue
         d = directions[t]
-        _term_hessian(
+        term_hessian(
             kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2], h
         )
         _marker_twists(velocities, marker_node, marker_offset, term_marker[t], J, v)
@@ -308,3 +318,16 @@ def add_dampers(
                     rate += w[i] * J[side, i, j]
                     rate += force_jacobian[t, side, i] * by_v[6 * i + j]
                 step_jacobian[t, side, j] += slope * rate
+
+
+@kernel
+def velocity_changes(
+    increments: FloatArray, velocities: FloatArray, inertial: BoolArray, by_increment: float
+) -> FloatArray:
+    """(n, 6, 6) derivatives of the nodes' local velocities by their steps."""
+    out, by_v, by_w = np.empty((inertial.size, 6, 6)), np.empty(36), np.empty(36)
+    rates, nothing = np.array([by_increment, 0.0]), np.zeros(6)
+    for n in range(inertial.size):
+        step_rates_into(inertial[n], increments[n], velocities[n], nothing, rates, by_v, by_w)
+        out[n] = by_v.reshape(6, 6)
+    return out

@@ -20,6 +20,7 @@ __all__ = [
     "AXES",
     "DISTANCE",
     "INERTIAL",
+    "ON_LINES",
     "add_forces",
     "cross_into",
     "dot",
@@ -29,10 +30,14 @@ __all__ = [
     "rotate_back_into",
     "rotate_into",
     "sums_of_terms",
+    "term",
+    "to_node",
     "update_angles",
 ]
 
-INERTIAL, ALONG, AXES, DISTANCE, ANGLE = (int(kind) for kind in RowKind)
+INERTIAL, ALONG, AXES, DISTANCE, ANGLE, _ = (int(kind) for kind in RowKind)
+#: Kind of a term that holds two nodes of the gradient of a row on lines, see ``line_kernels``.
+ON_LINES = -1
 
 
 @kernel
@@ -89,7 +94,7 @@ def _angle(
 
 
 @kernel
-def _term(
+def term(
     kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
     memory: float, g: FloatArray, s: FloatArray,
 ) -> float:  # fmt: skip
@@ -128,7 +133,7 @@ def _term(
 
 
 @kernel
-def _to_node(offset: FloatArray, g: FloatArray, at: int, out: FloatArray) -> None:
+def to_node(offset: FloatArray, g: FloatArray, at: int, out: FloatArray) -> None:
     """Carry a marker's gradient ``g[at:at+6]`` to its node: ``Ad(H_o^-1)^T g``."""
     rotate_into(offset, g[at : at + 3], out, 0)
     rotate_into(offset, g[at + 3 : at + 6], out, 3)
@@ -141,10 +146,12 @@ def _to_node(offset: FloatArray, g: FloatArray, at: int, out: FloatArray) -> Non
 def marker_poses(
     frames: FloatArray, marker_node: IntArray, marker_offset: FloatArray, poses: FloatArray
 ) -> None:
-    """Poses of all markers from the frames of their nodes (node -1: ground)."""
+    """Poses of all markers from the frames of their nodes (-1: ground, -2: on a line, left)."""
     for m in range(marker_node.size):
-        if marker_node[m] < 0:
+        if marker_node[m] == -1:
             poses[m] = marker_offset[m]
+        elif marker_node[m] < 0:
+            continue
         else:
             compose_into(frames[marker_node[m]], marker_offset[m], poses[m])
 
@@ -160,7 +167,7 @@ def update_angles(
     for t in range(kinds.size):
         if kinds[t] == ANGLE:
             d = directions[t]
-            memory[t] = _term(
+            memory[t] = term(
                 ANGLE, poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
                 memory[t], g, scratch,
             )  # fmt: skip
@@ -175,8 +182,10 @@ def sums_of_terms(
     g, scratch = np.empty(12), np.empty((5, 3))
     out[:] = 0.0
     for t in range(kinds.size):
+        if kinds[t] == ON_LINES:
+            continue
         d = directions[t]
-        out[row_of_term[t]] += factors[t] * _term(
+        out[row_of_term[t]] += factors[t] * term(
             kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
             memory[t], g, scratch,
         )  # fmt: skip
@@ -193,8 +202,10 @@ def marker_wrenches(
     """
     g, scratch, turned = np.empty(12), np.empty((5, 3)), np.empty(3)
     for t in range(kinds.size):
+        if kinds[t] == ON_LINES:
+            continue
         d = directions[t]
-        _term(
+        term(
             kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
             0.0, g, scratch,
         )  # fmt: skip
@@ -264,7 +275,7 @@ def _to_nodes(
             force_jacobian[t, side] = 0.0
             step_jacobian[t, side] = 0.0
             continue
-        _to_node(marker_offset[m], g, 6 * side, force_jacobian[t, side])
+        to_node(marker_offset[m], g, 6 * side, force_jacobian[t, side])
         for i in range(6):
             force_jacobian[t, side, i] *= factor
             step_jacobian[t, side, i] = force_jacobian[t, side, i]
@@ -272,10 +283,26 @@ def _to_nodes(
     return rate
 
 
+@inlined
+def _line_rate(
+    t: int, slots: IntArray, velocities: FloatArray, force_jacobian: FloatArray,
+    step_jacobian: FloatArray,
+) -> float:  # fmt: skip
+    """Rate of the gradient of a row on lines at the two nodes of a term."""
+    rate = 0.0
+    for side in range(2):
+        for i in range(6):
+            step_jacobian[t, side, i] = force_jacobian[t, side, i]
+            if slots[t, side] >= 0:
+                rate += force_jacobian[t, side, i] * velocities[slots[t, side], i]
+    return rate
+
+
 @kernel
 def evaluate_rows(
     frames: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
-    term_marker: IntArray, kinds: IntArray, directions: FloatArray, factors: FloatArray,
+    term_marker: IntArray, term_slots: IntArray, line_sums: FloatArray, kinds: IntArray,
+    directions: FloatArray, factors: FloatArray,
     memory: FloatArray, term_start: IntArray, targets: FloatArray, active: BoolArray,
     elastic: FloatArray, relaxation: float, coupled: IntArray,
     dynamics: FloatArray, multipliers: FloatArray, poses: FloatArray, force_jacobian: FloatArray,
@@ -290,6 +317,8 @@ def evaluate_rows(
         marker_node: (m,) node of each marker, -1 for ground.
         marker_offset: (m, 12) frame of each marker relative to its node, absolute for ground.
         term_marker: (t, 2) markers a and b of each term.
+        term_slots: (t, 2) their nodes.
+        line_sums: (r,) sums of the rows on lines, whose gradients are known.
         kinds: (t,) values of ``RowKind``.
         directions: (t, 3, 3) u, v and p.
         factors: (t,) coefficients of the terms.
@@ -313,10 +342,13 @@ def evaluate_rows(
     marker_poses(frames, marker_node, marker_offset, poses)
     g, scratch, law, at = np.empty(12), np.empty((5, 3)), np.empty(4), 0
     for r in range(targets.size):
-        value, rate = -targets[r], 0.0
+        value, rate = line_sums[r] - targets[r], 0.0
         for t in range(term_start[r], term_start[r + 1]):
+            if kinds[t] == ON_LINES:
+                rate += _line_rate(t, term_slots, velocities, force_jacobian, step_jacobian)
+                continue
             d = directions[t]
-            value += factors[t] * _term(
+            value += factors[t] * term(
                 kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
                 memory[t], g, scratch,
             )  # fmt: skip

@@ -10,6 +10,9 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.pose import Pose
 from flexfem.core.row import LawKind, Row, RowKind
+from flexfem.system.line_joints import LineJoints
+from flexfem.system.lines import LinePoint
+from flexfem.system.row_kernels import ON_LINES
 
 __all__ = ["PlacedJoint", "RowTable"]
 
@@ -22,8 +25,9 @@ class PlacedJoint:
         joint: its declaration.
         index: number of the joint in the model.
         poses: poses of its markers at the start.
-        slots: interface slots of the nodes that carry its markers, -1 for ground.
-        offsets: (n, 12) markers relative to their nodes (absolute frames for ground).
+        slots: interface slots of the nodes that carry its markers, -1 for ground, -2 on lines.
+        offsets: (n, 12) markers relative to their nodes or sections (absolute for ground).
+        points: where its markers are on lines, None for the others.
         owned: this rank owns its multipliers.
         shared: another rank evaluates it too.
     """
@@ -33,8 +37,28 @@ class PlacedJoint:
     poses: tuple[Pose, ...]
     slots: tuple[int, ...]
     offsets: FloatArray
+    points: tuple[LinePoint | None, ...]
     owned: bool
     shared: bool
+
+    @property
+    def on_lines(self) -> bool:
+        """A marker lies on a line."""
+        return any(point is not None for point in self.points)
+
+    @property
+    def widths(self) -> list[int]:
+        """Number of nodes that each marker depends on."""
+        return [
+            int(slot >= 0) if point is None else point.rail.slots.shape[1]
+            for slot, point in zip(self.slots, self.points, strict=True)
+        ]
+
+    @property
+    def pairs(self) -> int:
+        """Number of pairs of nodes for second derivatives, where it has markers on lines."""
+        count = sum(self.widths)
+        return count * (count - 1) // 2
 
     def rows(self, t: float) -> tuple[Row, ...]:
         """Rows at time t."""
@@ -60,6 +84,8 @@ class RowTable:
         term_marker, term_slots: (t, 2) both markers and the slots of their nodes.
         pair_of_term: (t,) pair of markers of a term, ``pair_slots`` (p, 2), ``pair_owned`` (p,).
         coupled: (k, 2) rows with friction, and rows whose resultant presses on them.
+        lines: what evaluates the joints with markers on lines; of their gradients, each term here
+            holds two nodes.
     """
 
     def __init__(self, joints: Sequence[PlacedJoint]) -> None:
@@ -69,10 +95,13 @@ class RowTable:
         rows = [row for part in listed for row in part]
         self.start = _starts([len(part) for part in listed])
         self.joint_of_row = np.repeat(np.arange(len(listed)), np.diff(self.start))
-        self.term_start = _starts([len(row.terms) for row in rows])
+        held = [(sum(j.widths) + 1) // 2 if j.on_lines else 0 for j in self.joints]
+        counts = zip(self.joint_of_row, rows, strict=True)
+        self.term_start = _starts([held[i] or len(row.terms) for i, row in counts])
         self.row_of_term = np.repeat(np.arange(len(rows)), np.diff(self.term_start))
         self._markers()
-        self._connect(rows)
+        line_rows = np.array([j.on_lines for j in self.joints], dtype=np.bool_)[self.joint_of_row]
+        self._connect(rows, line_rows[self.row_of_term])
         count, terms = len(rows), len(self.row_of_term)
         self.targets, self.elastic = np.zeros(count), np.zeros((count, 5))
         self.switchable: BoolArray = np.array([row.switchable for row in rows], dtype=np.bool_)
@@ -80,8 +109,11 @@ class RowTable:
         self.kinds: IntArray = np.zeros(terms, dtype=np.int64)
         self.directions = np.zeros((terms, 3, 3))
         self.factors, self.angles = np.zeros(terms), np.zeros(terms)
-        self.write(0, rows)
-        self._normals()
+        self.kinds[line_rows[self.row_of_term]] = ON_LINES
+        self.lines = LineJoints(self, listed)
+        for i, part in enumerate(listed):
+            self.write(i, part)
+        self._normals(rows)
 
     def _markers(self) -> None:
         self.marker_start = _starts([len(j.slots) for j in self.joints])
@@ -90,37 +122,56 @@ class RowTable:
         offsets = [j.offsets for j in self.joints]
         self.marker_offset: FloatArray = np.concatenate([np.zeros((0, 12)), *offsets])
 
-    def _connect(self, rows: Sequence[Row]) -> None:
-        """Markers of every term, and the pairs of markers of every joint that occur."""
-        ends = np.array([(t.a, t.b) for row in rows for t in row.terms], dtype=np.int64)
-        joint = self.joint_of_row[self.row_of_term]
-        self.term_marker: IntArray = self.marker_start[joint][:, np.newaxis] + ends.reshape(-1, 2)
-        self.term_slots: IntArray = self.marker_slot[self.term_marker]
-        pairs, first, self.pair_of_term = np.unique(
-            self.term_marker, axis=0, return_index=True, return_inverse=True
-        )
-        self.pair_of_term = self.pair_of_term.reshape(-1)
-        self.pair_slots: IntArray = self.marker_slot[pairs]
-        owned = np.array([j.owned for j in self.joints], dtype=np.bool_)
-        self.pair_owned: BoolArray = owned[joint[first]]
+    def _connect(self, rows: Sequence[Row], on_lines: BoolArray) -> None:
+        """Markers of every term, and the pairs of markers of every joint that occur.
 
-    def write(self, at: int, rows: Sequence[Row]) -> None:
-        """Set targets, laws and terms of consecutive rows."""
+        Pairs of nodes of joints on lines come last; like these joints' slots they are not fixed.
+        """
+        joint = self.joint_of_row[self.row_of_term]
+        ends = np.zeros((len(joint), 2), dtype=np.int64)
+        ends[:, 1] = 1
+        inner = zip(self.joint_of_row, rows, strict=True)
+        listed = [(t.a, t.b) for i, r in inner if not self.joints[i].on_lines for t in r.terms]
+        ends[~on_lines] = np.array(listed, dtype=np.int64).reshape(-1, 2)
+        self.term_marker: IntArray = self.marker_start[joint][:, np.newaxis] + ends
+        self.term_slots: IntArray = self.marker_slot[self.term_marker]
+        simple = np.flatnonzero(~on_lines)
+        pairs, first, number = np.unique(
+            self.term_marker[simple], axis=0, return_index=True, return_inverse=True
+        )
+        self.pair_of_term = np.zeros(len(joint), dtype=np.int64)
+        self.pair_of_term[simple] = number.reshape(-1)
+        on_line = [(j.pairs, j.owned) for j in self.joints if j.on_lines]
+        more = np.full((sum(count for count, _ in on_line), 2), -1, dtype=np.int64)
+        self.pair_slots: IntArray = np.concatenate([self.marker_slot[pairs], more])
+        owned = np.array([j.owned for j in self.joints], dtype=np.bool_)
+        own = [np.full(count, owns, dtype=np.bool_) for count, owns in on_line]
+        self.pair_owned: BoolArray = np.concatenate([owned[joint[simple][first]], *own])
+
+    def write(self, joint: int, rows: Sequence[Row]) -> None:
+        """Set targets, laws and terms of a joint's rows."""
+        at = int(self.start[joint])
         t = int(self.term_start[at])
         for i, row in enumerate(rows, start=at):
             self.targets[i] = row.target
             if row.law is not None:
                 law = row.law
                 self.elastic[i] = law.kind, law.stiffness, law.damping, law.first, law.second
+        if self.joints[joint].on_lines:
+            self.lines.write(joint, rows)
+            return
+        for row in rows:
             for term in row.terms:
                 self.kinds[t], self.factors[t] = term.kind, term.factor
                 self.directions[t] = term.u, term.v, term.p
                 t += 1
 
-    def _normals(self) -> None:
+    def _normals(self, rows: Sequence[Row]) -> None:
         """Rows whose resultant presses: the rigid translational ones of the partner."""
         number = {id(placed.joint): i for i, placed in enumerate(self.joints)}
-        moving = np.isin(self.kinds[self.term_start[:-1]], (RowKind.INERTIAL, RowKind.ALONG))
+        moving = np.array(
+            [row.terms[0].kind in (RowKind.INERTIAL, RowKind.ALONG) for row in rows], dtype=np.bool_
+        )
         pressing = moving & (self.elastic[:, 0] == LawKind.RIGID)
         pairs = [np.zeros((0, 2), dtype=np.int64)]
         for r in np.flatnonzero(self.elastic[:, 0] == LawKind.NORMAL_FRICTION):

@@ -33,7 +33,7 @@ class StepRows:
         self._rows, self._chi = rows, chi
         markers, terms = len(rows.marker_slot), len(rows.kinds)
         self._frames0 = np.zeros_like(rows.interface.frames)
-        self._poses0, self._poses = np.zeros((markers, 12)), rows.marker_frames()
+        self._poses0, self._poses = np.zeros((markers, 12)), rows.poses
         self._terms0, self._terms = np.zeros(terms), np.zeros(terms)
         self._gradient = np.zeros((terms, 2, 6))
         self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)

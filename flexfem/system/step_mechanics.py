@@ -21,6 +21,7 @@ from flexfem.core.step_kernels import correct, mean_acceleration, start
 from flexfem.elements.energy_beam import EnergyBeams, StepState
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3, so3
+from flexfem.system.placement import NURBS
 from flexfem.system.step_constraints import StepRows
 from flexfem.system.system import BlockPart, Shifts, System
 
@@ -335,8 +336,13 @@ class StepMechanics:
 
 
 def _check_beams(system: System) -> None:
-    """Raise on all ranks for a beam whose material is a law of the user."""
+    """Raise on all ranks for a NURBS beam, or one whose material is a law of the user."""
     for part in system.parts:
+        if part.kind == NURBS:
+            raise InputError(
+                f'{part.owner}: the integrator energy_momentum needs the formulation "se3", got '
+                '"nurbs"'
+            )
         if part.beams is not None and part.beams.law_owner is not None:
             raise InputError(
                 f"{part.beams.law_owner}: the integrator energy_momentum needs a linear section"

@@ -82,6 +82,7 @@ class BlockPart:
         block: the nodes and their state.
         masses, forces: at nodes of this rank; line_forces: inside its elements.
         beams: the element family, None for rigid bodies.
+        owner: what messages call the first body, the same on all ranks.
         node_body: (n,) number of the body that each node belongs to.
         slots: (n_slots,) local node of each interface slot that this rank owns in it, else -1.
     """
@@ -92,6 +93,7 @@ class BlockPart:
     forces: NodeForces
     line_forces: list[LineForces]
     beams: BeamFamily | None
+    owner: str
     node_body: IntArray
     slots: IntArray
 

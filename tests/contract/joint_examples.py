@@ -201,7 +201,11 @@ class Placed:
             keys=[(1, k) for k in range(n)], frames=nodes.copy(), velocities=np.zeros((n, 6)),
             increments=np.zeros((n, 6)), inertial=np.zeros(n, dtype=bool),
         )  # fmt: skip
-        placed = [PlacedJoint(joint, 0, poses, tuple(slots), offsets, owned=True, shared=False)]
+        placed = [
+            PlacedJoint(
+                joint, 0, poses, tuple(slots), offsets, (None,) * n, owned=True, shared=False
+            )
+        ]
         if joint.partner is not None:
             placed.insert(0, replace(placed[0], joint=joint.partner, index=1))
         self.rows = Constraints(MPI.COMM_SELF, placed, self.face)

@@ -15,6 +15,7 @@ from flexfem.core.row import RowKind
 from flexfem.lie import se3, so3
 from flexfem.simulation.stepping import Simulation
 from tests.contract.joint_examples import DYNAMICS, EXAMPLES, UNIT, Placed
+from tests.contract.line_examples import SLIDING
 
 EVERY = pytest.mark.parametrize("example", EXAMPLES.values(), ids=EXAMPLES)
 ELASTIC = [name for name, example in EXAMPLES.items() if example.elastic]
@@ -31,7 +32,7 @@ def _classes() -> set[type[Joint]]:
 
 
 def test_every_joint_class_has_an_example():
-    assert _classes() == {example.cls for example in EXAMPLES.values()}
+    assert _classes() == {e.cls for e in (*EXAMPLES.values(), *SLIDING.values())}
 
 
 @EVERY

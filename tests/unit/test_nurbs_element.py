@@ -270,7 +270,14 @@ def _pose(beam, frames: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndar
     N /= N.sum(axis=1, keepdims=True)
     R = se3.rotation(frames[nodes])
     reference = R[len(nodes) // 2]
-    return N @ frames[nodes, :3], reference @ so3.exp(N @ so3.log(reference.T @ R))
+    theta = so3.log(reference.T @ R)
+    half = 0.5 * np.linalg.norm(theta, axis=1)
+    # tan(t / 2) n of the sum of the quaternions (cos(t / 2), sin(t / 2) n)
+    vector = 0.5 * N @ (np.sinc(half / np.pi)[:, np.newaxis] * theta)
+    tangent = vector / (N @ np.cos(half))[:, np.newaxis]
+    size = np.linalg.norm(tangent, axis=1)[:, np.newaxis]
+    turn = 2.0 * np.arctan(size) * np.divide(tangent, size, where=size > 0, out=0.0 * tangent)
+    return N @ frames[nodes, :3], reference @ so3.exp(turn)
 
 
 # --- closed forms --------------------------------------------------------------------------------

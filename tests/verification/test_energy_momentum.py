@@ -64,7 +64,7 @@ class Measures:
         rows = self.system.constraints
         values = np.zeros(rows.size)
         sums_of_terms(
-            rows.marker_frames(), rows.term_marker, rows.kinds, rows.directions, rows.factors,
+            rows.poses, rows.term_marker, rows.kinds, rows.directions, rows.factors,
             rows.angles, rows.row_of_term, values,
         )  # fmt: skip
         stretch = values - rows.targets

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Prescribed motion of a slider along its beam."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from flexfem import _checks
+from flexfem.core.joint import Joint, JointAction
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row
+from flexfem.joints.slide_stop import check_sliding
+
+__all__ = ["PrescribedSlide"]
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedSlide(JointAction):
+    """Drives the slider of a sliding joint along its carrier; one constraint.
+
+    Attributes:
+        joint: the ``Sliding`` joint; in the model too.
+        zeta: function of time (s): arc length from the carrier's start in the undeformed state, m.
+    """
+
+    zeta: Callable[[float], float] = lambda t: 0.0
+
+    driven: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        """Check the function.
+
+        Raises:
+            TypeError: the joint does not slide, or zeta is not a function.
+            ValueError: its value at t = 0 is not a number.
+        """
+        super().__post_init__()
+        check_sliding(self)
+        _checks.function(self.owner, "zeta", self.zeta, ())
+
+    @property
+    def partner(self) -> Joint:
+        """See :attr:`Joint.partner`."""
+        return self.joint
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        return tuple(Row((term,), float(self.zeta(t))) for term in self.terms(poses))

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Sliding joint along a flexible beam."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flexfem import _checks
+from flexfem.core.joint import Joint, displacement, equal_rotation
+from flexfem.core.marker import Carrier
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind, Term
+
+__all__ = ["Sliding"]
+
+
+@dataclass(frozen=True, eq=False)
+class Sliding(Joint):
+    """Marker b slides on the line of a flexible beam; two constraints, five when tied.
+
+    The force is at right angles to the deformed line. How far the slider has gone is its arc length
+    zeta (m) from the carrier's start in the undeformed state; ``SlideStop``, ``PrescribedSlide``,
+    ``JointFriction`` and ``Lock`` with this joint act on zeta.
+
+    Attributes:
+        a: ``Carrier`` with the name of the beam.
+        b: marker that slides; on the line at the start.
+        tied: it keeps its rotation relative to the carrier's section (prismatic joint).
+    """
+
+    a: Carrier
+    tied: bool = False
+
+    slides = True
+    leaves = ("translation",)
+
+    def __post_init__(self) -> None:
+        """Check all arguments.
+
+        Raises:
+            TypeError: a is not a ``Carrier``, b not a marker on something else, or ``tied`` not
+                a truth value.
+            ValueError: the name is empty.
+        """
+        super().__post_init__()
+        _checks.instance(self.owner, "a", self.a, Carrier)
+        _checks.instance(self.owner, "tied", self.tied, bool)
+
+    def motion_term(self, kind: str, poses: Sequence[Pose]) -> Term:
+        """See :meth:`Joint.motion_term`: zeta."""
+        return Term(RowKind.ARC)
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        a, b = poses
+        across = tuple(displacement(a.rotation[:, i], a) for i in (1, 2))
+        rotation = equal_rotation(a, b) if self.tied else ()
+        return (*across, *rotation)

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""From the joints of a model to what a rank evaluates: nodes at the interface, places on lines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.core.joint import Joint
+from flexfem.core.line_points import NURBS, SE3, line_jacobian, turn_frames
+from flexfem.core.marker import Carrier, Marker
+from flexfem.core.pose import Pose
+from flexfem.lie import se3
+from flexfem.system.assembly import Assembly
+from flexfem.system.interface import Interface
+from flexfem.system.line_cells import LineCells
+from flexfem.system.line_data import ON_LINE
+from flexfem.system.lines import LinePoint, Rail
+from flexfem.system.placement import NodeKey, Placement
+from flexfem.system.row_table import PlacedJoint
+
+__all__ = ["JointEnds", "connect", "joint_ends"]
+
+#: Distance of a slider from its line, relative to the line's length, that counts as none.
+_GAP = 1e-6
+_STEPS, _SMALL = 50, 1e-13
+
+
+@dataclass(frozen=True)
+class JointEnds:
+    """Where the markers of a joint are at the start.
+
+    Attributes:
+        nodes: the node that carries each marker, None on the ground and on lines.
+        points: line, element, coordinate there, and whether it slides; None off the lines.
+        frames: (n, 12) markers relative to their nodes or sections; absolute on the ground.
+        poses: their poses.
+    """
+
+    nodes: tuple[NodeKey | None, ...]
+    points: tuple[tuple[LineCells, int, float, bool] | None, ...]
+    frames: FloatArray
+    poses: tuple[Pose, ...]
+
+    @property
+    def keys(self) -> list[NodeKey]:
+        """All nodes that the markers may depend on."""
+        keys = [key for key in self.nodes if key is not None]
+        for point in self.points:
+            if point is not None:
+                line, element, _, slides = point
+                for e in range(len(line.nodes)) if slides else [element]:
+                    keys += line.keys(e)
+        return keys
+
+
+def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:
+    """Find the markers of a joint.
+
+    Raises:
+        ValueError: a slider is not on its line at the start.
+    """
+    nodes: list[NodeKey | None] = []
+    points: list[tuple[LineCells, int, float, bool] | None] = []
+    frames, poses = [], []
+    for marker in joint.markers:
+        if isinstance(marker, Carrier):
+            place, pose = _slider(serial, joint, marker)
+            nodes.append(None)
+            points.append((*place, True))
+            frames.append(se3.frame(np.zeros(3), np.eye(3)))
+            poses.append(pose)
+            continue
+        point = serial.point(marker)
+        nodes.append(serial.key(marker) if point is None else None)
+        points.append(None if point is None else (*point, False))
+        frames.append(serial.marker_frame(marker))
+        poses.append(serial.marker_pose(marker))
+    return JointEnds(tuple(nodes), tuple(points), np.array(frames), tuple(poses))
+
+
+def _slider(
+    serial: Assembly, joint: Joint, carrier: Carrier
+) -> tuple[tuple[LineCells, int, float], Pose]:
+    """Place on a line where a slider starts, and the pose of the section there."""
+    try:
+        line = serial.line(carrier.body)
+    except ValueError as error:
+        raise ValueError(f"{joint.owner}: {error}") from None
+    x = serial.marker_pose(joint.markers[1]).position
+    element, xi, frame = _closest(serial, line, x)
+    gap = float(np.linalg.norm(x - frame[:3]))
+    if gap > _GAP * line.length:
+        raise ValueError(
+            f"{joint.owner}: the slider at {_checks.show(x.tolist())} is {gap:.3g} m away from "
+            f'the line of "{carrier.body}"'
+        )
+    return (line, element, xi), Pose(se3.position(frame), se3.rotation(frame))
+
+
+def _closest(serial: Assembly, line: LineCells, x: FloatArray) -> tuple[int, float, FloatArray]:
+    """Element, coordinate and section frame of the point whose section's plane holds x."""
+    ends = np.array([serial.node_frames(line.kind)[nodes] for nodes in line.nodes])
+    at = np.linalg.norm(ends[:, :, :3].mean(axis=1) - x, axis=1)
+    for e in np.argsort(at, kind="stable")[:3]:
+        frames = np.ascontiguousarray(ends[e])
+        shape = np.zeros((1, 1)) if line.shape is None else line.shape[e]
+        if line.turns is not None:
+            turn_frames(frames, line.turns[e], frames)
+        xi, frame = _in_plane(SE3 if line.shape is None else NURBS, frames, shape, x)
+        if -_GAP <= xi <= 1.0 + _GAP:
+            break
+    return int(e), min(max(xi, 0.0), 1.0), frame
+
+
+def _in_plane(
+    kind: int, frames: FloatArray, shape: FloatArray, x: FloatArray
+) -> tuple[float, FloatArray]:
+    """Coordinate of the section whose plane holds x, and its frame, by Newton's method."""
+    frame, J, xi = np.empty(12), np.empty((6, 6 * len(frames) + 1)), 0.5
+    for _ in range(_STEPS):
+        line_jacobian(kind, frames, shape, xi, frame, J)
+        p = se3.rotation(frame).T @ (x - frame[:3])
+        step = p[0] / (J[0, -1] + J[4, -1] * p[2] - J[5, -1] * p[1])
+        xi += min(max(step, -1.0), 1.0)
+        if abs(step) < _SMALL:
+            break
+    line_jacobian(kind, frames, shape, xi, frame, J)
+    return xi, frame
+
+
+def connect(
+    serial: Assembly, comm: MPI.Intracomm, placement: Placement,
+    blocks: Sequence[FrameBlock | None],
+) -> tuple[Interface, list[PlacedJoint]]:  # fmt: skip
+    """Interface nodes of all joints and the joints that this rank evaluates (collective)."""
+    needed: dict[NodeKey, set[int]] = {}
+    found = [joint_ends(serial, joint) for joint in serial.model.joints]
+    for joint, ends in zip(serial.model.joints, found, strict=True):
+        ranks = placement.joint_ranks(joint)
+        for key in ends.keys:
+            needed.setdefault(key, set()).update(ranks)
+    keys = list(needed)
+    interface = Interface(comm, blocks, keys, [sorted(needed[k]) for k in keys])
+    joints: list[PlacedJoint] = []
+    rails: dict[str, Rail] = {}
+    for index, (joint, ends) in enumerate(zip(serial.model.joints, found, strict=True)):
+        ranks = placement.joint_ranks(joint)
+        if comm.rank not in ranks:
+            continue
+        points: list[LinePoint | None] = []
+        for marker, point in zip(joint.markers, ends.points, strict=True):
+            if point is None:
+                points.append(None)
+                continue
+            line, element, xi, slides = point
+            assert isinstance(marker, Marker)  # the ground has no lines
+            if marker.body not in rails:
+                rails[marker.body] = _rail(interface, line)
+            points.append(LinePoint(rails[marker.body], element, xi, slides))
+        joints.append(
+            PlacedJoint(
+                joint,
+                index,
+                ends.poses,
+                _slots(ends, interface),
+                ends.frames,
+                tuple(points),
+                owned=ranks[0] == comm.rank,
+                shared=len(ranks) > 1,
+            )
+        )
+    return interface, joints
+
+
+def _rail(interface: Interface, line: LineCells) -> Rail:
+    """A line with the slots of its nodes, -1 for those that no joint touches."""
+    slots = [
+        [interface.slot_of.get(key, -1) for key in line.keys(e)] for e in range(len(line.nodes))
+    ]
+    return Rail(line, np.array(slots, dtype=np.int64))
+
+
+def _slots(ends: JointEnds, interface: Interface) -> tuple[int, ...]:
+    """Slots of the markers' nodes, -1 on the ground, -2 on lines."""
+    return tuple(
+        ON_LINE if point is not None else -1 if key is None else interface.slot_of[key]
+        for key, point in zip(ends.nodes, ends.points, strict=True)
+    )

@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Joints with markers that lie on lines between nodes, or slide on them.
+
+They are evaluated by loops of their own (``line_kernels``), which write their gradients into the
+terms of the table of rows, two nodes a term. Which nodes these are changes while a slider passes
+from element to element.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.row import Row
+from flexfem.system.line_cells import LineCells
+from flexfem.system.line_data import LineData, PointData, RowData, Work
+from flexfem.system.line_hessians import line_hessian
+from flexfem.system.line_kernels import (
+    add_line_wrenches,
+    evaluate_lines,
+    node_slots,
+    slider_motion,
+    update_line_angles,
+)
+
+if TYPE_CHECKING:
+    from flexfem.system.row_table import RowTable
+
+__all__ = ["LineJoints"]
+
+
+class LineJoints:
+    """The joints of this rank with markers on lines.
+
+    Attributes:
+        joints: (n,) their numbers in the table.
+        places: (m, 2) element (among those of all lines) and coordinate of their markers at the
+            last evaluation; ``accepted`` at the accepted state.
+        sums: (r,) sums of terms of all rows, zero for those of other joints.
+        version: counts how often a slider has passed from one element to another.
+    """
+
+    def __init__(self, table: RowTable, rows: Sequence[Sequence[Row]]) -> None:
+        """Collect lines, markers and rows; ``rows`` are those of all joints of the table."""
+        self._table = table
+        self.joints = [i for i, joint in enumerate(table.joints) if joint.on_lines]
+        self.sums = np.zeros(int(table.start[-1]))
+        self.version = 0
+        self._collect_lines()
+        self._collect_points()
+        self._collect_rows(rows)
+        count, width = self._points.width, self._lines.nodes.shape[1]
+        nodes, markers = int(count.max(initial=0)), int(np.diff(self._points.first).max(initial=0))
+        size = 6 * nodes + 1
+        self._work = Work(
+            frames=np.zeros((width, 12)),
+            section=np.zeros((6, 6 * width + 1)),
+            block=np.zeros((6 * width + 1, 6 * width + 1)),
+            point=np.zeros((markers, 6, size)),
+            forces=np.zeros(6 * markers),
+            hessian=np.zeros((6 * markers, 6 * markers)),
+            slide=np.zeros(size),
+            gradient=np.zeros(size),
+            second=np.zeros((size, size)),
+        )
+        pairs = count * (count - 1) // 2
+        self._first_pair = len(table.pair_slots) - int(pairs.sum()) + np.cumsum(pairs) - pairs
+        self._connect()
+
+    def _collect_lines(self) -> None:
+        """All elements of all lines, one line after the other."""
+        found = {
+            id(point.rail): point.rail
+            for i in self.joints
+            for point in self._table.joints[i].points
+            if point is not None
+        }
+        rails = list(found.values())
+        self._number = {key: n for n, key in enumerate(found)}
+        width = max((rail.slots.shape[1] for rail in rails), default=1)
+        powers = max((rail.cells.arc.shape[1] for rail in rails), default=1)
+        first = _starts([len(rail.slots) for rail in rails])
+        total = int(first[-1])
+        slots = np.full((total, width), -1, dtype=np.int64)
+        shape, turns = np.zeros((total, width, width)), np.zeros((total, 2, 9))
+        arc, start = np.zeros((total, powers)), np.zeros(total)
+        for rail, a, b in zip(rails, first[:-1], first[1:], strict=True):
+            cells, k = rail.cells, rail.slots.shape[1]
+            slots[a:b, :k] = rail.slots
+            if cells.shape is not None:
+                shape[a:b, :k, :k] = cells.shape
+            if cells.turns is not None:
+                turns[a:b] = cells.turns
+            arc[a:b, : cells.arc.shape[1]], start[a:b] = cells.arc, cells.starts
+        self._lines = LineData(
+            element=np.array([rail.element for rail in rails], dtype=np.int64),
+            width=np.array([rail.slots.shape[1] for rail in rails], dtype=np.int64),
+            first=first,
+            nodes=slots,
+            shape=shape,
+            turns=turns,
+            start=start,
+            arc=arc,
+            turned=np.array([_turned(rail.cells) for rail in rails], dtype=np.bool_),
+        )
+
+    def _collect_points(self) -> None:
+        """Markers of the joints and how many nodes each depends on."""
+        table = self._table
+        markers: list[int] = []
+        columns: list[int] = []
+        line, slides, places = [], [], []
+        joints = [table.joints[i] for i in self.joints]
+        for i, joint in zip(self.joints, joints, strict=True):
+            markers += range(table.marker_start[i], table.marker_start[i + 1])
+            columns += _starts(joint.widths)[:-1].tolist()
+            for point in joint.points:
+                number = 0 if point is None else self._number[id(point.rail)]
+                line.append(number)
+                slides.append(point is not None and point.slides)
+                place = (0.0, 0.0) if point is None else (point.element, point.xi)
+                places.append((self._lines.first[number] + place[0], place[1]))
+        self.places = np.array(places, dtype=np.float64).reshape(-1, 2)
+        self.accepted = self.places.copy()
+        index = np.array(markers, dtype=np.int64)
+        self._points = PointData(
+            first=_starts([len(joint.slots) for joint in joints]),
+            marker=index,
+            slot=table.marker_slot[index],
+            offset=table.marker_offset[index],
+            line=np.array(line, dtype=np.int64),
+            slides=np.array(slides, dtype=np.bool_),
+            column=np.array(columns, dtype=np.int64),
+            width=np.array([sum(joint.widths) for joint in joints], dtype=np.int64),
+        )
+
+    def _collect_rows(self, rows: Sequence[Sequence[Row]]) -> None:
+        """Rows of the joints with their own terms."""
+        table = self._table
+        own = [row for i in self.joints for row in rows[i]]
+        terms = [term for row in own for term in row.terms]
+        numbers = [np.arange(table.start[i], table.start[i + 1]) for i in self.joints]
+        index = np.concatenate([np.empty(0, dtype=np.int64), *numbers]).astype(np.int64)
+        self._rows = RowData(
+            first=_starts([len(rows[i]) for i in self.joints]),
+            row=index,
+            entry=table.term_start[index],
+            term=_starts([len(row.terms) for row in own]),
+            kinds=np.array([term.kind for term in terms], dtype=np.int64),
+            directions=np.zeros((len(terms), 3, 3)),
+            factors=np.zeros(len(terms)),
+            memory=np.zeros(len(terms)),
+            ends=np.array([(term.a, term.b) for term in terms], dtype=np.int64).reshape(-1, 2),
+        )
+
+    def write(self, joint: int, rows: Sequence[Row]) -> None:
+        """Set the terms of a joint's rows; ``joint`` is its number in the table."""
+        t = int(self._rows.term[self._rows.first[self.joints.index(joint)]])
+        for row in rows:
+            for term in row.terms:
+                self._rows.factors[t] = term.factor
+                self._rows.directions[t] = term.u, term.v, term.p
+                t += 1
+
+    @property
+    def memory(self) -> FloatArray:
+        """(t,) continuous angles of the joints' terms at the accepted state."""
+        return self._rows.memory
+
+    def counts(self, what: str) -> IntArray:
+        """Number of "places" or of "line_terms" of every joint of the table."""
+        result = np.zeros(len(self._table.joints), dtype=np.int64)
+        first = self._points.first if what == "places" else self._rows.term[self._rows.first]
+        result[self.joints] = np.diff(first)
+        return result
+
+    @property
+    def nodes(self) -> IntArray:
+        """Slots of all nodes of the lines."""
+        slots = np.unique(self._lines.nodes)
+        return slots[slots >= 0]
+
+    @property
+    def sliding(self) -> bool:
+        """A marker slides."""
+        return bool(self._points.slides.any())
+
+    def motion(self, joint: int, frames: FloatArray, velocities: FloatArray) -> FloatArray:
+        """Section at which the slider of a joint is, as (20,) numbers.
+
+        Args:
+            joint: its number in the table.
+            frames: (n, 12) of all slots.
+            velocities: (n, 6) their local twists.
+
+        Returns:
+            Frame and local twist of the section, arc length of the slider (m) and its rate (m/s).
+        """
+        c, out = self.joints.index(joint), np.empty(20)
+        places, poses = self.places.copy(), np.zeros((len(self._table.marker_slot), 12))
+        slider_motion(
+            c, self._lines, self._points, frames, velocities, self.accepted, self._work, poses,
+            places, out,
+        )  # fmt: skip
+        return out
+
+    def evaluate(self, frames: FloatArray, poses: FloatArray, gradients: FloatArray) -> None:
+        """Sums, gradients and poses of markers at the given frames of all slots.
+
+        Args:
+            frames: (n, 12); the other methods refer to them, too.
+            poses: (m, 12) of all markers; those of these joints are set.
+            gradients: (t, 2, 6) of all terms; those of these joints are set.
+        """
+        if not self.joints:
+            return
+        self._frames, self._poses = frames, poses
+        elements = self.places[:, 0].copy()
+        evaluate_lines(
+            self._lines, self._points, self._rows, frames, self.accepted, self._work, poses,
+            self.places, self.sums, gradients,
+        )  # fmt: skip
+        if (elements != self.places[:, 0]).any():
+            self._connect()
+            self.version += 1
+
+    def _connect(self) -> None:
+        """Write the slots of the nodes that terms and pairs of nodes refer to."""
+        table = self._table
+        if self.joints:
+            node_slots(
+                self._lines, self._points, self._rows, self.places, self._first_pair,
+                table.term_slots, table.pair_slots,
+            )  # fmt: skip
+
+    def accept(self) -> None:
+        """The last evaluation becomes the accepted state."""
+        if self.joints:
+            self.accepted[:] = self.places
+            update_line_angles(self._points, self._rows, self._poses)
+
+    def _hessian(self, c: int, weights: FloatArray) -> FloatArray:
+        """(6 n, 6 n) second derivative of a weighted sum of the rows of the c-th of the joints."""
+        size = 6 * int(self._points.width[c])
+        out = np.empty((size, size))
+        line_hessian(
+            c, weights, self._lines, self._points, self._rows, self._frames, self.accepted,
+            self._work, self._poses, self.places, out,
+        )  # fmt: skip
+        return out
+
+    def add_hessians(self, factor: FloatArray, out: FloatArray) -> None:
+        """Add ``sum_rows factor d(gradient)`` to the blocks (12, 12) of the pairs of nodes."""
+        for c, i in enumerate(self.joints):
+            weights = factor[self._table.start[i] : self._table.start[i + 1]]
+            if not weights.any():
+                continue
+            count, at = int(self._points.width[c]), int(self._first_pair[c])
+            blocks = self._hessian(c, factor).reshape(count, 6, count, 6)
+            for a in range(count):
+                for b in range(a + 1, count):
+                    out[at, :6, 6:] += blocks[a, :, b]
+                    out[at, 6:, :6] += blocks[b, :, a]
+                    if b == a + 1:
+                        out[at, :6, :6] += blocks[a, :, a]
+                        if b == count - 1:
+                            out[at, 6:, 6:] += blocks[b, :, b]
+                    at += 1
+
+    def _slots(self, c: int) -> IntArray:
+        """(n,) slots of the nodes of the c-th of the joints, as its rows' terms hold them."""
+        first = self._rows.entry[self._rows.first[c]]
+        count = int(self._points.width[c])
+        return self._table.term_slots[first : first + (count + 1) // 2].reshape(-1)[:count]
+
+    def add_second_rates(self, velocities: FloatArray, out: FloatArray) -> None:
+        """Add the second time derivatives (r,) of all rows at constant local velocities."""
+        for c, i in enumerate(self.joints):
+            v = velocities[self._slots(c)].ravel()
+            for r in range(self._table.start[i], self._table.start[i + 1]):
+                out[r] += v @ self._hessian(c, np.eye(1, len(out), r)[0]) @ v
+
+    def add_dampers(
+        self, slopes: FloatArray, velocities: FloatArray, by_step: FloatArray,
+        force_jacobian: FloatArray, step_jacobian: FloatArray,
+    ) -> None:  # fmt: skip
+        """Add that rates of rows depend on position, see ``row_hessians.add_dampers``.
+
+        Args:
+            slopes: (r,) derivatives of the rows' values by their rates.
+            velocities: (n, 6) of the slots.
+            by_step: (n, 6, 6) derivatives of these velocities by the slots' steps.
+            force_jacobian: (t, 2, 6) gradients.
+            step_jacobian: (t, 2, 6) what is added to.
+        """
+        for c, i in enumerate(self.joints):
+            slots, count = self._slots(c), int(self._points.width[c])
+            for r in range(self._table.start[i], self._table.start[i + 1]):
+                if slopes[r] == 0.0:
+                    continue
+                weights = np.eye(1, len(slopes), r)[0]
+                change = velocities[slots].ravel() @ self._hessian(c, weights)
+                first = self._table.term_start[r]
+                last = first + (count + 1) // 2
+                gradient = force_jacobian[first:last].reshape(-1, 6)[:count]
+                change = change.reshape(-1, 6) + np.einsum("ni,nij->nj", gradient, by_step[slots])
+                step_jacobian[first:last].reshape(-1, 6)[:count] += slopes[r] * change
+
+    def add_wrenches(self, forces: FloatArray, out: FloatArray) -> None:
+        """Add the wrenches (m, 6) on the bodies at all markers, see ``Constraints.reactions``."""
+        if self.joints:
+            add_line_wrenches(
+                forces, self._lines, self._points, self._rows, self._frames, self.accepted,
+                self._work, self._poses, self.places, out,
+            )  # fmt: skip
+
+
+def _turned(cells: LineCells) -> bool:
+    """Whether any section of a line is turned against its node."""
+    if cells.turns is None:
+        return False
+    return bool(np.abs(cells.turns - np.eye(3).ravel()).max() > 1e-12)
+
+
+def _starts(counts: Sequence[int]) -> IntArray:
+    """Where each of several consecutive runs begins, and the end."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
