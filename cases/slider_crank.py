@@ -13,12 +13,15 @@ spherical joint between the two would be the same.
 
 History: ``crank_angle`` (rad) and ``crank_rate`` (rad/s) of the chord of rod I, ``slider_x`` (m)
 and ``rod_2_deflection``, the distance of rod II's middle node from the middle of its chord over
-0.6 m, without unit (with an odd number of elements: the mean of the two middle nodes).
+0.6 m, without unit (on SE(3) beams with an odd number of elements: the mean of the two middle
+nodes).
 
 Expected (Wu et al., Appl. Sci. 10 (2020) 1231): the largest deflection of rod II exceeds 5 % of its
 length, the crank passes 320 rad/s. Converged (``tests/data/slider_crank.csv``): 5.04 % at 0.1913 s,
-crank angle 8.0438 rad at 0.1 s. 24 elements with ``--dt 2e-5`` give 5.02 %, the default 4.9 %.
-Run: ``mpirun -n 2 python cases/slider_crank.py``.
+crank angle 8.0438 rad at 0.1 s. 24 elements with ``--dt 2e-5`` give 5.02 %, the default 4.9 %,
+six cubic NURBS elements with the default step 5.02 %.
+Run: ``mpirun -n 2 python cases/slider_crank.py`` or, as published,
+``python cases/slider_crank.py --formulation nurbs --degree 3 --elements 6``.
 """
 
 import math

@@ -20,6 +20,7 @@ from flexfem.materials.material import Material
 from flexfem.materials.section import Section
 from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import LineMesh, read_mesh
+from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.model.bodies import Beam, Box, Cylinder, PointMass, RigidBody, Sphere
 from flexfem.model.model import Model
 from flexfem.model.probe import PositionProbe, Probe
@@ -30,6 +31,7 @@ NAN = float("nan")
 STEEL = Material(2.1e11, 0.3, 7850.0)
 SECTION = Section.rectangle(0.03, 0.03, STEEL)
 ONES = np.ones(6)
+LINE = NurbsCurve.line((0, 0, 0), (1, 0, 0))
 END = Marker("beam", "end")
 
 # --- constructors --------------------------------------------------------------------------------
@@ -115,6 +117,38 @@ CONSTRUCTORS = [
     # bodies
     (lambda: Beam("two\nlines", SECTION), "Beam: name must be .* got 'two"),
     (lambda: Beam("beam", 1.0), 'Beam "beam": section must be a Section, got 1.0'),
+    (
+        lambda: Beam("beam", SECTION, formulation="cubic"),
+        'Beam "beam": formulation must be "se3" or "nurbs", got \'cubic\'',
+    ),
+    (
+        lambda: Beam("beam", SECTION, formulation="se3", curve=LINE),
+        'Beam "beam": formulation "se3" has no curve, got NurbsCurve',
+    ),
+    (
+        lambda: Beam("beam", SECTION, degree=3),
+        'Beam "beam": formulation "se3" has no degree, got 3',
+    ),
+    (
+        lambda: Beam("beam", SECTION, formulation="nurbs", degree=0),
+        'Beam "beam": degree must be at least 1, got 0',
+    ),
+    (
+        lambda: Beam("beam", SECTION, formulation="nurbs", degree=2.0),
+        'Beam "beam": degree must be a whole number, got 2.0',
+    ),
+    (
+        lambda: Beam("beam", SECTION, curve=LINE, group="beam"),
+        'Beam "beam": give a curve or a group, got group "beam" as well',
+    ),
+    (
+        lambda: Beam("beam", SECTION, curve=LINE, degree=3),
+        r'Beam "beam": the degree is that of the curve \(.*\), got 3',
+    ),
+    (
+        lambda: Beam("beam", SECTION, curve=[[0, 0, 0], [1, 0, 0]]),
+        'Beam "beam": curve must be a NurbsCurve, got',
+    ),
     (
         lambda: Beam("beam", SECTION, orientation=(0, 0, 0)),
         r'Beam "beam": orientation must not be zero, got \(0, 0, 0\)',
@@ -278,6 +312,10 @@ def beam(name="both", **options):
     return Beam(name, SECTION, **options)
 
 
+def curved():
+    return Beam("line", SECTION, curve=LINE)
+
+
 def others():
     """The beams that make the model of the whole mesh complete."""
     return [beam("ring"), beam("tee")]
@@ -290,6 +328,32 @@ def joint(a, b):
 BODY = RigidBody("body", 1.0, (1, 1, 1))
 MODELS = [
     (lambda: [], 'Model "bad": it has no bodies'),
+    (
+        lambda: [beam(), beam("ring"), beam("tee", formulation="nurbs")],
+        'Beam "tee": group "tee" branches or falls apart, formulation "nurbs" needs one line',
+    ),
+    (
+        lambda: [*others(), beam(formulation="nurbs", orientation=(1, 0, 0))],
+        r'Beam "both": orientation .* is parallel to the tangent',
+    ),
+    (
+        lambda: [*others(), beam(), curved(), PointForce("f", Marker("line", "root"), (0, 0, 1))],
+        'PointForce "f": Marker on "line": a beam along a curve has "start", "end" and fractions, '
+        'got point "root"',
+    ),
+    (
+        lambda: [*others(), beam(), curved(), PointForce("f", Marker("line"), (0, 0, 1))],
+        'PointForce "f": Marker on "line": a beam needs a point',
+    ),
+    (
+        lambda: [
+            *others(),
+            beam(),
+            curved(),
+            joint(Marker("line", 0.3), Marker("line", 0.3, (0, 1, 0))),
+        ],
+        'Spherical "joint": both markers are fixed to place 0.3 in element 0 of "line"',
+    ),
     (lambda: [beam(), beam()], 'Beam "both": the name is used already by a Beam'),
     (lambda: [BODY, PointForce("body", END, (0, 0, 1))], 'PointForce "body": the name is used'),
     (

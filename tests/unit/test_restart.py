@@ -107,6 +107,31 @@ def bouncing() -> ff.Model:
     return model
 
 
+def curved() -> ff.Model:
+    """An arc of NURBS elements carries a NURBS beam of another degree and an SE(3) beam."""
+    x = np.linspace(0.5, 0.9, 4)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.stack([np.arange(3), np.arange(1, 4)], axis=1)
+    model = ff.Model("curved", mesh=LineMesh(x, cells, {"rod": np.arange(3)}))
+    section = ff.Section.rectangle(0.03, 0.02, ff.Material(2.1e9, 0.3, 7850.0))
+    arc = ff.NurbsCurve.arc((0, 0, 0), (0, -1, 0), (0, 0, 1), np.pi / 2, degree=3, elements=4)
+    line = ff.NurbsCurve.line((1, 0, 0), (0.9, 0, 0), degree=2, elements=2)
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Beam("arc", section, curve=arc, damping=1e-4),
+        ff.Beam("line", section, curve=line),
+        ff.Beam("rod", section),
+        ff.Rigid("clamp", ff.Ground((0, -1, 0)), ff.Marker("arc", "start")),
+        ff.Revolute("hinge", ff.Marker("arc", "end"), ff.Marker("line", "start"), axis=(0, 1, 0)),
+        ff.Spherical("ball", ff.Marker("line", "end"), ff.Marker("rod", "end")),
+        ff.PointForce("push", ff.Marker("arc", 0.3), (0.0, 5.0, 9.0), follower=True),
+        ff.PositionProbe("tip", ff.Marker("rod", "start")),
+        ff.PositionProbe("inside", ff.Marker("arc", 0.7)),
+        ff.EnergyProbe("energy"),
+        ff.StrainProbe("strain", "arc", 0.5),
+    )
+    return model
+
+
 MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "slider_crank": (
         lambda: load_case("slider_crank").build(elements=3),
@@ -118,6 +143,7 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     ),
     "driven": (driven, {"dt": 2e-3, "t_end": 0.072}),
     "bouncing": (bouncing, {"dt": 0.01, "t_end": 0.36, "adaptive": True, "error_tolerance": 1e-4}),
+    "curved": (curved, {"dt": 2e-3, "t_end": 0.036, "split_above": 1, "tolerance": 1e-9}),
     "energy": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "energy_momentum"}),
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }
