@@ -326,7 +326,7 @@ def test_neighbouring_elements(degree: int) -> None:
         second = R @ (rates[:3] + np.cross(J[3:, k], J[:3, k]))
         sides.append([[H[:3], R @ J[:3, k], second], [H[3:], J[3:, k], rates[3:]]])
     # rounding; weights that do not belong to the curve's points break the curve, and rotation
-    # vectors from another node in each element let rotations jump by 1e-3
+    # vectors from another node in each element would jump by 1e-3
     for one, other in zip(*sides, strict=True):
         for m in range(degree):
             assert largest(one[m] - other[m]) < (1e-14 if m == 0 else 1e-12)
