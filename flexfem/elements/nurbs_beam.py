@@ -72,6 +72,10 @@ class NurbsBeams:
                 rows.append(first + at)
             first += len(cells.nodes)
         self.rows: IntArray = np.concatenate(rows)
+        self._count()
+
+    def _count(self) -> None:
+        """Put the cells of all groups into one order."""
         none = np.empty(0, dtype=np.int64)
         self.body: IntArray = np.concatenate([none, *(g.data.body for g in self.groups)])
         self.lengths: FloatArray = np.concatenate([np.empty(0), *(g.lengths for g in self.groups)])

@@ -33,10 +33,19 @@ __all__ = [
     "point_strains",
     "put_elements",
     "put_points",
+    "workspace",
 ]
 
 # positions in the order of forms.nurbs_beam.NurbsForms.coefficients
 _UNKNOWNS, RATES, _START, _DAMPING, _MATERIAL, CHANGE, RATE_CHANGE = 0, 1, 2, 3, 4, 5, 6
+
+
+@inlined
+def workspace(offsets: IntArray) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """What kernels are called with: data, sections held in it, constants, points of a mesh."""
+    points = np.zeros(6)
+    points[3] = 1.0  # the forms do not depend on the size of the reference cell
+    return np.zeros((offsets[-1], LANES)), np.full(LANES, -1), np.zeros(1), points
 
 
 @kernel
@@ -146,9 +155,8 @@ def add_residual(
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, 6, LANES))
     speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, 6, LANES))
     dual, forces = np.zeros((k, 6, LANES)), np.zeros((k, 6, LANES))
-    data, force = np.zeros((offsets[-1], LANES)), np.empty((9, LANES))
-    held, nothing, points = np.full(LANES, -1), np.zeros(1), np.zeros(6)
-    points[3] = 1.0  # the forms do not depend on the size of the reference cell
+    force = np.empty((9, LANES))
+    data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
         places_into(cells, first, frames, relative, places)
@@ -178,16 +186,14 @@ def add_action(
     The nodes move by the local twists ``steps`` (n, 6), and their local velocities change by
     ``changes`` (n, 6).
     """
-    k = cells.shape[1]
-    shape = (k, 6, LANES)
-    relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros(shape)
-    moments = np.zeros((k, 3, LANES))
-    speeds, rates, rate_changes = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    shape = (cells.shape[1], 6, LANES)
+    relative, moments = np.zeros((shape[0], RELATIVE, LANES)), np.zeros((shape[0], 3, LANES))
+    places, speeds = np.zeros(shape), np.zeros(shape)
+    rates, rate_changes = np.zeros(shape), np.zeros(shape)
     turns, moved, more = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     dual, dual_change, forces = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    data, force = np.zeros((offsets[-1], LANES)), np.empty((18, LANES))
-    held, nothing, points = np.full(LANES, -1), np.zeros(1), np.zeros(6)
-    points[3] = 1.0
+    force = np.empty((18, LANES))
+    data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
         places_into(cells, first, frames, relative, places)
@@ -196,9 +202,9 @@ def add_action(
         if offsets[RATES] >= 0:
             twists_into(cells, first, velocity, speeds)
             rates_into(relative, places, speeds, rates)
-            rate_changes_into(relative, places, speeds, turns, moved, rate_changes)
+            rate_changes_into(relative, places, speeds, turns, moved, more)
             twists_into(cells, first, changes, speeds)
-            rates_into(relative, places, speeds, more)
+            rates_into(relative, places, speeds, rate_changes)
             rate_changes += more
         put_elements(offsets, damping, sections, laws, first, held, data)
         dual[:], dual_change[:] = 0.0, 0.0
@@ -226,8 +232,7 @@ def point_strains(
     k = cells.shape[1]
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, 6, LANES))
     speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, 6, LANES))
-    data, nothing, points = np.zeros((offsets[-1], LANES)), np.zeros(1), np.zeros(6)
-    points[3] = 1.0
+    data, _, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
         places_into(cells, first, frames, relative, places)

@@ -11,7 +11,7 @@ reference node, ``[1]``. The other nodes are counted without the reference node.
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.elements.nurbs_loops import RATES, collect, put_elements, put_points
+from flexfem.elements.nurbs_loops import RATES, collect, put_elements, put_points, workspace
 from flexfem.elements.nurbs_maps import (
     RELATIVE,
     force_changes_into,
@@ -27,7 +27,7 @@ from flexfem.lie.compiled import inlined, kernel
 __all__ = ["tangent_into"]
 
 # where forces.nurbs_beam.NurbsForms.tangent holds the derivatives by unknowns and by rates
-_BY_UNKNOWNS, _BY_RATES = 9, 90
+_BY_UNKNOWNS, _BY_RATES, _SIZE = 9, 90, 171
 
 
 @inlined
@@ -221,17 +221,15 @@ def tangent_into(
     ``by_v`` (n, 6, 6) is dv, the change of each node's local velocity along its local twist,
     ``stiffness`` k; ``values`` (m, 36 k k). The rest is as in ``nurbs_loops.add_residual``.
     """
-    k, viscous = cells.shape[1], offsets[RATES] >= 0
+    k, others, viscous = cells.shape[1], cells.shape[1] - 1, offsets[RATES] >= 0
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, 6, LANES))
-    speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, 6, LANES))
-    dual, others = np.zeros((k, 6, LANES)), k - 1
+    speeds, rates, dual = np.zeros_like(places), np.zeros_like(places), np.zeros_like(places)
     A, B = np.zeros((2, others, 6, 6, LANES)), np.zeros((2, others, 6, 6, LANES))
     changes, moments = np.zeros_like(A), np.zeros((2, others, 3, 6, LANES))
     K, C = np.zeros((others, 6, others, 6, LANES)), np.zeros((others, 6, others, 6, LANES))
     X, E = np.zeros((others, 6, k, 6, LANES)), np.zeros((k, 6, k, 6, LANES))
-    data, force = np.zeros((offsets[-1], LANES)), np.empty((171, LANES))
-    held, nothing, points = np.full(LANES, -1), np.zeros(1), np.zeros(6)
-    points[3] = 1.0
+    force = np.empty((_SIZE, LANES))
+    data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
         places_into(cells, first, frames, relative, places)

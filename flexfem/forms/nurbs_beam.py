@@ -107,27 +107,49 @@ def _coefficients(mesh: ufl.Mesh, law: LawExpressions | None) -> dict[str, ufl.C
     }
 
 
-def _force(
-    fields: dict[str, ufl.Coefficient], unknowns: Expr, rates: Expr, turn: RelativeRotation | None,
-    damped: bool, law: LawExpressions | None,
+def _stress(
+    fields: dict[str, ufl.Coefficient], strain: Expr, rate: Expr, damped: bool,
+    law: LawExpressions | None,
 ) -> Expr:  # fmt: skip
-    """Force (9,) dual to the unknowns."""
-    at = _Kinematics.of(unknowns, turn)
-    strain, rate = _joined(*at.strain()) - fields["start"], at.rate(rates)
+    """Stress resultants (6,)."""
     if law is not None:
-        return at.force(law.stress(strain, rate, fields["parameters"]))
+        return law.stress(strain, rate, fields["parameters"])
     if damped:
         strain += fields["damping"] * rate
-    return at.force(symmetric(fields["stiffness"]) * strain)
+    return symmetric(fields["stiffness"]) * strain
 
 
-def _derivative(force: Expr, unknowns: Expr, turn: RelativeRotation) -> Expr:
-    """Derivative (9, 9) by the unknowns, of which the coefficients of the maps are functions."""
-    total = ufl.diff(force, unknowns)
+def _derivative(vector: Expr, unknowns: Expr, turn: RelativeRotation) -> Expr:
+    """Derivative by the unknowns, of which the coefficients of the maps are functions."""
+    total = ufl.diff(vector, unknowns)
     theta = ufl.as_vector([unknowns[i] if 3 <= i < 6 else 0 for i in range(POINT)])
     for coefficient, slope in turn.slopes():
-        total += ufl.outer(ufl.diff(force, coefficient), slope * theta)
+        total += ufl.outer(ufl.diff(vector, coefficient), slope * theta)
     return total
+
+
+def _matrices(
+    fields: dict[str, ufl.Coefficient], damped: bool, viscous: bool, law: LawExpressions | None
+) -> list[Expr]:
+    """Derivatives (9, 9) of the force by the unknowns and, with viscosity, by their rates."""
+    at = _Kinematics.of(fields["unknowns"])
+    strain = ufl.variable(_joined(*at.strain()) - fields["start"])
+    rate = ufl.variable(at.rate(fields["rates"]))
+    stress = _stress(fields, strain, rate, damped, law)
+    units = [ufl.as_vector([float(i == j) for i in range(POINT)]) for j in range(POINT)]
+    columns = [at.rate(unit) for unit in units]
+    B = ufl.as_matrix([[column[i] for column in columns] for i in range(6)])
+
+    # the derivative of a series by the unknowns would be one series for each of them
+    unknowns, turn = ufl.variable(fields["unknowns"]), at.turn.variables()
+    varied = _Kinematics.of(unknowns, turn)
+    geometric = _derivative(varied.force(stress), unknowns, turn)
+    change = ufl.diff(stress, strain) * B
+    if not viscous:
+        return [geometric + B.T * change]
+    viscosity = ufl.diff(stress, rate)
+    change += viscosity * _derivative(varied.rate(fields["rates"]), unknowns, turn)
+    return [geometric + B.T * change, B.T * (viscosity * B)]
 
 
 def _written(mesh: ufl.Mesh, entries: list[Expr]) -> ufl.Form:
@@ -149,16 +171,12 @@ def nurbs_forms(damped: bool, law: LawExpressions | None = None) -> NurbsForms:
     """
     mesh = interval_mesh()
     fields = _coefficients(mesh, law)
-    force = _force(fields, fields["unknowns"], fields["rates"], None, damped, law)
-
-    # the derivative of a series by the unknowns would be one series for each of them
-    p, rates = ufl.variable(fields["unknowns"]), ufl.variable(fields["rates"])
-    turn = _Kinematics.of(fields["unknowns"]).turn.variables()
-    varied = _force(fields, p, rates, turn, damped, law)
-    entries, matrices = [force[i] for i in range(POINT)], [_derivative(varied, p, turn)]
-    if damped or (law is not None and law.dissipation is not None):
-        matrices.append(ufl.diff(varied, rates))
-    at = [(i, j) for i in range(POINT) for j in range(POINT)]
+    viscous = damped or (law is not None and law.dissipation is not None)
+    at = _Kinematics.of(fields["unknowns"])
+    strain, rate = _joined(*at.strain()) - fields["start"], at.rate(fields["rates"])
+    force = at.force(_stress(fields, strain, rate, damped, law))
+    entries, matrices = [force[i] for i in range(POINT)], _matrices(fields, damped, viscous, law)
+    places = [(i, j) for i in range(POINT) for j in range(POINT)]
 
     space = ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=(2 * POINT,)))
     test = ufl.TestFunction(space)
@@ -168,11 +186,11 @@ def nurbs_forms(damped: bool, law: LawExpressions | None = None) -> NurbsForms:
     ]
     action = works[0]
     for name, change in (("unknowns", "change"), ("rates", "rate_change")):
-        if name == "unknowns" or len(matrices) == 2:
+        if name == "unknowns" or viscous:
             action += ufl.derivative(works[1], fields[name], fields[change])
     return NurbsForms(
         residual=_written(mesh, entries),
-        tangent=_written(mesh, entries + [m[i, j] for m in matrices for i, j in at]),
+        tangent=_written(mesh, entries + [m[i, j] for m in matrices for i, j in places]),
         action=action,
         coefficients=fields,
     )

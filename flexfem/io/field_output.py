@@ -14,10 +14,11 @@ from flexfem.io.curve_fields import CurveSampler
 from flexfem.io.surfaces import body_surface
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
+from flexfem.system.extent import model_extent
 from flexfem.system.placement import BEAMS, NURBS, RIGID
 from flexfem.system.system import BlockPart, System
 
-__all__ = ["FieldOutput", "model_extent"]
+__all__ = ["FieldOutput"]
 
 #: Size of joints and of bodies without shape, relative to the model.
 _GLYPH = 0.02
@@ -67,15 +68,6 @@ class FieldOutput:
         """End all series."""
         for writer in (self._beams, self._bodies, self._joints):
             writer.close()
-
-
-def model_extent(serial: Assembly) -> float:
-    """Size of the model at the start, m."""
-    poses = [serial.marker_pose(m).position for j in serial.model.joints for m in j.markers]
-    points = [se3.position(serial.rigid_frames), np.array(poses).reshape(-1, 3), serial.nodes]
-    every = np.concatenate(points)
-    extent = float(np.linalg.norm(every.max(axis=0) - every.min(axis=0))) if len(every) else 0.0
-    return extent or 1.0
 
 
 def _motion(block: FrameBlock) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

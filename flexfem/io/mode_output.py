@@ -9,9 +9,10 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.io.field_output import FieldOutput, model_extent
+from flexfem.io.field_output import FieldOutput
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
+from flexfem.system.extent import model_extent
 from flexfem.system.system import System
 
 __all__ = ["write_modes"]

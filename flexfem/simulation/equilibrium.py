@@ -9,11 +9,11 @@ from flexfem._checks import InputError
 from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.start import check_start
-from flexfem.lie import se3
 from flexfem.solvers.stability import softest_motion
 from flexfem.solvers.statics import Equilibrium, Limits, Loading, settle
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.assembly import Assembly
+from flexfem.system.extent import model_extent
 from flexfem.system.placement import RIGID
 from flexfem.system.system import System
 
@@ -57,7 +57,7 @@ def rest(
     )
     loading = Loading(system, growing, gravity_grows, span)
     return Equilibrium(
-        system, tangent, loading, _size(serial), limits, conservative=conservative,
+        system, tangent, loading, model_extent(serial), limits, conservative=conservative,
         stabilise=stabilise,
     )  # fmt: skip
 
@@ -111,12 +111,3 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
         "mechanism, or the free spin of a body); hold it by joints or springs, or let the run "
         "stabilise it"
     )
-
-
-def _size(serial: Assembly) -> float:
-    """Largest extent of the model at the start, m."""
-    poses = [serial.marker_pose(m).position for j in serial.model.joints for m in j.markers]
-    every = np.concatenate(
-        [np.array(poses).reshape(-1, 3), se3.position(serial.rigid_frames), serial.nodes]
-    )
-    return float(np.ptp(every, axis=0).max(initial=0.0)) or 1.0

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from flexfem.system.assembly import Assembly
+from flexfem.system.connect import joint_ends
 
 __all__ = ["not_finite"]
 
@@ -15,7 +16,7 @@ def not_finite(serial: Assembly, times: Iterable[float]) -> str | None:
     times = list(times)
     for joint in serial.model.joints:
         if joint.driven:
-            poses = [serial.marker_pose(marker) for marker in joint.markers]
+            poses = joint_ends(serial, joint).poses
             targets = [row.target for t in times for row in joint.rows(poses, t)]
             if not np.isfinite(targets).all():
                 return f"{joint.owner}: the motion is not finite"

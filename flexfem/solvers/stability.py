@@ -36,7 +36,7 @@ class Inertia:
         equilibrium or not; -1 if the matrix is singular.
         """
         tangent = self._tangent
-        if self._pc is None:
+        if self._pc is None or self._nest is not tangent.matrix:
             self._create()
         assert self._pc is not None
         self._assemble()
@@ -62,7 +62,8 @@ class Inertia:
 
     def _create(self) -> None:
         """Factorisation that is kept: MUMPS mixes up messages of one that ends with the next's."""
-        self._matrix = self._tangent.matrix.convert("aij", PETSc.Mat())
+        self._nest = self._tangent.matrix
+        self._matrix = self._nest.convert("aij", PETSc.Mat())
         self._transposed = self._matrix.transpose(PETSc.Mat())
         self._pc = PETSc.PC().create(comm=self._matrix.comm)
         self._pc.setType(PETSc.PC.Type.CHOLESKY if self._conservative else PETSc.PC.Type.LU)

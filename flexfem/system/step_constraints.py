@@ -125,12 +125,11 @@ class StepRows:
 
 
 def _check_laws(rows: Constraints) -> None:
-    found = [
-        (rows.joints[i].index, rows.joints[i].joint.owner)
-        for i in np.unique(rows.joint_of_row[~np.isin(rows.elastic[:, 0], _SUPPORTED)])
-    ]
-    everywhere = min((one for part in rows.comm.allgather(found) for one in part), default=None)
+    laws = np.unique(rows.joint_of_row[~np.isin(rows.elastic[:, 0], _SUPPORTED)]).tolist()
+    found = [(i, "neither friction nor stops") for i in laws]
+    found += [(i, "no sliding along beams") for i in rows.lines.joints]
+    named = [(rows.joints[i].index, rows.joints[i].joint.owner, what) for i, what in found]
+    everywhere = min((one for part in rows.comm.allgather(named) for one in part), default=None)
     if everywhere is not None:
-        raise InputError(
-            f"{everywhere[1]}: the integrator energy_momentum knows neither friction nor stops"
-        )
+        _, owner, what = everywhere
+        raise InputError(f"{owner}: the integrator energy_momentum knows {what}")
