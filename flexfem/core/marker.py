@@ -20,8 +20,8 @@ class Marker:
     Attributes:
         body: Name of a Beam or RigidBody.
         point: For beams, where on the line: name of a physical point group, "start" or "end", or
-            a fraction of the arc length in [0, 1] (the nearest node is taken). None for rigid
-            bodies.
+            a fraction of the arc length in [0, 1]: the nearest node of an SE(3) beam, the exact
+            place on a NURBS beam. None for rigid bodies.
         offset: Position of the marker relative to the node (in section axes) or to the reference
             point of the rigid body (in body axes), shape (3,), metres.
         rotation: Orientation of the marker in inertial axes at the initial time, shape (3, 3);

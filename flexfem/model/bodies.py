@@ -153,18 +153,15 @@ class Beam:
         owner = _checks.named(self, name)
         _checks.instance(owner, "section", section, Section)
         formulation, degree = _formulation(owner, group, curve, degree, formulation)
-        if curve is None:
-            group = name if group is None else _checks.text(owner, "group", group)
+        if curve is None and group is None:
+            group = name
         if orientation is not None and not callable(orientation):
             orientation = _checks.vector(owner, "orientation", orientation, nonzero=True)
         _checks.assign(
             self,
             name=name,
             section=section,
-            group=group,
-            curve=curve,
-            degree=degree,
-            formulation=formulation,
+            **{"group": group, "curve": curve, "degree": degree, "formulation": formulation},
             orientation=orientation,
             damping=_checks.number(owner, "damping", damping, nonnegative=True),
             velocity=_checks.vector(owner, "velocity", velocity),
@@ -265,6 +262,8 @@ def _formulation(
     owner: str, group: str | None, curve: object, degree: int | None, formulation: str | None
 ) -> tuple[str, int | None]:
     """Return the checked formulation of a beam and the degree of the curve through its group."""
+    if group is not None:
+        _checks.text(owner, "group", group)
     if formulation is None:
         formulation = "se3" if curve is None else "nurbs"
     _checks.text(owner, "formulation", formulation)

@@ -16,6 +16,7 @@ from flexfem.mesh.line_mesh import section_frames
 from flexfem.mesh.topology import trace_lines
 from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
+from flexfem.model.place import Place
 from flexfem.system.line_cells import LineCells, LinePlace, se3_line
 from flexfem.system.nurbs_lines import NurbsLines, initial_velocities
 from flexfem.system.placement import BEAMS, NURBS, RIGID, NodeKey
@@ -38,6 +39,7 @@ class Assembly:
     def __init__(self, model: Model) -> None:
         """Number the nodes of all beams and compute all frames at the start."""
         self.model = model
+        self._places: dict[Observed, Place | None] = {}
         self._rigid_index = {b.name: i for i, b in enumerate(model.rigid_bodies)}
         self.points, self.frames = np.empty((0, 3)), np.empty((0, 12))
         self.sections: list[Section] = []
@@ -111,7 +113,7 @@ class Assembly:
 
     def point(self, marker: Observed) -> tuple[LineCells, int, float] | None:
         """Line, element and coordinate of a marker inside an element, None for the others."""
-        place = self.model.marker_place(marker)
+        place = self._place_of(marker)
         if place is None or place.node is not None:
             return None
         assert isinstance(marker, Marker)
@@ -125,7 +127,7 @@ class Assembly:
         """
         if not isinstance(marker, Marker) or isinstance(marker, Carrier):
             return None
-        place = self.model.marker_place(marker)
+        place = self._place_of(marker)
         if place is None:
             return RIGID, self._rigid_index[marker.body]
         if place.node is None:
@@ -142,7 +144,7 @@ class Assembly:
         """Place of a marker that no single node carries; None for all others."""
         if not isinstance(marker, Marker):
             return None
-        place = self.model.marker_place(marker)
+        place = self._place_of(marker)
         if place is None or place.node is not None:
             return None
         assert self.curves is not None
@@ -154,6 +156,12 @@ class Assembly:
             shape=self.curves.parts[beam].shape[e],
             xi=place.xi,
         )
+
+    def _place_of(self, marker: Observed) -> Place | None:
+        """Place of a marker in the model, found once: systems ask for it many times."""
+        if marker not in self._places:
+            self._places[marker] = self.model.marker_place(marker)
+        return self._places[marker]
 
     def mesh_nodes(self, nodes: Sequence[int]) -> IntArray:
         """Numbers of the beams' nodes given by their numbers in the mesh."""

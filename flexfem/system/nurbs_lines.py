@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -77,7 +78,13 @@ class NurbsLines:
         Raises:
             ValueError: there is none of this name.
         """
-        return [beam.name for beam in self.beams].index(name)
+        if name not in self._by_name:
+            raise ValueError(f'no NURBS beam "{name}"')
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> dict[str, int]:
+        return {beam.name: i for i, beam in enumerate(self.beams)}
 
     def by_degree(self) -> list[int]:
         """Numbers of the beams in the order in which elements are grouped."""
