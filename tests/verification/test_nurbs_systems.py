@@ -247,6 +247,41 @@ def test_modes_of_a_blade_as_with_the_other_formulation(spin):
     np.testing.assert_allclose(found[line], found[None], rtol=2e-3)
 
 
+def _arm(force: float) -> ff.Model:
+    """A damped arc in a driven bearing with a force inside an element."""
+    model = ff.Model("arm")
+    root = ff.Marker("arc", "start")
+    model.add(
+        ff.Beam("arc", SECTION, curve=ARC, damping=1e-4),
+        ff.Revolute("bearing", ff.Ground((1, 0, 0)), root),
+        ff.PrescribedAngle("drive", ff.Ground((1, 0, 0)), root, (0, 0, 1), lambda t: 0.0),
+        ff.PointForce("push", INSIDE, (0.0, 0.0, force), amplitude=lambda t: t),
+        ff.PositionProbe("inside", INSIDE),
+    )
+    return model
+
+
+def test_linear_model_has_the_modes_as_poles():
+    options = {"modes": 4, "spin": 3.0, "centre": "1,0,0", "split_above": 2, "quiet": True}
+    modes = ff.find_modes(_arm(1.0), ff.ModeOptions(**options)).modes
+    linear = ff.linearize(_arm(1.0), ff.LinearOptions(**options))
+    for value in modes.eigenvalues:
+        # the same matrices, reduced; without the gyroscopic part errors are of order one
+        assert np.abs(linear.poles - value).min() <= 1e-6 * abs(value)
+
+
+def test_linear_model_moves_as_in_statics():
+    """A slowly growing force inside an element lifts its own place."""
+    linear = ff.linearize(_arm(1.0), ff.LinearOptions(split_above=2, quiet=True))
+    static = ff.solve_static(_arm(1e-2), ff.StaticOptions(split_above=2, quiet=True))
+    push, up = linear.inputs.index("push"), linear.outputs.index("inside_z")
+    slow = 1e-2 * np.eye(len(linear.A)) - linear.A
+    lift = linear.C[up] @ np.linalg.solve(slow, linear.B[:, push])
+    if static.history:
+        # rates of 1e-2/s against 1e2/s; the share of one rank's control points is a part of it
+        assert lift == pytest.approx(static.history["inside_z"][-1] / 1e-2, rel=1e-5)
+
+
 def test_energy_momentum_refuses_nurbs_beams_by_name():
     options = ff.RunOptions(dt=1e-3, t_end=2e-3, integrator="energy_momentum", quiet=True)
     message = '^Beam "arc": the integrator energy_momentum needs the formulation "se3", got "nurbs"'
