@@ -2,21 +2,27 @@
 """Compiled frames at points of NURBS elements, with their derivatives.
 
 An element of ``k`` control points with frames ``(x_I, R_I)`` and shape functions ``N_I(xi)`` has at
-``xi`` the frame ``x = sum N_I x_I``, ``R = R_r exp(Theta)``, ``Theta = sum N_I Theta_I``, where
-``Theta_I = log(R_r^T R_I)`` are the rotations relative to the control point ``r = k // 2``.
+``xi`` the position ``x = sum N_I x_I`` and the rotation of the quaternion ``q = sum N_I q_I``, not
+normalised, where ``q_I`` is that of ``R_I`` with the sign that brings it nearest to the control
+point ``r = k // 2`` (sources in ``flexfem.forms.nurbs_beam``).
 
-With the right tangent map T of SO(3) ``dTheta_I = T^-1(Theta_I) theta_I - T^-1(Theta_I)^T theta_r``
-holds along local rotations of the control points. Since ``T^-1(Theta)^T = T^-1(Theta) -
-skew(Theta)`` and ``T(Theta) skew(Theta) = I - exp(-Theta)``, the local rotation of the point is
+With ``z_I = q^-1 q_I`` and ``zeta = q^-1 q' = sum N_I' z_I``, ' for the derivative by ``xi``, the
+local rotation of the point is along local rotations of the control points, ``dq_I = q_I o theta_I /
+2``,
 
-    theta = theta_r + T(Theta) (sum N_I T^-1(Theta_I) (theta_I - theta_r) + Theta' dxi).
+    theta = sum N_I vec(z_I o theta_I) + 2 vec(zeta) dxi.
+
+Its derivatives follow from ``dz_I = z_I o theta_I / 2 - (sum N_J z_J o theta_J / 2 + zeta dxi) o
+z_I``. The moment ``m`` at the point is ``N_I vec(a_I)`` at the control points, ``a_I = z_I^* o m``.
 """
 
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.lie import so3
+from flexfem.lie._blocks import dot, triple
+from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.quaternion import Quaternion, conjugate, from_matrix, matrix_into, product
 
 __all__ = ["add_nurbs_second", "nurbs_jacobian", "nurbs_pose", "shape_functions"]
 
@@ -48,43 +54,55 @@ def shape_functions(shape: FloatArray, xi: float, N: FloatArray) -> None:
 
 
 @inlined
+def _quaternion(values: FloatArray, row: int) -> Quaternion:
+    return values[row, 0], triple(values[row], 1)
+
+
+@inlined
+def _put(values: FloatArray, row: int, q: Quaternion) -> None:
+    w, v = q
+    values[row, 0], values[row, 1], values[row, 2], values[row, 3] = w, v[0], v[1], v[2]
+
+
+@inlined
 def _interpolate(
-    frames: FloatArray, N: FloatArray, angles: FloatArray, x: FloatArray, theta: FloatArray,
-    H: FloatArray, turn: FloatArray,
+    frames: FloatArray, N: FloatArray, x: FloatArray, z: FloatArray, zeta: FloatArray,
+    H: FloatArray,
 ) -> None:  # fmt: skip
     """Frame of a point from the shape functions.
 
-    ``angles`` (k, 3) becomes Theta_I; ``x`` and ``theta`` (3, 3) position and Theta with their
-    first two derivatives; ``turn`` (9,) is work space.
+    ``x`` (3, 3) becomes the position and its first two derivatives, ``z`` (k, 4) the ``z_I``, and
+    ``zeta`` (3, 4) the sums of ``z_I`` with N_I and its first two derivatives.
     """
     k = frames.shape[0]
     r = k // 2
-    x[:] = 0.0
-    theta[:] = 0.0
+    x[:], zeta[:] = 0.0, 0.0
+    _put(z, r, from_matrix(frames[r], 3))
     for node in range(k):
-        for i in range(3):
-            for j in range(3):
-                turn[3 * i + j] = (
-                    frames[r, 3 + i] * frames[node, 3 + j]
-                    + frames[r, 6 + i] * frames[node, 6 + j]
-                    + frames[r, 9 + i] * frames[node, 9 + j]
-                )
-        so3.log_into(turn, angles[node])
-        if node == r:
-            angles[r] = 0.0  # not the rounding of R_r^T R_r
+        sign = 1.0
+        if node != r:
+            _put(z, node, from_matrix(frames[node], 3))
+            near = z[node, 0] * z[r, 0] + z[node, 1] * z[r, 1]
+            sign = 1.0 if near + z[node, 2] * z[r, 2] + z[node, 3] * z[r, 3] >= 0.0 else -1.0
+        for i in range(4):
+            z[node, i] *= sign
+            zeta[0, i] += N[0, node] * z[node, i]
         for m in range(3):
             for i in range(3):
                 x[m, i] += N[m, node] * frames[node, i]
-                theta[m, i] += N[m, node] * angles[node, i]
-    so3.exp_into(theta[0], turn)
+    q = _quaternion(zeta, 0)
+    matrix_into(q, H, 3)
+    w, v = conjugate(q)
+    f = 1.0 / (w * w + dot(v, v))
+    inverse = f * w, (f * v[0], f * v[1], f * v[2])
+    zeta[:] = 0.0
+    for node in range(k):
+        _put(z, node, product(inverse, _quaternion(z, node)))
+        for m in range(3):
+            for i in range(4):
+                zeta[m, i] += N[m, node] * z[node, i]
     for i in range(3):
         H[i] = x[0, i]
-        for j in range(3):
-            H[3 + 3 * i + j] = (
-                frames[r, 3 + 3 * i] * turn[j]
-                + frames[r, 4 + 3 * i] * turn[3 + j]
-                + frames[r, 5 + 3 * i] * turn[6 + j]
-            )
 
 
 @inlined
@@ -100,23 +118,26 @@ def _apply_transposed(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
 
 
 @inlined
+def _add_cross(a: FloatArray, factor: float, out: FloatArray, row: int, column: int) -> None:
+    """Add ``factor * skew(a)`` to a block of ``out``."""
+    for i in range(3):
+        p, q = (i + 1) % 3, (i + 2) % 3
+        out[row + i, column + q] += factor * a[p]
+        out[row + i, column + p] -= factor * a[q]
+
+
+@inlined
 def _jacobian(
-    frames: FloatArray, N: FloatArray, angles: FloatArray, x: FloatArray, theta: FloatArray,
-    H: FloatArray, T: FloatArray, inverse: FloatArray, J: FloatArray,
+    frames: FloatArray, N: FloatArray, x: FloatArray, z: FloatArray, zeta: FloatArray,
+    H: FloatArray, J: FloatArray,
 ) -> None:  # fmt: skip
-    """Local twist of the point; ``T`` (9,) becomes T(Theta), ``inverse`` (k, 9) T^-1(Theta_I)."""
+    """Local twist of the point."""
     k = frames.shape[0]
-    r = k // 2
-    so3.tangent_into(theta[0], T)
     J[:] = 0.0
     for i in range(3):
-        J[3 + i, 6 * r + 3 + i] = 1.0
         J[i, 6 * k] = H[3 + i] * x[1, 0] + H[6 + i] * x[1, 1] + H[9 + i] * x[1, 2]
-        J[3 + i, 6 * k] = (
-            T[3 * i] * theta[1, 0] + T[3 * i + 1] * theta[1, 1] + T[3 * i + 2] * theta[1, 2]
-        )
+        J[3 + i, 6 * k] = 2.0 * zeta[1, 1 + i]
     for node in range(k):
-        so3.inverse_tangent_into(angles[node], inverse[node])
         for i in range(3):
             for j in range(3):
                 J[i, 6 * node + j] = N[0, node] * (
@@ -124,24 +145,17 @@ def _jacobian(
                     + H[6 + i] * frames[node, 6 + j]
                     + H[9 + i] * frames[node, 9 + j]
                 )
-                if node != r:
-                    turned = N[0, node] * (
-                        T[3 * i] * inverse[node, j]
-                        + T[3 * i + 1] * inverse[node, 3 + j]
-                        + T[3 * i + 2] * inverse[node, 6 + j]
-                    )
-                    J[3 + i, 6 * node + 3 + j] = turned
-                    J[3 + i, 6 * r + 3 + j] -= turned
+            J[3 + i, 6 * node + 3 + i] = N[0, node] * z[node, 0]
+        _add_cross(z[node, 1:], N[0, node], J, 3, 6 * node + 3)
 
 
 @kernel
 def nurbs_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) -> None:
     """Frame of a point; arguments as in ``line_points.line_pose``."""
     k = frames.shape[0]
-    N, angles, turn = np.empty((4, k)), np.empty((k, 3)), np.empty(9)
-    x, theta = np.empty((3, 3)), np.empty((3, 3))
+    N, x, z, zeta = np.empty((4, k)), np.empty((3, 3)), np.empty((k, 4)), np.empty((3, 4))
     shape_functions(shape, xi, N)
-    _interpolate(frames, N, angles, x, theta, H, turn)
+    _interpolate(frames, N, x, z, zeta, H)
 
 
 @kernel
@@ -150,20 +164,10 @@ def nurbs_jacobian(
 ) -> None:
     """Frame of a point and its local twist; arguments as in ``line_points.line_jacobian``."""
     k = frames.shape[0]
-    N, angles, T = np.empty((4, k)), np.empty((k, 3)), np.empty(9)
-    x, theta, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((k, 9))
+    N, x, z, zeta = np.empty((4, k)), np.empty((3, 3)), np.empty((k, 4)), np.empty((3, 4))
     shape_functions(shape, xi, N)
-    _interpolate(frames, N, angles, x, theta, H, T)
-    _jacobian(frames, N, angles, x, theta, H, T, inverse, J)
-
-
-@inlined
-def _add_cross(a: FloatArray, factor: float, out: FloatArray, row: int, column: int) -> None:
-    """Add ``factor * skew(a)`` to a block of ``out``."""
-    for i in range(3):
-        p, q = (i + 1) % 3, (i + 2) % 3
-        out[row + i, column + q] += factor * a[p]
-        out[row + i, column + p] -= factor * a[q]
+    _interpolate(frames, N, x, z, zeta, H)
+    _jacobian(frames, N, x, z, zeta, H, J)
 
 
 @inlined
@@ -201,83 +205,46 @@ def _add_force_part(
 
 
 @inlined
-def _angle_changes(
-    N: FloatArray, theta: FloatArray, inverse: FloatArray, change: FloatArray
+def _add_between(
+    p: Quaternion, q: Quaternion, factor: float, out: FloatArray, row: int, column: int
 ) -> None:
-    """``change`` (6, 6k + 1) becomes that of Theta and of Theta'."""
-    k = N.shape[1]
-    r = k // 2
-    change[:] = 0.0
-    for node in range(k):
-        if node == r:
-            continue
-        for m in range(2):
-            for i in range(3):
-                for j in range(3):
-                    row = 3 * m + i
-                    change[row, 6 * node + 3 + j] = N[m, node] * inverse[node, 3 * i + j]
-                    change[row, 6 * r + 3 + j] -= N[m, node] * inverse[node, 3 * j + i]
+    """Add ``factor * vec(p o theta o q)`` by ``theta`` to a block of ``out``."""
+    (a, u), (b, v) = p, q
+    along = factor * (a * b + dot(u, v))
     for i in range(3):
-        change[i, 6 * k] = theta[1, i]
-        change[3 + i, 6 * k] = theta[2, i]
+        m, n = (i + 1) % 3, (i + 2) % 3
+        out[row + i, column + i] += along
+        out[row + i, column + n] += factor * (b * u[m] - a * v[m])
+        out[row + i, column + m] -= factor * (b * u[n] - a * v[n])
+        for j in range(3):
+            out[row + i, column + j] -= factor * (u[i] * v[j] + v[i] * u[j])
 
 
 @inlined
 def _add_moment_part(
-    N: FloatArray, theta: FloatArray, T: FloatArray, inverse: FloatArray, m: FloatArray,
-    change: FloatArray, D: FloatArray, a: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
-    """Add the changes by Theta of ``N_I T^-1(Theta_I)^T M`` and ``Theta' . M``, ``M = T^T m``.
-
-    ``D`` (9,) and ``a`` (4, 3) are work space, ``a[0]`` becomes M.
-    """
+    N: FloatArray, z: FloatArray, zeta: FloatArray, m: Triple, out: FloatArray
+) -> None:
+    """Add the changes of ``N_I vec(z_I^* o m)`` and ``2 vec(zeta) . m``."""
     k = N.shape[1]
-    r = k // 2
-    _apply_transposed(T, m, a[0])
-    so3.tangent_product_into(theta[0], m, D)
-    for c in range(6 * k + 1):
-        if c < 6 * k and c % 6 < 3:
-            continue  # translations do not change Theta
-        for i in range(3):
-            a[1, i] = change[i, c]
-        _apply(D, a[1], a[2])
-        for node in range(k):
-            if node == r:
-                continue
-            _apply_transposed(inverse[node], a[2], a[3])
-            for i in range(3):
-                out[6 * node + 3 + i, c] += N[0, node] * a[3, i]
-                out[6 * r + 3 + i, c] -= N[0, node] * a[3, i]
-        for i in range(3):
-            out[6 * k, c] += theta[1, i] * a[2, i] + a[0, i] * change[3 + i, c]
-
-
-@inlined
-def _add_map_part(
-    N: FloatArray, angles: FloatArray, inverse: FloatArray, M: FloatArray, D: FloatArray,
-    a: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
-    """Add the change of ``N_I T^-1(Theta_I)^T M`` at a constant M."""
-    k = N.shape[1]
-    r = k // 2
+    moment, one = (0.0, m), (1.0, (0.0, 0.0, 0.0))
+    slope = conjugate(_quaternion(zeta, 1))
+    turned = product(slope, moment)
     for node in range(k):
-        if node == r:
-            continue
-        so3.inverse_tangent_product_into(angles[node], M, D)
-        _apply_transposed(inverse[node], M, a)
+        row = 6 * node + 3
+        back = conjugate(_quaternion(z, node))
+        for other in range(k):
+            at_other = product(conjugate(_quaternion(z, other)), moment)
+            factor = 0.5 * N[0, node] * N[0, other]
+            _add_between(back, at_other, factor, out, row, 6 * other + 3)
+        own = product(back, moment)
+        _add_between(one, own, -0.5 * N[0, node], out, row, row)
+        by_xi, along = product(back, turned)[1], product(own, slope)[1]
         for i in range(3):
-            row, opposite = 6 * node + 3 + i, 6 * r + 3 + i
-            for j in range(3):
-                own, other = 0.0, 0.0
-                for n in range(3):
-                    own += N[0, node] * D[3 * i + n] * inverse[node, 3 * n + j]
-                    other += N[0, node] * D[3 * i + n] * inverse[node, 3 * j + n]
-                out[row, 6 * node + 3 + j] += own
-                out[row, 6 * r + 3 + j] -= other
-                out[opposite, 6 * node + 3 + j] -= own
-                out[opposite, 6 * r + 3 + j] += other
-            out[row, 6 * k] += N[1, node] * a[i]
-            out[opposite, 6 * k] -= N[1, node] * a[i]
+            out[row + i, 6 * k] += N[1, node] * own[1][i] - N[0, node] * by_xi[i]
+            out[6 * k, row + i] += N[1, node] * own[1][i] - N[0, node] * along[i]
+    # d zeta / d xi = q^-1 q'' - zeta o zeta
+    first = _quaternion(zeta, 1)
+    out[6 * k, 6 * k] += 2.0 * (dot(triple(zeta[2], 1), m) - dot(product(first, first)[1], m))
 
 
 @kernel
@@ -286,14 +253,10 @@ def add_nurbs_second(
 ) -> None:
     """Add the derivative of ``J^T g``; arguments as in ``line_points.add_line_second``."""
     k = frames.shape[0]
-    N, angles, T, H = np.empty((4, k)), np.empty((k, 3)), np.empty(9), np.empty(12)
-    x, theta, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((k, 9))
-    J, change, a = np.empty((6, 6 * k + 1)), np.empty((6, 6 * k + 1)), np.empty((4, 3))
+    N, x, z, zeta = np.empty((4, k)), np.empty((3, 3)), np.empty((k, 4)), np.empty((3, 4))
+    H, J, a = np.empty(12), np.empty((6, 6 * k + 1)), np.empty((4, 3))
     shape_functions(shape, xi, N)
-    _interpolate(frames, N, angles, x, theta, H, T)
-    _jacobian(frames, N, angles, x, theta, H, T, inverse, J)
+    _interpolate(frames, N, x, z, zeta, H)
+    _jacobian(frames, N, x, z, zeta, H, J)
     _add_force_part(frames, N, x, H, g[:3], J, a, out)
-    _angle_changes(N, theta, inverse, change)
-    D = np.empty(9)
-    _add_moment_part(N, theta, T, inverse, g[3:], change, D, a, out)
-    _add_map_part(N, angles, inverse, a[0], D, a[1], out)
+    _add_moment_part(N, z, zeta, triple(g, 3), out)

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.elements.nurbs_maps import (
+    PLACE,
     RELATIVE,
     force_changes_into,
     forces_into,
@@ -50,9 +51,9 @@ def workspace(offsets: IntArray) -> tuple[FloatArray, IntArray, FloatArray, Floa
 
 @kernel
 def interpolate(tables: FloatArray, places: FloatArray, first: int, data: FloatArray) -> None:
-    """Write the unknowns of a point, from nodal places (k, 6, L), to ``data`` from ``first`` on."""
+    """Write a point's unknowns, from nodal places (k, PLACE, L), to ``data`` from ``first`` on."""
     k = places.shape[0]
-    for i in range(9):
+    for i in range(11):
         for lane in range(LANES):
             data[first + i, lane] = 0.0
     for node in range(k):
@@ -60,28 +61,33 @@ def interpolate(tables: FloatArray, places: FloatArray, first: int, data: FloatA
             continue
         for i in range(3):
             for lane in range(LANES):
+                data[first + i, lane] += tables[1, node, lane] * places[node, i, lane]
+        for i in range(3, 7):
+            for lane in range(LANES):
                 N, dN = tables[0, node, lane], tables[1, node, lane]
-                data[first + i, lane] += dN * places[node, i, lane]
-                data[first + 3 + i, lane] += N * places[node, 3 + i, lane]
-                data[first + 6 + i, lane] += dN * places[node, 3 + i, lane]
+                data[first + i, lane] += N * places[node, i, lane]
+                data[first + 4 + i, lane] += dN * places[node, i, lane]
 
 
 @kernel
 def collect(
     tables: FloatArray, weights: FloatArray, force: FloatArray, first: int, dual: FloatArray
 ) -> None:
-    """Add the force of a point, ``force`` from ``first`` on, to the dual (k, 6, L) of places."""
+    """Add the force of a point, ``force`` from ``first`` on, to the dual (k, PLACE, L)."""
     k = dual.shape[0]
     for node in range(k):
         if node == k // 2:
             continue
         for i in range(3):
             for lane in range(LANES):
-                N = weights[lane] * tables[0, node, lane]
                 dN = weights[lane] * tables[1, node, lane]
                 dual[node, i, lane] += dN * force[first + i, lane]
-                bent = N * force[first + 3 + i, lane] + dN * force[first + 6 + i, lane]
-                dual[node, 3 + i, lane] += bent
+        for i in range(3, 7):
+            for lane in range(LANES):
+                N = weights[lane] * tables[0, node, lane]
+                dN = weights[lane] * tables[1, node, lane]
+                bent = N * force[first + i, lane] + dN * force[first + 4 + i, lane]
+                dual[node, i, lane] += bent
 
 
 @kernel
@@ -152,10 +158,10 @@ def add_residual(
 ) -> None:  # fmt: skip
     """Add ``scale`` times the internal forces of all elements to ``residual`` (n, 6)."""
     k = cells.shape[1]
-    relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, 6, LANES))
-    speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, 6, LANES))
-    dual, forces = np.zeros((k, 6, LANES)), np.zeros((k, 6, LANES))
-    force = np.empty((9, LANES))
+    relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, PLACE, LANES))
+    speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, PLACE, LANES))
+    dual, forces = np.zeros((k, PLACE, LANES)), np.zeros((k, 6, LANES))
+    force = np.empty((11, LANES))
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
@@ -186,13 +192,14 @@ def add_action(
     The nodes move by the local twists ``steps`` (n, 6), and their local velocities change by
     ``changes`` (n, 6).
     """
-    shape = (cells.shape[1], 6, LANES)
+    nodal, shape = (cells.shape[1], 6, LANES), (cells.shape[1], PLACE, LANES)
     relative, moments = np.zeros((shape[0], RELATIVE, LANES)), np.zeros((shape[0], 3, LANES))
-    places, speeds = np.zeros(shape), np.zeros(shape)
+    places, speeds, turns = np.zeros(shape), np.zeros(nodal), np.zeros(nodal)
     rates, rate_changes = np.zeros(shape), np.zeros(shape)
-    turns, moved, more = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    dual, dual_change, forces = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    force = np.empty((18, LANES))
+    moved, more = np.zeros(shape), np.zeros(shape)
+    dual, dual_change = np.zeros(shape), np.zeros(shape)
+    forces, force_changes = np.zeros(nodal), np.zeros(nodal)
+    force = np.empty((22, LANES))
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
@@ -202,7 +209,7 @@ def add_action(
         if offsets[RATES] >= 0:
             twists_into(cells, first, velocity, speeds)
             rates_into(relative, places, speeds, rates)
-            rate_changes_into(relative, places, speeds, turns, moved, more)
+            rate_changes_into(relative, speeds, turns, moved, more)
             twists_into(cells, first, changes, speeds)
             rates_into(relative, places, speeds, rate_changes)
             rate_changes += more
@@ -216,10 +223,10 @@ def add_action(
             force[:] = 0.0
             tabulate_batch(address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
-            collect(tables[batch, q], weights[batch, q], force, 9, dual_change)
+            collect(tables[batch, q], weights[batch, q], force, 11, dual_change)
         forces_into(relative, places, dual_change, forces)
-        force_changes_into(relative, places, dual, turns, moved, more, moments)
-        _add_changes(more, moments, forces)
+        force_changes_into(relative, dual, turns, moved, force_changes, moments)
+        _add_changes(force_changes, moments, forces)
         _add_forces(cells, first, forces, scale, residual)
 
 
@@ -230,8 +237,8 @@ def point_strains(
 ) -> None:  # fmt: skip
     """Write strains and their rates at all points to ``strains`` (b, q, 12, L)."""
     k = cells.shape[1]
-    relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, 6, LANES))
-    speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, 6, LANES))
+    relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, PLACE, LANES))
+    speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, PLACE, LANES))
     data, _, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES

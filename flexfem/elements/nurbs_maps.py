@@ -2,24 +2,26 @@
 """Compiled maps between the control points' frames and what a NURBS element interpolates.
 
 With R = R_r^T R_I of node I and the reference node r, an element interpolates the places
-``y = R_r^T (x_I - x_r)`` and ``Theta = log(R)``. Along local twists ``(u, theta)`` of both nodes
+``y = R_r^T (x_I - x_r)`` and the unit quaternions ``q = (w, v)`` of R with ``w >= 0``. Along local
+twists ``(u, theta)`` of both nodes
 
-    dy = R u_I - u_r + y x theta_r,    dTheta = Tinv(Theta) theta_I - Tinv(-Theta) theta_r,
+    dy = R u_I - u_r + y x theta_r,    dq = (q o theta_I - theta_r o q) / 2,
+    2 dw = -v . (theta_I - theta_r),    2 dv = w (theta_I - theta_r) + v x (theta_I + theta_r).
 
-``Tinv v = v + Theta x v / 2 + e Theta x (Theta x v)``. All arrays hold ``LANES`` elements side by
-side, in their last axis; before it come the nodes and their components. Entries of the reference
-node itself are not touched.
+All arrays hold ``LANES`` elements side by side, in their last axis; before it come the nodes and
+their components, of places ``PLACE``: y, ``w - 1``, v. Entries of the reference node, whose place
+is zero, are not touched.
 """
 
 from flexfem._types import FloatArray, IndexArray
 from flexfem.la.batch import LANES
 from flexfem.lie._blocks import cross, dot
-from flexfem.lie._coefficients import Triple, inverse_derivatives
+from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel
-from flexfem.lie.so3 import log_entries
+from flexfem.lie.quaternion import from_matrix
 
 __all__ = [
-    "INVERSE",
+    "PLACE",
     "RELATIVE",
     "force_changes_into",
     "forces_into",
@@ -29,8 +31,8 @@ __all__ = [
     "twists_into",
 ]
 
-#: Entries of a node's relative rotation, followed by e and twice its derivative by Theta^2.
-RELATIVE, INVERSE = 11, 9
+#: Entries of a node's relative rotation and of its place.
+RELATIVE, PLACE = 9, 7
 
 
 @inlined
@@ -76,25 +78,35 @@ def _turned_back(R: FloatArray, i: int, lane: int, v: Triple) -> Triple:
 
 
 @inlined
-def _even_change(R: FloatArray, i: int, lane: int, t: Triple, dt: Triple, v: Triple) -> Triple:
-    """Change of ``e Theta x (Theta x v)`` along ``dt``."""
-    p = cross(t, v)
-    change = _sum(cross(dt, p), 1.0, cross(t, cross(dt, v)))
-    e, e_1 = R[i, INVERSE, lane], R[i, INVERSE + 1, lane]
-    nothing = (0.0, 0.0, 0.0)
-    return _sum(_sum(nothing, e, change), e_1 * dot(t, dt), cross(t, p))
+def _turn(w: float, v: Triple, difference: Triple, total: Triple) -> Triple:
+    """``(w difference + v x total) / 2``."""
+    c = cross(v, total)
+    return (
+        0.5 * (w * difference[0] + c[0]),
+        0.5 * (w * difference[1] + c[1]),
+        0.5 * (w * difference[2] + c[2]),
+    )
+
+
+@inlined
+def _moments(w: float, v: Triple, a: float, b: Triple) -> tuple[Triple, Triple]:
+    """Moments on the node and on the reference node of a force ``(a, b)`` dual to ``(w, v)``."""
+    c = cross(v, b)
+    e0, e1, e2 = w * b[0] - a * v[0], w * b[1] - a * v[1], w * b[2] - a * v[2]
+    own = (0.5 * (e0 - c[0]), 0.5 * (e1 - c[1]), 0.5 * (e2 - c[2]))
+    return own, (-0.5 * (e0 + c[0]), -0.5 * (e1 + c[1]), -0.5 * (e2 + c[2]))
 
 
 @kernel
 def places_into(
     cells: IndexArray, first: int, frames: FloatArray, relative: FloatArray, places: FloatArray
 ) -> None:
-    """Relative rotations (k, RELATIVE, L) and places (k, 6, L) of the elements from ``first`` on.
+    """Relative rotations (k, RELATIVE, L), places (k, PLACE, L) of the elements from ``first`` on.
 
     The last element fills the lanes that are left.
     """
     count, k = cells.shape
-    R, ref = relative[0, :9, 0].copy(), k // 2
+    R, ref = relative[0, :, 0].copy(), k // 2
     for lane in range(LANES):
         c = min(first + lane, count - 1)
         A = frames[cells[c, ref]]
@@ -108,12 +120,11 @@ def places_into(
                 places[node, i, lane] = a0 * x0 + a1 * x1 + a2 * x2
                 for j in range(3):
                     R[3 * i + j] = a0 * B[3 + j] + a1 * B[6 + j] + a2 * B[9 + j]
-            t = log_entries(R, 0)
-            e, e_1, _ = inverse_derivatives(dot(t, t))
-            _put(places, node, 3, lane, t)
+            w, v = from_matrix(R, 0)
+            places[node, 3, lane] = w - 1.0
+            _put(places, node, 4, lane, v)
             for i in range(9):
                 relative[node, i, lane] = R[i]
-            relative[node, INVERSE, lane], relative[node, INVERSE + 1, lane] = e, e_1
 
 
 @kernel
@@ -131,33 +142,36 @@ def twists_into(cells: IndexArray, first: int, values: FloatArray, twists: Float
 def rates_into(
     relative: FloatArray, places: FloatArray, twists: FloatArray, rates: FloatArray
 ) -> None:
-    """Change (k, 6, L) of the places along local twists (k, 6, L)."""
+    """Change (k, PLACE, L) of the places along local twists (k, 6, L)."""
     k = twists.shape[0]
     ref = k // 2
     for node in range(k):
         if node == ref:
             continue
         for lane in range(LANES):
-            y, t = _at(places, node, 0, lane), _at(places, node, 3, lane)
+            y, w, v = (
+                _at(places, node, 0, lane),
+                1.0 + places[node, 3, lane],
+                _at(places, node, 4, lane),
+            )
             omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
             speed = _turned(relative, node, lane, _at(twists, node, 0, lane))
             speed = _sum(speed, -1.0, _at(twists, ref, 0, lane))
             _put(rates, node, 0, lane, _sum(speed, 1.0, cross(y, omega_r)))
-            difference = _sum(omega, -1.0, omega_r)
-            turn = _sum(difference, 0.5, cross(t, _sum(omega, 1.0, omega_r)))
-            e = relative[node, INVERSE, lane]
-            _put(rates, node, 3, lane, _sum(turn, e, cross(t, cross(t, difference))))
+            difference, total = _sum(omega, -1.0, omega_r), _sum(omega, 1.0, omega_r)
+            rates[node, 3, lane] = -0.5 * dot(v, difference)
+            _put(rates, node, 4, lane, _turn(w, v, difference, total))
 
 
 @kernel
 def rate_changes_into(
-    relative: FloatArray, places: FloatArray, twists: FloatArray, steps: FloatArray,
-    moved: FloatArray, changes: FloatArray,
+    relative: FloatArray, twists: FloatArray, steps: FloatArray, moved: FloatArray,
+    changes: FloatArray,
 ) -> None:  # fmt: skip
-    """Change (k, 6, L) of :func:`rates_into` at fixed local twists as the nodes move.
+    """Change (k, PLACE, L) of :func:`rates_into` at fixed local twists as the nodes move.
 
     They move by the local twists ``steps`` (k, 6, L), which change the places by ``moved``
-    (k, 6, L).
+    (k, PLACE, L).
     """
     k = twists.shape[0]
     ref = k // 2
@@ -165,23 +179,26 @@ def rate_changes_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            t, dt = _at(places, node, 3, lane), _at(moved, node, 3, lane)
+            dw, dv = moved[node, 3, lane], _at(moved, node, 4, lane)
             turn = _turned_back(relative, node, lane, _at(steps, ref, 3, lane))
             turn = _sum(_at(steps, node, 3, lane), -1.0, turn)
             omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
             speed = _turned(relative, node, lane, cross(turn, _at(twists, node, 0, lane)))
             speed = _sum(speed, -1.0, cross(omega_r, _at(moved, node, 0, lane)))
             _put(changes, node, 0, lane, speed)
-            even = _even_change(relative, node, lane, t, dt, _sum(omega, -1.0, omega_r))
-            odd = cross(dt, _sum(omega, 1.0, omega_r))
-            _put(changes, node, 3, lane, _sum(even, 0.5, odd))
+            difference, total = _sum(omega, -1.0, omega_r), _sum(omega, 1.0, omega_r)
+            changes[node, 3, lane] = -0.5 * dot(dv, difference)
+            _put(changes, node, 4, lane, _turn(dw, dv, difference, total))
 
 
 @kernel
 def forces_into(
     relative: FloatArray, places: FloatArray, dual: FloatArray, forces: FloatArray
 ) -> None:
-    """Nodal forces (k, 6, L) of forces dual to the places: the transpose of :func:`rates_into`."""
+    """Nodal forces (k, 6, L) of forces (k, PLACE, L) dual to the places.
+
+    The transpose of :func:`rates_into`.
+    """
     k = dual.shape[0]
     ref = k // 2
     for i in range(6):
@@ -191,23 +208,21 @@ def forces_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            y, t = _at(places, node, 0, lane), _at(places, node, 3, lane)
-            f, m = _at(dual, node, 0, lane), _at(dual, node, 3, lane)
-            p = cross(t, m)
-            even = _sum(m, relative[node, INVERSE, lane], cross(t, p))
+            y, v = _at(places, node, 0, lane), _at(places, node, 4, lane)
+            f, b = _at(dual, node, 0, lane), _at(dual, node, 4, lane)
+            own, other = _moments(1.0 + places[node, 3, lane], v, dual[node, 3, lane], b)
             _put(forces, node, 0, lane, _turned_back(relative, node, lane, f))
-            _put(forces, node, 3, lane, _sum(even, -0.5, p))
+            _put(forces, node, 3, lane, own)
             _add(forces, ref, 0, lane, (-f[0], -f[1], -f[2]))
-            moment = _sum(_sum(even, 0.5, p), 1.0, cross(y, f))
-            _add(forces, ref, 3, lane, (-moment[0], -moment[1], -moment[2]))
+            _add(forces, ref, 3, lane, _sum(other, 1.0, cross(f, y)))
 
 
 @kernel
 def force_changes_into(
-    relative: FloatArray, places: FloatArray, dual: FloatArray, steps: FloatArray,
-    moved: FloatArray, changes: FloatArray, moments: FloatArray,
+    relative: FloatArray, dual: FloatArray, steps: FloatArray, moved: FloatArray,
+    changes: FloatArray, moments: FloatArray,
 ) -> None:  # fmt: skip
-    """Change of :func:`forces_into` at a fixed dual as the nodes move.
+    """Change of :func:`forces_into` at a fixed dual (k, PLACE, L) as the nodes move.
 
     They move as in :func:`rate_changes_into`. ``changes`` (k, 6, L) gets the change at each node
     but the reference node, ``moments`` (k, 3, L) what it adds to the moment there.
@@ -218,12 +233,12 @@ def force_changes_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            t, dt = _at(places, node, 3, lane), _at(moved, node, 3, lane)
-            f, m = _at(dual, node, 0, lane), _at(dual, node, 3, lane)
+            f, b = _at(dual, node, 0, lane), _at(dual, node, 4, lane)
             turn = _turned_back(relative, node, lane, _at(steps, ref, 3, lane))
             turn = _sum(_at(steps, node, 3, lane), -1.0, turn)
             _put(changes, node, 0, lane, cross(_turned_back(relative, node, lane, f), turn))
-            even, odd = _even_change(relative, node, lane, t, dt, m), cross(dt, m)
-            _put(changes, node, 3, lane, _sum(even, -0.5, odd))
-            moment = _sum(_sum(even, 0.5, odd), 1.0, cross(_at(moved, node, 0, lane), f))
-            _put(moments, node, 0, lane, (-moment[0], -moment[1], -moment[2]))
+            dv = _at(moved, node, 4, lane)
+            own, other = _moments(moved[node, 3, lane], dv, dual[node, 3, lane], b)
+            _put(changes, node, 3, lane, own)
+            moment = _sum(other, 1.0, cross(f, _at(moved, node, 0, lane)))
+            _put(moments, node, 0, lane, moment)

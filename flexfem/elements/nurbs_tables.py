@@ -7,6 +7,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
 from flexfem.la.batch import LANES
+from flexfem.mesh.nurbs_basis import power_table, rational
 
 __all__ = ["Masses", "Points", "gauss", "lanes", "masses", "points", "shape_functions", "unlaned"]
 
@@ -30,16 +31,10 @@ def shape_functions(shape: FloatArray, xi: FloatArray) -> tuple[FloatArray, Floa
     Returns:
         Two arrays (m, q, k).
     """
+    at = np.broadcast_to(xi, (len(shape), np.shape(xi)[-1]))
     k = shape.shape[-1]
-    at = np.broadcast_to(xi, (len(shape), np.shape(xi)[-1]))[..., np.newaxis]
-    power = np.arange(k)
-    powers = at**power
-    slopes = power * at ** np.maximum(power - 1, 0)
-    values = np.einsum("mqj,mij->mqi", powers, shape)
-    derivatives = np.einsum("mqj,mij->mqi", slopes, shape)
-    total = values.sum(axis=-1, keepdims=True)
-    values /= total
-    derivatives = (derivatives - values * derivatives.sum(axis=-1, keepdims=True)) / total
+    powers = power_table(k, at.ravel(), 1).reshape(2, *at.shape, k)
+    values, derivatives = rational(np.einsum("dmqj,mij->dmqi", powers, shape))
     return values, derivatives
 
 

@@ -4,7 +4,7 @@
 Along local twists of the nodes, places change by ``A`` (``nurbs_maps.rates_into``) and the dual
 forces by ``X = K A + C dA``; the nodal forces change by ``A^T X`` and by that of ``A`` itself. The
 places of one node depend on its own twist and on that of the reference node alone, so that
-``A`` is two 6x6 blocks for each of the other nodes: along the axes of each, ``[0]``, and of the
+``A`` is two 7x6 blocks for each of the other nodes: along the axes of each, ``[0]``, and of the
 reference node, ``[1]``. The other nodes are counted without the reference node.
 """
 
@@ -13,6 +13,7 @@ import numpy as np
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.elements.nurbs_loops import RATES, collect, put_elements, put_points, workspace
 from flexfem.elements.nurbs_maps import (
+    PLACE,
     RELATIVE,
     force_changes_into,
     places_into,
@@ -27,7 +28,7 @@ from flexfem.lie.compiled import inlined, kernel
 __all__ = ["tangent_into"]
 
 # where forces.nurbs_beam.NurbsForms.tangent holds the derivatives by unknowns and by rates
-_BY_UNKNOWNS, _BY_RATES, _SIZE = 9, 90, 171
+_BY_UNKNOWNS, _BY_RATES, _SIZE = 11, 132, 253
 
 
 @inlined
@@ -40,27 +41,27 @@ def _other(node: int, ref: int) -> int:
 def _add_point(
     tables: FloatArray, weights: FloatArray, values: FloatArray, first: int, K: FloatArray
 ) -> None:
-    """Add the matrix (9, 9) of a point to that of the places, (k - 1, 6, k - 1, 6, L)."""
+    """Add the matrix (11, 11) of a point to that of the places, (k - 1, PLACE, k - 1, PLACE, L)."""
     k = tables.shape[1]
     for I in range(k):  # noqa: E741
         for J in range(k):
             if k // 2 in (I, J):
                 continue
             a, b = _other(I, k // 2), _other(J, k // 2)
-            for i in range(3):
-                for j in range(3):
-                    at = first + 9 * i + j
+            for i in range(7):
+                for j in range(7):
+                    at = first + 11 * i + j
                     for lane in range(LANES):
-                        N, M = weights[lane] * tables[0, I, lane], tables[0, J, lane]
-                        dN, dM = weights[lane] * tables[1, I, lane], tables[1, J, lane]
-                        K[a, i, b, j, lane] += dN * dM * values[at, lane]
-                        right = M * values[at + 3, lane] + dM * values[at + 6, lane]
-                        K[a, i, b, 3 + j, lane] += dN * right
-                        left = N * values[at + 27, lane] + dN * values[at + 54, lane]
-                        K[a, 3 + i, b, j, lane] += left * dM
-                        bent = M * values[at + 30, lane] + dM * values[at + 33, lane]
-                        turned = M * values[at + 57, lane] + dM * values[at + 60, lane]
-                        K[a, 3 + i, b, 3 + j, lane] += N * bent + dN * turned
+                        M, dM = tables[0, J, lane], tables[1, J, lane]
+                        dN = weights[lane] * tables[1, I, lane]
+                        N = weights[lane] * tables[0, I, lane]
+                        if i < 3:
+                            own, slope = dN * values[at, lane], dN * values[at + 4, lane]
+                        else:
+                            own = N * values[at, lane] + dN * values[at + 44, lane]
+                            slope = N * values[at + 4, lane] + dN * values[at + 48, lane]
+                        change = own * dM if j < 3 else own * M + slope * dM
+                        K[a, i, b, j, lane] += change
 
 
 @inlined
@@ -90,7 +91,7 @@ def _columns(
 
 @inlined
 def _keep(values: FloatArray, side: int, j: int, A: FloatArray) -> None:
-    """Take nodal values as columns j of the blocks ``A`` (2, k - 1, 6, 6, L)."""
+    """Take nodal values as columns j of the blocks ``A`` (2, k - 1, ..., 6, L)."""
     k = values.shape[0]
     for node in range(k):
         if node != k // 2:
@@ -101,14 +102,14 @@ def _keep(values: FloatArray, side: int, j: int, A: FloatArray) -> None:
 
 @kernel
 def _add_columns(K: FloatArray, A: FloatArray, X: FloatArray) -> None:
-    """Add ``K A`` to ``X`` (k - 1, 6, k, 6, L)."""
+    """Add ``K A`` to ``X`` (k - 1, PLACE, k, 6, L)."""
     others = K.shape[0]
     ref = (others + 1) // 2
     for a in range(others):
-        for i in range(6):
+        for i in range(PLACE):
             for b in range(others):
                 node = b + (b >= ref)
-                for m in range(6):
+                for m in range(PLACE):
                     # rotations do not change along translations
                     for j in range(3 * (m >= 3), 6):
                         for lane in range(LANES):
@@ -125,7 +126,7 @@ def _rows_into(A: FloatArray, X: FloatArray, E: FloatArray) -> None:
     E[:] = 0.0
     for a in range(others):
         node = a + (a >= ref)
-        for m in range(6):
+        for m in range(PLACE):
             for i in range(3 * (m >= 3), 6):
                 for J in range(k):
                     for j in range(6):
@@ -172,14 +173,15 @@ def _maps_into(
     changes: FloatArray, moments: FloatArray,
 ) -> None:  # fmt: skip
     """``A`` and the changes of the nodal forces at a fixed dual along all axes."""
-    twists, moved = np.zeros_like(places), np.zeros_like(places)
-    change, moment = np.zeros_like(places), np.zeros((places.shape[0], 3, LANES))
+    k = places.shape[0]
+    twists, change, moved = np.zeros((k, 6, LANES)), np.zeros((k, 6, LANES)), np.zeros_like(places)
+    moment = np.zeros((k, 3, LANES))
     for side in range(2):
         for j in range(6):
             _axis(side, j, twists)
             rates_into(relative, places, twists, moved)
             _keep(moved, side, j, A)
-            force_changes_into(relative, places, dual, twists, moved, change, moment)
+            force_changes_into(relative, dual, twists, moved, change, moment)
             _keep(change, side, j, changes)
             _keep(moment, side, j, moments)
 
@@ -190,20 +192,20 @@ def _rate_maps_into(
     by_v: FloatArray, factor: float, A: FloatArray, B: FloatArray,
 ) -> None:  # fmt: skip
     """Change ``B`` of the rates of the places along all axes, as ``A`` is that of the places."""
-    twists, moved = np.zeros_like(places), np.zeros_like(places)
-    change, k = np.zeros_like(places), places.shape[0]
+    k = places.shape[0]
+    twists, moved, change = np.zeros_like(speeds), np.zeros_like(places), np.zeros_like(places)
     for side in range(2):
         for j in range(6):
             _axis(side, j, twists)
             for node in range(k):
                 if node != k // 2:
                     moved[node] = A[side, _other(node, k // 2), :, j]
-            rate_changes_into(relative, places, speeds, twists, moved, change)
+            rate_changes_into(relative, speeds, twists, moved, change)
             _columns(cells, first, by_v, side, j, twists)
             rates_into(relative, places, twists, moved)
             for node in range(k):
                 if node != k // 2:
-                    for i in range(6):
+                    for i in range(PLACE):
                         for lane in range(LANES):
                             moved[node, i, lane] += factor * change[node, i, lane]
             _keep(moved, side, j, B)
@@ -222,12 +224,13 @@ def tangent_into(
     ``stiffness`` k; ``values`` (m, 36 k k). The rest is as in ``nurbs_loops.add_residual``.
     """
     k, others, viscous = cells.shape[1], cells.shape[1] - 1, offsets[RATES] >= 0
-    relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, 6, LANES))
-    speeds, rates, dual = np.zeros_like(places), np.zeros_like(places), np.zeros_like(places)
-    A, B = np.zeros((2, others, 6, 6, LANES)), np.zeros((2, others, 6, 6, LANES))
-    changes, moments = np.zeros_like(A), np.zeros((2, others, 3, 6, LANES))
-    K, C = np.zeros((others, 6, others, 6, LANES)), np.zeros((others, 6, others, 6, LANES))
-    X, E = np.zeros((others, 6, k, 6, LANES)), np.zeros((k, 6, k, 6, LANES))
+    relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, PLACE, LANES))
+    speeds, rates, dual = np.zeros((k, 6, LANES)), np.zeros_like(places), np.zeros_like(places)
+    A, B = np.zeros((2, others, PLACE, 6, LANES)), np.zeros((2, others, PLACE, 6, LANES))
+    changes, moments = np.zeros((2, others, 6, 6, LANES)), np.zeros((2, others, 3, 6, LANES))
+    square = (others, PLACE, others, PLACE, LANES)
+    K, C = np.zeros(square), np.zeros(square)
+    X, E = np.zeros((others, PLACE, k, 6, LANES)), np.zeros((k, 6, k, 6, LANES))
     force = np.empty((_SIZE, LANES))
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):

@@ -9,7 +9,6 @@ angle.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import factorial, pi
 from typing import Any
 
@@ -17,7 +16,6 @@ import ufl
 
 __all__ = [
     "Expr",
-    "RelativeRotation",
     "coadjoint_product",
     "se3_inverse_tangent_apply",
     "se3_inverse_tangent_left",
@@ -40,14 +38,6 @@ _SMALL = 1.0
 #: Series of ``(1 - cos(t)) / t^2`` and ``(t - sin(t)) / t^3`` in ``t^2``.
 _B = tuple((-1.0) ** k / factorial(2 * k + 2) for k in range(10))
 _C = tuple((-1.0) ** k / factorial(2 * k + 3) for k in range(10))
-
-#: The same series, and those of twice their derivatives, to round-off up to ``t = pi``.
-_RELATIVE_B = tuple((-1.0) ** k / factorial(2 * k + 2) for k in range(15))
-_RELATIVE_C = tuple((-1.0) ** k / factorial(2 * k + 3) for k in range(15))
-_RELATIVE_B_1 = tuple(2.0 * k * _RELATIVE_B[k] for k in range(1, 15))
-_RELATIVE_C_1 = tuple(2.0 * k * _RELATIVE_C[k] for k in range(1, 15))
-_RELATIVE_B_2 = tuple(2.0 * k * _RELATIVE_B_1[k] for k in range(1, 14))
-_RELATIVE_C_2 = tuple(2.0 * k * _RELATIVE_C_1[k] for k in range(1, 14))
 
 #: ``(1 - t/2 cot(t/2)) / t^2 = sum_n 2 / ((2 pi n)^2 - t^2)``: the first term is kept as it stands.
 _POLE = 4.0 * pi**2
@@ -164,69 +154,6 @@ def so3_inverse_tangent(theta: Expr) -> Expr:
     e = _inverse_coefficient(ufl.dot(theta, theta))
     k = skew(theta)
     return ufl.Identity(3) + 0.5 * k + e * (k * k)
-
-
-@dataclass(frozen=True)
-class RelativeRotation:
-    """Maps of rotation vectors no longer than pi, without a branch.
-
-    Attributes:
-        a, b, c: ``sin(t)/t``, ``(1 - cos(t))/t^2`` and ``(t - sin(t))/t^3``.
-        b_1, c_1: twice the derivatives of b and c by ``t^2``.
-        b_2, c_2: twice the derivatives of those.
-    """
-
-    a: Expr
-    b: Expr
-    c: Expr
-    b_1: Expr
-    c_1: Expr
-    b_2: Expr
-    c_2: Expr
-
-    @classmethod
-    def of(cls, theta: Expr) -> "RelativeRotation":
-        """Coefficients of a rotation vector."""
-        x = ufl.dot(theta, theta)
-        c = _horner(_RELATIVE_C, x)
-        series = (_RELATIVE_B_1, _RELATIVE_C_1, _RELATIVE_B_2, _RELATIVE_C_2)
-        return cls(1 - x * c, _horner(_RELATIVE_B, x), c, *(_horner(s, x) for s in series))
-
-    def variables(self) -> "RelativeRotation":
-        """The same coefficients, that expressions can be differentiated by."""
-        a, b, c, b_1, c_1 = map(ufl.variable, (self.a, self.b, self.c, self.b_1, self.c_1))
-        return RelativeRotation(a, b, c, b_1, c_1, self.b_2, self.c_2)
-
-    def slopes(self) -> list[tuple[Expr, Expr]]:
-        """Coefficients a to c_1, each with the factor of theta in its gradient by theta."""
-        return [
-            (self.a, self.c - self.b), (self.b, self.b_1), (self.c, self.c_1),
-            (self.b_1, self.b_2), (self.c_1, self.c_2),
-        ]  # fmt: skip
-
-    def back(self, theta: Expr, v: Expr) -> Expr:
-        """``exp(theta)^T v``."""
-        p = ufl.cross(theta, v)
-        return v - self.a * p + self.b * ufl.cross(theta, p)
-
-    def tangent(self, theta: Expr, v: Expr) -> Expr:
-        """Right tangent map applied to ``v``; its transpose is the map of ``-theta``."""
-        p = ufl.cross(theta, v)
-        return v - self.b * p + self.c * ufl.cross(theta, p)
-
-    def tangent_change(self, theta: Expr, along: Expr, v: Expr) -> Expr:
-        """Derivative of :meth:`tangent` along a change of ``theta`` at fixed ``v``."""
-        p, q = ufl.cross(theta, v), ufl.cross(along, v)
-        curl = self.c_1 * ufl.cross(theta, p) - self.b_1 * p
-        square = ufl.cross(along, p) + ufl.cross(theta, q)
-        return ufl.dot(theta, along) * curl - self.b * q + self.c * square
-
-    def tangent_gradient(self, theta: Expr, v: Expr, m: Expr) -> Expr:
-        """Gradient of ``m . tangent(theta, v)`` by ``theta``."""
-        p, tm, tv, mv = ufl.cross(v, m), ufl.dot(theta, m), ufl.dot(theta, v), ufl.dot(m, v)
-        square = tm * tv - ufl.dot(theta, theta) * mv
-        along = self.c_1 * square - self.b_1 * ufl.dot(theta, p) - 2 * self.c * mv
-        return along * theta - self.b * p + self.c * (tv * m + tm * v)
 
 
 def so3_log(R: Expr) -> Expr:

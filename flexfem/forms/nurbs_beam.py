@@ -2,18 +2,28 @@
 """UFL forms of the geometrically exact beam on NURBS, at one quadrature point.
 
 An element of degree p lies between p + 1 control points with frames ``(x_I, R_I)``. Relative to the
-reference node r, ``y_I = R_r^T (x_I - x_r)`` and ``Theta_I = log(R_r^T R_I)`` are interpolated by
-the rational shape functions, ``R(s) = R_r exp(Theta(s))`` (Crisfield, Jelenic 1999; on NURBS Wu et
-al. 2020), so that strains are objective and do not depend on the path. With ' for the derivative by
-the arc length of the start, the strains (Simo 1985, Reissner 1973) in the axes of R are
+reference node r, the places ``y_I = R_r^T (x_I - x_r)`` and the unit quaternions ``q_I`` of ``R_r^T
+R_I`` are interpolated by the rational shape functions, and ``R(s) = R_r R(q)`` is the rotation by
+``q / |q|``. With ' for the derivative by the arc length of the start, the strains (Simo 1985,
+Reissner 1973) in the axes of R are
 
-    gamma = exp(Theta)^T y' - gamma_0,    kappa = T(Theta) Theta' - kappa_0,
+    gamma = R(q)^T y' - gamma_0,    kappa = 2 vec(q^* q') / |q|^2 - kappa_0,
 
-T being the right tangent map; ``gamma_0``, ``kappa_0`` are their values at the start.
+``q^*`` being the conjugate; a change of ``|q|`` is in the scalar part of ``q^* q'`` alone.
+``gamma_0``, ``kappa_0`` are the values at the start.
 
-The forms know nothing of the degree: their unknowns are the nine numbers ``p = (y', Theta,
-Theta')`` of one point of an element, constants of a space that is discontinuous from one point to
-the next. What interpolates them and leads on to the nodes is in ``flexfem.elements.nurbs_loops``.
+Normalised sums of rotations are objective and do not depend on the path (Romero, Comput. Mech. 34
+(2004) 121-133; with quaternions Zupan, Saje, Zupan, Comput. Methods Appl. Mech. Eng. 198 (2009)
+3944-3956). Another reference node multiplies ``q`` from the left by a constant quaternion only, so
+that R is as smooth along the beam as the shape functions; rotation vectors relative to a node of
+each element (Crisfield, Jelenic 1999) would jump in space from one element to the next where
+these share more than an end. Nodes turned by an angle t against each other have the curvature
+``4 tan(t/4) / h`` in the middle of an element of degree 1 and length h, not ``t / h``: of second
+order like the element.
+
+The forms know nothing of the degree: their unknowns are the eleven numbers ``p = (y', q - 1, q')``
+of one point of an element, constants of a space that is discontinuous from one point to the next.
+What interpolates them and leads on to the nodes is in ``flexfem.elements.nurbs_loops``.
 """
 
 from dataclasses import dataclass
@@ -23,12 +33,12 @@ import basix.ufl
 import ufl
 
 from flexfem.forms.beam_law import LawExpressions, constant_field, interval_mesh, symmetric
-from flexfem.forms.lie import Expr, RelativeRotation
+from flexfem.forms.lie import Expr
 
 __all__ = ["POINT", "NurbsForms", "nurbs_forms", "strain_form"]
 
 #: Number of the unknowns at a point.
-POINT = 9
+POINT = 11
 
 
 @dataclass(frozen=True)
@@ -38,10 +48,10 @@ class NurbsForms:
     All have rank 1 and write what they stand for, row by row, per length.
 
     Attributes:
-        residual: force (9,), dual to the unknowns.
-        tangent: force (9,), its derivative by the unknowns at fixed rates (9, 9) and, with
-            viscosity, by the rates (9, 9).
-        action: force (9,) and its change (9,) along the changes of unknowns and rates.
+        residual: force (11,), dual to the unknowns.
+        tangent: force (11,), its derivative by the unknowns at fixed rates (11, 11) and, with
+            viscosity, by the rates (11, 11).
+        action: force (11,) and its change (11,) along the changes of unknowns and rates.
         coefficients: by name, in the order in which a point's data is packed.
     """
 
@@ -52,46 +62,76 @@ class NurbsForms:
 
 
 @dataclass(frozen=True)
+class _Quaternion:
+    """Scalar and vector part."""
+
+    w: Expr
+    v: Expr
+
+    def spin(self, other: "_Quaternion") -> Expr:
+        """Vector part of ``q^* o``."""
+        return self.w * other.v - other.w * self.v - ufl.cross(self.v, other.v)
+
+    def spin_force(self, moment: Expr) -> Expr:
+        """Force (4,) on ``o`` of a moment: the transpose of :meth:`spin`."""
+        return _joined(-ufl.dot(self.v, moment), self.w * moment + ufl.cross(self.v, moment))
+
+
+@dataclass(frozen=True)
 class _Kinematics:
-    """Strains, and what their derivatives are made of."""
+    """Strains, and what their derivatives are made of: y', q, q' and ``f = 2 / |q|^2``."""
 
     y: Expr
-    theta: Expr
-    bend: Expr
-    turn: RelativeRotation
+    q: _Quaternion
+    slope: _Quaternion
+    f: Expr
 
     @classmethod
-    def of(cls, unknowns: Expr, turn: RelativeRotation | None = None) -> "_Kinematics":
-        y, theta, bend = (
-            ufl.as_vector([unknowns[first + i] for i in range(3)]) for first in (0, 3, 6)
-        )
-        return cls(y, theta, bend, turn or RelativeRotation.of(theta))
+    def of(cls, unknowns: Expr, f: Expr | None = None) -> "_Kinematics":
+        """Kinematics at the unknowns p, or with a given ``f``."""
+        y, v, v_s = (ufl.as_vector([unknowns[first + i] for i in range(3)]) for first in (0, 4, 8))
+        q = _Quaternion(1 + unknowns[3], v)
+        return cls(y, q, _Quaternion(unknowns[7], v_s), _factor(unknowns) if f is None else f)
 
     def strain(self) -> tuple[Expr, Expr]:
         """Both strains, those of the start included."""
-        return self.turn.back(self.theta, self.y), self.turn.tangent(self.theta, self.bend)
+        return self._turned(-self.q.v, self.y), self.f * self.q.spin(self.slope)
+
+    def _turned(self, v: Expr, a: Expr) -> Expr:
+        """``R(w, v) a``."""
+        p = ufl.cross(v, a)
+        return a + self.f * (self.q.w * p + ufl.cross(v, p))
 
     def rate(self, rates: Expr) -> Expr:
-        """Change (6,) of the strains along rates (9,) of the unknowns."""
-        along, t = _Kinematics.of(rates, self.turn), self.turn
-        gamma, _ = self.strain()
-        sheared = t.back(self.theta, along.y)
-        sheared += ufl.cross(gamma, t.tangent(self.theta, along.theta))
-        bent = t.tangent(self.theta, along.bend)
-        bent += t.tangent_change(self.theta, along.theta, self.bend)
-        return _joined(sheared, bent)
+        """Change (6,) of the strains along rates (11,) of the unknowns."""
+        y, v, v_s = (ufl.as_vector([rates[first + i] for i in range(3)]) for first in (0, 4, 8))
+        along, along_s = _Quaternion(rates[3], v), _Quaternion(rates[7], v_s)
+        gamma, kappa = self.strain()
+        sheared = self._turned(-self.q.v, y) + ufl.cross(gamma, self.f * self.q.spin(along))
+        stretched = self.q.w * along.w + ufl.dot(self.q.v, along.v)
+        bent = self.q.spin(along_s) + along.spin(self.slope) - stretched * kappa
+        return _joined(sheared, self.f * bent)
 
     def force(self, stress: Expr) -> Expr:
-        """Force (9,) of stress resultants (6,): the transpose of :meth:`rate`."""
+        """Force (11,) of stress resultants (6,): the transpose of :meth:`rate`."""
         n, m = (ufl.as_vector([stress[first + i] for i in range(3)]) for first in (0, 3))
-        gamma, t = self.strain()[0], self.turn
-        turning = t.tangent(-self.theta, ufl.cross(n, gamma))
-        turning += t.tangent_gradient(self.theta, self.bend, m)
-        return _joined(t.back(-self.theta, n), turning, t.tangent(-self.theta, m))
+        gamma, kappa = self.strain()
+        shrunk = ufl.dot(kappa, m)
+        turning = self.q.spin_force(ufl.cross(n, gamma)) - self.slope.spin_force(m)
+        turning -= shrunk * _joined(self.q.w, self.q.v)
+        return _joined(self._turned(self.q.v, n), self.f * turning, self.f * self.q.spin_force(m))
+
+
+def _factor(unknowns: Expr) -> Expr:
+    """``2 / |q|^2`` at the unknowns p."""
+    return 2 / ((1 + unknowns[3]) ** 2 + sum(unknowns[i] ** 2 for i in (4, 5, 6)))
 
 
 def _joined(*parts: Expr) -> Expr:
-    return ufl.as_vector([part[i] for part in parts for i in range(3)])
+    """Vector of scalars and vectors."""
+    return ufl.as_vector([
+        entry for part in parts for entry in (part if part.ufl_shape else [part])
+    ])  # fmt: skip
 
 
 def _coefficients(mesh: ufl.Mesh, law: LawExpressions | None) -> dict[str, ufl.Coefficient]:
@@ -119,19 +159,16 @@ def _stress(
     return symmetric(fields["stiffness"]) * strain
 
 
-def _derivative(vector: Expr, unknowns: Expr, turn: RelativeRotation) -> Expr:
-    """Derivative by the unknowns, of which the coefficients of the maps are functions."""
-    total = ufl.diff(vector, unknowns)
-    theta = ufl.as_vector([unknowns[i] if 3 <= i < 6 else 0 for i in range(POINT)])
-    for coefficient, slope in turn.slopes():
-        total += ufl.outer(ufl.diff(vector, coefficient), slope * theta)
-    return total
+def _derivative(vector: Expr, unknowns: Expr, f: Expr) -> Expr:
+    """Derivative by the unknowns; the variable ``f = 2 / |q|^2`` depends on them, too."""
+    q = ufl.as_vector([0, 0, 0, 1 + unknowns[3], *(unknowns[i] for i in (4, 5, 6)), 0, 0, 0, 0])
+    return ufl.diff(vector, unknowns) - ufl.outer(ufl.diff(vector, f), f**2 * q)
 
 
 def _matrices(
     fields: dict[str, ufl.Coefficient], damped: bool, viscous: bool, law: LawExpressions | None
 ) -> list[Expr]:
-    """Derivatives (9, 9) of the force by the unknowns and, with viscosity, by their rates."""
+    """Derivatives (11, 11) of the force by the unknowns and, with viscosity, by their rates."""
     at = _Kinematics.of(fields["unknowns"])
     strain = ufl.variable(_joined(*at.strain()) - fields["start"])
     rate = ufl.variable(at.rate(fields["rates"]))
@@ -140,15 +177,15 @@ def _matrices(
     columns = [at.rate(unit) for unit in units]
     B = ufl.as_matrix([[column[i] for column in columns] for i in range(6)])
 
-    # the derivative of a series by the unknowns would be one series for each of them
-    unknowns, turn = ufl.variable(fields["unknowns"]), at.turn.variables()
-    varied = _Kinematics.of(unknowns, turn)
-    geometric = _derivative(varied.force(stress), unknowns, turn)
+    # one product for |q|^2 instead of its derivative in each of the entries
+    unknowns, f = ufl.variable(fields["unknowns"]), ufl.variable(at.f)
+    varied = _Kinematics.of(unknowns, f)
+    geometric = _derivative(varied.force(stress), unknowns, f)
     change = ufl.diff(stress, strain) * B
     if not viscous:
         return [geometric + B.T * change]
     viscosity = ufl.diff(stress, rate)
-    change += viscosity * _derivative(varied.rate(fields["rates"]), unknowns, turn)
+    change += viscosity * _derivative(varied.rate(fields["rates"]), unknowns, f)
     return [geometric + B.T * change, B.T * (viscosity * B)]
 
 

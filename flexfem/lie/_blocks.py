@@ -11,16 +11,7 @@ from flexfem._types import FloatArray
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined
 
-__all__ = [
-    "cross",
-    "dot",
-    "first_block",
-    "map_block",
-    "product_block",
-    "second_block",
-    "triple",
-    "zero_block",
-]
+__all__ = ["cross", "dot", "first_block", "map_block", "second_block", "triple", "zero_block"]
 
 
 @inlined
@@ -117,22 +108,6 @@ def second_block(
         n1 * t[2] + n2 * t[1] + q[0] * (u[1] * h[2] + u[2] * h[1]),
     )
     _parts_block(s, diagonal, rest, out, offset, stride)
-
-
-@inlined
-def product_block(p: Triple, q: Triple, t: Triple, v: Triple, out: FloatArray) -> None:
-    """Derivative of ``F^T v`` by ``theta = t``, 9 entries."""
-    # F^T v = v - p y + q z
-    y = cross(t, v)
-    z = cross(t, y)
-    along = q[0] * dot(t, v)
-    s = (p[0] * v[0] - q[0] * y[0], p[0] * v[1] - q[0] * y[1], p[0] * v[2] - q[0] * y[2])
-    for i in range(3):
-        n = q[1] * z[i] - p[1] * y[i] - q[0] * v[i]
-        out[3 * i], out[3 * i + 1], out[3 * i + 2] = n * t[0], n * t[1], n * t[2]
-        out[4 * i] += along
-    out[1], out[2], out[5] = out[1] - s[2], out[2] + s[1], out[5] - s[0]
-    out[3], out[6], out[7] = out[3] + s[2], out[6] - s[1], out[7] + s[0]
 
 
 @inlined

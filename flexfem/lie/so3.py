@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from flexfem._types import FloatArray
 from flexfem.lie._batch import batch, batch_pair
-from flexfem.lie._blocks import dot, first_block, map_block, product_block, triple
+from flexfem.lie._blocks import dot, first_block, map_block, triple
 from flexfem.lie._coefficients import (
     Triple,
     inverse_coefficient,
@@ -29,6 +29,7 @@ from flexfem.lie._coefficients import (
     tangent_derivatives,
 )
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.quaternion import from_matrix
 
 __all__ = [
     "exp",
@@ -37,7 +38,6 @@ __all__ = [
     "inverse_tangent_derivative",
     "inverse_tangent_derivative_into",
     "inverse_tangent_into",
-    "inverse_tangent_product_into",
     "log",
     "log_into",
     "skew",
@@ -45,7 +45,6 @@ __all__ = [
     "tangent_derivative",
     "tangent_derivative_into",
     "tangent_into",
-    "tangent_product_into",
 ]
 
 
@@ -58,30 +57,9 @@ def exp_into(theta: FloatArray, R: FloatArray) -> None:
 
 
 @inlined
-def _quaternion(R: FloatArray, offset: int) -> tuple[float, Triple]:
-    """Unit quaternion with a scalar part >= 0; its largest component is computed first."""
-    r00, r01, r02 = triple(R, offset)
-    r10, r11, r12 = triple(R, offset + 3)
-    r20, r21, r22 = triple(R, offset + 6)
-    trace = r00 + r11 + r22
-    if trace >= max(r00, r11, r22):
-        w, x, y, z = 1.0 + trace, r21 - r12, r02 - r20, r10 - r01
-    elif r00 >= r11 and r00 >= r22:
-        w, x, y, z = r21 - r12, 1.0 + r00 - r11 - r22, r01 + r10, r02 + r20
-    elif r11 >= r22:
-        w, x, y, z = r02 - r20, r01 + r10, 1.0 + r11 - r00 - r22, r12 + r21
-    else:
-        w, x, y, z = r10 - r01, r02 + r20, r12 + r21, 1.0 + r22 - r00 - r11
-    scale = 1.0 / sqrt(w * w + x * x + y * y + z * z)
-    if w < 0.0:
-        scale = -scale
-    return w * scale, (x * scale, y * scale, z * scale)
-
-
-@inlined
 def log_entries(R: FloatArray, offset: int) -> Triple:
     """Rotation vector of the matrix stored at ``offset``."""
-    w, v = _quaternion(R, offset)
+    w, v = from_matrix(R, offset)
     n = dot(v, v)
     if n < 1e-4:
         # atan(s)/s with s = |v|/w; s^8/9 is below rounding
@@ -137,21 +115,6 @@ def inverse_tangent_derivative_into(
     t, u = triple(theta, 0), triple(direction, 0)
     q = inverse_derivatives(dot(t, t))
     first_block((0.5, 0.0, 0.0), q, t, u, dTinv, 0, 3)
-
-
-@inlined
-def tangent_product_into(theta: FloatArray, v: FloatArray, D: FloatArray) -> None:
-    """Derivative of ``tangent(theta)^T v`` by theta at a constant v."""
-    t = triple(theta, 0)
-    p, q = right_coefficients(dot(t, t))
-    product_block(p, q, t, triple(v, 0), D)
-
-
-@inlined
-def inverse_tangent_product_into(theta: FloatArray, v: FloatArray, D: FloatArray) -> None:
-    """Derivative of ``inverse_tangent(theta)^T v`` by theta at a constant v."""
-    t = triple(theta, 0)
-    product_block((0.5, 0.0, 0.0), inverse_derivatives(dot(t, t)), t, triple(v, 0), D)
 
 
 @kernel

@@ -95,11 +95,10 @@ def control_rotations(curve: "NurbsCurve", orientation: Orientation = None) -> F
 def control_frames(curve: "NurbsCurve", orientation: Orientation = None) -> FloatArray:
     """Return frames of the control points whose interpolation gives the section frames.
 
-    In an element with the control points I and the reference r = (p + 1) // 2 of them, rotations
-    are interpolated by `R = R_r exp(sum_I N_I log(R_r^T R_I))` (Crisfield, Jelenic 1999). The
-    frames R_I make this the section frame at the Greville abscissa of every control point; they
-    are found by corrections with the matrix N_I at these places, which is exact after one of
-    them where all rotations have one axis.
+    In an element rotations are interpolated by the sum of the control points' unit quaternions,
+    normalised (see `flexfem.forms.nurbs_beam`). The frames R_I make this the section frame at the
+    Greville abscissa of every control point; they are found by corrections with the matrix N_I at
+    these places, which would be exact if rotations were numbers.
 
     Args:
         curve: The curve.
@@ -159,8 +158,15 @@ def interpolated_rotations(
     nodes = curve.elements.nodes[index]
     R = rotations[nodes[:, nodes.shape[1] // 2]]
     theta = so3.log(np.swapaxes(R, 1, 2)[:, None] @ rotations[nodes])
+    half = 0.5 * np.linalg.norm(theta, axis=-1)
     functions = _functions(curve, index, xi)
-    return np.asarray(R @ so3.exp(np.einsum("nI,nIi->ni", functions, theta)))
+    scalar = np.einsum("nI,nI->n", functions, np.cos(half))
+    vector = 0.5 * np.einsum("nI,nI,nIi->ni", functions, np.sinc(half / np.pi), theta)
+    size = np.linalg.norm(vector, axis=-1)
+    # rotation vector over the quaternion's vector part
+    factor = 2.0 / scalar
+    np.divide(2.0 * np.arctan2(size, scalar), size, out=factor, where=size > 0.0)
+    return np.asarray(R @ so3.exp(factor[:, None] * vector))
 
 
 def _control_points(curve: "NurbsCurve", wanted: FloatArray) -> FloatArray:

@@ -102,6 +102,7 @@ class FrozenSolver:
         self._slot_column[slots[order]] = first
         self._slot_active[slots], self._local_slot[slots] = active[slots], True
         sides, per_body = self._sides(slots, number, len(bodies))
+        ranges, range_start = self._ranges(sides, _starts(per_body))
         lengths = 6 * np.diff(node_start) * widths
         return Bodies(
             part=part,
@@ -111,6 +112,8 @@ class FrozenSolver:
             column_start=column_start,
             sides=sides,
             side_start=_starts(per_body),
+            ranges=ranges,
+            range_start=range_start,
             compliance_start=_starts(widths**2),
             response_start=_starts(lengths),
             compliances=np.zeros(int((widths**2).sum())),
@@ -128,6 +131,20 @@ class FrozenSolver:
         body = body_of_slot[sides[:, 2]]
         sides = np.ascontiguousarray(sides[np.argsort(body, kind="stable")])
         return sides, np.bincount(body, minlength=count).astype(np.int64)
+
+    def _ranges(self, sides: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
+        """Columns that sides act on, in ranges of consecutive ones, and where each body's begin."""
+        ranges, counts = [np.empty((0, 2), dtype=np.int64)], []
+        for a, b in pairwise(start):
+            slots = np.unique(sides[a:b, 2])
+            first, active = self._slot_column[slots], self._slot_active[slots]
+            order = np.argsort(first)
+            first, end = first[order], (first + active)[order]
+            begins = np.append(True, first[1:] > end[:-1])[: len(first)]
+            ends = np.append(begins[1:], True)[: len(first)]
+            ranges.append(np.stack([first[begins], end[ends]], axis=1))
+            counts.append(int(begins.sum()))
+        return np.concatenate(ranges), _starts(np.array(counts, dtype=np.int64))
 
     def _pattern(self) -> InterfaceSystem:
         """Row and column of every entry of the Schur complement on this rank."""
@@ -281,7 +298,8 @@ class FrozenSolver:
         for group in self._groups:
             schur(
                 group.sides, group.side_start, self._slot_column, self._slot_active,
-                group.column_start, group.compliances, group.compliance_start,
+                group.column_start, group.ranges, group.range_start, group.compliances,
+                group.compliance_start,
                 rows.force_jacobian, rows.step_jacobian, group.entries,
             )  # fmt: skip
         np.multiply(rows.owned, rows.compliance, out=self._diagonal)
@@ -297,6 +315,7 @@ class FrozenSolver:
         self._version = rows.lines.version
         for group in self._groups:
             group.sides[:, 2] = rows.term_slots[group.sides[:, 0], group.sides[:, 1]]
+            group.ranges, group.range_start = self._ranges(group.sides, group.side_start)
 
     def _collect(self) -> FloatArray:
         """Steps of the owned nodes of all blocks, then of this rank's multipliers, as a vector."""
@@ -315,7 +334,8 @@ class FrozenSolver:
             for group in self._groups:
                 interface_response(
                     group.nodes, group.node_start, group.columns, group.column_start,
-                    group.responses, group.response_start, group.part.block.residual,
+                    group.ranges, group.range_start, group.responses, group.response_start,
+                    group.part.block.residual,
                     self._response,
                 )  # fmt: skip
             row_products(

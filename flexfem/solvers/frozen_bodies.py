@@ -20,7 +20,9 @@ __all__ = ["Bodies", "FlexibleBodies", "KeptFactor"]
 class Bodies:
     """Bodies of one part with their interface columns; rigid bodies have one node each.
 
-    ``responses`` holds the rows of ``A^-T J^T``, ``compliances`` the matrices ``J A^-1 J^T``.
+    ``responses`` holds the rows of ``A^-T J^T``, ``compliances`` the matrices ``J A^-1 J^T``. Of
+    the columns of a body those in its ``ranges`` (first, end), ``range_start`` by body, are acted
+    on; a slider visits the others later.
     """
 
     part: BlockPart
@@ -30,6 +32,8 @@ class Bodies:
     column_start: IntArray
     sides: IntArray
     side_start: IntArray
+    ranges: IntArray
+    range_start: IntArray
     compliance_start: IntArray
     response_start: IntArray
     compliances: FloatArray

@@ -26,30 +26,34 @@ __all__ = [
 @kernel
 def interface_response(
     body_nodes: IntArray, node_start: IntArray, columns: IntArray, column_start: IntArray,
-    responses: FloatArray, start: IntArray, residual: FloatArray, y: FloatArray,
+    ranges: IntArray, range_start: IntArray, responses: FloatArray, start: IntArray,
+    residual: FloatArray, y: FloatArray,
 ) -> None:  # fmt: skip
-    """``y = J A^-1 r`` of every body into the columns' slots and components of ``y`` (n, 6)."""
+    """``y = J A^-1 r`` of every body into slots and components (n, 6) of the columns in use."""
     for b in range(node_start.size - 1):
         first, count = column_start[b], column_start[b + 1] - column_start[b]
         if count == 0:
             continue
         total = np.zeros(count)
         at = start[b]
-        for k in range(node_start[b], node_start[b + 1]):
-            node = body_nodes[k]
+        for n in range(node_start[b], node_start[b + 1]):
+            node = body_nodes[n]
             for i in range(6):
                 force = residual[node, i]
-                for c in range(count):
-                    total[c] += force * responses[at + c]
+                for k in range(range_start[b], range_start[b + 1]):
+                    for c in range(ranges[k, 0], ranges[k, 1]):
+                        total[c] += force * responses[at + c]
                 at += count
-        for c in range(count):
-            y[columns[first + c, 0], columns[first + c, 1]] = total[c]
+        for k in range(range_start[b], range_start[b + 1]):
+            for c in range(ranges[k, 0], ranges[k, 1]):
+                y[columns[first + c, 0], columns[first + c, 1]] = total[c]
 
 
 @kernel
 def schur(
     sides: IntArray, side_start: IntArray, slot_column: IntArray, slot_active: IntArray,
-    column_start: IntArray, compliances: FloatArray, compliance_start: IntArray,
+    column_start: IntArray, ranges: IntArray, range_start: IntArray, compliances: FloatArray,
+    compliance_start: IntArray,
     force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
 ) -> None:  # fmt: skip
     """Entries of ``G~ C G^T``: for every body, all pairs of the sides of terms that act on it.
@@ -60,6 +64,8 @@ def schur(
         slot_column: first column of each slot within its body.
         slot_active: number of columns of each slot.
         column_start: (n_bodies + 1,) first column of each body.
+        ranges: (m, 2) first and end of the columns in use, within their bodies.
+        range_start: (n_bodies + 1,) first range of each body.
         compliances: all C matrices one after the other.
         compliance_start: where each of them begins.
         force_jacobian: (t, 2, 6) terms of the rows of G.
@@ -76,12 +82,13 @@ def schur(
         for j in range(side_start[b], side_start[b + 1]):
             term, side, slot = sides[j, 0], sides[j, 1], sides[j, 2]
             first, active = slot_column[slot], slot_active[slot]
-            for c in range(count):
-                work[c] = 0.0
-                for k in range(active):
-                    work[c] += (
-                        compliances[C + c * count + first + k] * force_jacobian[term, side, k]
-                    )
+            for r in range(range_start[b], range_start[b + 1]):
+                for c in range(ranges[r, 0], ranges[r, 1]):
+                    work[c] = 0.0
+                    for k in range(active):
+                        work[c] += (
+                            compliances[C + c * count + first + k] * force_jacobian[term, side, k]
+                        )
             for i in range(side_start[b], side_start[b + 1]):
                 term, side, slot = sides[i, 0], sides[i, 1], sides[i, 2]
                 column = slot_column[slot]

@@ -48,44 +48,57 @@ def beam(request, one_nurbs, rng):
     return beam
 
 
+def _left(q: np.ndarray) -> np.ndarray:
+    """Matrix (4, 4) of ``q o ``."""
+    w, v = q[0], q[1:, np.newaxis]
+    return np.block([[w, -v.T], [v, w * np.eye(3) + so3.skew(v[:, 0])]])
+
+
+def _right(q: np.ndarray) -> np.ndarray:
+    """Matrix (4, 4) of `` o q``."""
+    w, v = q[0], q[1:, np.newaxis]
+    return np.block([[w, -v.T], [v, w * np.eye(3) - so3.skew(v[:, 0])]])
+
+
 def _places(frames: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """What an element interpolates (k, 6): places and rotation vectors from its reference node."""
+    """What an element interpolates (k, 7): places and quaternions from its reference node."""
     x, R = se3.position(frames[nodes]), se3.rotation(frames[nodes])
     r = len(nodes) // 2
-    return np.concatenate([(x - x[r]) @ R[r], so3.log(R[r].T @ R)], axis=1)
+    theta = so3.log(R[r].T @ R)
+    half = 0.5 * np.linalg.norm(theta, axis=1)[:, np.newaxis]
+    vector = 0.5 * np.sinc(half / np.pi) * theta
+    return np.concatenate([(x - x[r]) @ R[r], np.cos(half), vector], axis=1)
 
 
 def _motion(frames: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Change of the places (k, 6) along the nodes' local twists (k, 6)."""
+    """Change of the places (k, 7) along the nodes' local twists (k, 6)."""
     k, r = len(nodes), len(nodes) // 2
     places, R = _places(frames, nodes), se3.rotation(frames[nodes])
-    A = np.zeros((k, 6, k, 6))
+    A = np.zeros((k, 7, k, 6))
     for i in set(range(k)) - {r}:
-        y, theta = places[i, :3], places[i, 3:]
+        y, q = places[i, :3], places[i, 3:]
         A[i, :3, i, :3] = R[r].T @ R[i]
         A[i, :3, r, :3], A[i, :3, r, 3:] = -np.eye(3), so3.skew(y)
-        A[i, 3:, i, 3:] = so3.inverse_tangent(theta)
-        A[i, 3:, r, 3:] = -so3.inverse_tangent(-theta)
+        A[i, 3:, i, 3:] = 0.5 * _left(q)[:, 1:]
+        A[i, 3:, r, 3:] = -0.5 * _right(q)[:, 1:]
     return A
 
 
 def _geometric(frames: np.ndarray, nodes: np.ndarray, dual: np.ndarray) -> np.ndarray:
-    """Change (6 k, 6 k) of ``A^T dual`` at fixed dual forces (k, 6) of the places."""
+    """Change (6 k, 6 k) of ``A^T dual`` at fixed dual forces (k, 7) of the places."""
     k, r = len(nodes), len(nodes) // 2
-    places, R, A = _places(frames, nodes), se3.rotation(frames[nodes]), _motion(frames, nodes)
+    R, A = se3.rotation(frames[nodes]), _motion(frames, nodes)
     G = np.zeros((k, 6, k, 6))
     for i in set(range(k)) - {r}:
-        Q, f, m, theta = R[r].T @ R[i], dual[i, :3], dual[i, 3:], places[i, 3:]
+        Q, f, m = R[r].T @ R[i], dual[i, :3], dual[i, 3:]
         # Q turns by theta_i - Q^T theta_r
         G[i, :3, i, 3:] += so3.skew(Q.T @ f)
         G[i, :3, r, 3:] -= so3.skew(Q.T @ f) @ Q.T
-        units = np.eye(3)
-        own = so3.inverse_tangent_derivative(theta, units)
-        other = -so3.inverse_tangent_derivative(-theta, units)
         for at in (i, r):
-            turn = A[i, 3:, at, 3:]
-            G[i, 3:, at, 3:] += np.einsum("aji,j->ia", own, m) @ turn
-            G[r, 3:, at, 3:] -= np.einsum("aji,j->ia", other, m) @ turn
+            # A is linear in the quaternion
+            for j, dq in enumerate(A[i, 3:, at, 3:].T):
+                G[i, 3:, at, 3 + j] += 0.5 * (_left(dq).T @ m)[1:]
+                G[r, 3:, at, 3 + j] -= 0.5 * (_right(dq).T @ m)[1:]
             # the moment y x f of the force on the reference node
             G[r, 3:, at] += so3.skew(f) @ A[i, :3, at]
     return G.reshape(6 * k, 6 * k)
@@ -97,7 +110,7 @@ class _Broken:
     def __init__(self, beam) -> None:
         self.beam, p = beam, beam.degree
         self.mesh = dolfinx.mesh.create_interval(MPI.COMM_SELF, COUNT, [0.0, float(COUNT)])
-        self.space = dolfinx.fem.functionspace(self.mesh, ("DG", p, (6,)))
+        self.space = dolfinx.fem.functionspace(self.mesh, ("DG", p, (7,)))
         self.scalar = dolfinx.fem.functionspace(self.mesh, ("DG", p))
         dofs, data = self.scalar.dofmap.list, beam.beams.groups[0].data
         xi = self.scalar.tabulate_dof_coordinates()[:, 0]
@@ -121,15 +134,15 @@ class _Broken:
         return made
 
     def matrix(self) -> PETSc.Mat:
-        """M: broken fields (6 per degree of freedom) along local twists of the nodes."""
+        """M: broken fields (7 per degree of freedom) along local twists of the nodes."""
         frames = self.beam.block.frames
-        M = PETSc.Mat().createAIJ((6 * self.dofs.size, 6 * len(frames)), comm=MPI.COMM_SELF)
+        M = PETSc.Mat().createAIJ((7 * self.dofs.size, 6 * len(frames)), comm=MPI.COMM_SELF)
         M.setUp()
         for dofs, nodes, B in zip(self.dofs, self.nodes, self.extraction, strict=True):
             values = np.einsum("qi,iajb->qajb", B, _motion(frames, nodes))
             rows, columns = (
-                (6 * at[:, np.newaxis] + np.arange(6)).ravel().astype(np.int32)
-                for at in (dofs, nodes)
+                (size * at[:, np.newaxis] + np.arange(size)).ravel().astype(np.int32)
+                for size, at in ((7, dofs), (6, nodes))
             )
             M.setValues(rows, columns, values.reshape(len(rows), len(columns)))
         M.assemble()
@@ -139,12 +152,13 @@ class _Broken:
 def _strain(q, weight, speed) -> object:
     """Strains from the broken fields: the homogeneous coordinates over the weight."""
     rational = q / weight
-    slope = rational.dx(0) / speed
-    y_s, theta_s = (ufl.as_vector([slope[i + j] for j in range(3)]) for i in (0, 3))
-    theta = ufl.as_vector([rational[3 + j] for j in range(3)])
-    gamma = lie.so3_exp(theta).T * y_s
-    kappa = lie.so3_tangent(theta) * theta_s
-    return ufl.as_vector([*(gamma[i] for i in range(3)), *(kappa[i] for i in range(3))])
+    y, q = (ufl.as_vector([rational[i] for i in at]) for at in (range(3), range(3, 7)))
+    q /= ufl.sqrt(ufl.dot(q, q))
+    v = lie.skew(ufl.as_vector([q[1], q[2], q[3]]))
+    R = ufl.Identity(3) + 2 * q[0] * v + 2 * v * v
+    gamma, turned = R.T * y.dx(0) / speed, R.T * R.dx(0) / speed
+    kappa = turned[2, 1], turned[0, 2], turned[1, 0]
+    return ufl.as_vector([*(gamma[i] for i in range(3)), *kappa])
 
 
 @pytest.fixture
@@ -186,7 +200,7 @@ def test_internal_forces_and_their_derivatives(beam, broken):
     K = K_e.ptap(M)
     dense = K.getDenseArray() if K.getType() == "seqdense" else K.convert("dense").getDenseArray()
     dense = dense.copy()
-    forces = r_e.array.reshape(-1, 6)
+    forces = r_e.array.reshape(-1, 7)
     for dofs, nodes, B in zip(fields.dofs, fields.nodes, fields.extraction, strict=True):
         at = (6 * nodes[:, np.newaxis] + np.arange(6)).ravel()
         dense[np.ix_(at, at)] += _geometric(frames, nodes, B.T @ forces[dofs])

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Motions of mechanisms against closed forms and independent computations."""
+
+import pytest
+
+from tests.verification.table import load, modules
+
+pytestmark = pytest.mark.serial
+
+#: Those of statics and modes have tests of their own.
+NAMES = [name for name in modules() if name.startswith(("rigid_", "flexible_"))]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_within_tolerance(name):
+    """Coarse meshes, long steps or short spans."""
+    # what each tolerance tells apart is said where it is set
+    for result in load(name).results(full=False):
+        assert result.error <= result.tolerance, result
+
+
+@pytest.mark.slow
+@pytest.mark.benchmark
+@pytest.mark.parametrize("name", NAMES)
+def test_table(name):
+    """The meshes, steps and spans of the table."""
+    for result in load(name).results():
+        assert result.error <= result.tolerance, result
