@@ -128,10 +128,10 @@ def test_resultant_of_a_line_load_on_an_arc(follower):
     s, c, r = np.sin(1.2), np.cos(1.2), 2.0
     total = 3.0 * r * np.array([-s, c - 1.0, 0.0] if follower else [0.0, 1.2, 0.0])
     moment = 0.0 if follower else 3.0 * r * r * s
-    # the frames of three elements follow the arc to 1e-5; half of the load on each end of an
+    # frames of three elements, interpolated, follow the arc to 5e-5; half on each end of an
     # element is off by 1e-2
-    np.testing.assert_allclose(forces.sum(axis=0), total, atol=1e-4 if follower else 1e-12)
-    np.testing.assert_allclose(moments.sum(axis=0)[2], moment, atol=1e-4 if follower else 1e-11)
+    np.testing.assert_allclose(forces.sum(axis=0), total, atol=1e-3 if follower else 1e-12)
+    np.testing.assert_allclose(moments.sum(axis=0)[2], moment, atol=1e-3 if follower else 1e-11)
 
 
 def test_masses_inside_elements_are_refused():
