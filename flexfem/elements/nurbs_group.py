@@ -98,8 +98,8 @@ class NurbsGroup:
         self.assumed: FloatArray | None = None
         self.assumed_forces = False
         k = data.nodes.shape[1]
-        # two nodes: more than one point would lock in shear
-        place, weights = gauss(1 if k == 2 else k)
+        # as many points as the degree: exact enough for its order, and slender elements do not lock
+        place, weights = gauss(k - 1)
         at = points(data.shape, data.nodes, start, place, weights)
         self.point_lengths = at.lengths
         self._tables, self._weights = at.tables, lanes(at.lengths)

@@ -266,11 +266,14 @@ class System:
 
         Where they are equal velocities are used: what begins to move goes on.
         """
-        largest = np.array(misses, dtype=np.float64).reshape(-1, 3).max(axis=0, initial=0.0)
+        largest = [max(each) for each in zip(*misses, strict=True)]
         if self.comm.size > 1:
-            self.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
-        order = (Prediction.VELOCITY, Prediction.ACCELERATION, Prediction.REST)
-        self.prediction = min(order, key=lambda each: float(largest[each]))
+            buffer = np.array(largest)
+            self.comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
+            largest = buffer.tolist()
+        rest, plain, curved = largest
+        better = Prediction.ACCELERATION if curved < plain else Prediction.VELOCITY
+        self.prediction = Prediction.REST if rest < min(plain, curved) else better
 
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""

@@ -414,7 +414,7 @@ def test_order_of_convergence_of_a_bent_arc(one_nurbs, smooth):
     """Energy and displacement of the end in space fall with the power 2 p of the length."""
     force = np.array([1.0, -2.0, 3.0])
     energy, place = _rod(force)
-    for degree, counts in ((2, (12, 24)), (3, (8, 16))):
+    for degree, counts in ((2, (12, 24)), (3, (8, 16) if smooth else (4, 8))):
         errors = []
         for count in counts:
             beam = _arc(one_nurbs, degree, count, smooth)
@@ -423,8 +423,9 @@ def test_order_of_convergence_of_a_bent_arc(one_nurbs, smooth):
             errors.append([abs(beam.energy() / energy - 1.0), miss])
         # rotations that jump between smooth elements leave the order 3; too few quadrature points,
         # or a derivative by the wrong length, cost an order at least
-        assert (np.log2(np.divide(*errors)) >= 2 * degree - 0.25).all()
-        assert np.max(errors) <= 1e-2
+        assert (np.log2(np.divide(*errors)) >= 2 * degree - 0.3).all()
+        # one more quadrature point locks: 7e-4 to 2.5e-3 at degree 2
+        assert np.max(errors) <= 1e-4
 
 
 def test_arc_of_any_radius_is_exact_and_so_are_its_mass_and_motion(one_nurbs):
@@ -511,7 +512,7 @@ def test_viscosity_takes_the_power_that_the_residual_says(one_nurbs, section, rn
     stress, rate = beam.beams.viscosity(block)
     cells, lengths = beam.beams.viscous_at
     assert beam.beams.viscous
-    np.testing.assert_allclose(np.bincount(cells, lengths), beam.beams.lengths, rtol=1e-4)
+    np.testing.assert_allclose(np.bincount(cells, lengths), beam.beams.lengths, rtol=1e-3)
     power = float(np.einsum("j,ji,ji->", lengths, stress, rate))
     force, frames = beam.residual(), block.frames.copy()
     if section is SECTION:
