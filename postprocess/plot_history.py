@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Plot the history table of a result folder: history.png, one panel per quantity.
+"""Plot the history table of a result folder: history.png, one panel per quantity, or path.png.
 
 Components (tip_x, tip_y, tip_z or force_1, force_2) share a panel:
 
@@ -9,6 +9,10 @@ Components (tip_x, tip_y, tip_z or force_1, force_2) share a panel:
 Another column than the time on the horizontal axis gives the path of a load over a displacement:
 
     python postprocess/plot_history.py results/lee_frame --columns t --x down
+
+The path of a point with columns mass_x, mass_y, mass_z in planes, of equal scale on both axes:
+
+    python postprocess/plot_history.py results/sliding_beam --path mass --planes xz,yz
 """
 
 from __future__ import annotations
@@ -107,6 +111,41 @@ def plot(table: dict[str, np.ndarray], columns: list[str], x: str, title: str, p
     plt.close(figure)
 
 
+def planes_of(table: dict[str, np.ndarray], point: str, planes: str, path: Path) -> list[list[str]]:
+    """Columns (across, up) of the path of a point in each plane."""
+    chosen = []
+    for plane in planes.split(","):
+        if len(plane) != 2 or not set(plane) <= set("xyz"):
+            raise PlotError(f"--planes: '{plane}' is not two of x, y, z")
+        names = [f"{point}_{axis}" for axis in plane]
+        unknown = [name for name in names if name not in table]
+        if unknown:
+            raise PlotError(f"{path}: no column '{unknown[0]}', there are: {', '.join(table)}")
+        chosen.append(names)
+    return chosen
+
+
+def plot_path(
+    table: dict[str, np.ndarray], planes: list[list[str]], title: str, path: Path
+) -> None:
+    """Write the picture of a path in some planes; the start has an open circle."""
+    figure, axes = plt.subplots(
+        1, len(planes), squeeze=False, figsize=(1.0 + 4.6 * len(planes), 4.6), layout="constrained"
+    )
+    for panel, (across, up) in zip(axes[0], planes, strict=True):
+        panel.plot(table[across], table[up], linewidth=1.4)
+        panel.plot(table[across][:1], table[up][:1], "o", markerfacecolor="white", color="C0")
+        panel.plot(table[across][-1:], table[up][-1:], "o", color="C0")
+        panel.set_xlabel(across)
+        panel.set_ylabel(up)
+        panel.set_aspect("equal", adjustable="datalim")
+        panel.grid(color="#d9dee4", linewidth=0.7)
+        panel.spines[["top", "right"]].set_visible(False)
+    figure.suptitle(f"{title}, t = 0 ... {table['t'][-1]:.4g} s")
+    figure.savefig(path, dpi=140)
+    plt.close(figure)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the program."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -115,12 +154,25 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--x", metavar="A", default="t", help="column on the horizontal axis (default: t)"
     )
+    parser.add_argument("--path", metavar="POINT", help="path of POINT_x, POINT_y, POINT_z instead")
+    parser.add_argument(
+        "--planes",
+        metavar="AB,CD",
+        default="xy,xz",
+        help="planes of the path (default: %(default)s)",
+    )
     options = parser.parse_args(argv)
     source, target = options.folder / "history.csv", options.folder / "history.png"
+    title = options.folder.resolve().name
     try:
         table = read_table(source)
-        columns = choose(table, options.columns, options.x, source)
-        plot(table, columns, options.x, options.folder.resolve().name, target)
+        if options.path is None:
+            columns = choose(table, options.columns, options.x, source)
+            plot(table, columns, options.x, title, target)
+        else:
+            target = options.folder / "path.png"
+            planes = planes_of(table, options.path, options.planes, source)
+            plot_path(table, planes, title, target)
     except (PlotError, OSError) as exc:
         print(f"plot_history.py: {exc}", file=sys.stderr)
         return 2

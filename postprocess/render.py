@@ -5,6 +5,7 @@
 Reads only the ParaView series of the folder (beams, beam_surfaces, rigid_bodies, joints):
 
     python postprocess/render.py results/slider_crank --colour M3 --size 1600x900
+Superposed are a few instants, or with ``--interval 0.1`` one every 0.1 s.
 """
 
 from __future__ import annotations
@@ -280,9 +281,16 @@ def decorate(plotter: Any, instant: Instant, scene: Scene, coloured: Any) -> Non
     )
 
 
-def spread(instants: list[Instant]) -> list[Instant]:
-    """A few instants over the whole motion, the last one included."""
-    chosen = np.linspace(0, len(instants) - 1, GHOSTS + 1).round().astype(int)
+def spread(instants: list[Instant], interval: float | None) -> list[Instant]:
+    """A few instants over the whole motion or those at intervals (s), the last one included."""
+    if interval is None:
+        chosen = np.linspace(0, len(instants) - 1, GHOSTS + 1).round().astype(int)
+    elif not interval > 0.0:
+        raise RenderError(f"--interval must be positive, got {interval:g}")
+    else:
+        times = np.array([instant.time for instant in instants])
+        wanted = np.append(np.arange(times[0], times[-1], interval), times[-1])
+        chosen = np.abs(times - wanted[:, None]).argmin(axis=1)
     return [instants[i] for i in sorted(set(chosen.tolist()))]
 
 
@@ -290,7 +298,7 @@ def picture(instants: list[Instant], scene: Scene, path: Path) -> None:
     """Last instant over fainter earlier ones."""
     plotter = new_plotter(scene)
     for i, instant in enumerate(instants[:-1]):
-        draw(plotter, instant, scene, f"ghost{i}", 0.15 + 0.25 * i / GHOSTS)
+        draw(plotter, instant, scene, f"ghost{i}", 0.15 + 0.25 * i / (len(instants) - 1))
     coloured = draw(plotter, instants[-1], scene, "", 1.0)
     decorate(plotter, instants[-1], scene, coloured)
     fit_camera(plotter, scene)
@@ -355,6 +363,7 @@ def arguments(argv: list[str] | None) -> argparse.Namespace:
         help="field or component on the beams (N, Q2, Q3, T, M2, M3, kappa1, velocity, ...); "
         "default: %(default)s",
     )
+    parser.add_argument("--interval", type=float, help="seconds between instants of motion.png")
     parser.add_argument("--no-animation", action="store_true", help="write motion.png only")
     return parser.parse_args(argv)
 
@@ -371,7 +380,7 @@ def main(argv: list[str] | None = None) -> int:
         frames = instants[::every]
         if frames[-1] is not instants[-1]:
             frames.append(instants[-1])
-        shown = spread(instants)
+        shown = spread(instants, options.interval)
         cloud, limits = survey([*shown, *frames], options.colour)
         scene = Scene(title_of(options.folder), options.colour, limits, cloud, options.size)
         made = [options.folder / "motion.png"]
