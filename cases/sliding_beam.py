@@ -57,7 +57,7 @@ def build(*, elements: int, slider_elements: int, degree: int, formulation: str)
         ff.Gravity((0.0, 0.0, -9.81)),
         carrier,
         slider,
-        ff.PointMass("mass", 1.0, end),
+        ff.PointMass("bob", 1.0, end),
         ff.Spherical("pin_a", ff.Ground(A), ff.Marker("carrier", "start")),
         ff.Spherical("pin_b", ff.Ground(B), ff.Marker("carrier", "end")),
         ff.Sliding("contact", ff.Carrier("carrier"), ff.Marker("slider", "start")),
