@@ -14,4 +14,5 @@ class Status(Enum):
     DIVERGED = "the Newton iteration diverged"
     INACCURATE = "the smallest step misses the error tolerance"
     EVENT = "an event cannot be followed"
+    LEFT = "a slider leaves its carrier"
     SINGULAR = "the iteration matrix is singular: redundant constraints or a singular position"

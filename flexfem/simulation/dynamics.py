@@ -172,6 +172,8 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
     if status is Status.OK:
         return "ok"
     t = simulation.time
+    if status is Status.LEFT:
+        return f"{simulation.departures.reason} after t = {t:.6g} s"
     if status is Status.EVENT:
         if simulation.events.bad is not None:
             name = simulation.events.bad

@@ -17,6 +17,7 @@ from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
 from flexfem.io.summary import write_summary
 from flexfem.model.model import Model
+from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import check_held, rest
 from flexfem.simulation.outcome import Outcome, Results, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
@@ -103,7 +104,8 @@ class _Run:
         )  # fmt: skip
         if not options.stabilise:
             check_held(self._serial, self.equilibrium)
-        self._status = settle(self.equilibrium)
+        self._departures = Departures(self.system, self._serial)
+        self._status = self._checked(settle(self.equilibrium))
         self.path = Path(
             self.equilibrium, follow=options.arc_length > 0.0, count=options.critical_points,
             columns=self._columns,
@@ -201,6 +203,7 @@ class _Run:
         critical = None
         if status is Status.OK:
             status, critical = path.critical_point()
+        status = self._checked(status)
         if status is not Status.OK:
             path.return_to_base()
             return status, h, True
@@ -209,6 +212,11 @@ class _Run:
             self._critical.append(critical)
             status = self._branch_off(critical)
         return status, h, end and critical is None
+
+    def _checked(self, status: Status) -> Status:
+        """Status of a trial state, in which a slider may have left its carrier."""
+        left = status is Status.OK and self._departures.found()
+        return Status.LEFT if left else status
 
     def _accept(self, last: bool) -> None:
         self.path.accept()
@@ -272,6 +280,8 @@ class _Run:
         if status is Status.OK:
             return "ok"
         t, options = self.equilibrium.loading.t, self._options
+        if status is Status.LEFT:
+            return f"{self._departures.reason} after t = {t:.6g}"
         if self._steps == options.max_steps:
             return f"not at the end after {options.max_steps} arc-length steps, t = {t:.6g}"
         h = options.t_end / options.load_steps

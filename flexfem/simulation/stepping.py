@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.state import State
 from flexfem.core.status import Status
@@ -15,6 +16,7 @@ from flexfem.integrators.integrator import create_integrator, discard
 from flexfem.integrators.start import make_consistent, start_consistently
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Restart
+from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import start_in_equilibrium
 from flexfem.simulation.events import Events
 from flexfem.simulation.setup import set_up
@@ -30,6 +32,8 @@ _MOST_EVENTS = 200
 #: A step shorter than this part of its neighbours leaves accelerations of round-off: they are
 #: computed anew after it.
 _SHORT = 0.05
+#: Ends of a run that smaller steps do not avoid.
+_FINAL = (Status.EVENT, Status.LEFT)
 
 
 class Simulation:
@@ -40,6 +44,7 @@ class Simulation:
         steps, rejected: accepted (partial) steps and rejected ones.
         step_seconds: wall-clock time of each call of :meth:`advance`, s.
         events: the model's events and what became of them.
+        departures: whether sliders are on their carriers.
         observe: called after every accepted step that does not end a call of :meth:`advance`.
     """
 
@@ -65,6 +70,7 @@ class Simulation:
             options.error_tolerance if options.adaptive else None, self._integrator.order
         )
         self._tangent = TangentSolver(self.system)
+        self.departures = Departures(self.system, self.serial)
         self.status = self._start() if restart is None else Status.OK
         self._integrator.prepare(self.system)
         newton = NewtonOptions(options.tolerance)
@@ -88,6 +94,8 @@ class Simulation:
             status = start_in_equilibrium(self.serial, self.system, self._tangent)
             if status is not Status.OK:
                 return status
+            if self.departures.found():
+                return Status.LEFT
         return start_consistently(self.system, self._tangent, self.options.dt, least_norm)
 
     @property
@@ -139,7 +147,7 @@ class Simulation:
                     self.system.time = t
                 elif not control.done:
                     self.observe()
-            elif status is Status.EVENT or not self._smaller(status):
+            elif status in _FINAL or not self._smaller(status):
                 break
         self.step_seconds.append(time.perf_counter() - begin)
         return status
@@ -154,14 +162,10 @@ class Simulation:
         start = self.time
         status = self._attempt(self._policy, size)
         if status is not Status.OK or not len(self.events):
-            if status is Status.OK:
-                self._accept(size, end)
-            return status
+            return self._accept(start, size, end) if status is Status.OK else status
         values = self.events.evaluate()
         if self.events.bad is None and not self.events.crossed(values).any():
-            self._accept(size, end)
-            self.events.passed(values)
-            return status
+            return self._accept(start, size, end, values)
         discard(self.system, start)
         if self.events.bad is not None:
             return Status.EVENT
@@ -179,10 +183,19 @@ class Simulation:
                 return Status.INACCURATE
         return status
 
-    def _accept(self, size: float, end: float) -> None:
+    def _accept(
+        self, start: float, size: float, end: float, values: FloatArray | None = None
+    ) -> Status:
+        """Accept the trial state, with the ``values`` of the events, unless a slider leaves."""
+        if self.departures.found():
+            discard(self.system, start)
+            return Status.LEFT
         self._integrator.accept(self.system, size)
         self.system.time = end
         self.steps += 1
+        if values is not None:
+            self.events.passed(values)
+        return Status.OK
 
     def _through_events(self, whole: float, end: float) -> Status:
         """From the accepted state to time ``end`` in steps of their own, through events on the way.
@@ -196,8 +209,10 @@ class Simulation:
             status = self._to_event(start, size, end)
             if status is Status.OK and 0.0 < system.time - start < _SHORT * whole:
                 status = make_consistent(system, self._tangent, self.options.dt)
-            if status is Status.EVENT or len(events.fired) > self._limit:
+            if status is Status.OK and len(events.fired) > self._limit:
                 return Status.EVENT
+            if status in _FINAL:
+                return status
             if status is not Status.OK:
                 self.rejected += 1
                 most = 0.5 * size
@@ -218,9 +233,8 @@ class Simulation:
             return status
         values = events.evaluate()
         if events.bad is None and not events.crossed(values).any():
-            self._accept(size, end if size == end - start else start + size)
-            events.passed(values)
-            return status
+            reached = end if size == end - start else start + size
+            return self._accept(start, size, reached, values)
         if events.bad is None:
             status, size, hits = events.locate(trial, size, values)
         if events.bad is not None:
@@ -229,8 +243,8 @@ class Simulation:
             discard(system, start)
             return status
         if size > 0.0:
-            self._accept(size, start + size)
-        return events.carry_out(hits)
+            status = self._accept(start, size, start + size)
+        return events.carry_out(hits) if status is Status.OK else status
 
 
 def _nothing() -> None:

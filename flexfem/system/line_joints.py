@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.line_points import arc_length
 from flexfem.core.row import Row
 from flexfem.system.line_cells import LineCells
 from flexfem.system.line_data import LineData, PointData, RowData, Work
@@ -187,6 +188,14 @@ class LineJoints:
     def sliding(self) -> bool:
         """A marker slides."""
         return bool(self._points.slides.any())
+
+    def arc(self, joint: int) -> float:
+        """Arc length (m) of the slider of a joint at the last evaluation.
+
+        ``joint`` is its number in the table.
+        """
+        e, xi = self.places[self._points.first[self.joints.index(joint)]]
+        return float(self._lines.start[int(e)] + arc_length(self._lines.arc[int(e)], xi)[0])
 
     def motion(self, joint: int, frames: FloatArray, velocities: FloatArray) -> FloatArray:
         """Section at which the slider of a joint is, as (20,) numbers.

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Sliders that leave the beams they slide on."""
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem.core.joint import Joint
+from flexfem.core.marker import Carrier
+from flexfem.joints.slide_stop import SlideStop
+from flexfem.model.model import Model
+from flexfem.system.assembly import Assembly
+from flexfem.system.system import System
+
+__all__ = ["Departures"]
+
+#: How far a slider may be beyond an end of its carrier, relative to the length of that: round-off
+#: at a start at the end, and what a stop there gives way.
+_FREE, _STOPPED = 1e-5, 0.1
+
+
+class Departures:
+    """Watches that all sliders are on their carriers.
+
+    Attributes:
+        reason: which slider has left, empty while none has.
+    """
+
+    def __init__(self, system: System, serial: Assembly) -> None:
+        """Find the sliding joints, the same on every rank."""
+        model = serial.model
+        self.reason, self._system = "", system
+        self._joints = [
+            (joint, joint.a.body)
+            for joint in model.joints
+            if isinstance(joint.a, Carrier) and joint.partner is None
+        ]
+        lengths = np.array([serial.line(beam).length for _, beam in self._joints])
+        room = np.array([_room(model, joint) for joint, _ in self._joints]).reshape(-1, 2)
+        self._lower, self._upper = -room[:, 0] * lengths, (1.0 + room[:, 1]) * lengths
+        self._lengths = lengths
+        names = [joint.name for joint, _ in self._joints]
+        rows = system.constraints
+        self._own = [
+            (names.index(placed.joint.name), i)
+            for i, placed in enumerate(rows.joints)
+            if placed.owned and placed.joint.name in names
+        ]
+
+    def found(self) -> bool:
+        """Whether a slider has left at the last evaluation of the rows (collective)."""
+        if not self._joints:
+            return False
+        zeta, rows = np.zeros(len(self._joints)), self._system.constraints
+        for k, row in self._own:
+            zeta[k] = rows.lines.arc(row)
+        if self._system.comm.size > 1:  # one rank owns a joint, the others add zeros
+            self._system.comm.Allreduce(MPI.IN_PLACE, zeta, op=MPI.SUM)
+        left = np.flatnonzero((zeta < self._lower) | (zeta > self._upper))
+        if len(left):
+            k = left[0]
+            joint, beam = self._joints[k]
+            self.reason = (
+                f'{joint.owner}: the slider leaves Beam "{beam}" of {self._lengths[k]:.6g} m at '
+                f"zeta = {zeta[k]:.6g} m"
+            )
+        return bool(len(left))
+
+
+def _room(model: Model, joint: Joint) -> tuple[float, float]:
+    """How far a slider may be beyond both ends, relative to the carrier's length."""
+    stops = [stop for stop in model.joints if isinstance(stop, SlideStop) and stop.joint is joint]
+    return (
+        _FREE if all(stop.lower is None for stop in stops) else _STOPPED,
+        _FREE if all(stop.upper is None for stop in stops) else _STOPPED,
+    )
