@@ -43,6 +43,8 @@ class Sliding(Joint):
         """
         super().__post_init__()
         _checks.instance(self.owner, "a", self.a, Carrier)
+        if isinstance(self.b, Carrier):
+            raise TypeError(f'{self.owner}: b must be a Marker or Ground, got Carrier "{self.b}"')
         _checks.instance(self.owner, "tied", self.tied, bool)
 
     def motion_term(self, kind: str, poses: Sequence[Pose]) -> Term:

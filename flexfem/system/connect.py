@@ -29,6 +29,8 @@ __all__ = ["JointEnds", "connect", "joint_ends"]
 #: Distance of a slider from its line, relative to the line's length, that counts as none.
 _GAP = 1e-6
 _STEPS, _SMALL = 50, 1e-13
+#: An element lies within this multiple of the distance of its nodes from their middle.
+_BENT = 1.5
 
 
 @dataclass(frozen=True)
@@ -104,32 +106,39 @@ def _slider(
 
 
 def _closest(serial: Assembly, line: LineCells, x: FloatArray) -> tuple[int, float, FloatArray]:
-    """Element, coordinate and section frame of the point whose section's plane holds x."""
+    """Element, coordinate and frame of the section nearest to x."""
     ends = np.array([serial.node_frames(line.kind)[nodes] for nodes in line.nodes])
-    at = np.linalg.norm(ends[:, :, :3].mean(axis=1) - x, axis=1)
-    for e in np.argsort(at, kind="stable")[:3]:
+    middle = ends[:, :, :3].mean(axis=1)
+    reach = np.linalg.norm(ends[:, :, :3] - middle[:, np.newaxis], axis=2).max(axis=1)
+    beside = np.linalg.norm(middle - x, axis=1) - _BENT * reach
+    best, found = np.inf, (0, 0.0, np.empty(12))
+    for e in np.argsort(beside, kind="stable"):
+        if beside[e] > best:
+            break
         frames = np.ascontiguousarray(ends[e])
         shape = np.zeros((1, 1)) if line.shape is None else line.shape[e]
         if line.turns is not None:
             turn_frames(frames, line.turns[e], frames)
         xi, frame = _in_plane(SE3 if line.shape is None else NURBS, frames, shape, x)
-        if -_GAP <= xi <= 1.0 + _GAP:
-            break
-    return int(e), min(max(xi, 0.0), 1.0), frame
+        gap = float(np.linalg.norm(x - frame[:3]))
+        if gap < best:
+            best, found = gap, (int(e), xi, frame)
+    return found
 
 
 def _in_plane(
     kind: int, frames: FloatArray, shape: FloatArray, x: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Coordinate of the section whose plane holds x, and its frame, by Newton's method."""
+    """Coordinate, 0 to 1, of the section whose plane is nearest to x, and its frame (Newton)."""
     frame, J, xi = np.empty(12), np.empty((6, 6 * len(frames) + 1)), 0.5
     for _ in range(_STEPS):
         line_jacobian(kind, frames, shape, xi, frame, J)
         p = se3.rotation(frame).T @ (x - frame[:3])
         step = p[0] / (J[0, -1] + J[4, -1] * p[2] - J[5, -1] * p[1])
-        xi += min(max(step, -1.0), 1.0)
+        xi = min(max(xi + step, -1.0), 2.0)
         if abs(step) < _SMALL:
             break
+    xi = min(max(xi, 0.0), 1.0)
     line_jacobian(kind, frames, shape, xi, frame, J)
     return xi, frame
 

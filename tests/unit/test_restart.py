@@ -132,6 +132,32 @@ def curved() -> ff.Model:
     return model
 
 
+def sliding() -> ff.Model:
+    """A body that rubs along a soft beam, from element to element, until an event holds it."""
+    line = ff.NurbsCurve.line((0, 0, 0), (1, 0, 0), degree=2, elements=6)
+    section = ff.Section.rectangle(0.02, 0.02, ff.Material(2e8, 0.3, 800.0))
+    slide = ff.Sliding("slide", ff.Carrier("rail"), ff.Marker("shoe"), tied=True)
+    slider, inertia = ff.SlidingMarker("slide"), (1e-3, 2e-3, 2e-3)
+    model = ff.Model("sliding")
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Beam("rail", section, curve=line),
+        ff.RigidBody("shoe", 0.4, inertia, position=(0.2, 0, 0), velocity=(8, 0, 0)),
+        ff.Spherical("left", ff.Ground(), ff.Marker("rail", "start")),
+        ff.Revolute("right", ff.Ground((1, 0, 0)), ff.Marker("rail", "end"), axis=(0, 1, 0)),
+        slide,
+        ff.JointFriction("rub", slide, coefficient=0.1, velocity=0.1),
+        ff.SlideStop("stop", slide, upper=0.6, stiffness=1e3, damping=3.0),
+        ff.Lock("lock", slide),
+        ff.Event("back", slider, lambda t, s: s.arc - 0.59, ff.LockJoint("lock"), direction=-1),
+        ff.Probe("path", slider, ("zeta", "rate"), lambda t, s: (s.arc, s.arc_rate)),
+        ff.PositionProbe("shoe_path", ff.Marker("shoe")),
+        ff.ReactionProbe("force", "slide"),
+        ff.EnergyProbe("energy"),
+    )
+    return model
+
+
 MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "slider_crank": (
         lambda: load_case("slider_crank").build(elements=3),
@@ -144,6 +170,7 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "driven": (driven, {"dt": 2e-3, "t_end": 0.072}),
     "bouncing": (bouncing, {"dt": 0.01, "t_end": 0.36, "adaptive": True, "error_tolerance": 1e-4}),
     "curved": (curved, {"dt": 2e-3, "t_end": 0.036, "split_above": 1, "tolerance": 1e-9}),
+    "sliding": (sliding, {"dt": 4e-3, "t_end": 0.144, "split_above": 2, "tolerance": 1e-9}),
     "energy": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "energy_momentum"}),
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }

@@ -235,3 +235,23 @@ def test_lock_at_a_place(formulation):
     free = t > 0.8
     # a lock that keeps a part of the velocity, or of its force, would be off by 0.1
     np.testing.assert_allclose(zeta[free], 1.0 + 0.5 * a * (t[free] - 0.8) ** 2, atol=1e-5)
+
+
+@FORMULATIONS
+def test_statics_on_a_slope(formulation):
+    """The weight stretches a spring along the wire; a weak one lets the bead go."""
+
+    def hung(stiffness: float) -> ff.Model:
+        spring = ff.SpringDamper("spring", ff.Ground(), ff.Marker("bead"), stiffness=stiffness)
+        return _bead(_straight(formulation), ALONG, spring, tied=True)
+
+    options = ff.StaticOptions(load_steps=4, gravity="proportional", quiet=True)
+    held = ff.solve_static(hung(20.0), options)
+    assert held.status == "ok"
+    # the wire gives way; the weight without the sine would be 0.15 m off
+    way = MASS * G * np.sin(SLOPE) / 20.0
+    assert held.history["zeta"][-1] == pytest.approx(1.0 + way, abs=1e-5)
+    gone = ff.solve_static(hung(3.0), options)
+    assert gone.status.startswith('Sliding "slide": the slider leaves Beam "wire" of 2 m at zeta')
+    # three quarters of the load are borne
+    assert gone.history["zeta"][-1] == pytest.approx(1.0 + 0.75 * way * 20.0 / 3.0, abs=1e-4)
