@@ -26,7 +26,9 @@ def check_sliding(action: JointAction) -> None:
 class SlideStop(JointAction):
     """Elastic stops that keep the slider of a sliding joint between two places of its carrier.
 
-    Beyond a stop by d it presses with ``k d (1 + tanh(c v / (k d)))``, see ``LimitStop``.
+    Beyond a stop by d it presses with ``k d (1 + tanh(c v / (k d)))``, see ``LimitStop``. A slider
+    that goes beyond the end of its carrier thereby follows the end's continuation, for a tenth of
+    the carrier's length at most.
 
     Attributes:
         joint: the ``Sliding`` joint; in the model too.

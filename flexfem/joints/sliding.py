@@ -19,7 +19,12 @@ class Sliding(Joint):
 
     The force is at right angles to the deformed line. How far the slider has gone is its arc length
     zeta (m) from the carrier's start in the undeformed state; ``SlideStop``, ``PrescribedSlide``,
-    ``JointFriction`` and ``Lock`` with this joint act on zeta.
+    ``JointFriction`` and ``Lock`` with this joint act on zeta. A slider that leaves its carrier
+    ends the run as failed, unless a ``SlideStop`` keeps it near the end or an event acts before.
+
+    The lines of NURBS beams of degree 2 and more are smooth. Those of SE(3) beams turn at a node by
+    the difference of the shear strains on both sides, the shear force's jump over GA (1e-3 rad in a
+    thin rubber beam): a slider that passes at speed gets an impulse of that size.
 
     Attributes:
         a: ``Carrier`` with the name of the beam.

@@ -40,7 +40,8 @@ from flexfem.cli import load_case
 
 # enough elements for a share of each of three ranks
 MORE = {"slider_crank": ["--elements", "5"], "flying_spaghetti": ["--elements", "7"],
-        "chain": ["--elements", "3"]}
+        "chain": ["--elements", "3"],
+        "sliding_beam": ["--elements", "6", "--slider-elements", "3"]}
 folder, names = Path(sys.argv[1]), sys.argv[2:]
 for name, policy, split in product(names, ("auto", "frozen", "updated"), ("1", "4000")):
     argv = ["--smoke", "--quiet", "--every", "1000", "--iteration-matrix", policy]

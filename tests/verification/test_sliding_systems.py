@@ -238,3 +238,19 @@ def test_sliding_beam_against_its_reference(formulation, elements, mass, zeta):
     # coarse mesh and steps, of 0.4 m and 0.46 m so far
     assert max(errors[f"mass_{axis}"] for axis in "xyz") < mass
     assert errors["zeta"] < zeta
+
+
+@pytest.mark.serial
+def test_slider_is_found_on_an_uneven_mesh():
+    """In a long element whose middle is farther away than several short ones."""
+    x = np.array([0.0, 1.0, 1.01, 1.02, 1.03, 1.04])[:, np.newaxis] * (1.0, 0.0, 0.0)
+    mesh = ff.LineMesh(x, [[k, k + 1] for k in range(5)], {"rail": range(5)})
+    model = ff.Model("uneven", mesh=mesh)
+    model.add(
+        ff.Beam("rail", SECTION),
+        ff.RigidBody("bead", 1.0, (1, 1, 1), position=(0.95, 0, 0)),
+        ff.Sliding("slide", ff.Carrier("rail"), ff.Marker("bead")),
+        ff.Probe("path", ff.SlidingMarker("slide"), ("zeta",), lambda t, s: (s.arc,)),
+    )
+    # the short elements end 0.05 m away
+    assert _run(model, t_end=4e-3).history["zeta"][0] == pytest.approx(0.95, abs=1e-12)
