@@ -33,6 +33,8 @@ class Case:
         analysis: What is done with the model.
         settings: The case's defaults of the options of its analysis.
         smoke: Values ``--smoke`` sets: names of own options or of those of the analysis.
+        presets: Other defaults that a value of an own option brings along:
+            ``{option: {value: {name of an option: default}}}``.
         results: Headline results from the history (column name -> values over all rows).
         description: Longer text for ``--help``, usually the case file's ``__doc__``.
     """
@@ -46,6 +48,7 @@ class Case:
         *,
         analysis: Analysis = DYNAMICS,
         smoke: Mapping[str, Any] | None = None,
+        presets: Mapping[str, Mapping[Any, Mapping[str, Any]]] | None = None,
         results: Callable[[History], Mapping[str, float]] | None = None,
         description: str = "",
         **settings: Any,
@@ -59,17 +62,14 @@ class Case:
         self.name, self.summary, self.build = name, summary, build
         self.options, self.analysis, self.settings = tuple(options), analysis, settings
         self.smoke, self.results, self.description = dict(smoke or {}), results, description
+        self.presets = {name: dict(choices) for name, choices in (presets or {}).items()}
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
             raise ValueError(f"Case '{name}': use lower-case letters, digits and _ in the name")
         self._check_names()
-        known = {option.name: option for option in self.all_options()}
-        for key, value in self.smoke.items():
-            if key not in known:
-                raise ValueError(f"Case '{name}': smoke names an unknown option '{key}'")
-            try:
-                known[key].check(value)
-            except (TypeError, ValueError) as error:
-                raise ValueError(f"Case '{name}': smoke value {key} {error}") from None
+        self._check_values("smoke", self.smoke)
+        for key, choices in self.presets.items():
+            for choice, values in choices.items():
+                self._check_values("presets", {key: choice} | dict(values))
 
     def _check_names(self) -> None:
         common = {option.name for option in self.analysis.settings.OPTIONS}
@@ -84,6 +84,16 @@ class Case:
             if key in _RESERVED | common or names.count(key) > 1:
                 raise ValueError(f"Case '{self.name}': option name '{key}' is already in use")
 
+    def _check_values(self, what: str, values: Mapping[str, Any]) -> None:
+        known = {option.name: option for option in self.all_options()}
+        for key, value in values.items():
+            if key not in known:
+                raise ValueError(f"Case '{self.name}': {what} names an unknown option '{key}'")
+            try:
+                known[key].check(value)
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"Case '{self.name}': {what} value {key} {error}") from None
+
     def all_options(self) -> tuple[Option, ...]:
         """The case's own options followed by those of its analysis with this case's defaults."""
         common = (
@@ -93,6 +103,18 @@ class Case:
         return (*self.options, *common)
 
     def values(self, given: Mapping[str, Any], *, smoke: bool = False) -> dict[str, Any]:
-        """Defaults, replaced by the smoke values when asked, replaced by what was given."""
-        defaults = {option.name: option.default for option in self.all_options()}
-        return {**defaults, **(self.smoke if smoke else {}), **given}
+        """Defaults, with presets, with the smoke values when asked, with what was given."""
+        values = {option.name: option.default for option in self.all_options()}
+        chosen = {**values, **(self.smoke if smoke else {}), **given}
+        for key, choices in self.presets.items():
+            values |= choices.get(chosen[key], {})
+        return {**values, **(self.smoke if smoke else {}), **given}
+
+    def other_defaults(self, name: str) -> str:
+        """Defaults of an option that come with values of others, for ``--help``."""
+        return "".join(
+            f"; {values[name]} with --{key.replace('_', '-')} {choice}"
+            for key, choices in self.presets.items()
+            for choice, values in choices.items()
+            if name in values
+        )

@@ -247,7 +247,8 @@ def _case_parser(case: Case, prog: str | None) -> _Parser:
     own = parser.add_argument_group("this case")
     common = parser.add_argument_group("all cases")
     for option in case.all_options():
-        _add_option(own if option in case.options else common, option)
+        group = own if option in case.options else common
+        _add_option(group, option, case.other_defaults(option.name))
     common.add_argument(
         "--output",
         type=_folder,
@@ -270,9 +271,9 @@ def _case_parser(case: Case, prog: str | None) -> _Parser:
     return parser
 
 
-def _add_option(group: argparse._ArgumentGroup, option: Option) -> None:
+def _add_option(group: argparse._ArgumentGroup, option: Option, others: str) -> None:
     unit = f" [{option.unit}]" if option.unit else ""
-    default = "" if option.default is None else f" (default: {option.default})"
+    default = "" if option.default is None else f" (default: {option.default}{others})"
     text = f"{option.help}{unit}{default}".replace("%", "%%")
     if option.kind is bool:
         group.add_argument(option.flag, action=argparse.BooleanOptionalAction, help=text)

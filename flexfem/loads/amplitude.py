@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Functions of time that scale loads or drive joints; any function of time will do as well."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,37 +44,61 @@ class Table:
         return float(np.interp(t, self.times, self.values))
 
 
+#: Transitions from 0 to 1 over tau in [0, 1].
+_PROFILES: dict[str, Callable[[float], float]] = {
+    "linear": lambda tau: tau,
+    "polynomial": lambda tau: tau**3 * (10.0 + tau * (6.0 * tau - 15.0)),
+    "cycloid": lambda tau: tau - math.sin(2.0 * math.pi * tau) / (2.0 * math.pi),
+    "cosine": lambda tau: (
+        (8.0 - 9.0 * math.cos(math.pi * tau) + math.cos(3.0 * math.pi * tau)) / 16.0
+    ),
+}
+
+
 @dataclass(frozen=True)
 class SmoothStep:
-    """Step from y0 to y1 with zero velocity and acceleration at both ends.
+    """Step from y0 to y1 along one of four profiles p of tau = (t - t0)/(t1 - t0) in [0, 1].
 
-    `y0 + (y1 - y0) (6 tau^5 - 15 tau^4 + 10 tau^3)` with tau = (t - t0)/(t1 - t0) kept in [0, 1].
+    The value is `y0 + (y1 - y0) p(tau)` with
+
+    - "polynomial": `6 tau^5 - 15 tau^4 + 10 tau^3`,
+    - "cycloid": `tau - sin(2 pi tau) / (2 pi)`,
+    - "cosine": `1/2 - 9/16 cos(pi tau) + 1/16 cos(3 pi tau)`,
+    - "linear": `tau`, smooth nowhere but between the ends.
+
+    Polynomial and cycloid begin and end with zero velocity and acceleration, the cosine with zero
+    third derivative too (Wu et al., Appl. Sci. 10 (2020) 1231).
 
     Attributes:
         t0: Time at which the step begins, seconds.
         t1: Time at which it ends, seconds.
         y0: Value before.
         y1: Value after.
+        profile: How it goes.
     """
 
     t0: float
     t1: float
     y0: float = 0.0
     y1: float = 1.0
+    profile: str = "polynomial"
 
     def __post_init__(self) -> None:
         """Check the values.
 
         Raises:
             TypeError: A value is not a number.
-            ValueError: A value is not finite, or t1 is not after t0.
+            ValueError: A value is not finite, t1 is not after t0, or an unknown profile.
         """
         for what in ("t0", "t1", "y0", "y1"):
             _checks.number("SmoothStep", what, getattr(self, what))
         if self.t1 <= self.t0:
             raise ValueError(f"SmoothStep: t1 must be after t0 = {self.t0}, got {self.t1}")
+        if self.profile not in _PROFILES:
+            known, got = ", ".join(_PROFILES), _checks.show(self.profile)
+            raise ValueError(f"SmoothStep: profile must be one of {known}, got {got}")
 
     def __call__(self, t: float) -> float:
         """Return the value at time `t` in seconds."""
         tau = min(max((t - self.t0) / (self.t1 - self.t0), 0.0), 1.0)
-        return self.y0 + (self.y1 - self.y0) * tau**3 * (10.0 + tau * (6.0 * tau - 15.0))
+        return self.y0 + (self.y1 - self.y0) * _PROFILES[self.profile](tau)

@@ -88,6 +88,32 @@ class LineMesh:
         )
 
     @classmethod
+    def straight(cls, lines: Mapping[str, npt.ArrayLike], elements: int = 1) -> Self:
+        """Create a mesh of straight lines, each a group of its name with nodes of its own.
+
+        Args:
+            lines: Start and end of each, shape (2, 3), metres.
+            elements: Cells of equal length per line.
+
+        Raises:
+            TypeError: A name or an argument is of the wrong kind.
+            ValueError: No line, a wrong shape, NaN, a line of zero length, or no element.
+        """
+        _checks.instance("LineMesh", "elements", elements, int)
+        if elements < 1:
+            raise ValueError(f"LineMesh: elements must be at least 1, got {elements}")
+        if not lines:
+            raise ValueError("LineMesh: lines must hold at least one line, got none")
+        ends = np.array(
+            [_checks.array("LineMesh", f'line "{name}"', x, (2, 3)) for name, x in lines.items()]
+        )
+        points = np.linspace(ends[:, 0], ends[:, 1], elements + 1, axis=1).reshape(-1, 3)
+        first = np.arange(len(ends))[:, None] * (elements + 1) + np.arange(elements)
+        cells = np.stack([first, first + 1], axis=-1).reshape(-1, 2)
+        numbers = np.arange(len(cells)).reshape(len(ends), elements)
+        return cls(points, cells, dict(zip(lines, numbers, strict=True)))
+
+    @classmethod
     def from_gmsh_model(cls) -> Self:
         """Create a mesh from the named physical groups of the current gmsh model.
 

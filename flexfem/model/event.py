@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem.core.marker import OBSERVED, Observed
-from flexfem.model.probe import MarkerState
+from flexfem.model.probe import MarkerState, strings
 
 __all__ = ["Action", "Event", "LockJoint", "Mechanism", "Rebound", "ReleaseJoint", "Stop"]
 
@@ -44,6 +44,10 @@ class Mechanism(Protocol):
 
     def stop(self) -> None:
         """End the run at this time."""
+        ...
+
+    def happened(self, event: str) -> bool:
+        """Whether an event has happened so far, that of the action included."""
         ...
 
 
@@ -120,11 +124,26 @@ class Rebound:
 
 @dataclass(frozen=True)
 class Stop:
-    """The run ends, with success."""
+    """The run ends, with success.
+
+    Attributes:
+        after: names of events that must have happened before, else nothing happens.
+    """
+
+    after: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        """Check the names.
+
+        Raises:
+            TypeError: they are no list of names.
+        """
+        object.__setattr__(self, "after", strings("Stop", "after", self.after))
 
     def __call__(self, mechanism: Mechanism) -> None:
         """Act."""
-        mechanism.stop()
+        if all(mechanism.happened(event) for event in self.after):
+            mechanism.stop()
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -203,6 +222,11 @@ class Event:
         return tuple(
             a.joint for a in self.actions if isinstance(a, (LockJoint, ReleaseJoint, Rebound))
         )
+
+    @property
+    def awaits(self) -> tuple[str, ...]:
+        """Names of the events that the actions wait for."""
+        return tuple(name for a in self.actions if isinstance(a, Stop) for name in a.after)
 
     def evaluate(self, t: float, states: Sequence[MarkerState]) -> float:
         """Return the function's value at time `t`.

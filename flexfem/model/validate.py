@@ -14,6 +14,7 @@ from flexfem.core.marker import Carrier, Ground, Marker, Observed, SlidingMarker
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam
+from flexfem.model.event import Event
 from flexfem.model.place import Place
 
 if TYPE_CHECKING:
@@ -44,6 +45,9 @@ def validate(model: Model) -> None:
     for event in model.events:
         for name in event.joints:
             _check_joint(model, _owner(event), name)
+        for name in event.awaits:
+            if not isinstance(model.get(name), Event):
+                raise ValueError(f'{_owner(event)}: stops after "{name}", which is no event')
     for name in model.released:
         _check_joint(model, f"{model!r}: release", name)
     for probe in model.probes:

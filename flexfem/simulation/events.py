@@ -4,7 +4,7 @@
 Every rank evaluates the functions with the same marker states, and so decides alike.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -184,7 +184,7 @@ class Events:
         system = self._system
         system.reset()
         system.interface.update()
-        mechanism = _Moving(system)
+        mechanism = _Moving(system, self.fired)
         for i in np.flatnonzero(hits):
             event = self._events[i]
             self.fired.append((event.name, system.time))
@@ -255,8 +255,8 @@ def _check_rebounds(rows: Constraints, model: Model) -> None:
 class _Moving:
     """The system as actions see it; see ``flexfem.model.event.Mechanism``."""
 
-    def __init__(self, system: System) -> None:
-        self._rows, self.time = system.constraints, system.time
+    def __init__(self, system: System, fired: Sequence[tuple[str, float]]) -> None:
+        self._rows, self.time, self._fired = system.constraints, system.time, fired
         self.impacts: list[_Impact] = []
         self.changed = self.stopped = False
         self.event = 0
@@ -271,3 +271,6 @@ class _Moving:
 
     def stop(self) -> None:
         self.stopped = True
+
+    def happened(self, event: str) -> bool:
+        return any(name == event for name, _ in self._fired)

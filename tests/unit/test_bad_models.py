@@ -33,6 +33,7 @@ SECTION = Section.rectangle(0.03, 0.03, STEEL)
 ONES = np.ones(6)
 LINE = NurbsCurve.line((0, 0, 0), (1, 0, 0))
 END = Marker("beam", "end")
+ROD = {"rod": ((0, 0, 0), (0, 0, 1))}
 
 # --- constructors --------------------------------------------------------------------------------
 
@@ -192,6 +193,17 @@ CONSTRUCTORS = [
     (lambda: Table([0, 1], [0, 0, 0]), r"Table: values must hold 2 numbers, got \[0, 0, 0\]"),
     (lambda: Table([], []), "Table: times must hold"),
     (lambda: SmoothStep(1.0, 1.0), "SmoothStep: t1 must be after t0 = 1.0, got 1.0"),
+    (
+        lambda: SmoothStep(0.0, 1.0, profile="square"),
+        "SmoothStep: profile must be one of linear, polynomial, cycloid, cosine, got 'square'",
+    ),
+    (lambda: LineMesh.straight({}), "LineMesh: lines must hold at least one line, got none"),
+    (lambda: LineMesh.straight(ROD, 0), "LineMesh: elements must be at least 1, got 0"),
+    (lambda: LineMesh.straight(ROD, 1.5), "LineMesh: elements must be a int, got 1.5"),
+    (
+        lambda: LineMesh.straight({"rod": (0, 0, 1)}),
+        r'LineMesh: line "rod" must hold 2 x 3 numbers, got \(0, 0, 1\)',
+    ),
     # probes
     (lambda: Probe("p", [], [], max), 'Probe "p": columns must hold at least one name, got none'),
     (lambda: Probe("p", [END], ["t"], max), 'Probe "p": column "t" is the time'),

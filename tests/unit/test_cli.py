@@ -179,6 +179,20 @@ def test_given_values_win_over_smoke_values(own_case: Path) -> None:
     assert options == RunOptions(dt=1e-4, t_end=2e-3, output=Path("a/b"), quiet=True)
 
 
+def test_presets_come_with_a_choice(own_case: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = cli.load_case(str(own_case))
+    case.presets = {"shape": {"square": {"dt": 2e-3, "count": 9}}}
+    seen = {}
+    for line in ("", "--shape square", "--shape square --dt 3e-3", "--shape square --smoke"):
+        parameters, options = cli.parse(case, line.split())
+        seen[line] = options.dt, parameters["count"]
+    assert list(seen.values()) == [(1e-3, 4), (2e-3, 9), (3e-3, 9), (2e-3, 1)]
+    with pytest.raises(SystemExit):
+        cli.parse(case, ["--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    assert "(default: 0.001; 0.002 with --shape square)" in text
+
+
 def test_failed_computation_gives_exit_code_1(
     own_case: Path, runs: list[dict[str, Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -293,6 +307,10 @@ def test_what_cannot_be_run(
         ({"options": (ff.Option("a", int, 1, ""), ff.Option("a", int, 1, ""))}, "'a'"),
         ({"smoke": {"elments": 1}}, "elments"),
         ({"smoke": {"t_end": -1.0}}, "t_end"),
+        ({"presets": {"form": {"round": {"dt": 1.0}}}}, "form"),
+        ({"presets": {"every": {1: {"elments": 1}}}}, "elments"),
+        ({"presets": {"every": {0: {"dt": 1.0}}}}, "every"),
+        ({"presets": {"every": {1: {"dt": -1.0}}}}, "dt"),
         ({"dt": float("nan")}, "nan"),
         ({"rho_inf": 2.0}, "2.0"),
     ],

@@ -47,6 +47,13 @@ def no_gmsh():
         gmsh.finalize()
 
 
+def test_straight_lines():
+    mesh = LineMesh.straight({"a": (EX, 3.0 * EX), "b": (3.0 * EX, EY)}, 2)
+    np.testing.assert_allclose(mesh.points[[0, 1, 2, 3, 5]], [EX, 2 * EX, 3 * EX, 3 * EX, EY])
+    # lines that meet have nodes of their own
+    assert [mesh.order(name).tolist() for name in ("a", "b")] == [[0, 1, 2], [3, 4, 5]]
+
+
 # --- order ---------------------------------------------------------------------------------------
 
 

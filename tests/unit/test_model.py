@@ -216,6 +216,27 @@ def test_smooth_step():
     assert np.log2(small[0] / small[1]) == pytest.approx(3.0, abs=0.02)
 
 
+# value at a quarter of the time, by hand: a wrong coefficient of any profile shows there
+QUARTERS = {
+    "linear": (0.25, 1.0),
+    "polynomial": (0.103515625, 3.0),
+    "cycloid": (0.25 - 1.0 / (2.0 * np.pi), 3.0),
+    "cosine": (0.5 - 0.625 / np.sqrt(2.0), 4.0),
+}
+
+
+@pytest.mark.parametrize("profile", QUARTERS)
+def test_profiles_of_a_step(profile):
+    step, (quarter, order) = SmoothStep(2.0, 4.0, profile=profile), QUARTERS[profile]
+    assert step(2.5) == pytest.approx(quarter, rel=1e-14)
+    # all are point-symmetric about the middle, constant outside
+    assert [step(t) for t in (1.0, 2.0, 3.0, 4.0, 9.0)] == pytest.approx([0, 0, 0.5, 1, 1])
+    assert step(3.5) == pytest.approx(1.0 - quarter, rel=1e-14)
+    # how smoothly they begin
+    small = [step(2.0 + d) for d in (2e-2, 1e-2)]
+    assert np.log2(small[0] / small[1]) == pytest.approx(order, abs=0.03)
+
+
 # --- probes --------------------------------------------------------------------------------------
 
 

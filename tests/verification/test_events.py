@@ -99,6 +99,20 @@ def test_a_run_can_be_stopped(shared_tmp_path):
     np.testing.assert_allclose(np.array(last, dtype=float), (end, 0.3 * end, 0, 0), atol=1e-8)
 
 
+@pytest.mark.three_ranks
+def test_a_run_stops_after_all_events():
+    # stopping at the first event, or never, gives another last row
+    model = _ball(lambda mechanism: None)
+    for name, height in (("half_way", 0.5), ("low", 0.2)):
+        model.add(
+            ff.Event(name, ff.Marker("ball"), lambda t, s, z=height: s.position[2] - z,
+                     ff.Stop(after=("low", "half_way")))
+        )  # fmt: skip
+    outcome = _run(model, t_end=2.0)
+    assert outcome.summary["stopped_by"] == "low"
+    assert outcome.history["t"][-1] == pytest.approx(np.sqrt(1.6 / G), abs=2e-9)
+
+
 def _catch(where: float, flexible: bool = False) -> ff.Model:
     """A slider with a pendulum at its side that is caught at a position.
 
@@ -281,6 +295,7 @@ def test_bad_events():
     _raises('Event "e": markers must be a Marker or Ground', lambda: event(markers=["ball"]))
     _raises('Rebound of "floor": restitution must lie in [0, 1], got 1.5',
             lambda: ff.Rebound("floor", 1.5))  # fmt: skip
+    _raises("Stop: after must be a list of names, got 'hit'", lambda: ff.Stop(after="hit"))
     _raises('Rebound of "floor": rest_speed must not be negative',
             lambda: ff.Rebound("floor", 0.5, -1.0))  # fmt: skip
 
@@ -292,6 +307,8 @@ def _run(model, **keywords):
 def test_bad_models_with_events():
     _raises('Event "hit": Model "ball" has no joint "roof"',
             lambda: _run(_ball(ff.Rebound("roof", 0.5))))  # fmt: skip
+    _raises('Event "hit": stops after "roof", which is no event',
+            lambda: _run(_ball(ff.Stop(after=["roof"]))))  # fmt: skip
     model = _ball(ff.Stop())
     model.release("roof")
     _raises('Model "ball": release: Model "ball" has no joint "roof"', lambda: _run(model))
