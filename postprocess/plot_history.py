@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Plot the history tables of one or more result folders: history.png, one panel per quantity.
+"""Plot the history table of a result folder: history.png, one panel per quantity.
 
 Components (tip_x, tip_y, tip_z or force_1, force_2) share a panel:
 
@@ -9,12 +9,6 @@ Components (tip_x, tip_y, tip_z or force_1, force_2) share a panel:
 Another column than the time on the horizontal axis gives the path of a load over a displacement:
 
     python postprocess/plot_history.py results/lee_frame --columns t --x down
-
-Several runs share a picture, one panel per column and one line per run; --after leaves out the rows
-before a time:
-
-    python postprocess/plot_history.py results/linear results/cosine --columns D_x,D_z \
-        --after 20 --output residual.png
 """
 
 from __future__ import annotations
@@ -79,10 +73,9 @@ def grouped(columns: list[str]) -> list[tuple[str, list[str]]]:
     return [(g if len(names) > 1 else names[0], names) for g, names in groups.items()]
 
 
-def plot(tables: dict[str, dict[str, np.ndarray]], columns: list[str], x: str, path: Path) -> None:
-    """Write the picture of one or more runs (by name), which all have these columns."""
-    one = len(tables) == 1
-    groups = grouped(columns) if one else [(name, [name]) for name in columns]
+def plot(table: dict[str, np.ndarray], columns: list[str], x: str, title: str, path: Path) -> None:
+    """Write the picture."""
+    groups = grouped(columns)
     n_columns = 1 if len(groups) <= 4 else 2
     n_rows = -(-len(groups) // n_columns)
     figure, axes = plt.subplots(
@@ -95,14 +88,13 @@ def plot(tables: dict[str, dict[str, np.ndarray]], columns: list[str], x: str, p
     )
     panels = axes.T.reshape(-1)
     for panel, (label, names) in zip(panels, groups, strict=False):
-        for run, table in tables.items():
-            for name in names:
-                panel.plot(table[x], table[name], linewidth=1.4, label=name if one else run)
+        for name in names:
+            panel.plot(table[x], table[name], linewidth=1.4, label=name)
         panel.set_ylabel(label)
         panel.grid(color="#d9dee4", linewidth=0.7)
         panel.spines[["top", "right"]].set_visible(False)
         panel.margins(x=0.01)
-        if len(names) > 1 or (not one and panel is panels[0]):
+        if len(names) > 1:
             panel.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     for panel in panels[len(groups) :]:
         panel.set_axis_off()
@@ -110,50 +102,26 @@ def plot(tables: dict[str, dict[str, np.ndarray]], columns: list[str], x: str, p
         last = min((column + 1) * n_rows, len(groups)) - 1
         panels[last].set_xlabel("t (s)" if x == "t" else x)
         panels[last].tick_params(labelbottom=True)
-    if one:
-        figure.suptitle(next(iter(tables)))
+    figure.suptitle(title)
     figure.savefig(path, dpi=140)
     plt.close(figure)
-
-
-def load(folders: list[Path], after: float) -> dict[str, dict[str, np.ndarray]]:
-    """Rows of every folder's table from a time on, by the folder's name (by its path if needed)."""
-    folders = list(dict.fromkeys(folders))
-    names = [folder.resolve().name for folder in folders]
-    tables = {}
-    for folder, name in zip(folders, names, strict=True):
-        table = read_table(folder / "history.csv")
-        late = table["t"] >= after
-        if not late.any():
-            raise PlotError(f"{folder}: no rows from t = {after:g} on")
-        unique = name if names.count(name) == 1 else str(folder)
-        tables[unique] = {column: values[late] for column, values in table.items()}
-    return tables
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the program."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("folders", type=Path, nargs="+", metavar="RESULTS_DIR")
+    parser.add_argument("folder", type=Path, metavar="RESULTS_DIR")
     parser.add_argument("--columns", metavar="A,B", help="columns to plot (default: all)")
     parser.add_argument(
         "--x", metavar="A", default="t", help="column on the horizontal axis (default: t)"
     )
-    parser.add_argument(
-        "--after", metavar="T", type=float, default=-np.inf, help="only rows from t = T on"
-    )
-    parser.add_argument(
-        "--output", type=Path, metavar="FILE", help="default: history.png in the first folder"
-    )
     options = parser.parse_args(argv)
-    target = options.output or options.folders[0] / "history.png"
+    source, target = options.folder / "history.csv", options.folder / "history.png"
     try:
-        tables = load(options.folders, options.after)
-        columns = options.columns
-        for name, table in tables.items():
-            columns = ",".join(choose(table, columns, options.x, Path(name) / "history.csv"))
-        plot(tables, columns.split(","), options.x, target)
-    except (PlotError, OSError, ValueError) as exc:
+        table = read_table(source)
+        columns = choose(table, options.columns, options.x, source)
+        plot(table, columns, options.x, options.folder.resolve().name, target)
+    except (PlotError, OSError) as exc:
         print(f"plot_history.py: {exc}", file=sys.stderr)
         return 2
     print(target)
