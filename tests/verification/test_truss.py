@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Deployable truss: the mechanism closes, unfolds in time, and profiles rank as published."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.cli import load_case
+from flexfem.resources import load_module
+from tests.verification.benchmarks import flexible_truss
+
+FILE = Path(__file__).parents[2] / "cases" / "deployable_truss.py"
+DIAGONAL = math.sqrt(20.0)
+LENGTHS = {"lower": 4.0, "upper": 4.0, "brace": DIAGONAL, "floor": DIAGONAL, "roof": DIAGONAL,
+           "post": 2.0, "top": 2.0, "bottom": 2.0}  # fmt: skip
+FORMULATIONS = ("nurbs", "se3")
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def _build(control: str, formulation: str) -> ff.Model:
+    """One bay with one element per member."""
+    return load_case("deployable_truss").build(
+        control=control, bays=1, formulation=formulation, elements=1, degree=2
+    )
+
+
+@pytest.mark.serial
+def test_members_keep_their_lengths_and_turn_about_their_hinges():
+    members = load_module(FILE, "truss").members
+    start = {name: line[1] - line[0] for name, line in members(3, math.radians(5.0)).items()}
+    for degrees in range(5, 91):
+        for name, (first, last) in members(3, math.radians(degrees)).items():
+            line = last - first
+            # round-off; from another corner a diagonal would be centimetres longer
+            assert np.linalg.norm(line) == pytest.approx(LENGTHS[name.split("_")[0]], abs=1e-14)
+            # what turns about Y keeps its part along Y
+            assert line[1] == pytest.approx(start[name][1], abs=1e-14)
+
+
+@pytest.mark.serial
+def test_members_meet_at_the_hinges():
+    members = load_module(FILE, "truss").members
+    for degrees, height in ((5.0, 0.474), (90.0, 2.0)):
+        lines = members(2, math.radians(degrees))
+        for i in (1, 2):
+            for side, other in (("left", "right"), ("right", "left")):
+                foot, head = lines[f"post_{side}_{i}"]
+                next_foot, next_head = lines[f"post_{side}_{i + 1}"]
+                meetings = [
+                    (lines[f"lower_{side}_{i}"], foot, next_foot),
+                    (lines[f"upper_{side}_{i}"], head, next_head),
+                    # the diagonals of two faces cross from one side to the other
+                    (lines[f"{'floor' if side == 'left' else 'roof'}_{i}"],
+                     (foot if side == "left" else head),
+                     lines[f"post_{other}_{i + 1}"][0 if side == "left" else 1]),
+                    (lines[f"brace_{side}_{i}"], foot, next_foot + height * UP),
+                ]  # fmt: skip
+                for line, first, last in meetings:
+                    # the printed height has three digits; ends elsewhere are metres away
+                    np.testing.assert_allclose(line, (first, last), rtol=0.0, atol=5e-4)
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS)
+def test_gravity_unfolds_one_bay(formulation):
+    outcome = ff.simulate(_build("gravity", formulation), ff.RunOptions(dt=0.1, t_end=30.0))
+    assert (outcome.status, outcome.summary["stopped_by"][:6]) == ("ok", "latch_")
+    times = [event["t"] for event in outcome.summary["events"]]
+    # rigid members: 14.204206 s, by the program that wrote tests/data/deployable_truss.csv; a
+    # diagonal without mass changes it by 0.2 s, members without bending energy by nothing
+    assert times == pytest.approx([14.204206] * 2, abs=5e-3)
+    end = [outcome.history[column][-1] for column in ("D_x", "D_z", "beta_1", "beta_2")]
+    # elastic members; a slider latched elsewhere leaves D centimetres off
+    np.testing.assert_allclose(end, (4.0, 0.0, math.pi / 2, math.pi / 2), atol=5e-3)
+
+
+@pytest.mark.serial
+def test_gravity_unfolds_two_bays_as_rigid_ones():
+    # what each tolerance tells apart is said where it is set
+    for result in flexible_truss.results(full=False):
+        assert result.error <= result.tolerance, result
+
+
+@pytest.mark.serial
+def test_profiles_rank_as_published():
+    case, left = load_case("deployable_truss"), {}
+    for control in ("linear", "polynomial", "cycloid", "cosine"):
+        options = ff.RunOptions(dt=0.02, t_end=24.0)
+        outcome = ff.simulate(_build(control, "se3"), options)
+        assert outcome.status == "ok"
+        assert len(outcome.summary["events"]) == 2
+        left[control] = case.results(outcome.history)["D_z_residual"]
+    # the same profile in all runs, or one that jumps in speed, would not keep this order
+    assert left["linear"] > 10.0 * max(left["polynomial"], left["cycloid"])
+    assert left["cosine"] < 0.7 * min(left["polynomial"], left["cycloid"])
+
+
+@pytest.mark.slow
+@pytest.mark.benchmark
+def test_table():
+    """The meshes, steps and spans of the table."""
+    for result in flexible_truss.results():
+        assert result.error <= result.tolerance, result
