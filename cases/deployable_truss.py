@@ -132,10 +132,11 @@ def _slide(model: ff.Model, i: int, stop_after: int) -> None:
     for side in SIDES:
         name, end = f"slide_{side}_{i}", ff.Marker(f"brace_{side}_{i}", "end")
         model.add(
-            ff.Sliding(name, ff.Carrier(f"post_{side}_{i + 1}"), end),
+            slide := ff.Sliding(name, ff.Carrier(f"post_{side}_{i + 1}"), end),
+            ff.Lock(f"lock_{side}_{i}", slide, locked=False),
             ff.Event(
                 f"latch_{side}_{i}", ff.SlidingMarker(name), lambda t, at: at.arc - SIDE,
-                [ff.LockJoint(name), *stop], direction=1,
+                [ff.LockJoint(f"lock_{side}_{i}"), *stop], direction=1,
             ),
         )  # fmt: skip
 
