@@ -17,6 +17,7 @@ from flexfem.core.frame_kernels import (
     shift,
     to_inertial,
 )
+from flexfem.core.prediction import Misses
 from flexfem.core.state import Numbering
 
 __all__ = ["FrameBlock"]
@@ -168,17 +169,17 @@ class FrameBlock:
             turns = self.frames[:, 3:].reshape(-1, 3, 3)
             self.step[:, :3] = np.einsum("nji,nj->ni", turns, self.step[:, :3])
 
-    def accept(self, law: FloatArray, h: float) -> tuple[float, float]:
+    def accept(self, law: FloatArray, h: float) -> Misses:
         """End a step of size ``h`` (s); see ``frame_kernels.accept``.
 
         Returns:
-            How far predictions from velocity alone and from acceleration too were off.
+            How far off the predictions were.
         """
         if self._offset is not None:
             self.increment -= self._offset
             self._velocity_base += self._rates[0] * self._offset
             self._acceleration_base += self._rates[1] * self._offset
-        misses: tuple[float, float] = accept(
+        misses: Misses = accept(
             self.frames0, self._velocity0, self._auxiliary0, self._acceleration0, self.frames,
             self.increment, self._velocity_base, self._acceleration_base, self._rates, law, h,
             self.owned,

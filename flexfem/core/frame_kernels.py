@@ -4,6 +4,7 @@
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.prediction import Misses
 from flexfem.lie import so3
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into, retract_into
@@ -232,17 +233,18 @@ def accept(
     frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray, frames: FloatArray,
     n: FloatArray, v_base: FloatArray, w_base: FloatArray, rates: FloatArray, law: FloatArray,
     h: float, owned: int,
-) -> tuple[float, float]:  # fmt: skip
+) -> Misses:  # fmt: skip
     """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0.
 
-    Returns the largest distances of the increments of the owned nodes from ``h v0`` and from
-    ``h v0 + h^2/2 a0``.
+    Returns the largest distances of the increments of the owned nodes from zero, from ``h v0`` and
+    from ``h v0 + h^2/2 a0``.
     """
-    first, second = 0.0, 0.0
+    whole, first, second = 0.0, 0.0, 0.0
     for i in range(n.shape[0]):
         for k in range(6):
             if i < owned:
                 miss = n[i, k] - h * v0[i, k]
+                whole = max(whole, abs(n[i, k]))
                 first = max(first, abs(miss))
                 second = max(second, abs(miss - 0.5 * h * h * a0[i, k]))
             a0[i, k] = law[0] * n[i, k] + law[1] * v0[i, k] + law[2] * a0[i, k]
@@ -252,4 +254,4 @@ def accept(
         _orthonormalise(frames[i])
         for k in range(12):
             frames0[i, k] = frames[i, k]
-    return first, second
+    return whole, first, second

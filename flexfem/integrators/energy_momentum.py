@@ -27,13 +27,16 @@ Multipliers are means over the step, and so are the accelerations that are repor
 in time are those of the middle of the step; follower loads and moments are averages of both ends.
 """
 
+from functools import partial
 from typing import ClassVar
 
 from flexfem._checks import InputError
+from flexfem.core.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard
 from flexfem.solvers.policies import Policy
+from flexfem.system.constraints import Constraints
 from flexfem.system.step_mechanics import StepMechanics
 from flexfem.system.system import Shifts, System
 
@@ -108,14 +111,13 @@ class EnergyMomentum(Integrator):
         factors = system.factors.copy()
         system.set_time(begin + h)
         mechanics.begin(system, h, factors)
-
-        def restart() -> None:
-            mechanics.predict(system)
-            rows.multipliers[:] = mechanics.weight * rows.forces
-
-        restart()
         others, system.mechanics = system.mechanics, mechanics
-        status = policy.solve(self.shifts(h), restart)
+        for prediction in dict.fromkeys((system.prediction, Prediction.REST)):
+            restart = partial(_predict, mechanics, rows, prediction)
+            restart()
+            status = policy.solve(self.shifts(h), restart)
+            if status is Status.OK:
+                break
         system.mechanics = others  # events and starts state equilibrium at one time
         if status is not Status.OK:
             discard(system, begin)
@@ -135,3 +137,9 @@ class EnergyMomentum(Integrator):
         rows = system.constraints
         rows.forces[:] = rows.multipliers / self._mechanics.weight
         self._mechanics.accept(system)
+
+
+def _predict(mechanics: StepMechanics, rows: Constraints, prediction: Prediction) -> None:
+    """Trial state at the beginning of the iteration."""
+    mechanics.predict(prediction)
+    rows.multipliers[:] = mechanics.weight * rows.forces

@@ -13,13 +13,14 @@ within 15 s instead of 0.028). Equations and Newton steps are in the nodes' own 
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf
 from typing import ClassVar
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.prediction import Prediction
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard
 from flexfem.solvers.newton import Equations, PositionLevel
@@ -38,13 +39,13 @@ class _Laws:
 
     Attributes:
         shifts: of the iteration matrix.
-        predict: (7,) laws of prediction from velocities alone, and from accelerations too.
+        predict: (7,) laws, one for each ``Prediction``.
         rates: (2,) derivatives of velocity and acceleration by the increment.
         accept: (3,) law of acceptance, see ``frame_kernels``.
     """
 
     shifts: Shifts
-    predict: tuple[FloatArray, FloatArray]
+    predict: tuple[FloatArray, FloatArray, FloatArray]
     rates: FloatArray
     accept: FloatArray
 
@@ -100,18 +101,16 @@ class GeneralizedAlpha(Integrator):
 
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
-        laws, rows, start = _laws(self.rho_inf, h), system.constraints, system.time
-        shifts, predict = laws.shifts, laws.predict[system.smooth]
+        laws, start = _laws(self.rho_inf, h), system.time
+        shifts, status = laws.shifts, Status.DIVERGED
         system.set_time(start + h)
-
-        def restart() -> None:
-            system.predict(predict, laws.rates)
-            rows.multipliers[:] = shifts.scale * rows.forces
-
-        restart()
-        status = policy.solve(shifts, restart, self._equations(h))
-        if status is not Status.OK:
-            discard(system, start)
+        for prediction in dict.fromkeys((system.prediction, Prediction.REST)):
+            restart = partial(_predict, system, laws, laws.predict[prediction])
+            restart()
+            status = policy.solve(shifts, restart, self._equations(h))
+            if status is Status.OK:
+                return status
+        discard(system, start)
         return status
 
     def error(self, system: System, policy: Policy, h: float) -> float:
@@ -144,12 +143,16 @@ class GeneralizedAlpha(Integrator):
         system.accept(laws.accept, h)
 
 
+def _predict(system: System, laws: _Laws, law: FloatArray) -> None:
+    """Start a step of the given laws with the trial state that ``law`` predicts."""
+    system.predict(law, laws.rates)
+    rows = system.constraints
+    rows.multipliers[:] = laws.shifts.scale * rows.forces
+
+
 @lru_cache(maxsize=_SIZES)
 def _laws(rho_inf: float, h: float) -> _Laws:
     """Coefficients of steps of size ``h`` (s).
-
-    Increments are predicted from velocities, and from accelerations while these help: a load that
-    jumps makes old accelerations of small inertias a bad guess.
 
     With n the increment: ``a = n/(beta h^2) - v0/(beta h) - (1/2 - beta)/beta a0``,
     ``v = v0 + (1 - gamma) h a0 + gamma h a`` and
@@ -171,8 +174,8 @@ def _laws(rho_inf: float, h: float) -> _Laws:
             -alpha_f / (1.0 - alpha_f),
         ]
     )
-    plain = curved.copy()
-    plain[1] = 0.0
+    plain, rest = curved.copy(), curved.copy()
+    plain[1], rest[:2] = 0.0, 0.0
     shifts = Shifts(gamma / (beta * h), weight / scale, scale)
     rates = np.array([shifts.velocity, shifts.acceleration])
-    return _Laws(shifts, (plain, curved), rates, accept)
+    return _Laws(shifts, (rest, plain, curved), rates, accept)

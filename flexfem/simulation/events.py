@@ -13,6 +13,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
+from flexfem.core.prediction import Prediction
 from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.start import make_consistent, project_velocities
@@ -202,7 +203,7 @@ class Events:
             status = self._rebound(impact) if status is Status.OK else status
         if status is Status.OK and mechanism.changed:
             status = make_consistent(system, self._tangent, self._span)
-            system.smooth = False
+            system.prediction = Prediction.VELOCITY
         after = self.evaluate()
         others = ~hits & (after != 0.0)
         self.values = after

@@ -16,6 +16,7 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.bodies.step_forces import add_step_forces, step_force_tangent
 from flexfem.bodies.step_inertia import add_step_inertia, lump, step_inertia_tangent
+from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import State
 from flexfem.core.step_kernels import correct, mean_acceleration, start
 from flexfem.elements.energy_beam import EnergyBeams, StepState
@@ -102,11 +103,13 @@ class _Part:
         state.law = self.law(h)
         self._memory = memory
 
-    def predict(self, h: float, smooth: bool) -> None:
-        """Increments from the rates, and from their last change where this helps."""
+    def predict(self, h: float, prediction: Prediction) -> None:
+        """Increments from nothing, from the rates, or from their last change too."""
         chi, state = self.chi, self.state
         law = np.array([
-            h, 0.5 * h * smooth, (chi - 1.0) / (1.0 + chi), self._memory * chi / (1.0 + chi),
+            h * (prediction >= Prediction.VELOCITY),
+            0.5 * h * (prediction >= Prediction.ACCELERATION),
+            (chi - 1.0) / (1.0 + chi), self._memory * chi / (1.0 + chi),
             state.law[2],
         ])  # fmt: skip
         start(
@@ -130,20 +133,21 @@ class _Part:
         )  # fmt: skip
         return largest
 
-    def accept(self, h: float) -> tuple[float, float]:
-        """Take the trial state; how far the predictions without and with jumps were off."""
+    def accept(self, h: float) -> Misses:
+        """Take the trial state; how far the predictions were off."""
         state, block = self.state, self.block
         owned = slice(0, block.owned)
-        path = (state.rates - self.base)[owned] / state.law[2] - h * state.rates0[owned]
-        curved = path - 0.5 * h * self.jumps[owned]
-        misses = float(np.abs(path).max(initial=0.0)), float(np.abs(curved).max(initial=0.0))
+        path = (state.rates - self.base)[owned] / state.law[2]
+        plain = path - h * state.rates0[owned]
+        curved = plain - 0.5 * h * self.jumps[owned]
+        whole, first, second = (float(np.abs(x).max(initial=0.0)) for x in (path, plain, curved))
         mean_acceleration(
             state.frames, state.rates0, state.rates, block.velocity, self.centres, h,
             block.acceleration,
         )  # fmt: skip
         self.before[:] = state.frames0
         block.take()
-        return misses
+        return whole, first, second
 
 
 class StepMechanics:
@@ -219,10 +223,10 @@ class StepMechanics:
                 twists = part.beams.twists(part.block.frames0)
                 part.last_change = twists - part.beams.twists(part.before)
 
-    def predict(self, system: System) -> None:
+    def predict(self, prediction: Prediction) -> None:
         """Trial state from the accepted one."""
         for part in self._parts.values():
-            part.predict(self.h, system.smooth)
+            part.predict(self.h, prediction)
 
     def error(self, system: System) -> float:
         """Estimated error of the trial state's increments, m or rad (collective)."""

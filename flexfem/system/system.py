@@ -17,6 +17,7 @@ import numpy as np
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import Load
+from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State
 from flexfem.elements.family import BeamFamily
 from flexfem.system.constraints import Constraints
@@ -136,7 +137,7 @@ class System:
         counters: what the run has counted so far.
         mechanics: the equations at the trial state; a time integrator may bring its own.
         time: time of the trial state, s.
-        smooth: accelerations improved the prediction of the last step.
+        prediction: the best one for the last step.
     """
 
     def __init__(
@@ -162,7 +163,7 @@ class System:
         self.counters = Counters()
         self.mechanics: Mechanics = EndPoint()
         self.time = 0.0
-        self.smooth = False
+        self.prediction = Prediction.VELOCITY
 
     @property
     def unknowns(self) -> int:
@@ -255,21 +256,21 @@ class System:
         return self.comm.allreduce(largest, op=MPI.MAX) if self.comm.size > 1 else largest
 
     def accept(self, law: FloatArray, h: float) -> None:
-        """End a step: trial state becomes the state, and the better predictor is chosen."""
+        """End a step: trial state becomes the state, and the best prediction is chosen."""
         self.choose_prediction([part.block.accept(law, h) for part in self.parts])
         self.interface.update()
         self.constraints.accept()
 
-    def choose_prediction(self, misses: Sequence[tuple[float, float]]) -> None:
-        """Set ``smooth`` by how far both predictions were off in each block (collective)."""
-        plain = curved = 0.0
-        for first, second in misses:
-            plain, curved = max(plain, first), max(curved, second)
+    def choose_prediction(self, misses: Sequence[Misses]) -> None:
+        """Set ``prediction`` by how far all of them were off in each block (collective).
+
+        Where they are equal velocities are used: what begins to move goes on.
+        """
+        largest = np.array(misses, dtype=np.float64).reshape(-1, 3).max(axis=0, initial=0.0)
         if self.comm.size > 1:
-            largest = np.array([plain, curved])
             self.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
-            plain, curved = largest.tolist()
-        self.smooth = curved < plain
+        order = (Prediction.VELOCITY, Prediction.ACCELERATION, Prediction.REST)
+        self.prediction = min(order, key=lambda each: float(largest[each]))
 
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""
@@ -285,7 +286,7 @@ class System:
         """Accepted state of blocks and rows, time and counters."""
         values = {
             "time": np.array([self.time]),
-            "smooth": np.array([float(self.smooth)]),
+            "prediction": np.array([float(self.prediction)]),
             "counters": np.array(astuple(self.counters), dtype=np.float64),
         }
         blocks = {part.block.name: part.block.state() for part in self.parts}
@@ -294,7 +295,7 @@ class System:
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned (collective)."""
         self.set_time(float(state.values["time"][0]))
-        self.smooth = bool(state.values["smooth"][0])
+        self.prediction = Prediction(int(state.values["prediction"][0]))
         self.counters = Counters(*map(int, state.values["counters"]))
         for part in self.parts:
             part.block.restore(state.rows[part.block.name])

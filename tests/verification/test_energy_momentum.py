@@ -452,7 +452,7 @@ def test_tangent(rho_inf):
     integrator = simulation._integrator
     mechanics, shifts = integrator._mechanics, integrator.shifts(h)
     mechanics.begin(system, h, system.factors.copy())
-    mechanics.predict(system)
+    mechanics.predict(system.prediction)
     random = np.random.default_rng(3)
 
     def move(size: float, twists) -> None:
