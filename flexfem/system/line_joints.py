@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.row import Row
+from flexfem.core.row import Row, RowKind
 from flexfem.system.line_cells import LineCells
 from flexfem.system.line_data import LineData, PointData, RowData, Work
 from flexfem.system.line_hessians import line_hessian
@@ -157,13 +157,25 @@ class LineJoints:
         )
 
     def write(self, joint: int, rows: Sequence[Row]) -> None:
-        """Set the terms of a joint's rows; ``joint`` is its number in the table."""
-        t = int(self._rows.term[self._rows.first[self.joints.index(joint)]])
-        for row in rows:
+        """Set the terms of a joint's rows; ``joint`` is its number in the table.
+
+        What is locked at the start is locked where its slider is.
+        """
+        c = self.joints.index(joint)
+        t = int(self._rows.term[self._rows.first[c]])
+        for number, row in enumerate(rows, start=int(self._table.start[joint])):
             for term in row.terms:
                 self._rows.factors[t] = term.factor
                 self._rows.directions[t] = term.u, term.v, term.p
                 t += 1
+                if row.switchable and term.kind is RowKind.ARC:
+                    place = self.accepted[self._points.first[c] + term.a]
+                    self._table.targets[number] += term.factor * self._zeta(place)
+
+    def _zeta(self, place: FloatArray) -> float:
+        """Arc length (m) from the start of a line to a place (2,) on it."""
+        e, xi = int(place[0]), float(place[1])
+        return float(self._lines.start[e] + np.polyval(self._lines.arc[e][::-1], xi))
 
     @property
     def memory(self) -> FloatArray:
