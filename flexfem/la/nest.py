@@ -18,7 +18,11 @@ __all__ = [
     "create_nest_matrix",
     "create_nest_vector",
     "direct_solver",
+    "factorise",
 ]
+
+#: MUMPS' ICNTL(14), memory beyond its estimate in percent, and what it is given after the default.
+_MEMORY, _ROOM = 14, (100, 500)
 
 
 class CoordinateMatrix:
@@ -73,3 +77,24 @@ def direct_solver(mat: PETSc.Mat, prefix: str) -> PETSc.KSP:
     ksp.setOperators(mat)
     ksp.setFromOptions()
     return ksp
+
+
+def factorise(ksp: PETSc.KSP, mat: PETSc.Mat) -> bool:
+    """Factorise a matrix by a direct solver; False when it is singular (collective).
+
+    Where pivoting needs more memory than MUMPS has estimated, it is given more, which it keeps.
+    """
+    pc = ksp.getPC()
+    for room in (None, *_ROOM):
+        ksp.setOperators(mat)
+        if room is not None:
+            pc.setFactorSetUpSolverType()
+            pc.getFactorMatrix().setMumpsIcntl(_MEMORY, room)
+        ksp.setUp()
+        reason = pc.getFailedReason()
+        if reason == PETSc.PC.FailedReason.NOERROR:
+            return True
+        ksp.reset()  # MUMPS never factorises again with the data of a failure
+        if reason != PETSc.PC.FailedReason.FACTOR_OUTMEMORY:
+            return False
+    return False

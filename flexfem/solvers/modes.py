@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from flexfem._types import BoolArray, FloatArray
 from flexfem.la.dense import gather_rows
-from flexfem.la.nest import direct_solver
+from flexfem.la.nest import direct_solver, factorise
 from flexfem.solvers.linearization import Linearization, Matrices
 
 __all__ = ["ComplexArray", "Pencil", "solve_pencil"]
@@ -195,7 +195,7 @@ class _Inverse:
         matrix = pencil.matrices.stiffness.copy()
         matrix.axpy(1.0, self._first)
         self._ksp = direct_solver(matrix, "modes_")
-        self._ksp.setUp()
+        factorise(self._ksp, matrix)
         lin = self._linearization
         self._u, self._w, self._rhs, self._part, self._solution = (lin.vector() for _ in range(5))
 

@@ -19,7 +19,7 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.row import LawKind
 from flexfem.core.status import Status
-from flexfem.la.nest import direct_solver
+from flexfem.la.nest import direct_solver, factorise
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.solvers.linearization import Linearization, Matrices
@@ -130,8 +130,7 @@ def _solver(
 ) -> Callable[[FloatArray], PETSc.Vec | None]:
     """Factorise once; what is returned solves, or returns None if the matrix is singular."""
     ksp = direct_solver(matrix, "equilibrium_")
-    ksp.setUp()
-    regular = ksp.getPC().getFailedReason() == 0
+    regular = factorise(ksp, matrix)
 
     def solve(rhs: FloatArray) -> PETSc.Vec | None:
         if not regular:

@@ -17,6 +17,7 @@ from flexfem.la.nest import (
     create_nest_matrix,
     create_nest_vector,
     direct_solver,
+    factorise,
 )
 from flexfem.system.system import BlockPart, Shifts, System
 
@@ -135,12 +136,7 @@ class TangentSolver:
 
     def factor(self) -> bool:
         """Factorise the assembled matrix; False when it is singular."""
-        self._ksp.setOperators(self.matrix)
-        self._ksp.setUp()
-        regular = bool(self._ksp.getPC().getFailedReason() == 0)
-        if not regular:
-            self._ksp.reset()  # MUMPS never factorises again with the data of a failure
-        return regular
+        return factorise(self._ksp, self.matrix)
 
     def solve(self, residuals: list[FloatArray], values: FloatArray) -> bool:
         """Solve ``matrix (dq, dL) = (residuals, values)`` into the blocks' steps.

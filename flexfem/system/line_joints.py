@@ -15,7 +15,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.line_points import arc_length
-from flexfem.core.row import Row
+from flexfem.core.row import Row, RowKind
 from flexfem.system.line_cells import LineCells
 from flexfem.system.line_data import LineData, PointData, RowData, Work
 from flexfem.system.line_hessians import line_hessian
@@ -158,13 +158,25 @@ class LineJoints:
         )
 
     def write(self, joint: int, rows: Sequence[Row]) -> None:
-        """Set the terms of a joint's rows; ``joint`` is its number in the table."""
-        t = int(self._rows.term[self._rows.first[self.joints.index(joint)]])
-        for row in rows:
+        """Set the terms of a joint's rows; ``joint`` is its number in the table.
+
+        What is locked at the start is locked where its slider is.
+        """
+        c = self.joints.index(joint)
+        t = int(self._rows.term[self._rows.first[c]])
+        for number, row in enumerate(rows, start=int(self._table.start[joint])):
             for term in row.terms:
                 self._rows.factors[t] = term.factor
                 self._rows.directions[t] = term.u, term.v, term.p
                 t += 1
+                if row.switchable and term.kind is RowKind.ARC:
+                    place = self.accepted[self._points.first[c] + term.a]
+                    self._table.targets[number] += term.factor * self._zeta(place)
+
+    def _zeta(self, place: FloatArray) -> float:
+        """Arc length (m) from the start of a line to a place (2,) on it."""
+        e, xi = int(place[0]), float(place[1])
+        return float(self._lines.start[e] + arc_length(self._lines.arc[e], xi)[0])
 
     @property
     def memory(self) -> FloatArray:
@@ -194,8 +206,7 @@ class LineJoints:
 
         ``joint`` is its number in the table.
         """
-        e, xi = self.places[self._points.first[self.joints.index(joint)]]
-        return float(self._lines.start[int(e)] + arc_length(self._lines.arc[int(e)], xi)[0])
+        return self._zeta(self.places[self._points.first[self.joints.index(joint)]])
 
     def motion(self, joint: int, frames: FloatArray, velocities: FloatArray) -> FloatArray:
         """Section at which the slider of a joint is, as (20,) numbers.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexfem.la.factor import Factor
-from flexfem.la.nest import CoordinateMatrix
+from flexfem.la.nest import CoordinateMatrix, direct_solver, factorise
 from flexfem.solvers.interface_system import InterfaceSystem
 from flexfem.solvers.minimal_residual import minimal_residual
 
@@ -134,3 +134,29 @@ def test_factor_equals_a_dense_solve(local, rng):
             expected = scale * np.linalg.solve(A, right)
             # round-off; the transpose in place of the matrix is wrong by order 1
             np.testing.assert_allclose(solution.ravel(), expected[rows], atol=1e-12)
+
+
+def test_factorisation_asks_for_more_memory():
+    size = 40 * COMM.size
+    dense = np.zeros((size, size))
+    dense[: size // 2, size // 2 :] = np.random.default_rng(1).normal(size=(size // 2, size // 2))
+    dense += dense.T  # no pivot on the diagonal
+    lines = np.array_split(np.arange(size), COMM.size)[COMM.rank]
+    i, j = (index.ravel() for index in np.meshgrid(lines, np.arange(size), indexing="ij"))
+    matrix = CoordinateMatrix(COMM, (len(lines), size), (len(lines), size), i, j)
+    matrix.assemble(dense[i, j])
+    ksp = direct_solver(matrix.mat, "short_")
+    pc = ksp.getPC()
+    pc.setFactorSetUpSolverType()
+    pc.getFactorMatrix().setMumpsIcntl(14, -95)
+    # without a second attempt the factorisation fails, as if the matrix were singular
+    assert factorise(ksp, matrix.mat)
+    assert pc.getFactorMatrix().getMumpsIcntl(14) > 0
+    right, solution = matrix.mat.createVecs()
+    right.set(1.0)
+    ksp.solve(right, solution)
+    residual = matrix.mat * solution - right
+    # round-off of a random matrix; a wrong solution is off by 1
+    assert residual.norm() < 1e-8
+    matrix.assemble(np.where(i == 0, 0.0, dense[i, j]))
+    assert not factorise(ksp, matrix.mat)
