@@ -17,7 +17,14 @@ from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh import nurbs_fit, nurbs_refine, nurbs_shapes
 from flexfem.mesh.nurbs_basis import greville, uniform_knots
-from flexfem.mesh.nurbs_checks import OWNER, check_degree, check_knots, check_speed, count
+from flexfem.mesh.nurbs_checks import (
+    OWNER,
+    check_degree,
+    check_knots,
+    check_order,
+    check_speed,
+    count,
+)
 from flexfem.mesh.nurbs_elements import NurbsElements, evaluate, make_elements
 
 
@@ -49,13 +56,7 @@ class NurbsCurve:
         points: npt.ArrayLike,
         weights: npt.ArrayLike | None = None,
     ) -> None:
-        """Check and store the parts of the curve.
-
-        Args:
-            degree: Degree p, 1 to 7.
-            knots: Knot vector, shape (n + p + 1,).
-            points: Control points, shape (n, 3), metres.
-            weights: Positive weights, shape (n,); all 1 if left out.
+        """Check and store the attributes; weights are 1 if left out.
 
         Raises:
             TypeError: something does not consist of numbers.
@@ -135,14 +136,9 @@ class NurbsCurve:
 
     @classmethod
     def circle(
-        cls,
-        centre: npt.ArrayLike,
-        start: npt.ArrayLike,
-        axis: npt.ArrayLike,
-        *,
-        degree: int = 2,
+        cls, centre: npt.ArrayLike, start: npt.ArrayLike, axis: npt.ArrayLike, *, degree: int = 2,
         elements: int = 4,
-    ) -> Self:
+    ) -> Self:  # fmt: skip
         """Return an exact full circle, as `arc`; its first and last control points coincide."""
         return cls.arc(centre, start, axis, 2.0 * np.pi, degree=degree, elements=elements)
 
@@ -188,11 +184,7 @@ class NurbsCurve:
 
     @classmethod
     def through(
-        cls,
-        points: npt.ArrayLike,
-        *,
-        degree: int = 3,
-        corners: Sequence[int] | None = None,
+        cls, points: npt.ArrayLike, *, degree: int = 3, corners: Sequence[int] | None = None
     ) -> Self:
         """Return the curve through points, one element for each segment.
 
@@ -267,6 +259,18 @@ class NurbsCurve:
             self.degree, np.sort(np.append(self.knots, new)), len(self.points) + len(new)
         )
         return self._with_basis(self.degree, knots)
+
+    def with_continuity(self, order: int) -> Self:
+        """Return the same curve with a basis that is C^order at most between elements.
+
+        Smooth elements lock while they are much longer than thick. With order 0 they do not, for
+        more control points: a slender elastica on 8 cubics is 2e-1 off in C^2 and 2e-7 in C^0.
+
+        Raises:
+            TypeError, ValueError: the order is not a whole number between 0 and p - 1.
+        """
+        check_order(self.degree, order)
+        return self.insert(nurbs_refine.missing_knots(self.degree, self.knots, order))
 
     def refine(self, elements: int) -> Self:
         """Return the same curve cut into more elements (h-refinement) by simple knots.

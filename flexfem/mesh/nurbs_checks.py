@@ -101,3 +101,14 @@ def check_speed(degree: int, knots: FloatArray, points: FloatArray, weights: Flo
         e, n = np.unravel_index(int(np.argmax(still)), still.shape)
         u = (1.0 - xi[n]) * knots[spans[e]] + xi[n] * knots[spans[e] + 1]
         raise ValueError(f"{OWNER}: the curve stands still (zero derivative) at parameter {u:g}")
+
+
+def check_order(degree: int, order: int) -> None:
+    """Raise unless a continuity is a whole number between 0 and p - 1."""
+    if isinstance(order, bool) or not isinstance(order, int):
+        raise TypeError(f"{OWNER}: continuity must be a whole number, got {_checks.show(order)}")
+    if not 0 <= order < degree:
+        raise ValueError(
+            f"{OWNER}: continuity must lie between 0 and {degree - 1} at degree {degree}, got "
+            f"{order}"
+        )

@@ -84,3 +84,9 @@ def parameters(elements: NurbsElements, fractions: FloatArray) -> FloatArray:
     start, end = elements.spans[index].T
     result: FloatArray = (1.0 - xi) * start + xi * end
     return result
+
+
+def missing_knots(degree: int, knots: FloatArray, order: int) -> FloatArray:
+    """Return the knots whose insertion leaves a basis C^order at most inside."""
+    inside, counts = np.unique(knots[degree + 1 : -degree - 1], return_counts=True)
+    return np.repeat(inside, np.maximum(degree - order - counts, 0))

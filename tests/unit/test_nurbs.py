@@ -429,3 +429,19 @@ def test_building_a_line_loads_nothing_slow():
         "sys.exit(any(name in sys.modules for name in ('scipy', 'numba', 'dolfinx')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_continuity_is_lowered_and_the_curve_kept():
+    curve = ff.NurbsCurve.arc((0, 0, 0), (1, 0, 0), (0, 0, 1), 1.5, degree=4, elements=3)
+    for order, multiplicity in ((3, 1), (1, 3), (0, 4)):
+        lower = curve.with_continuity(order)
+        _, counts = np.unique(lower.knots[5:-5], return_counts=True)
+        assert counts.tolist() == [multiplicity] * 2
+        for u in (0.0, 0.2, 0.61, 1.0):
+            # points of another curve are 1e-3 away
+            np.testing.assert_allclose(lower.position(u), curve.position(u), atol=1e-14)
+    assert len(lower.with_continuity(3).points) == len(lower.points)  # never raised
+    with pytest.raises(ValueError, match="continuity must lie between 0 and 3 at degree 4, got 4"):
+        curve.with_continuity(4)
+    with pytest.raises(TypeError, match=r"continuity must be a whole number, got 1\.5"):
+        curve.with_continuity(1.5)
