@@ -229,9 +229,15 @@ def check_limits(
 
 def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors that complete a unit axis to a right-handed basis (axis, p, q)."""
-    p = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    p = _cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     p /= np.linalg.norm(p)
-    return p, np.cross(axis, p)
+    return p, _cross(axis, p)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Product of two vectors: drives ask for it in every step, and NumPy's own takes long."""
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def coincidence(b: int = 1) -> tuple[Row, ...]:

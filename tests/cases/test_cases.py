@@ -40,7 +40,7 @@ from flexfem.cli import load_case
 
 # enough elements for a share of each of three ranks
 MORE = {"slider_crank": ["--elements", "5"], "flying_spaghetti": ["--elements", "7"],
-        "chain": ["--elements", "3"],
+        "chain": ["--elements", "3"], "deployable_truss": ["--elements", "3"],
         "sliding_beam": ["--elements", "6", "--slider-elements", "3"]}
 folder, names = Path(sys.argv[1]), sys.argv[2:]
 for name, policy, split in product(names, ("auto", "frozen", "updated"), ("1", "4000")):
@@ -158,9 +158,11 @@ def test_help_lists_every_option(case: str, run: Callable[..., Any]) -> None:
     ended = run(1, ROOT / "cases" / f"{case}.py", "--help", timeout=20)
     assert (ended.returncode, ended.stderr) == (0, "")
     text = " ".join(ended.stdout.split())
-    for option in load_case(case).all_options():
+    declared = load_case(case)
+    for option in declared.all_options():
         unit = f"[{option.unit}] " if option.unit else ""
-        described = " ".join(f"{option.help} {unit}(default: {option.default})".split())
+        default = f"{option.default}{declared.other_defaults(option.name)}"
+        described = " ".join(f"{option.help} {unit}(default: {default})".split())
         assert described in text, option.name
         assert option.flag in text
     for flag in ("--output DIR", "--quiet", "--smoke"):
