@@ -21,8 +21,11 @@ History: ``D_x, D_z``, lower corner of the last frame at y = 0, m; ``beta_1, bet
 (rad) between frame and lower cross-bar at y = 0, at the first and the second end of every bay.
 
 Expected (Wu et al., Appl. Sci. 10 (2020) 1231): the linear profile leaves visible vibration, the
-cosine the least. Rigid members under gravity (``tests/data/deployable_truss.csv``) lock the second
-bay at 18.54 s and the first at 19.35 s.
+cosine the least. From 21 s on D_z moves by 7.7 mm, polynomial 0.14, cycloid 0.09, cosine 0.007 mm;
+small swings decide when a latch closes, and other meshes change the last three by factors. Open,
+the truss swings at 0.6 Hz on the bars that its drives hold; latched, its diagonals vibrate from
+8.7 Hz on. Rigid members under gravity (``tests/data/deployable_truss.csv``) lock the second bay at
+18.54 s and the first at 19.35 s.
 Run: ``mpirun -n 2 python cases/deployable_truss.py --control cosine``.
 """
 
@@ -37,6 +40,7 @@ import flexfem as ff
 
 SIDE, BAR = 2.0, 4.0
 START, END, DEPLOYMENT = math.radians(5.0), math.radians(90.0), 20.0
+SETTLED = DEPLOYMENT + 1.0  # all latches have closed
 GRAVITY = 0.005 * 9.81
 Y = (0.0, 1.0, 0.0)
 SIDES = {"left": 0.0, "right": SIDE}
@@ -167,10 +171,10 @@ def _angle(t: float, post: ff.MarkerState, bar: ff.MarkerState) -> tuple[float]:
 
 
 def results(history: Mapping[str, npt.NDArray[np.float64]]) -> dict[str, float]:
-    """Time and place of the end; vibration of D about its mean after a driven deployment."""
+    """Time and place of the end; what D still moves after a driven deployment."""
     t, angles = history["t"], [c for name, c in history.items() if name.startswith("beta_")]
     values = {"end_time": t[-1], "D_x": history["D_x"][-1], "D_z": history["D_z"][-1]}
-    after = t >= DEPLOYMENT
+    after = t >= SETTLED
     if after.sum() > 2 and all(abs(c[after][0] - END) < 0.1 for c in angles):
         for name in ("D_x", "D_z"):
             x, h = history[name][after], t[-1] - t[-2]
