@@ -201,7 +201,7 @@ CASE = ff.Case(
     presets={"control": {"gravity": {"elements": 1, "dt": 0.1}}},
     dt=5e-3,
     t_end=30.0,
-    smoke={"bays": 1, "elements": 1, "t_end": 0.02},
+    smoke={"control": "linear", "bays": 1, "elements": 1, "t_end": 0.02},
     results=results,
 )  # fmt: skip
 
