@@ -82,7 +82,7 @@ class Rail:
 
     Attributes:
         line: its elements.
-        slots: (m, k) slots of their nodes.
+        slots: (m, k) slots of their nodes, -1 where no joint of this model reaches.
     """
 
     line: Line
