@@ -133,8 +133,8 @@ class BeamGroup:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
         add_action(
             self._action.address, self._action.offsets, gravity, shifts,
-            block.inertial_rates(shifts), *self.cell_data, block.frames, block.velocity, block.acceleration, block.increment,
-            block.step, scale, block.residual,
+            block.inertial_rates(shifts), *self.cell_data, block.frames, block.velocity,
+            block.acceleration, block.increment, block.step, scale, block.residual,
         )  # fmt: skip
 
     def assume(self, frames: FloatArray, steps: FloatArray) -> None:
