@@ -129,6 +129,13 @@ class FrameBlock:
             self._velocity_base, self._acceleration_base,
         )  # fmt: skip
 
+    def inertial_rates(self, shifts: FloatArray) -> bool:
+        """Translations are inertial, and it is not the mass matrix alone that is asked for.
+
+        ``shifts`` = (dv/dn, dw/dn, k), k the factor of the stiffness.
+        """
+        return bool(self.inertial and shifts[2] != 0.0)
+
     def correct(self, sign: float) -> float:
         """Move by the twists ``sign * step``; returns the largest entry of the step."""
         self.spread_step()

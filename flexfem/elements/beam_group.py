@@ -44,11 +44,6 @@ class BeamCells:
     damping: FloatArray
 
 
-def _inertial(block: FrameBlock, shifts: FloatArray) -> bool:
-    """Translations are inertial, and it is not the mass matrix alone that is asked for."""
-    return bool(block.inertial and shifts[2] != 0.0)
-
-
 class BeamGroup:
     """Residual, tangent and stress resultants of the cells of one material on this rank.
 
@@ -126,7 +121,7 @@ class BeamGroup:
         values = np.empty((len(self.data.cells), 144))
         add_tangent(
             self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
-            self._inertia.offsets, shifts, _inertial(block, shifts) and not local,
+            self._inertia.offsets, shifts, block.inertial_rates(shifts) and not local,
             *self._assumed_data(block), block.frames, block.velocity, block.acceleration,
             block.increment, scale, values,
         )  # fmt: skip
@@ -137,9 +132,9 @@ class BeamGroup:
     ) -> None:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
         add_action(
-            self._action.address, self._action.offsets, gravity, shifts, _inertial(block, shifts),
-            *self.cell_data, block.frames, block.velocity, block.acceleration, block.increment,
-            block.step, scale, block.residual,
+            self._action.address, self._action.offsets, gravity, shifts,
+            block.inertial_rates(shifts), *self.cell_data, block.frames, block.velocity,
+            block.acceleration, block.increment, block.step, scale, block.residual,
         )  # fmt: skip
 
     def assume(self, frames: FloatArray, steps: FloatArray) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.core.runs import starts
 from flexfem.elements.beam_material import materials
 from flexfem.elements.nurbs_group import NurbsCells, NurbsGroup, NurbsKernels
 from flexfem.materials.section import Section
@@ -79,7 +80,7 @@ class NurbsBeams:
         none = np.empty(0, dtype=np.int64)
         self.body: IntArray = np.concatenate([none, *(g.data.body for g in self.groups)])
         self.lengths: FloatArray = np.concatenate([np.empty(0), *(g.lengths for g in self.groups)])
-        ends = np.cumsum([0, *(len(g.data.nodes) for g in self.groups)])
+        ends = starts([len(group.data.nodes) for group in self.groups])
         self._parts = [slice(a, b) for a, b in pairwise(ends)]
 
     @property

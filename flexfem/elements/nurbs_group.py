@@ -48,11 +48,6 @@ class NurbsCells:
     damping: FloatArray
 
 
-def _inertial(block: FrameBlock, shifts: FloatArray) -> bool:
-    """Translations are inertial, and it is not the mass matrix alone that is asked for."""
-    return bool(block.inertial and shifts[2] != 0.0)
-
-
 class NurbsKernels:
     """Compiled kernels of a material, the same for all degrees.
 
@@ -199,8 +194,8 @@ class NurbsGroup:
         """
         by_v, by_w = np.empty((2, len(block.frames), 6, 6))
         step_rates(
-            self._nodes, _inertial(block, shifts) and not local, block.increment, block.velocity,
-            block.acceleration, shifts, by_v, by_w,
+            self._nodes, block.inertial_rates(shifts) and not local, block.increment,
+            block.velocity, block.acceleration, shifts, by_v, by_w,
         )  # fmt: skip
         if shifts[0] == 0.0 and shifts[2] == 0.0:
             values[:] = 0.0
@@ -220,7 +215,7 @@ class NurbsGroup:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
         steps, dv, dw = np.empty((3, len(block.frames), 6))
         step_changes(
-            self._nodes, _inertial(block, shifts), block.increment, block.velocity,
+            self._nodes, block.inertial_rates(shifts), block.increment, block.velocity,
             block.acceleration, shifts, block.step, steps, dv, dw,
         )  # fmt: skip
         if shifts[0] != 0.0 or shifts[2] != 0.0:

@@ -27,7 +27,7 @@ from flexfem.lie.compiled import inlined, kernel
 
 __all__ = ["tangent_into"]
 
-# where forces.nurbs_beam.NurbsForms.tangent holds the derivatives by unknowns and by rates
+# where forms.nurbs_beam.NurbsForms.tangent holds the derivatives by unknowns and by rates
 _BY_UNKNOWNS, _BY_RATES, _SIZE = 11, 132, 253
 
 

@@ -8,7 +8,7 @@ from flexfem.elements.nurbs_beam import NurbsBeams
 from flexfem.io.beam_fields import BeamFields
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
-from flexfem.system.line_points import LinePoints, held_elements
+from flexfem.system.element_places import ElementPlaces, held_elements
 from flexfem.system.system import BlockPart
 
 __all__ = ["CurveSampler"]
@@ -34,7 +34,7 @@ class CurveSampler:
         chosen = held_elements(curves, part.block)
         family = np.argsort(beams.rows)  # numbers of the cells in the order of the beams
         none = np.empty(0, dtype=np.int64)
-        self._points: list[LinePoints] = []
+        self._points: list[ElementPlaces] = []
         segments, bodies, sections = [none.reshape(0, 2)], [none], [none]
         cells: dict[int, list[IntArray]] = {1: [none], _SEGMENTS: [none]}
         count = first = 0
@@ -43,7 +43,7 @@ class CurveSampler:
             number = 1 if nodes.shape[1] == 2 else _SEGMENTS
             element, xi, pieces = _sample(mine, number)
             local, shape = part.block.local_index(nodes), curves.parts[beam].shape[mine]
-            self._points.append(LinePoints(local[element], shape[element], xi))
+            self._points.append(ElementPlaces(local[element], shape[element], xi))
             segments.append(count + pieces)
             bodies.append(np.full(len(pieces), curves.numbers[beam]))
             sections.append(np.full(len(pieces), len(serial.sections) + curves.section[beam]))

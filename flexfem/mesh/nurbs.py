@@ -315,7 +315,7 @@ class NurbsCurve:
 
     @cached_property
     def elements(self) -> NurbsElements:
-        """The elements; see `flexfem.mesh.nurbs_elements.elements`."""
+        """The elements; see `flexfem.mesh.nurbs_elements.make_elements`."""
         return make_elements(self.degree, self.knots, self.points, self.weights)
 
     @property

@@ -2,7 +2,6 @@
 """Elements of a NURBS curve: Bezier extraction, shape functions and arc length."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from flexfem.mesh.nurbs_basis import (
     power_table,
     rational,
 )
-
-if TYPE_CHECKING:
-    from flexfem.mesh.nurbs import NurbsCurve
 
 # Numbers of Chebyshev points tried for the speed of an element; with more of them, rounding errors
 # of the powers of xi outgrow what is gained
@@ -51,20 +47,15 @@ class NurbsElements:
     lengths: FloatArray
 
 
-def elements(curve: "NurbsCurve") -> NurbsElements:
-    """Return the elements of a curve, kept with the curve.
+def make_elements(
+    degree: int, knots: FloatArray, points: FloatArray, weights: FloatArray
+) -> NurbsElements:
+    """Return the elements of a curve given by its parts; see `NurbsCurve`.
 
     Raises:
         ValueError: the curve bends so sharply inside an element, compared with the element's
             length, that no polynomial of moderate degree describes its arc length.
     """
-    return curve.elements
-
-
-def make_elements(
-    degree: int, knots: FloatArray, points: FloatArray, weights: FloatArray
-) -> NurbsElements:
-    """Return the elements of a curve given by its parts; see `NurbsCurve` and `elements`."""
     spans = knot_spans(degree, knots)
     nodes = spans[:, None] + np.arange(-degree, 1)
     operators = extraction(degree, knots)

@@ -153,8 +153,7 @@ class Beam:
         owner = _checks.named(self, name)
         _checks.instance(owner, "section", section, Section)
         formulation, degree = _formulation(owner, group, curve, degree, formulation)
-        if curve is None and group is None:
-            group = name
+        group = name if curve is None and group is None else group
         if orientation is not None and not callable(orientation):
             orientation = _checks.vector(owner, "orientation", orientation, nonzero=True)
         _checks.assign(

@@ -152,9 +152,8 @@ class StrainProbe(AnyProbe):
 
     Columns: extension and shears name_gamma1 to _gamma3, twist and bendings (1/m) name_kappa1 to
     _kappa3, both relative to the shape at the start; forces (N) name_n1 to _n3 and moments (N m)
-    name_m1 to _m3 without what damping adds. On
-    SE(3) beams they are those of the element whose middle is nearest, on NURBS beams those at the
-    fraction.
+    name_m1 to _m3 without what damping adds. On SE(3) beams they are those of the element whose
+    middle is nearest, on NURBS beams those at the fraction.
 
     Attributes:
         name: Unique name in the model.

@@ -20,6 +20,7 @@ from itertools import pairwise
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.runs import starts
 from flexfem.core.state import State
 from flexfem.solvers.frozen_bodies import Bodies, FlexibleBodies, KeptFactor
 from flexfem.solvers.interface_system import InterfaceSystem
@@ -84,7 +85,7 @@ class FrozenSolver:
             FlexibleBodies(system, g) for g in self._groups if g.part.beams is not None
         ]
         self._interface = self._pattern()
-        self._sizes = _starts(np.array([6 * p.block.owned for p in system.parts], dtype=np.int64))
+        self._sizes = starts([6 * p.block.owned for p in system.parts])
         self._nothing = np.zeros(rows.size)
         self._version = rows.lines.version
 
@@ -95,14 +96,14 @@ class FrozenSolver:
         slots = slots[np.isin(self.system.body_of_slot[slots], bodies)]
         number = np.searchsorted(bodies, self.system.body_of_slot[slots])
         widths = np.bincount(number, weights=active[slots], minlength=len(bodies)).astype(np.int64)
-        column_start = _starts(widths)
+        column_start = starts(widths)
         order = np.argsort(number, kind="stable")
         columns = [(slot, k) for slot in slots[order] for k in range(active[slot])]
-        first = _starts(active[slots[order]])[:-1] - column_start[number[order]]
+        first = starts(active[slots[order]])[:-1] - column_start[number[order]]
         self._slot_column[slots[order]] = first
         self._slot_active[slots], self._local_slot[slots] = active[slots], True
         sides, per_body = self._sides(slots, number, len(bodies))
-        ranges, range_start = self._ranges(sides, _starts(per_body))
+        ranges, range_start = self._ranges(sides, starts(per_body))
         lengths = 6 * np.diff(node_start) * widths
         return Bodies(
             part=part,
@@ -111,11 +112,11 @@ class FrozenSolver:
             columns=np.array(columns, dtype=np.int64).reshape(-1, 2),
             column_start=column_start,
             sides=sides,
-            side_start=_starts(per_body),
+            side_start=starts(per_body),
             ranges=ranges,
             range_start=range_start,
-            compliance_start=_starts(widths**2),
-            response_start=_starts(lengths),
+            compliance_start=starts(widths**2),
+            response_start=starts(lengths),
             compliances=np.zeros(int((widths**2).sum())),
             responses=np.zeros(int(lengths.sum())),
             entries=np.zeros(int((per_body**2).sum())),
@@ -144,7 +145,7 @@ class FrozenSolver:
             ends = np.append(begins[1:], True)[: len(first)]
             ranges.append(np.stack([first[begins], end[ends]], axis=1))
             counts.append(int(begins.sum()))
-        return np.concatenate(ranges), _starts(np.array(counts, dtype=np.int64))
+        return np.concatenate(ranges), starts(counts)
 
     def _pattern(self) -> InterfaceSystem:
         """Row and column of every entry of the Schur complement on this rank."""
@@ -367,8 +368,3 @@ class FrozenSolver:
             group.compliance_start, group.responses, group.compliances,
         )  # fmt: skip
         return regular
-
-
-def _starts(counts: IntArray) -> IntArray:
-    """Where each of several consecutive runs begins, and the end."""
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -17,7 +17,7 @@ from flexfem.mesh.topology import trace_lines
 from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
 from flexfem.model.place import Place
-from flexfem.system.line_cells import LineCells, LinePlace, se3_line
+from flexfem.system.lines import ElementPlace, Line, LinePoint, se3_line
 from flexfem.system.nurbs_lines import NurbsLines, initial_velocities
 from flexfem.system.placement import BEAMS, NURBS, RIGID, NodeKey
 
@@ -89,7 +89,7 @@ class Assembly:
         curves = np.empty((0, 12)) if self.curves is None else self.curves.frames
         return np.concatenate([self.points, se3.position(curves)])
 
-    def line(self, name: str) -> LineCells:
+    def line(self, name: str) -> Line:
         """Elements of a beam in order.
 
         Raises:
@@ -111,13 +111,13 @@ class Assembly:
             BEAMS, cells, self.cells.cells[cells], self.cells.frames[cells], self.frames
         )
 
-    def point(self, marker: Observed) -> tuple[LineCells, int, float] | None:
-        """Line, element and coordinate of a marker inside an element, None for the others."""
+    def point(self, marker: Observed) -> LinePoint | None:
+        """A marker inside an element as a point of its line, None for the others."""
         place = self._place_of(marker)
         if place is None or place.node is not None:
             return None
         assert isinstance(marker, Marker)
-        return self.line(marker.body), place.element, place.xi
+        return LinePoint(self.line(marker.body), place.element, place.xi)
 
     def key(self, marker: Observed) -> NodeKey | None:
         """Node that carries a marker, None for the ground.
@@ -140,7 +140,7 @@ class Assembly:
             return NURBS, int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
         return BEAMS, self._node_of_mesh[place.node]
 
-    def place(self, marker: Observed) -> LinePlace | None:
+    def place(self, marker: Observed) -> ElementPlace | None:
         """Place of a marker that no single node carries; None for all others."""
         if not isinstance(marker, Marker):
             return None
@@ -149,7 +149,7 @@ class Assembly:
             return None
         assert self.curves is not None
         beam, e = self.curves.index(marker.body), place.element
-        return LinePlace(
+        return ElementPlace(
             kind=NURBS,
             nodes=self.curves.nodes(beam)[e],
             cell=int(self.curves.first_cell[beam]) + e,

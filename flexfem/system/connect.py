@@ -18,9 +18,8 @@ from flexfem.core.pose import Pose
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
 from flexfem.system.interface import Interface
-from flexfem.system.line_cells import LineCells
 from flexfem.system.line_data import ON_LINE
-from flexfem.system.lines import LinePoint, Rail
+from flexfem.system.lines import Line, LinePoint, Rail, RailPoint
 from flexfem.system.placement import NodeKey, Placement
 from flexfem.system.row_table import PlacedJoint
 
@@ -39,13 +38,13 @@ class JointEnds:
 
     Attributes:
         nodes: the node that carries each marker, None on the ground and on lines.
-        points: line, element, coordinate there, and whether it slides; None off the lines.
+        points: where it is on a line; None off the lines.
         frames: (n, 12) markers relative to their nodes or sections; absolute on the ground.
         poses: their poses.
     """
 
     nodes: tuple[NodeKey | None, ...]
-    points: tuple[tuple[LineCells, int, float, bool] | None, ...]
+    points: tuple[LinePoint | None, ...]
     frames: FloatArray
     poses: tuple[Pose, ...]
 
@@ -55,9 +54,7 @@ class JointEnds:
         keys = [key for key in self.nodes if key is not None]
         for point in self.points:
             if point is not None:
-                line, element, _, slides = point
-                for e in range(len(line.nodes)) if slides else [element]:
-                    keys += line.keys(e)
+                keys += point.keys
         return keys
 
 
@@ -68,27 +65,25 @@ def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:
         ValueError: a slider is not on its line at the start.
     """
     nodes: list[NodeKey | None] = []
-    points: list[tuple[LineCells, int, float, bool] | None] = []
+    points: list[LinePoint | None] = []
     frames, poses = [], []
     for marker in joint.markers:
         if isinstance(marker, Carrier):
-            place, pose = _slider(serial, joint, marker)
+            start, pose = _slider(serial, joint, marker)
             nodes.append(None)
-            points.append((*place, True))
+            points.append(start)
             frames.append(se3.frame(np.zeros(3), np.eye(3)))
             poses.append(pose)
             continue
         point = serial.point(marker)
         nodes.append(serial.key(marker) if point is None else None)
-        points.append(None if point is None else (*point, False))
+        points.append(point)
         frames.append(serial.marker_frame(marker))
         poses.append(serial.marker_pose(marker))
     return JointEnds(tuple(nodes), tuple(points), np.array(frames), tuple(poses))
 
 
-def _slider(
-    serial: Assembly, joint: Joint, carrier: Carrier
-) -> tuple[tuple[LineCells, int, float], Pose]:
+def _slider(serial: Assembly, joint: Joint, carrier: Carrier) -> tuple[LinePoint, Pose]:
     """Place on a line where a slider starts, and the pose of the section there."""
     try:
         line = serial.line(carrier.body)
@@ -102,10 +97,10 @@ def _slider(
             f"{joint.owner}: the slider at {_checks.show(x.tolist())} is {gap:.3g} m away from "
             f'the line of "{carrier.body}"'
         )
-    return (line, element, xi), Pose(se3.position(frame), se3.rotation(frame))
+    return LinePoint(line, element, xi, slides=True), Pose(se3.position(frame), se3.rotation(frame))
 
 
-def _closest(serial: Assembly, line: LineCells, x: FloatArray) -> tuple[int, float, FloatArray]:
+def _closest(serial: Assembly, line: Line, x: FloatArray) -> tuple[int, float, FloatArray]:
     """Element, coordinate and frame of the section nearest to x."""
     ends = np.array([serial.node_frames(line.kind)[nodes] for nodes in line.nodes])
     middle = ends[:, :, :3].mean(axis=1)
@@ -162,16 +157,6 @@ def connect(
         ranks = placement.joint_ranks(joint)
         if comm.rank not in ranks:
             continue
-        points: list[LinePoint | None] = []
-        for marker, point in zip(joint.markers, ends.points, strict=True):
-            if point is None:
-                points.append(None)
-                continue
-            line, element, xi, slides = point
-            assert isinstance(marker, Marker)  # the ground has no lines
-            if marker.body not in rails:
-                rails[marker.body] = _rail(interface, line)
-            points.append(LinePoint(rails[marker.body], element, xi, slides))
         joints.append(
             PlacedJoint(
                 joint,
@@ -179,7 +164,7 @@ def connect(
                 ends.poses,
                 _slots(ends, interface),
                 ends.frames,
-                tuple(points),
+                _rail_points(joint, ends, interface, rails),
                 owned=ranks[0] == comm.rank,
                 shared=len(ranks) > 1,
             )
@@ -187,7 +172,23 @@ def connect(
     return interface, joints
 
 
-def _rail(interface: Interface, line: LineCells) -> Rail:
+def _rail_points(
+    joint: Joint, ends: JointEnds, interface: Interface, rails: dict[str, Rail]
+) -> tuple[RailPoint | None, ...]:
+    """Where the markers of a joint are on lines; ``rails`` are those of the beams so far."""
+    points: list[RailPoint | None] = []
+    for marker, point in zip(joint.markers, ends.points, strict=True):
+        if point is None:
+            points.append(None)
+            continue
+        assert isinstance(marker, Marker)  # the ground has no lines
+        if marker.body not in rails:
+            rails[marker.body] = _rail(interface, point.line)
+        points.append(RailPoint(rails[marker.body], point.element, point.xi, point.slides))
+    return tuple(points)
+
+
+def _rail(interface: Interface, line: Line) -> Rail:
     """A line with the slots of its nodes, -1 for those that no joint touches."""
     slots = [
         [interface.slot_of.get(key, -1) for key in line.keys(e)] for e in range(len(line.nodes))

@@ -9,8 +9,9 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import LawKind, RowKind
-from flexfem.core.state import Numbering, State
+from flexfem.core.state import State
 from flexfem.system.interface import Interface
+from flexfem.system.numbered_rows import NumberedRows
 from flexfem.system.row_hessians import (
     add_dampers,
     add_hessians,
@@ -26,21 +27,19 @@ from flexfem.system.row_kernels import (
     sums_of_terms,
     update_angles,
 )
-from flexfem.system.row_table import PlacedJoint, RowTable
+from flexfem.system.row_table import PlacedJoint
 
 __all__ = ["Constraints"]
 
 
-class Constraints(RowTable):
-    """Rows of all joints of this rank: rows of one rank only first, shared rows last.
+class Constraints(NumberedRows):
+    """Rows of all joints of this rank, their values, derivatives and multipliers.
 
     ``targets``, ``active``, ``held``, ``angles`` and ``forces`` are the state of the rows that a
     checkpoint holds.
 
     Attributes:
-        comm: communicator.
-        interior: number of rows that only this rank evaluates.
-        owned: (r,) 1 for rows whose multipliers this rank owns.
+        interface: nodes that joints touch.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
@@ -52,21 +51,15 @@ class Constraints(RowTable):
         relaxation: compliance of rigid rows, 1/kg; zero unless constraints may be redundant.
         force_jacobian: (t, 2, 6) gradients with respect to the nodes' local twists.
         step_jacobian: (t, 2, 6) derivatives of ``values`` along these twists.
-        numbers: (r,) global numbers of the multipliers, ``size_global`` in all.
-        shared_numbers: numbers of the shared rows among those of all ranks, ``shared_size`` in all.
     """
 
     def __init__(
         self, comm: MPI.Intracomm, joints: Sequence[PlacedJoint], interface: Interface
     ) -> None:
         """Collect the rows (collective: numbers the multipliers)."""
-        super().__init__(sorted(joints, key=lambda j: (j.shared, j.index)))
-        self.interface, self.comm = interface, comm
-        counts = np.diff(self.start)
+        super().__init__(comm, joints)
+        self.interface = interface
         total, terms = len(self.targets), len(self.row_of_term)
-        shared = np.repeat([j.shared for j in self.joints], counts)
-        self.interior = total - int(shared.sum())
-        self.owned: FloatArray = np.repeat([float(j.owned) for j in self.joints], counts)
         self._driven = [(i, j) for i, j in enumerate(self.joints) if j.joint.driven]
         self.multipliers, self.forces = np.zeros(total), np.zeros(total)
         self.values, self.compliance = np.zeros(total), np.zeros(total)
@@ -77,56 +70,6 @@ class Constraints(RowTable):
         self.poses = np.zeros((len(self.marker_slot), 12))
         damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] > LawKind.LIMIT)
         self._damped = bool(damping.any())
-        self._number(comm)
-
-    def _number(self, comm: MPI.Intracomm) -> None:
-        """Global numbers of the multipliers: owners number their rows, the others ask by joint."""
-        count = int(self.owned.sum())
-        offset = comm.scan(count) - count
-        self.owned_count = count
-        self.size_global: int = comm.allreduce(count)
-        first = {}
-        at = offset
-        for i, joint in enumerate(self.joints):
-            if joint.owned:
-                first[joint.index] = at
-                at += int(self.start[i + 1] - self.start[i])
-        shared = [j.index for j in self.joints if j.owned and j.shared]
-        merged = dict(first)
-        for part in comm.allgather({index: first[index] for index in shared}):
-            merged.update(part)
-        numbers = [
-            merged[j.index] + np.arange(self.start[i + 1] - self.start[i])
-            for i, j in enumerate(self.joints)
-        ]
-        self.numbers: IntArray = np.concatenate([np.empty(0, dtype=np.int64), *numbers])
-        # rows that several ranks evaluate, numbered among themselves in the order of the joints
-        everywhere = np.unique(np.concatenate(comm.allgather(self.numbers[self.interior :])))
-        self.shared_size = len(everywhere)
-        self.shared_numbers: IntArray = np.searchsorted(everywhere, self.numbers[self.interior :])
-
-    def numberings(self) -> dict[str, Numbering]:
-        """Rows and terms in the order of the model's joints (collective)."""
-        per_joint = {
-            "rows": np.diff(self.start),
-            "terms": np.diff(self.term_start[self.start]),
-            "places": self.lines.counts("places"),
-            "line_terms": self.lines.counts("line_terms"),
-        }
-        joint = np.array([j.owned for j in self.joints], dtype=np.bool_)
-        owned = {name: np.repeat(joint, counts) for name, counts in per_joint.items()}
-        return {name: self._in_order(per_joint[name], owned[name]) for name in owned}
-
-    def _in_order(self, counts: IntArray, owned: BoolArray) -> Numbering:
-        """Numbering of things of which the joints here have ``counts`` each."""
-        comm = self.comm
-        index = np.array([j.index for j in self.joints], dtype=np.int64)
-        every = np.zeros(comm.allreduce(int(index.max(initial=-1)) + 1, op=MPI.MAX), dtype=np.int64)
-        every[index] = counts
-        comm.Allreduce(MPI.IN_PLACE, every, op=MPI.MAX)
-        first, at = np.cumsum(every) - every, np.cumsum(counts) - counts
-        numbers = np.repeat(first[index] - at, counts) + np.arange(int(counts.sum()))
-        return Numbering(numbers, owned, int(every.sum()))
 
     def state(self) -> State:
         """What the rows remember of the accepted state, and which of them hold what."""
@@ -247,11 +190,6 @@ class Constraints(RowTable):
     def size(self) -> int:
         """Number of rows of this rank, shared ones included."""
         return len(self.values)
-
-    @property
-    def owned_rows(self) -> IntArray:
-        """Rows whose multipliers this rank owns, in the order of their global numbers."""
-        return np.flatnonzero(self.owned).astype(np.int64)
 
     @property
     def driven(self) -> bool:

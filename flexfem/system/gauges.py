@@ -16,8 +16,8 @@ from flexfem.model.measured import EnergyProbe, MomentumProbe, ReactionProbe, St
 from flexfem.model.place import element_at_fraction
 from flexfem.model.probe import AnyProbe
 from flexfem.system.assembly import Assembly
+from flexfem.system.element_places import holds
 from flexfem.system.energies import EnergyMeter, refresh_rows
-from flexfem.system.line_points import holds
 from flexfem.system.momenta import MomentumMeter
 from flexfem.system.placement import BEAMS, NURBS
 from flexfem.system.system import System

@@ -18,7 +18,7 @@ class LineData(NamedTuple):
         element: (n_lines,) how frames are interpolated; width: (n_lines,) nodes of an element.
         first: (n_lines + 1,) first element of each line.
         nodes: (e, k) slots of the nodes.
-        shape: (e, k, k), turns: (e, 2, 9), start: (e,), arc: (e, q), see ``line_cells``.
+        shape: (e, k, k), turns: (e, 2, 9), start: (e,), arc: (e, q), see ``lines.Line``.
         turned: (n_lines,) whether any section is turned against its node.
     """
 

@@ -16,7 +16,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.line_points import arc_length
 from flexfem.core.row import Row, RowKind
-from flexfem.system.line_cells import LineCells
+from flexfem.core.runs import starts
 from flexfem.system.line_data import LineData, PointData, RowData, Work
 from flexfem.system.line_hessians import line_hessian
 from flexfem.system.line_kernels import (
@@ -26,6 +26,7 @@ from flexfem.system.line_kernels import (
     slider_motion,
     update_line_angles,
 )
+from flexfem.system.lines import Line
 
 if TYPE_CHECKING:
     from flexfem.system.row_table import RowTable
@@ -82,20 +83,20 @@ class LineJoints:
         rails = list(found.values())
         self._number = {key: n for n, key in enumerate(found)}
         width = max((rail.slots.shape[1] for rail in rails), default=1)
-        powers = max((rail.cells.arc.shape[1] for rail in rails), default=1)
-        first = _starts([len(rail.slots) for rail in rails])
+        powers = max((rail.line.arc.shape[1] for rail in rails), default=1)
+        first = starts([len(rail.slots) for rail in rails])
         total = int(first[-1])
         slots = np.full((total, width), -1, dtype=np.int64)
         shape, turns = np.zeros((total, width, width)), np.zeros((total, 2, 9))
         arc, start = np.zeros((total, powers)), np.zeros(total)
         for rail, a, b in zip(rails, first[:-1], first[1:], strict=True):
-            cells, k = rail.cells, rail.slots.shape[1]
+            line, k = rail.line, rail.slots.shape[1]
             slots[a:b, :k] = rail.slots
-            if cells.shape is not None:
-                shape[a:b, :k, :k] = cells.shape
-            if cells.turns is not None:
-                turns[a:b] = cells.turns
-            arc[a:b, : cells.arc.shape[1]], start[a:b] = cells.arc, cells.starts
+            if line.shape is not None:
+                shape[a:b, :k, :k] = line.shape
+            if line.turns is not None:
+                turns[a:b] = line.turns
+            arc[a:b, : line.arc.shape[1]], start[a:b] = line.arc, line.starts
         self._lines = LineData(
             element=np.array([rail.element for rail in rails], dtype=np.int64),
             width=np.array([rail.slots.shape[1] for rail in rails], dtype=np.int64),
@@ -105,7 +106,7 @@ class LineJoints:
             turns=turns,
             start=start,
             arc=arc,
-            turned=np.array([_turned(rail.cells) for rail in rails], dtype=np.bool_),
+            turned=np.array([_turned(rail.line) for rail in rails], dtype=np.bool_),
         )
 
     def _collect_points(self) -> None:
@@ -117,7 +118,7 @@ class LineJoints:
         joints = [table.joints[i] for i in self.joints]
         for i, joint in zip(self.joints, joints, strict=True):
             markers += range(table.marker_start[i], table.marker_start[i + 1])
-            columns += _starts(joint.widths)[:-1].tolist()
+            columns += starts(joint.widths)[:-1].tolist()
             for point in joint.points:
                 number = 0 if point is None else self._number[id(point.rail)]
                 line.append(number)
@@ -128,7 +129,7 @@ class LineJoints:
         self.accepted = self.places.copy()
         index = np.array(markers, dtype=np.int64)
         self._points = PointData(
-            first=_starts([len(joint.slots) for joint in joints]),
+            first=starts([len(joint.slots) for joint in joints]),
             marker=index,
             slot=table.marker_slot[index],
             offset=table.marker_offset[index],
@@ -146,10 +147,10 @@ class LineJoints:
         numbers = [np.arange(table.start[i], table.start[i + 1]) for i in self.joints]
         index = np.concatenate([np.empty(0, dtype=np.int64), *numbers]).astype(np.int64)
         self._rows = RowData(
-            first=_starts([len(rows[i]) for i in self.joints]),
+            first=starts([len(rows[i]) for i in self.joints]),
             row=index,
             entry=table.term_start[index],
-            term=_starts([len(row.terms) for row in own]),
+            term=starts([len(row.terms) for row in own]),
             kinds=np.array([term.kind for term in terms], dtype=np.int64),
             directions=np.zeros((len(terms), 3, 3)),
             factors=np.zeros(len(terms)),
@@ -338,13 +339,8 @@ class LineJoints:
             )  # fmt: skip
 
 
-def _turned(cells: LineCells) -> bool:
+def _turned(line: Line) -> bool:
     """Whether any section of a line is turned against its node."""
-    if cells.turns is None:
+    if line.turns is None:
         return False
-    return bool(np.abs(cells.turns - np.eye(3).ravel()).max() > 1e-12)
-
-
-def _starts(counts: Sequence[int]) -> IntArray:
-    """Where each of several consecutive runs begins, and the end."""
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return bool(np.abs(line.turns - np.eye(3).ravel()).max() > 1e-12)

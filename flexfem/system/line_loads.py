@@ -13,7 +13,7 @@ from flexfem.bodies.line_forces import (
     line_force_tangent,
 )
 from flexfem.core.frame_block import FrameBlock
-from flexfem.system.line_points import LinePoints
+from flexfem.system.element_places import ElementPlaces
 
 __all__ = ["LineForce", "LineForces", "by_degree"]
 
@@ -32,7 +32,7 @@ class LineForce:
     load: int
 
 
-class LineForces(LinePoints):
+class LineForces(ElementPlaces):
     """Wrenches at places in elements of one degree, with the loads whose amplitudes scale them.
 
     Attributes:

@@ -1,31 +1,55 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Points on the lines of beams, for the markers of joints."""
+"""Lines of beams and points on them, of the whole model and of a rank.
+
+A ``Line`` is that of a beam, the same on every rank, and a ``LinePoint`` a marker on it. Joints
+evaluate a ``RailPoint`` of a ``Rail``, the same with the nodes at the interface of a rank. Loads
+and probes need no line: for them an ``ElementPlace`` moves with the nodes of its element.
+"""
 
 from dataclasses import dataclass
 
-from flexfem._types import IntArray
-from flexfem.core.line_points import NURBS, SE3
-from flexfem.system.line_cells import LineCells
+import numpy as np
 
-__all__ = ["LinePoint", "Rail"]
+from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.core.line_points import NURBS, SE3, line_pose
+from flexfem.lie import se3
+from flexfem.system.placement import NodeKey
+
+__all__ = ["ElementPlace", "Line", "LinePoint", "Rail", "RailPoint", "se3_line"]
 
 
 @dataclass(frozen=True, eq=False)
-class Rail:
-    """Line of a beam whose nodes are at the interface of a rank.
+class Line:
+    """Elements of a beam from the start to the end, the same on every rank.
 
     Attributes:
-        cells: its elements.
-        slots: (m, k) slots of their nodes.
+        kind: block of the nodes, ``placement.BEAMS`` or ``placement.NURBS``.
+        nodes: (m, k) numbers of the nodes in the input order of the block.
+        cells: (m,) numbers of the elements among those of their kind in the model.
+        shape: (m, k, k) coefficients of the shape functions as in ``core.line_points``; None for
+            SE(3) elements.
+        turns: (m, 2, 9) rotations of the sections at both ends against their nodes; None for NURBS
+            elements.
+        starts: (m,) arc length from the beam's start to each element, m.
+        arc: (m, q) arc length from each element's start in powers of xi, m.
     """
 
-    cells: LineCells
-    slots: IntArray
+    kind: int
+    nodes: IntArray
+    cells: IntArray
+    shape: FloatArray | None
+    turns: FloatArray | None
+    starts: FloatArray
+    arc: FloatArray
 
     @property
-    def element(self) -> int:
-        """How frames are interpolated, see ``core.line_points``."""
-        return SE3 if self.cells.shape is None else NURBS
+    def length(self) -> float:
+        """Arc length of the beam at the start, m."""
+        return float(self.starts[-1] + self.arc[-1].sum())
+
+    def keys(self, element: int) -> list[NodeKey]:
+        """Nodes of one element."""
+        return [(self.kind, int(node)) for node in self.nodes[element]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +57,94 @@ class LinePoint:
     """A marker on a line.
 
     Attributes:
-        rail: the line.
+        line: the line.
         element: number of the element along the line.
         xi: coordinate in the element, 0 to 1.
         slides: it goes along the line with the other marker of its joint; ``element`` and ``xi``
             say where it starts.
     """
 
+    line: Line
+    element: int
+    xi: float
+    slides: bool = False
+
+    @property
+    def keys(self) -> list[NodeKey]:
+        """Nodes that it may depend on, those of the whole line where it slides."""
+        elements = range(len(self.line.nodes)) if self.slides else [self.element]
+        return [key for e in elements for key in self.line.keys(e)]
+
+
+@dataclass(frozen=True, eq=False)
+class Rail:
+    """Line of a beam whose nodes are at the interface of a rank.
+
+    Attributes:
+        line: its elements.
+        slots: (m, k) slots of their nodes, -1 where no joint of this model reaches.
+    """
+
+    line: Line
+    slots: IntArray
+
+    @property
+    def element(self) -> int:
+        """How frames are interpolated, see ``core.line_points``."""
+        return SE3 if self.line.shape is None else NURBS
+
+
+@dataclass(frozen=True, eq=False)
+class RailPoint:
+    """A marker on a line at the interface of a rank; see :class:`LinePoint`."""
+
     rail: Rail
     element: int
     xi: float
     slides: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class ElementPlace:
+    """A place inside an element, which moves with all nodes of the element.
+
+    Attributes:
+        kind: block of the nodes, ``placement.NURBS``.
+        nodes: (k,) numbers of the nodes in the input order of the block.
+        cell: number of the element among those of its kind in the model.
+        shape: (k, k) coefficients of the shape functions as in ``core.line_points``.
+        xi: place in the element, 0 to 1.
+    """
+
+    kind: int
+    nodes: IntArray
+    cell: int
+    shape: FloatArray
+    xi: float
+
+    def frame(self, frames: FloatArray) -> FloatArray:
+        """Frame (12,) of the place, given those of the nodes (k, 12)."""
+        out = np.empty(12)
+        line_pose(NURBS, np.ascontiguousarray(frames), self.shape, self.xi, out)
+        return out
+
+
+def se3_line(
+    kind: int, cells: IntArray, nodes: IndexArray, ends: FloatArray, frames: FloatArray
+) -> Line:
+    """Line of an SE(3) beam.
+
+    Args:
+        kind: of the block.
+        cells: (m,) numbers of the cells in the order of the line, which they all run along.
+        nodes: (m, 2) their nodes.
+        ends: (m, 2, 12) section frames at their ends at the start.
+        frames: (n, 12) frames of all nodes at the start.
+    """
+    relative = se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
+    lengths = np.linalg.norm(relative[:, :3], axis=1)
+    turns = np.swapaxes(se3.rotation(frames[nodes]), -1, -2) @ se3.rotation(ends)
+    starts = np.cumsum(lengths) - lengths
+    arc = np.stack([np.zeros(len(cells)), lengths], axis=1)
+    flat = turns.reshape(-1, 2, 9)
+    return Line(kind, nodes.astype(np.int64), cells, None, flat, starts, arc)

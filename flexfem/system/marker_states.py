@@ -11,7 +11,7 @@ from flexfem.core.marker import Ground, Observed
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState
 from flexfem.system.assembly import Assembly
-from flexfem.system.line_points import held_places
+from flexfem.system.element_places import held_places
 from flexfem.system.sliders import Sliders
 from flexfem.system.system import System
 

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Serial data of all NURBS beams of a model: control points numbered along the curves."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.runs import starts
 from flexfem.materials.section import Section
 from flexfem.mesh.nurbs_elements import NurbsElements
 from flexfem.mesh.nurbs_frames import control_frames
 from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
-from flexfem.system.line_cells import LineCells
+from flexfem.system.lines import Line
 from flexfem.system.placement import NURBS
 
 __all__ = ["NurbsLines", "initial_velocities"]
@@ -61,8 +61,8 @@ class NurbsLines:
             beams=beams,
             numbers=numbers,
             parts=parts,
-            first_node=_starts(nodes),
-            first_cell=_starts([len(p.nodes) for p in parts]),
+            first_node=starts(nodes),
+            first_cell=starts([len(p.nodes) for p in parts]),
             frames=np.concatenate(frames),
             velocities=np.concatenate(
                 [initial_velocities(b, f) for b, f in zip(beams, frames, strict=True)]
@@ -115,10 +115,10 @@ class NurbsLines:
         speed = (arc[:, 1:] * power) @ (xi ** (power[:, np.newaxis] - 1))
         return xi, 0.5 * weights * speed
 
-    def line(self, beam: int) -> LineCells:
+    def line(self, beam: int) -> Line:
         """Elements of a beam."""
         parts = self.parts[beam]
-        return LineCells(
+        return Line(
             kind=NURBS,
             nodes=self.nodes(beam),
             cells=np.arange(self.first_cell[beam], self.first_cell[beam + 1]),
@@ -135,8 +135,3 @@ def initial_velocities(beam: Beam, frames: FloatArray) -> FloatArray:
     speed = beam.velocity + np.cross(beam.angular_velocity, frames[:, :3])
     local = np.einsum("nij,nj->ni", back, speed)
     return np.concatenate([local, back @ beam.angular_velocity], axis=1)
-
-
-def _starts(counts: Sequence[int]) -> IntArray:
-    """Where each of several consecutive runs begins, and the end."""
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

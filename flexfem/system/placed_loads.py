@@ -10,8 +10,8 @@ from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import Load
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
+from flexfem.system.element_places import holds
 from flexfem.system.line_loads import LineForce
-from flexfem.system.line_points import holds
 from flexfem.system.node_loads import Force
 from flexfem.system.placement import BEAMS, NURBS
 

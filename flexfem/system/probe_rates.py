@@ -14,8 +14,8 @@ from flexfem.core.marker import Attachment, Ground, SlidingMarker
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
-from flexfem.system.line_cells import LinePlace
-from flexfem.system.line_points import holds
+from flexfem.system.element_places import holds
+from flexfem.system.lines import ElementPlace
 from flexfem.system.system import System
 
 __all__ = ["probe_rates"]
@@ -97,7 +97,7 @@ def _motion(
 
 
 def _inside(
-    block: FrameBlock, place: LinePlace, offset: FloatArray
+    block: FrameBlock, place: ElementPlace, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """State (18,) of a marker inside an element on the rank that holds it, else zero.
 

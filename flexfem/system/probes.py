@@ -20,9 +20,9 @@ from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
+from flexfem.system.element_places import held_places
 from flexfem.system.energies import EnergyMeter
 from flexfem.system.gauges import create_gauge
-from flexfem.system.line_points import held_places
 from flexfem.system.sliders import Sliders
 from flexfem.system.system import BlockPart, System
 

@@ -10,8 +10,9 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.pose import Pose
 from flexfem.core.row import LawKind, Row, RowKind
+from flexfem.core.runs import starts
 from flexfem.system.line_joints import LineJoints
-from flexfem.system.lines import LinePoint
+from flexfem.system.lines import RailPoint
 from flexfem.system.row_kernels import ON_LINES
 
 __all__ = ["PlacedJoint", "RowTable"]
@@ -37,7 +38,7 @@ class PlacedJoint:
     poses: tuple[Pose, ...]
     slots: tuple[int, ...]
     offsets: FloatArray
-    points: tuple[LinePoint | None, ...]
+    points: tuple[RailPoint | None, ...]
     owned: bool
     shared: bool
 
@@ -93,11 +94,11 @@ class RowTable:
         self.joints = list(joints)
         listed = [j.rows(0.0) for j in self.joints]
         rows = [row for part in listed for row in part]
-        self.start = _starts([len(part) for part in listed])
+        self.start = starts([len(part) for part in listed])
         self.joint_of_row = np.repeat(np.arange(len(listed)), np.diff(self.start))
         held = [(sum(j.widths) + 1) // 2 if j.on_lines else 0 for j in self.joints]
         counts = zip(self.joint_of_row, rows, strict=True)
-        self.term_start = _starts([held[i] or len(row.terms) for i, row in counts])
+        self.term_start = starts([held[i] or len(row.terms) for i, row in counts])
         self.row_of_term = np.repeat(np.arange(len(rows)), np.diff(self.term_start))
         self._markers()
         line_rows = np.array([j.on_lines for j in self.joints], dtype=np.bool_)[self.joint_of_row]
@@ -116,7 +117,7 @@ class RowTable:
         self._normals(rows)
 
     def _markers(self) -> None:
-        self.marker_start = _starts([len(j.slots) for j in self.joints])
+        self.marker_start = starts([len(j.slots) for j in self.joints])
         slots = [slot for j in self.joints for slot in j.slots]
         self.marker_slot: IntArray = np.array(slots, dtype=np.int64)
         offsets = [j.offsets for j in self.joints]
@@ -179,8 +180,3 @@ class RowTable:
             found = self.start[i] + np.flatnonzero(pressing[self.start[i] : self.start[i + 1]])
             pairs.append(np.stack([np.full(len(found), r), found], axis=1))
         self.coupled: IntArray = np.concatenate(pairs)
-
-
-def _starts(counts: Sequence[int]) -> IntArray:
-    """Where each of several consecutive runs begins, and the end."""
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

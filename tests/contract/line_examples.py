@@ -15,9 +15,8 @@ from flexfem.core.line_points import NURBS, SE3, line_pose, turn_frames
 from flexfem.core.pose import Pose
 from flexfem.lie import se3, so3
 from flexfem.system.constraints import Constraints
-from flexfem.system.line_cells import LineCells
 from flexfem.system.line_data import ON_LINE
-from flexfem.system.lines import LinePoint, Rail
+from flexfem.system.lines import Line, Rail, RailPoint
 from flexfem.system.row_table import PlacedJoint
 from tests.contract.joint_examples import Placed
 
@@ -118,7 +117,7 @@ class PlacedOnLine(Placed):
             velocities=np.zeros((self.count, 6)), increments=np.zeros((self.count, 6)),
             inertial=np.zeros(self.count, dtype=bool),
         )  # fmt: skip
-        point = LinePoint(self._rail(), *place, slides=example.slides)
+        point = RailPoint(self._rail(), *place, slides=example.slides)
         poses = tuple(Pose(H[:3], se3.rotation(H)) for H in (first, second))
         joint = example.joint()
         every = [joint] if joint.partner is None else [joint.partner, joint]
@@ -140,7 +139,7 @@ class PlacedOnLine(Placed):
         arc = np.array([[0.0, 0.8, 0.1], [0.0, 1.0, -0.2]])
         turns = self.turns if self.shape is None else None
         starts = np.array([0.0, 0.9])
-        return Rail(LineCells(0, nodes, np.arange(2), self.shape, turns, starts, arc), nodes)
+        return Rail(Line(0, nodes, np.arange(2), self.shape, turns, starts, arc), nodes)
 
     def section(self, frames: np.ndarray, element: int, xi: float) -> np.ndarray:
         """Frame of a section."""

@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline
 import flexfem as ff
 from flexfem.lie import so3
 from flexfem.mesh.nurbs_basis import greville
-from flexfem.mesh.nurbs_elements import elements, shape_functions
+from flexfem.mesh.nurbs_elements import shape_functions
 from flexfem.mesh.nurbs_frames import control_frames, interpolated_rotations, section_rotations
 
 pytestmark = pytest.mark.serial
@@ -55,7 +55,7 @@ def helix(u):
 @pytest.mark.parametrize("degree", range(1, 8))
 def test_shape_functions_are_a_partition_of_unity(degree):
     xi = np.linspace(0.0, 1.0, 9)
-    for shape in elements(some_curve(degree)).shape:
+    for shape in some_curve(degree).elements.shape:
         N = shape_functions(shape, xi, 3)
         # a wrong coefficient of one function leaves a sum that differs by its size, 1e-2 or more
         np.testing.assert_allclose(N[0].sum(axis=1), 1.0, rtol=0, atol=1e-12)
@@ -68,7 +68,7 @@ def test_shape_functions_are_a_partition_of_unity(degree):
 @pytest.mark.parametrize("degree", range(1, 8))
 def test_extraction_gives_the_spline(degree):
     curve = some_curve(degree)
-    parts = elements(curve)
+    parts = curve.elements
     assert parts.nodes.shape == parts.extraction.shape[:2]
     xi = np.linspace(0.0, 1.0, 6)[:-1]
     bernstein = BSpline(np.repeat([0.0, 1.0], degree + 1), np.eye(degree + 1), degree)(xi)
@@ -123,7 +123,7 @@ def test_arc_length_of_a_parabola():
 
 def test_arc_length_of_every_element():
     curve = some_curve(4)
-    parts = elements(curve)
+    parts = curve.elements
     u, weights = np.polynomial.legendre.leggauss(60)
     for (a, b), arc, length in zip(parts.spans, parts.arc, parts.lengths, strict=True):
         speed = np.linalg.norm(curve.derivatives(0.5 * (a + b) + 0.5 * (b - a) * u, 1)[1], axis=1)
@@ -141,7 +141,7 @@ def test_line_has_uniform_speed(degree):
     assert len(curve.points) == 5 + degree
     # equal distances of control points would make the speed uneven by half
     np.testing.assert_allclose(curve.position(U), [1, 2, 3] + U[:, None] * [3, 4, 12], atol=1e-12)
-    np.testing.assert_allclose(elements(curve).lengths, 13 / 5, rtol=1e-12)
+    np.testing.assert_allclose(curve.elements.lengths, 13 / 5, rtol=1e-12)
 
 
 @pytest.mark.parametrize("degree", [2, 3, 5])
@@ -161,7 +161,7 @@ def test_arc_is_exact(degree, angle):
 def test_circle_is_closed():
     curve = ff.NurbsCurve.circle([0, 0, 0], [2, 0, 0], [1, 0, 1], elements=8)
     np.testing.assert_array_equal(curve.points[0], curve.points[-1])
-    assert len(elements(curve).nodes) == 8
+    assert len(curve.elements.nodes) == 8
     # start [2, 0, 0] turns about a slanted axis: radius sqrt(2); the distance as radius gives 2
     np.testing.assert_allclose(curve.length, 2 * np.pi * np.sqrt(2), rtol=1e-12)
 
@@ -174,7 +174,7 @@ def test_helix_keeps_its_tolerance():
     # length of the exact one; elements of degree 3 that are just fine enough lose 1e-5
     np.testing.assert_allclose(curve.length, np.hypot(3.0, 0.3), rtol=1e-4)
     coarse = ff.NurbsCurve.helix([0, 0, 0], [1, 0, 0], EZ, 3.0, 0.2 * np.pi, elements=3)
-    assert len(elements(coarse).nodes) == 3
+    assert len(coarse.elements.nodes) == 3
     assert coarse.deviation(helix) > 1e-3
 
 
@@ -189,10 +189,10 @@ def test_refinement_keeps_the_curve(degree):
         # without the weights in the coordinates the curve moves by 1e-2
         np.testing.assert_allclose(other.position(U), curve.position(U), rtol=0, atol=1e-12)
         np.testing.assert_allclose(other.length, curve.length, rtol=1e-11)
-    assert len(elements(curve.refine(8)).nodes) == 8
-    assert len(elements(curve.refine(13)).nodes) == 13
+    assert len(curve.refine(8).elements.nodes) == 8
+    assert len(curve.refine(13).elements.nodes) == 13
     assert curve.elevate(3).degree == degree + 3
-    assert len(elements(curve.elevate(3)).nodes) == len(elements(curve).nodes)
+    assert len(curve.elevate(3).elements.nodes) == len(curve.elements.nodes)
 
 
 def test_refinement_of_equal_parts_and_k_refinement():
@@ -216,7 +216,7 @@ def test_fit_has_order_p_plus_1(degree):
 def test_fit_to_a_tolerance_and_to_points():
     fine = ff.NurbsCurve.fit(helix, tolerance=1e-6)
     assert fine.deviation(helix) <= 1e-6
-    assert len(elements(fine).nodes) < 40  # 1e-6 asks for about 20 elements of degree 3
+    assert len(fine.elements.nodes) < 40  # 1e-6 asks for about 20 elements of degree 3
     points = helix(np.linspace(0.0, 1.0, 60))
     curve = ff.NurbsCurve.fit(points, elements=8)
     # eight elements of 0.4 rad: interpolation misses by 3e-5; a straight line by 0.1
@@ -229,7 +229,7 @@ def test_fit_to_a_tolerance_and_to_points():
 def test_through_interpolates(degree, n):
     points = helix(np.linspace(0.0, 1.0, n) ** 1.2)
     curve = ff.NurbsCurve.through(points, degree=degree, corners=[])
-    parts = elements(curve)
+    parts = curve.elements
     assert len(parts.nodes) == n - 1
     ends = np.append(parts.spans[:, 0], 1.0)
     # a curve near the points only would miss by its fit's error, 1e-6 or more

@@ -13,7 +13,7 @@ from flexfem.lie import se3
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
-from flexfem.system.line_cells import LineCells
+from flexfem.system.lines import Line
 from flexfem.system.placement import BEAMS, NURBS
 from flexfem.system.probe_rates import probe_rates
 
@@ -164,7 +164,7 @@ def test_lines_of_both_formulations():
     serial = Assembly(_mixed())
     arc, se3_line = serial.line("arc"), serial.line("se3")
     assert (arc.kind, se3_line.kind) == (NURBS, BEAMS)
-    assert isinstance(arc, LineCells)
+    assert isinstance(arc, Line)
     assert arc.turns is None
     assert se3_line.shape is None
     # round-off of exact geometry

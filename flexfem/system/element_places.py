@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Motion of places inside NURBS elements, which all nodes of an element carry."""
+"""Places inside NURBS elements as arrays of this rank: their motion, and who holds them."""
 
 from collections.abc import Sequence
 
@@ -10,13 +10,13 @@ from flexfem.bodies.line_forces import line_twists
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.marker import Observed
 from flexfem.system.assembly import Assembly
-from flexfem.system.line_cells import LinePlace
+from flexfem.system.lines import ElementPlace
 from flexfem.system.nurbs_lines import NurbsLines
 
-__all__ = ["LinePoints", "held_elements", "held_places", "holds"]
+__all__ = ["ElementPlaces", "held_elements", "held_places", "holds"]
 
 
-class LinePoints:
+class ElementPlaces:
     """Places in elements with equally many nodes, all of whose nodes are on this rank.
 
     Attributes:
@@ -54,16 +54,16 @@ def held_elements(curves: NurbsLines, block: FrameBlock) -> list[IntArray]:
 
 def held_places(
     serial: Assembly, kind: int, block: FrameBlock, markers: Sequence[Observed]
-) -> list[tuple[LinePoints, IntArray]]:
+) -> list[tuple[ElementPlaces, IntArray]]:
     """Markers inside elements that this rank holds, in groups, and which of them these are."""
-    found: dict[int, list[tuple[int, LinePlace]]] = {}
+    found: dict[int, list[tuple[int, ElementPlace]]] = {}
     for which, marker in enumerate(markers):
         place = serial.place(marker)
         if place is not None and place.kind == kind and holds(block, place.nodes):
             found.setdefault(len(place.nodes), []).append((which, place))
     groups = []
     for places in found.values():
-        points = LinePoints(
+        points = ElementPlaces(
             block.local_index(np.array([place.nodes for _, place in places])),
             np.array([place.shape for _, place in places]),
             np.array([place.xi for _, place in places]),
