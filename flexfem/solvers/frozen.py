@@ -17,9 +17,12 @@ needs no new factors either.
 from dataclasses import astuple, dataclass
 from itertools import pairwise
 
+from mpi4py import MPI
+
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.row import LawKind
 from flexfem.core.runs import starts
 from flexfem.core.state import State
 from flexfem.solvers.frozen_bodies import Bodies, FlexibleBodies, KeptFactor
@@ -42,6 +45,9 @@ _KEPT = 6
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
 _INNER, _SWEEPS = 0.02, 8
+#: A multipliers' system that costs much to factorise is kept while iterations contract like this,
+#: in so many of them.
+_WELL, _FEW = 0.02, 2
 
 
 @dataclass(frozen=True)
@@ -87,6 +93,11 @@ class FrozenSolver:
         self._interface = self._pattern()
         self._sizes = starts([6 * p.block.owned for p in system.parts])
         self._nothing = np.zeros(rows.size)
+        linear = bool((rows.elastic[:, 0] <= LawKind.SPRING).all())
+        costly = bool(system.comm.allreduce(self._interface.sparse, op=MPI.LOR))
+        self._keepable = costly and bool(system.comm.allreduce(linear, op=MPI.LAND))
+        self.keep_interface = False
+        self._interface_state: tuple[Shifts, int] | None = None
         self._version = rows.lines.version
 
     def _bodies(self, part: BlockPart, active: IntArray) -> Bodies:
@@ -241,14 +252,25 @@ class FrozenSolver:
             subtracted.
         """
         rows = self.system.constraints
-        if not self._factor_interface(shifts):
-            return False, np.zeros(rows.size)
+        if rows.lines.version != self._version:
+            self._follow_sliders()
+        state = shifts, rows.switches
+        if not (self.keep_interface and self._interface_state == state):
+            self._interface_state = state
+            if not self._factor_interface(shifts):
+                self._interface_state = None
+                return False, np.zeros(rows.size)
         self._solve(rows.values)
         if not self.refine:
             return True, -self._right
         solution = self._collect()
         solution += self._refinement(shifts, solution)
         return True, self._put(solution)
+
+    def observe(self, iteration: int, contraction: float) -> None:
+        """Keep the factors of the multipliers' system while iterations contract well."""
+        well = contraction < _WELL and iteration <= _FEW
+        self.keep_interface = self._keepable and well
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
@@ -292,8 +314,6 @@ class FrozenSolver:
     def _factor_interface(self, shifts: Shifts) -> bool:
         """Invert the rigid bodies, assemble and factorise the multipliers' system."""
         rows, regular = self.system.constraints, True
-        if rows.lines.version != self._version:
-            self._follow_sliders()
         for group in self._rigid:
             regular = self._invert_rigid(group, shifts)
         for group in self._groups:

@@ -89,7 +89,11 @@ def _interior(i: IntArray, j: IntArray, size: int) -> _BandedInterior | _SparseI
 
 
 class InterfaceSystem:
-    """Solver of the multipliers' system."""
+    """Solver of the multipliers' system.
+
+    Attributes:
+        sparse: the rows of this rank alone are no narrow band, which makes factors costly.
+    """
 
     def __init__(
         self, comm: MPI.Intracomm, i: IntArray, j: IntArray, interior: int,
@@ -110,6 +114,7 @@ class InterfaceSystem:
         self._inner = np.flatnonzero(inner)
         if interior:
             self._interior = _interior(i[inner], j[inner], interior)
+        self.sparse = interior > 0 and isinstance(self._interior, _SparseInterior)
         self._whole = bool(inner.all())
         self._shared, self._shared_size = shared, shared_size
         outer = len(shared)

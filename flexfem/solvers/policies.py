@@ -110,6 +110,7 @@ class FrozenPolicy:
 
         def observe(iteration: int, contraction: float, converged: bool) -> None:
             nonlocal refreshed
+            frozen.observe(iteration, contraction)
             if iteration < 2:
                 return
             if contraction > self.refine:

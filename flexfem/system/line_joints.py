@@ -23,7 +23,7 @@ from flexfem.system.line_kernels import (
     add_line_wrenches,
     evaluate_lines,
     node_slots,
-    slider_motion,
+    slider_motions,
     update_line_angles,
 )
 from flexfem.system.lines import Line
@@ -209,23 +209,26 @@ class LineJoints:
         """
         return self._zeta(self.places[self._points.first[self.joints.index(joint)]])
 
-    def motion(self, joint: int, frames: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Section at which the slider of a joint is, as (20,) numbers.
+    def motions(
+        self, joints: Sequence[int], frames: FloatArray, velocities: FloatArray
+    ) -> FloatArray:
+        """Sections at which the sliders of joints are, (n, 20).
 
         Args:
-            joint: its number in the table.
+            joints: their numbers in the table.
             frames: (n, 12) of all slots.
             velocities: (n, 6) their local twists.
 
         Returns:
             Frame and local twist of the section, arc length of the slider (m) and its rate (m/s).
         """
-        c, out = self.joints.index(joint), np.empty(20)
-        places, poses = self.places.copy(), np.zeros((len(self._table.marker_slot), 12))
-        slider_motion(
-            c, self._lines, self._points, frames, velocities, self.accepted, self._work, poses,
-            places, out,
-        )  # fmt: skip
+        out = np.empty((len(joints), 20))
+        if len(joints):
+            places, poses = self.places.copy(), np.zeros((len(self._table.marker_slot), 12))
+            slider_motions(
+                np.array([self.joints.index(joint) for joint in joints]), self._lines,
+                self._points, frames, velocities, self.accepted, self._work, poses, places, out,
+            )  # fmt: skip
         return out
 
     def evaluate(self, frames: FloatArray, poses: FloatArray, gradients: FloatArray) -> None:

@@ -36,7 +36,7 @@ __all__ = [
     "node_slots",
     "place_markers",
     "slide_gradient",
-    "slider_motion",
+    "slider_motions",
     "update_line_angles",
 ]
 
@@ -348,32 +348,47 @@ def _add_forces(
 
 
 @kernel
-def slider_motion(
-    c: int, lines: LineData, points: PointData, frames: FloatArray, velocities: FloatArray,
-    start: FloatArray, work: Work, poses: FloatArray, places: FloatArray, out: FloatArray,
+def slider_motions(
+    joints: IntArray, lines: LineData, points: PointData, frames: FloatArray,
+    velocities: FloatArray, start: FloatArray, work: Work, poses: FloatArray, places: FloatArray,
+    out: FloatArray,
 ) -> None:  # fmt: skip
-    """Frame and local twist of the section at a joint's slider, its arc length and its rate.
+    """Frames and local twists of the sections at sliders, their arc lengths and rates.
 
     Args:
-        c: number of the joint.
+        joints: (n,) numbers of the joints.
         lines: elements.
         points: markers.
         frames: (n, 12) of all slots.
         velocities: (n, 6) their local twists.
         start: (m, 2) accepted places of the markers on lines.
         work: work space.
-        poses: (m, 12) of all markers; set for the joint.
-        places: (m, 2) places; set for the joint.
-        out: (20,).
+        poses: (m, 12) of all markers; set for the joints.
+        places: (m, 2) places; set for the joints.
+        out: (n, 20).
     """
     g, scratch = np.empty(12), np.empty((5, 3))
-    place_markers(c, lines, points, frames, start, work, poses, places)
-    slide_gradient(c, points, poses, work, g, scratch)
-    first, rate = points.first[c], 0.0
-    e = int(places[first, 0])
-    out[:12] = poses[points.marker[first]]
+    for k in range(joints.size):
+        c = joints[k]
+        place_markers(c, lines, points, frames, start, work, poses, places)
+        slide_gradient(c, points, poses, work, g, scratch)
+        first = points.first[c]
+        e = int(places[first, 0])
+        out[k, :12] = poses[points.marker[first]]
+        rate = _section_twist(c, lines, points, velocities, work, places, out[k])
+        s, slope, _ = arc_length(lines.arc[e], places[first, 1])
+        out[k, 18], out[k, 19] = lines.start[e] + s, slope * rate
+
+
+@kernel
+def _section_twist(
+    c: int, lines: LineData, points: PointData, velocities: FloatArray, work: Work,
+    places: FloatArray, out: FloatArray,
+) -> float:  # fmt: skip
+    """Local twist of the section in ``out[12:18]``; rate of the slider's coordinate."""
+    rate = 0.0
     out[12:18] = 0.0
-    for m in range(first, points.first[c + 1]):
+    for m in range(points.first[c], points.first[c + 1]):
         on_line = points.slot[m] == ON_LINE
         count = lines.width[points.line[m]] if on_line else int(points.slot[m] >= 0)
         for n in range(count):
@@ -383,5 +398,4 @@ def slider_motion(
                 rate += work.slide[j] * v
                 for k in range(6):
                     out[12 + k] += work.point[0, k, j] * v
-    s, slope, _ = arc_length(lines.arc[e], places[first, 1])
-    out[18], out[19] = lines.start[e] + s, slope * rate
+    return rate

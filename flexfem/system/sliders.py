@@ -33,7 +33,4 @@ class Sliders:
     def motion(self) -> FloatArray:
         """(n, 20) frames, local twists, arc lengths and their rates at the interface's state."""
         face = self._rows.interface
-        found = [
-            self._rows.lines.motion(joint, face.frames, face.velocities) for joint in self._joints
-        ]
-        return np.array(found).reshape(-1, 20)
+        return self._rows.lines.motions(self._joints, face.frames, face.velocities)
