@@ -21,10 +21,10 @@ History: ``D_x, D_z``, lower corner of the last frame at y = 0, m; ``beta_1, bet
 (rad) between frame and lower cross-bar at y = 0, at the first and the second end of every bay.
 
 Expected (Wu et al., Appl. Sci. 10 (2020) 1231): the linear profile leaves visible vibration, the
-cosine the least. From 21 s on D_z moves by 7.7 mm, polynomial 0.14, cycloid 0.09, cosine 0.007 mm;
+cosine the least. From 21 s on D_z moves by 8.9 mm, polynomial 0.12, cycloid 0.09, cosine 0.014 mm;
 small swings decide when a latch closes, and other meshes change the last three by factors. Open,
 the truss swings at 0.6 Hz on the bars that its drives hold; latched, its diagonals vibrate from
-8.7 Hz on. Rigid members under gravity (``tests/data/deployable_truss.csv``) lock the second bay at
+8.4 Hz on. Rigid members under gravity (``tests/data/deployable_truss.csv``) lock the second bay at
 18.54 s and the first at 19.35 s.
 Run: ``mpirun -n 2 python cases/deployable_truss.py --control cosine``.
 """

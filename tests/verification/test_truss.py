@@ -4,6 +4,8 @@
 import math
 from pathlib import Path
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
@@ -70,9 +72,10 @@ def test_gravity_unfolds_one_bay(formulation):
     # rigid members: 14.204206 s, by the program that wrote tests/data/deployable_truss.csv; a
     # diagonal without mass changes it by 0.2 s, members without bending energy by nothing
     assert times == pytest.approx([14.204206] * 2, abs=5e-3)
-    end = [outcome.history[column][-1] for column in ("D_x", "D_z", "beta_1", "beta_2")]
-    # elastic members; a slider latched elsewhere leaves D centimetres off
-    np.testing.assert_allclose(end, (4.0, 0.0, math.pi / 2, math.pi / 2), atol=5e-3)
+    if MPI.COMM_WORLD.rank == 0:  # which has the history
+        end = [outcome.history[column][-1] for column in ("D_x", "D_z", "beta_1", "beta_2")]
+        # elastic members; a slider latched elsewhere leaves D centimetres off
+        np.testing.assert_allclose(end, (4.0, 0.0, math.pi / 2, math.pi / 2), atol=5e-3)
 
 
 @pytest.mark.serial
