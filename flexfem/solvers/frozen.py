@@ -45,9 +45,9 @@ _KEPT = 6
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
 _INNER, _SWEEPS = 0.02, 8
-#: A multipliers' system that costs much to factorise is kept while iterations contract like this,
-#: in so many of them.
-_WELL, _FEW = 0.02, 2
+#: A multipliers' system that costs much to factorise is kept within a step after iterations that
+#: contract like this.
+_WELL = 0.02
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,7 @@ class FrozenSolver:
     Attributes:
         shifts: those of the factors in use, None before the first factorisation.
         refine: correct every step by the exact tangent's action.
+        keep_interface: the next iteration keeps the factors of the multipliers' system.
         defect: relative size of what the frozen operator missed in the last refined step.
     """
 
@@ -97,7 +98,6 @@ class FrozenSolver:
         costly = bool(system.comm.allreduce(self._interface.sparse, op=MPI.LOR))
         self._keepable = costly and bool(system.comm.allreduce(linear, op=MPI.LAND))
         self.keep_interface = False
-        self._interface_state: tuple[Shifts, int] | None = None
         self._version = rows.lines.version
 
     def _bodies(self, part: BlockPart, active: IntArray) -> Bodies:
@@ -254,12 +254,8 @@ class FrozenSolver:
         rows = self.system.constraints
         if rows.lines.version != self._version:
             self._follow_sliders()
-        state = shifts, rows.switches
-        if not (self.keep_interface and self._interface_state == state):
-            self._interface_state = state
-            if not self._factor_interface(shifts):
-                self._interface_state = None
-                return False, np.zeros(rows.size)
+        if not (self.keep_interface or self._factor_interface(shifts)):
+            return False, np.zeros(rows.size)
         self._solve(rows.values)
         if not self.refine:
             return True, -self._right
@@ -267,10 +263,9 @@ class FrozenSolver:
         solution += self._refinement(shifts, solution)
         return True, self._put(solution)
 
-    def observe(self, iteration: int, contraction: float) -> None:
-        """Keep the factors of the multipliers' system while iterations contract well."""
-        well = contraction < _WELL and iteration <= _FEW
-        self.keep_interface = self._keepable and well
+    def observe(self, contraction: float) -> None:
+        """Keep the factors of the multipliers' system in the next iteration, or not."""
+        self.keep_interface = self._keepable and contraction < _WELL
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""

@@ -106,11 +106,12 @@ class FrozenPolicy:
         self._again = frozen.again
         if frozen.shifts != shifts:
             frozen.use(shifts)
+        frozen.keep_interface = False
         refreshed = False
 
         def observe(iteration: int, contraction: float, converged: bool) -> None:
             nonlocal refreshed
-            frozen.observe(iteration, contraction)
+            frozen.observe(contraction)
             if iteration < 2:
                 return
             if contraction > self.refine:

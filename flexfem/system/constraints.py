@@ -42,7 +42,6 @@ class Constraints(NumberedRows):
         interface: nodes that joints touch.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
-        switches: how often rows have been closed or opened, the same on every rank.
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
         mean_forces: ``forces`` are means over the last step, not those at its end.
         held: (r,) rows that keep a target taken from the motion, whatever drives them.
@@ -66,7 +65,7 @@ class Constraints(NumberedRows):
         self.values, self.compliance = np.zeros(total), np.zeros(total)
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
-        self.relaxation, self.mean_forces, self.switches = 0.0, False, 0
+        self.relaxation, self.mean_forces = 0.0, False
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
         self.poses = np.zeros((len(self.marker_slot), 12))
         damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] > LawKind.LIMIT)
@@ -178,7 +177,6 @@ class Constraints(NumberedRows):
         return rows
 
     def _switch(self, rows: IntArray, active: bool) -> None:
-        self.switches += 1
         self.active[rows] = active
         self.multipliers[rows] = self.forces[rows] = 0.0
 
