@@ -45,7 +45,7 @@ def run(environment: dict[str, str], command_line: Callable[..., list[str]]) -> 
     """Run a Python program on some ranks; a run that hangs is a failure."""
 
     def start(
-        ranks: int, *arguments: object, cwd: Path | None = None, timeout: float = 120
+        ranks: int, *arguments: object, cwd: Path | None = None, timeout: float = 400
     ) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             command_line(ranks, *arguments),

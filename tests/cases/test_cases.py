@@ -176,7 +176,7 @@ def histories(run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory)
     for ranks, folder in folders.items():
         script = folder / "all_runs.py"
         script.write_text(ALL_RUNS)
-        ended = run(ranks, script, folder, *CASES, timeout=300)
+        ended = run(ranks, script, folder, *CASES, timeout=600)
         assert (ended.returncode, ended.stderr) == (0, "")
     return folders
 
@@ -314,7 +314,7 @@ def test_full_disk_is_told_in_one_line(
     output = tmp_path / "results"
     ended = subprocess.run(
         [*command_line(1, script), str(output)], capture_output=True, text=True, check=False,
-        env=environment, timeout=120,
+        env=environment, timeout=400,
     )  # fmt: skip
     assert ended.returncode == 1
     assert ended.stderr.count("\n") == 1

@@ -61,7 +61,7 @@ def test_other_numbers_of_ranks(tmp_path: Path, run: Callable[..., object]) -> N
     stages = [(1, "full", 0, 1), (1, "part", 0, 0.3), (2, "part", 0.3, 0.5)]
     stages += [(3, "part", 0.5, 0.8), (1, "part", 0.8, 1)]
     for ranks, folder, first, last in stages:
-        ended = run(ranks, script, models, tmp_path / folder, first, last, timeout=300)
+        ended = run(ranks, script, models, tmp_path / folder, first, last, timeout=600)
         assert (ended.returncode, ended.stderr) == (0, "")
     folders = sorted((tmp_path / "full").iterdir())
     assert len(folders) == 8

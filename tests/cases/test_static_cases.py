@@ -46,7 +46,7 @@ def folders(run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -
     for ranks, folder in made.items():
         script = folder / "all_runs.py"
         script.write_text(ALL_RUNS)
-        ended = run(ranks, script, folder, *CASES, timeout=300)
+        ended = run(ranks, script, folder, *CASES, timeout=600)
         assert (ended.returncode, ended.stderr) == (0, "")
     return made
 
