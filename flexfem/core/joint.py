@@ -17,7 +17,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.core.marker import Attachment, Carrier, Ground, Marker
 from flexfem.core.pose import Pose
 from flexfem.core.row import Law, Row, RowKind, Term
 
@@ -26,6 +26,7 @@ __all__ = [
     "Joint",
     "JointAction",
     "check_limits",
+    "check_sliding",
     "coincidence",
     "displacement",
     "distance",
@@ -225,6 +226,16 @@ def check_limits(
         raise ValueError(f"{owner}: lower must be below upper, got {lower} and {upper}")
     _checks.number(owner, "stiffness", stiffness, positive=True)
     _checks.number(owner, "damping", damping, nonnegative=True)
+
+
+def check_sliding(action: JointAction) -> None:
+    """Check that an action belongs to a joint that slides on a beam.
+
+    Raises:
+        TypeError: it does not.
+    """
+    if not isinstance(action.joint.a, Carrier):
+        raise TypeError(f"{action.owner}: joint must be a Sliding joint, got {action.joint.owner}")
 
 
 def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -34,7 +34,7 @@ from flexfem._checks import InputError
 from flexfem.core.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.integrators.integrator import Integrator, discard
+from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
 from flexfem.solvers.policies import Policy
 from flexfem.system.constraints import Constraints
 from flexfem.system.step_mechanics import StepMechanics
@@ -112,12 +112,11 @@ class EnergyMomentum(Integrator):
         system.set_time(begin + h)
         mechanics.begin(system, h, factors)
         others, system.mechanics = system.mechanics, mechanics
-        for prediction in dict.fromkeys((system.prediction, Prediction.REST)):
-            restart = partial(_predict, mechanics, rows, prediction)
-            restart()
-            status = policy.solve(self.shifts(h), restart)
-            if status is Status.OK:
-                break
+        status = solve_from_predictions(
+            system,
+            partial(_predict, mechanics, rows),
+            lambda restart: policy.solve(self.shifts(h), restart),
+        )
         system.mechanics = others  # events and starts state equilibrium at one time
         if status is not Status.OK:
             discard(system, begin)

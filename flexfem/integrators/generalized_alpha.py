@@ -22,7 +22,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.prediction import Prediction
 from flexfem.core.status import Status
-from flexfem.integrators.integrator import Integrator, discard
+from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
 from flexfem.solvers.newton import Equations, PositionLevel
 from flexfem.solvers.policies import Policy
 from flexfem.system.system import Shifts, System
@@ -102,15 +102,15 @@ class GeneralizedAlpha(Integrator):
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
         laws, start = _laws(self.rho_inf, h), system.time
-        shifts, status = laws.shifts, Status.DIVERGED
+        equations = self._equations(h)
         system.set_time(start + h)
-        for prediction in dict.fromkeys((system.prediction, Prediction.REST)):
-            restart = partial(_predict, system, laws, laws.predict[prediction])
-            restart()
-            status = policy.solve(shifts, restart, self._equations(h))
-            if status is Status.OK:
-                return status
-        discard(system, start)
+        status = solve_from_predictions(
+            system,
+            partial(_predict, system, laws),
+            lambda restart: policy.solve(laws.shifts, restart, equations),
+        )
+        if status is not Status.OK:
+            discard(system, start)
         return status
 
     def error(self, system: System, policy: Policy, h: float) -> float:
@@ -143,9 +143,9 @@ class GeneralizedAlpha(Integrator):
         system.accept(laws.accept, h)
 
 
-def _predict(system: System, laws: _Laws, law: FloatArray) -> None:
-    """Start a step of the given laws with the trial state that ``law`` predicts."""
-    system.predict(law, laws.rates)
+def _predict(system: System, laws: _Laws, prediction: Prediction) -> None:
+    """Start a step of the given laws with the predicted trial state."""
+    system.predict(laws.predict[prediction], laws.rates)
     rows = system.constraints
     rows.multipliers[:] = laws.shifts.scale * rows.forces
 

@@ -4,17 +4,20 @@
 A new scheme is a new file and its line in ``flexfem.analyses.dynamics.INTEGRATORS``.
 """
 
+from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from typing import ClassVar, Protocol
 
 from flexfem.analyses.dynamics import INTEGRATORS
+from flexfem.core.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.solvers.policies import Policy
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Integrator", "create_integrator", "discard"]
+__all__ = ["Integrator", "create_integrator", "discard", "solve_from_predictions"]
 
 
 class Integrator(Protocol):
@@ -87,6 +90,28 @@ def create_integrator(name: str, rho_inf: float) -> Integrator:
     module, kind = INTEGRATORS[name].split(":")
     integrator: Integrator = getattr(import_module(module), kind)(rho_inf)
     return integrator
+
+
+def solve_from_predictions(
+    system: System,
+    predict: Callable[[Prediction], None],
+    solve: Callable[[Callable[[], None]], Status],
+) -> Status:
+    """Solve from the prediction that was the best for the last step, after a failure from rest.
+
+    Args:
+        system: in its accepted state.
+        predict: makes a trial state.
+        solve: iterates from it; gets what makes it again.
+    """
+    status = Status.DIVERGED
+    for prediction in dict.fromkeys((system.prediction, Prediction.REST)):
+        restart = partial(predict, prediction)
+        restart()
+        status = solve(restart)
+        if status is Status.OK:
+            break
+    return status
 
 
 def discard(system: System, start: float) -> None:

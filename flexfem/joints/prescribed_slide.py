@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
-from flexfem.core.joint import Joint, JointAction
+from flexfem.core.joint import Joint, JointAction, check_sliding
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
-from flexfem.joints.slide_stop import check_sliding
 
 __all__ = ["PrescribedSlide"]
 

@@ -4,22 +4,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem.core.joint import Joint, JointAction, check_limits
-from flexfem.core.marker import Carrier
+from flexfem.core.joint import Joint, JointAction, check_limits, check_sliding
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, limit
 
-__all__ = ["SlideStop", "check_sliding"]
-
-
-def check_sliding(action: JointAction) -> None:
-    """Check that an action belongs to a joint that slides on a beam.
-
-    Raises:
-        TypeError: it does not.
-    """
-    if not isinstance(action.joint.a, Carrier):
-        raise TypeError(f"{action.owner}: joint must be a Sliding joint, got {action.joint.owner}")
+__all__ = ["SlideStop"]
 
 
 @dataclass(frozen=True, eq=False)

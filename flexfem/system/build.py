@@ -12,7 +12,7 @@ from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
 from flexfem.model.bodies import PointMass, RigidBody
 from flexfem.system.assembly import Assembly
-from flexfem.system.connect import connect, joint_ends
+from flexfem.system.connect import JointEnds, connect, joint_ends
 from flexfem.system.constraints import Constraints
 from flexfem.system.families import nurbs_block, se3_block
 from flexfem.system.interface import Interface
@@ -39,7 +39,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     model = serial.model
     placement = place(model, comm.size, split_above)
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
-    _check_joints(serial)
+    ends = _joint_ends(serial)
     _check_laws(serial)
     for mass in model.point_masses:
         _check_node(serial, mass)
@@ -51,7 +51,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         blocks[NURBS], families[NURBS] = nurbs_block(serial, comm, placement)
     if model.rigid_bodies:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
-    interface, joints = connect(serial, comm, placement, blocks)
+    interface, joints = connect(model.joints, ends, comm, placement, blocks)
     constraints = Constraints(comm, joints, interface)
     for name in model.released:
         constraints.set_active(name, False)
@@ -85,10 +85,14 @@ def _part(
     )
 
 
-def _check_joints(serial: Assembly) -> None:
-    """Raise for joints without rows at the start, such as a spring between coinciding markers."""
+def _joint_ends(serial: Assembly) -> list[JointEnds]:
+    """Ends of all joints; joints without rows, as a spring between coinciding markers, raise."""
+    found = []
     for joint in serial.model.joints:
-        joint.rows(joint_ends(serial, joint).poses, 0.0)
+        ends = joint_ends(serial, joint)
+        joint.rows(ends.poses, 0.0)
+        found.append(ends)
+    return found
 
 
 def _check_laws(serial: Assembly) -> None:

@@ -139,25 +139,32 @@ def _in_plane(
 
 
 def connect(
-    serial: Assembly, comm: MPI.Intracomm, placement: Placement,
-    blocks: Sequence[FrameBlock | None],
+    joints: Sequence[Joint], found: Sequence[JointEnds], comm: MPI.Intracomm,
+    placement: Placement, blocks: Sequence[FrameBlock | None],
 ) -> tuple[Interface, list[PlacedJoint]]:  # fmt: skip
-    """Interface nodes of all joints and the joints that this rank evaluates (collective)."""
+    """Interface nodes of all joints and the joints that this rank evaluates (collective).
+
+    Args:
+        joints: of the model.
+        found: their ends.
+        comm: communicator.
+        placement: distribution of the model.
+        blocks: the blocks by kind.
+    """
     needed: dict[NodeKey, set[int]] = {}
-    found = [joint_ends(serial, joint) for joint in serial.model.joints]
-    for joint, ends in zip(serial.model.joints, found, strict=True):
+    for joint, ends in zip(joints, found, strict=True):
         ranks = placement.joint_ranks(joint)
         for key in ends.keys:
             needed.setdefault(key, set()).update(ranks)
     keys = list(needed)
     interface = Interface(comm, blocks, keys, [sorted(needed[k]) for k in keys])
-    joints: list[PlacedJoint] = []
+    placed: list[PlacedJoint] = []
     rails: dict[str, Rail] = {}
-    for index, (joint, ends) in enumerate(zip(serial.model.joints, found, strict=True)):
+    for index, (joint, ends) in enumerate(zip(joints, found, strict=True)):
         ranks = placement.joint_ranks(joint)
         if comm.rank not in ranks:
             continue
-        joints.append(
+        placed.append(
             PlacedJoint(
                 joint,
                 index,
@@ -169,7 +176,7 @@ def connect(
                 shared=len(ranks) > 1,
             )
         )
-    return interface, joints
+    return interface, placed
 
 
 def _rail_points(

@@ -4,10 +4,10 @@
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.line_points import add_line_second, arc_length, turn_frames, turn_second
+from flexfem.core.line_points import add_line_second, arc_length, turn_second
 from flexfem.lie.compiled import kernel
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
-from flexfem.system.line_kernels import ARC, place_markers, slide_gradient
+from flexfem.system.line_kernels import ARC, element_frames, place_markers, slide_gradient
 from flexfem.system.row_hessians import term_hessian
 from flexfem.system.row_kernels import ALONG, term, to_node
 
@@ -122,12 +122,9 @@ def _add_point_second(
     line, e, g = points.line[m], int(places[m, 0]), np.empty(6)
     k = lines.width[line]
     to_node(points.offset[m], work.forces, 6 * number, g)
-    for i in range(k):
-        work.frames[i] = frames[lines.nodes[e, i]]
+    element_frames(lines, line, e, frames, work)
     block = work.block[: 6 * k + 1, : 6 * k + 1]
     block[:] = 0.0
-    if lines.turned[line]:
-        turn_frames(work.frames[:k], lines.turns[e], work.frames[:k])
     add_line_second(
         lines.element[line], work.frames[:k], lines.shape[e, :k, :k], places[m, 1], g, block
     )

@@ -32,6 +32,7 @@ from flexfem.system.row_kernels import ALONG, ANGLE, rotate_back_into, rotate_in
 __all__ = [
     "ARC",
     "add_line_wrenches",
+    "element_frames",
     "evaluate_lines",
     "node_slots",
     "place_markers",
@@ -47,15 +48,22 @@ _STEPS, _SMALL = 50, 1e-13
 
 
 @kernel
-def _section(
-    lines: LineData, line: int, e: int, xi: float, frames: FloatArray, work: Work, H: FloatArray
-) -> None:
-    """Frame ``H`` of a section and its derivatives in ``work.section``."""
+def element_frames(lines: LineData, line: int, e: int, frames: FloatArray, work: Work) -> None:
+    """Frames of the sections at the nodes of an element in ``work.frames``."""
     k = lines.width[line]
     for i in range(k):
         work.frames[i] = frames[lines.nodes[e, i]]
     if lines.turned[line]:
         turn_frames(work.frames[:k], lines.turns[e], work.frames[:k])
+
+
+@kernel
+def _section(
+    lines: LineData, line: int, e: int, xi: float, frames: FloatArray, work: Work, H: FloatArray
+) -> None:
+    """Frame ``H`` of a section and its derivatives in ``work.section``."""
+    k = lines.width[line]
+    element_frames(lines, line, e, frames, work)
     J = work.section[:, : 6 * k + 1]
     line_jacobian(lines.element[line], work.frames[:k], lines.shape[e, :k, :k], xi, H, J)
     if lines.turned[line]:

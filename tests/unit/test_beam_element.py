@@ -7,7 +7,8 @@ import pytest
 
 import flexfem as ff
 from flexfem.forms.beam import beam_forms
-from flexfem.lie import se3, so3
+from flexfem.lie import se3
+from tests.unit.sections import coupled_section
 
 GRAVITY = np.array([3.0, -7.0, 2.0])
 SCALE = 0.3
@@ -32,17 +33,7 @@ SHAPES = {
 }
 
 
-def _coupled_section() -> ff.Section:
-    """Every entry of the stiffness couples; the mass centre lies off the axis."""
-    rng = np.random.default_rng(7)
-    root, j = rng.normal(size=(6, 6)), rng.normal(size=(3, 3))
-    first = 1.3 * so3.skew(np.array([0.0, 0.11, -0.07]))
-    rotary = 0.1 * (j @ j.T + np.eye(3)) - first @ first / 1.3
-    inertia = np.block([[1.3 * np.eye(3), -first], [first, rotary]])
-    return ff.Section.general(root @ root.T + 6.0 * np.eye(6), inertia)
-
-
-SECTION = _coupled_section()
+SECTION = coupled_section()
 SIMPLE = ff.Section.general((1e3, 400.0, 300.0, 20.0, 10.0, 5.0), (2.0, 2.0, 2.0, 0.3, 0.2, 0.1))
 
 

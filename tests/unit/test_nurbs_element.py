@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 import flexfem as ff
 from flexfem.lie import se3, so3
+from tests.unit.sections import coupled_section
 
 pytestmark = pytest.mark.serial
 
@@ -17,17 +18,7 @@ STILL = np.array([0.0, 0.0, 1.0])
 MASS = np.array([0.0, 1.0, 0.0])
 
 
-def _coupled_section() -> ff.Section:
-    """Every entry of the stiffness couples; the mass centre lies off the axis."""
-    rng = np.random.default_rng(7)
-    root, j = rng.normal(size=(6, 6)), rng.normal(size=(3, 3))
-    first = 1.3 * so3.skew(np.array([0.0, 0.11, -0.07]))
-    rotary = 0.1 * (j @ j.T + np.eye(3)) - first @ first / 1.3
-    inertia = np.block([[1.3 * np.eye(3), -first], [first, rotary]])
-    return ff.Section.general(root @ root.T + 6.0 * np.eye(6), inertia)
-
-
-SECTION = _coupled_section()
+SECTION = coupled_section()
 EA, GA_2, GA_3, GJ, EI_2, EI_3 = STIFFNESS = (1e3, 400.0, 300.0, 20.0, 10.0, 5.0)
 #: of the arc that is bent
 RADIUS = 1.5
