@@ -141,7 +141,7 @@ class FrozenSolver:
         term, side = np.nonzero(body_of_slot[slot] >= 0)  # slot -1 is the last entry, -1
         sides = np.stack([term, side, slot[term, side]], axis=1).astype(np.int64)
         body = body_of_slot[sides[:, 2]]
-        sides = np.ascontiguousarray(sides[np.argsort(body, kind="stable")])
+        sides = np.ascontiguousarray(sides[np.lexsort((sides[:, 2], body))])
         return sides, np.bincount(body, minlength=count).astype(np.int64)
 
     def _ranges(self, sides: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
@@ -314,8 +314,7 @@ class FrozenSolver:
         for group in self._groups:
             schur(
                 group.sides, group.side_start, self._slot_column, self._slot_active,
-                group.column_start, group.ranges, group.range_start, group.compliances,
-                group.compliance_start,
+                group.column_start, group.compliances, group.compliance_start,
                 rows.force_jacobian, rows.step_jacobian, group.entries,
             )  # fmt: skip
         np.multiply(rows.owned, rows.compliance, out=self._diagonal)

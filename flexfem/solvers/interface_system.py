@@ -5,6 +5,8 @@ Every rank holds entries between the rows that it evaluates. It eliminates the r
 complement on the rows shared with other ranks is summed by one reduction and solved everywhere.
 """
 
+from typing import Protocol
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -13,12 +15,35 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.lie.compiled import kernel
 from flexfem.solvers.banded import band_factor, band_solve
+from flexfem.solvers.fronts import Fronts
 from flexfem.solvers.schur_kernels import lu_factor, lu_solve
 
 __all__ = ["InterfaceSystem"]
 
-#: Up to this half bandwidth a banded factorisation beats a sparse one.
+#: Up to this half bandwidth a banded factorisation beats one by fronts.
 _WIDEST = 64
+
+
+class _Elimination(Protocol):
+    """Elimination of the first rows of a matrix.
+
+    Attributes:
+        complement: (n, n) Schur complement of the other rows, after :meth:`factor`.
+    """
+
+    complement: FloatArray
+
+    def factor(self, values: FloatArray) -> bool:
+        """Factorise the matrix of the given entries; False if it is singular."""
+        ...
+
+    def reduce(self, x: FloatArray) -> None:
+        """Eliminate from a right-hand side: the other rows get that of the complement."""
+        ...
+
+    def complete(self, x: FloatArray) -> None:
+        """Solve for the first rows after :meth:`reduce`; the others hold their solution."""
+        ...
 
 
 @kernel
@@ -28,64 +53,73 @@ def _scatter_add(index: IntArray, select: IntArray, values: FloatArray, out: Flo
         out[index[k]] += values[select[k]]
 
 
-class _BandedInterior:
-    """Rows in the order of reverse Cuthill and McKee, which makes chains and trees narrow."""
+class _Band:
+    """First rows in the order of reverse Cuthill and McKee, which makes chains and trees narrow."""
 
-    def __init__(self, i: IntArray, j: IntArray, order: IntArray, half: int) -> None:
-        """Entries (i, j) in the new order, the old rows in this order, half bandwidth."""
-        self._order = order
-        self._band = np.zeros((len(order), 2 * half + 1))
-        self._index = i * (2 * half + 1) + j - i + half
-        self._work = np.empty(len(order))
+    def __init__(self, i: IntArray, j: IntArray, order: IntArray, half: int, size: int) -> None:
+        """Entries (i, j), order of the first rows, their half bandwidth then, number of rows."""
+        count = len(order)
+        left = size - count
+        rank = np.empty(size, dtype=np.int64)
+        rank[order], rank[count:] = np.arange(count), np.arange(left)
+        first, last = i < count, j < count
+        inner = first & last
+        self._inner = None if inner.all() else np.flatnonzero(inner)
+        self._order, self._work = order, np.empty(count)
+        self._band = np.zeros((count, 2 * half + 1))
+        self._index = (rank[i] * (2 * half + 1) + rank[j] - rank[i] + half)[inner]
+        self._blocks = []
+        for rows, columns, shape in (
+            (first, ~last, (count, left)), (~first, last, (left, count)),
+            (~first, ~last, (left, left)),
+        ):  # fmt: skip
+            select = np.flatnonzero(rows & columns)
+            index = np.where(first, i, i - count) * shape[1] + np.where(last, j, j - count)
+            self._blocks.append((index[select], select, np.zeros(shape)))
+        self._to_left, self._from_first, self.complement = (b[2] for b in self._blocks)
 
     def factor(self, values: FloatArray) -> bool:
-        regular: bool = band_factor(self._index, values, self._band)
+        """See :class:`_Elimination`."""
+        inner = values if self._inner is None else values[self._inner]
+        regular: bool = band_factor(self._index, inner, self._band)
+        if regular and len(self.complement):
+            for index, select, out in self._blocks:
+                out[:] = 0.0
+                _scatter_add(index, select, values, out.reshape(-1))
+            self._columns = np.ascontiguousarray(self._to_left.T)
+            for column in self._columns:
+                band_solve(self._band, self._order, self._work, column)
+            self.complement -= self._from_first @ self._columns.T
         return regular
 
-    def solve(self, x: FloatArray) -> None:
+    def reduce(self, x: FloatArray) -> None:
+        """See :class:`_Elimination`."""
         band_solve(self._band, self._order, self._work, x)
+        if len(self.complement):
+            x[len(self._order) :] -= self._from_first @ x[: len(self._order)]
+
+    def complete(self, x: FloatArray) -> None:
+        """See :class:`_Elimination`."""
+        if len(self.complement):
+            x[: len(self._order)] -= self._columns.T @ x[len(self._order) :]
 
 
-class _SparseInterior:
-    def __init__(self, i: IntArray, j: IntArray, size: int) -> None:
-        self._matrix = _matrix(i, j, size)
-        self._pc = PETSc.PC().create(comm=PETSc.COMM_SELF)
-        self._pc.setType(PETSc.PC.Type.LU)
-        # up to some thousand rows of trees, lattices and grids faster than nested dissection
-        self._pc.setFactorOrdering("qmd")
-        self._pc.setOperators(self._matrix)
-        self._rhs, self._solution = self._matrix.createVecs()
-
-    def factor(self, values: FloatArray) -> bool:
-        self._matrix.setValuesCOO(values, PETSc.InsertMode.INSERT)
-        self._pc.setOperators(self._matrix)
-        self._pc.setUp()
-        return bool(self._pc.getFailedReason() == 0)
-
-    def solve(self, x: FloatArray) -> None:
-        self._rhs.setArray(x)
-        self._pc.apply(self._rhs, self._solution)
-        x[:] = self._solution.getArray(readonly=True)
-
-
-def _matrix(i: IntArray, j: IntArray, size: int) -> PETSc.Mat:
-    matrix = PETSc.Mat().createAIJ((size, size), comm=PETSc.COMM_SELF)
-    kind = PETSc.IntType
-    matrix.setPreallocationCOO(i.astype(kind), j.astype(kind))
-    return matrix
-
-
-def _interior(i: IntArray, j: IntArray, size: int) -> _BandedInterior | _SparseInterior:
-    """Solver for the rows of this rank alone."""
-    matrix = _matrix(i, j, size)
-    matrix.setValuesCOO(np.ones(len(i)), PETSc.InsertMode.INSERT)
+def _elimination(i: IntArray, j: IntArray, count: int, size: int) -> _Elimination:
+    """Elimination of the first rows; a narrow band where their order allows one."""
+    inner = (i < count) & (j < count)
+    matrix = PETSc.Mat().createAIJ((count, count), comm=PETSc.COMM_SELF)
+    first, second = i[inner], j[inner]
+    matrix.setPreallocationCOO(first.astype(PETSc.IntType), second.astype(PETSc.IntType))
+    matrix.setValuesCOO(np.ones(len(first)), PETSc.InsertMode.INSERT)
     order = np.array(matrix.getOrdering("rcm")[0].getIndices(), dtype=np.int64)
-    rank = np.empty(size, dtype=np.int64)
-    rank[order] = np.arange(size)
-    half = int(np.abs(rank[i] - rank[j]).max(initial=0))
+    rank = np.empty(count, dtype=np.int64)
+    rank[order] = np.arange(count)
+    half = int(np.abs(rank[first] - rank[second]).max(initial=0))
     if half <= _WIDEST:
-        return _BandedInterior(rank[i], rank[j], order, half)
-    return _SparseInterior(i, j, size)
+        return _Band(i, j, order, half, size)
+    # minimum degree: for some thousand rows of trees, lattices and grids less fill than dissection
+    order = np.array(matrix.getOrdering("qmd")[0].getIndices(), dtype=np.int64)
+    return Fronts(i, j, order, size)
 
 
 class InterfaceSystem:
@@ -110,24 +144,9 @@ class InterfaceSystem:
             shared_size: number of shared rows of all ranks.
         """
         self._comm, self._count = comm, interior
-        inner = (i < interior) & (j < interior)
-        self._inner = np.flatnonzero(inner)
-        if interior:
-            self._interior = _interior(i[inner], j[inner], interior)
-        self.sparse = interior > 0 and isinstance(self._interior, _SparseInterior)
-        self._whole = bool(inner.all())
-        self._shared, self._shared_size = shared, shared_size
-        outer = len(shared)
-        self._blocks = []
-        for rows, columns, shape in (
-            (i < interior, j >= interior, (interior, outer)),
-            (i >= interior, j < interior, (outer, interior)),
-            (i >= interior, j >= interior, (outer, outer)),
-        ):
-            select = np.flatnonzero(rows & columns)
-            at = np.where(i[select] >= interior, i[select] - interior, i[select])
-            to = np.where(j[select] >= interior, j[select] - interior, j[select])
-            self._blocks.append((at * shape[1] + to, select, np.zeros(shape)))
+        self._own = _elimination(i, j, interior, interior + len(shared))
+        self.sparse = isinstance(self._own, Fronts)
+        self._shared, self._grid = shared, np.ix_(shared, shared)
         # the complement on the shared rows and a flag of failure, for one reduction
         self._buffer = np.zeros(shared_size**2 + 1)
         self._matrix = self._buffer[:-1].reshape(shared_size, shared_size)
@@ -141,44 +160,22 @@ class InterfaceSystem:
             values: one number per entry of the pattern.
             regular: what this rank knows already.
         """
-        inner = values if self._whole else values[self._inner]
-        if self._count:
-            regular = self._interior.factor(inner) and regular
-        if self._comm.size == 1 and self._shared_size == 0:
+        regular = self._own.factor(values) and regular
+        if self._comm.size == 1 and not len(self._vector):
             return regular
         self._buffer[:] = 0.0
-        if self._shared_size:
-            self._gather_shared(values, regular)
+        self._matrix[self._grid] = self._own.complement
         self._buffer[-1] = 0.0 if regular else 1.0
         self._comm.Allreduce(MPI.IN_PLACE, self._buffer, op=MPI.SUM)
         return bool(lu_factor(self._matrix, self._pivots)) and self._buffer[-1] == 0.0
 
-    def _gather_shared(self, values: FloatArray, regular: bool) -> None:
-        """This rank's part of the complement on the shared rows."""
-        for index, select, out in self._blocks:
-            out[:] = 0.0
-            _scatter_add(index, select, values, out.reshape(-1))
-        to_outer, self._from_inner, outer = (b[2] for b in self._blocks)
-        self._columns = np.ascontiguousarray(to_outer.T)
-        if self._count and regular:
-            for column in self._columns:
-                self._interior.solve(column)
-            outer -= self._from_inner @ self._columns.T
-        self._matrix[np.ix_(self._shared, self._shared)] = outer
-
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective if shared)."""
-        if self._shared_size == 0:
-            if self._count:
-                self._interior.solve(right)
-            return
-        own, other = right[: self._count], right[self._count :]
-        if self._count:
-            self._interior.solve(own)
-            other -= self._from_inner @ own
-        self._vector[:] = 0.0
-        self._vector[self._shared] = other
-        self._comm.Allreduce(MPI.IN_PLACE, self._vector, op=MPI.SUM)
-        lu_solve(self._matrix, self._pivots, self._vector)
-        other[:] = self._vector[self._shared]
-        own -= self._columns.T @ other
+        self._own.reduce(right)
+        if len(self._vector):
+            self._vector[:] = 0.0
+            self._vector[self._shared] = right[self._count :]
+            self._comm.Allreduce(MPI.IN_PLACE, self._vector, op=MPI.SUM)
+            lu_solve(self._matrix, self._pivots, self._vector)
+            right[self._count :] = self._vector[self._shared]
+        self._own.complete(right)

@@ -52,51 +52,54 @@ def interface_response(
 @kernel
 def schur(
     sides: IntArray, side_start: IntArray, slot_column: IntArray, slot_active: IntArray,
-    column_start: IntArray, ranges: IntArray, range_start: IntArray, compliances: FloatArray,
-    compliance_start: IntArray,
+    column_start: IntArray, compliances: FloatArray, compliance_start: IntArray,
     force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
 ) -> None:  # fmt: skip
     """Entries of ``G~ C G^T``: for every body, all pairs of the sides of terms that act on it.
 
     Args:
-        sides: (k, 3) term, side, slot, grouped by body.
+        sides: (k, 3) term, side, slot, grouped by body, best with equal slots side by side.
         side_start: (n_bodies + 1,) first side of each body.
         slot_column: first column of each slot within its body.
         slot_active: number of columns of each slot.
         column_start: (n_bodies + 1,) first column of each body.
-        ranges: (m, 2) first and end of the columns in use, within their bodies.
-        range_start: (n_bodies + 1,) first range of each body.
         compliances: all C matrices one after the other.
         compliance_start: where each of them begins.
         force_jacobian: (t, 2, 6) terms of the rows of G.
         step_jacobian: (t, 2, 6) terms of the rows of G~.
         values: pairs in the order (body, second side, first side).
     """
-    at = 0
-    work = np.empty(0)
+    at, most = 0, 0
     for b in range(side_start.size - 1):
-        count = column_start[b + 1] - column_start[b]
-        if work.size < count:
-            work = np.empty(count)
-        C = compliance_start[b]
-        for j in range(side_start[b], side_start[b + 1]):
-            term, side, slot = sides[j, 0], sides[j, 1], sides[j, 2]
-            first, active = slot_column[slot], slot_active[slot]
-            for r in range(range_start[b], range_start[b + 1]):
-                for c in range(ranges[r, 0], ranges[r, 1]):
-                    work[c] = 0.0
-                    for k in range(active):
-                        work[c] += (
-                            compliances[C + c * count + first + k] * force_jacobian[term, side, k]
-                        )
-            for i in range(side_start[b], side_start[b + 1]):
-                term, side, slot = sides[i, 0], sides[i, 1], sides[i, 2]
-                column = slot_column[slot]
-                total = 0.0
-                for k in range(slot_active[slot]):
-                    total += step_jacobian[term, side, k] * work[column + k]
-                values[at] = total
-                at += 1
+        most = max(most, side_start[b + 1] - side_start[b])
+    steps, c = np.empty((6, most)), np.empty(6)
+    for b in range(side_start.size - 1):
+        begin, end = side_start[b], side_start[b + 1]
+        count, C = column_start[b + 1] - column_start[b], compliance_start[b]
+        for i in range(begin, end):
+            for k in range(6):
+                steps[k, i - begin] = step_jacobian[sides[i, 0], sides[i, 1], k]
+        for j in range(begin, end):
+            force = force_jacobian[sides[j, 0], sides[j, 1]]
+            first, active = slot_column[sides[j, 2]], slot_active[sides[j, 2]]
+            i = begin
+            while i < end:  # sides on one slot after the other
+                slot, run = sides[i, 2], i
+                while i < end and sides[i, 2] == slot:
+                    i += 1
+                for k in range(6):
+                    c[k] = 0.0
+                    if k < slot_active[slot]:
+                        row = C + (slot_column[slot] + k) * count + first
+                        for m in range(active):
+                            c[k] += compliances[row + m] * force[m]
+                x, y, z, u, v, w = c
+                for n in range(run - begin, i - begin):
+                    values[at] = (
+                        steps[0, n] * x + steps[1, n] * y + steps[2, n] * z
+                        + steps[3, n] * u + steps[4, n] * v + steps[5, n] * w
+                    )  # fmt: skip
+                    at += 1
 
 
 @kernel

@@ -8,6 +8,7 @@ import pytest
 
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix, direct_solver, factorise
+from flexfem.solvers.fronts import Fronts
 from flexfem.solvers.interface_system import InterfaceSystem
 from flexfem.solvers.minimal_residual import minimal_residual
 
@@ -56,9 +57,12 @@ def test_minimal_residual_of_the_identity_and_of_nothing(rng):
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("interior", [0, 5, 50], ids=["shared only", "dense", "sparse"])
+@pytest.mark.parametrize(
+    ("interior", "far"), [(0, 0), (5, 0), (50, 0), (169, 13)],
+    ids=["shared only", "dense", "band", "grid"],
+)  # fmt: skip
 @pytest.mark.parametrize("shared", [0, 4], ids=["alone", "shared"])
-def test_interface_system_equals_a_dense_solve(interior, shared, rng):
+def test_interface_system_equals_a_dense_solve(interior, far, shared, rng):
     """Interior rows of every rank and rows of several ranks, whose entries add up."""
     rank, size = COMM.rank, COMM.size
     total = interior * size + shared
@@ -72,7 +76,8 @@ def test_interface_system_equals_a_dense_solve(interior, shared, rng):
         ).astype(np.int64)
         count = len(numbers)
         block = rng.normal(size=(count, count)) + (3.0 + count) * np.eye(count)
-        near = np.abs(np.subtract.outer(np.arange(count), np.arange(count))) <= 4
+        apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+        near = (apart <= 4) | (np.abs(apart - far) <= 4) | (np.abs(apart - 5 * far) <= 1)
         near[interior:] = near[:, interior:] = True
         block *= near
         every[np.ix_(numbers, numbers)] += block
@@ -86,6 +91,7 @@ def test_interface_system_equals_a_dense_solve(interior, shared, rng):
     values[:3] *= 0.25
     values[-3:] *= 0.75
     system = InterfaceSystem(COMM, i, j, interior, np.arange(shared), shared)
+    assert system.sparse == (far > 0)
     right = rng.normal(size=total)
     expected = np.linalg.solve(every, right)
     for factor in (1.0, 2.0):  # the pattern is kept, the numbers change
@@ -105,6 +111,33 @@ def test_interface_system_reports_a_singular_matrix():
     system = InterfaceSystem(COMM, i, j, 3, np.zeros(0, dtype=np.int64), 0)
     assert not system.factor(np.array([1.0, 0.0, 2.0]))
     assert system.factor(np.array([1.0, 3.0, 2.0]))
+
+
+@pytest.mark.parametrize("left", [0, 3], ids=["all", "some"])
+def test_fronts_of_several_trees(left, rng):
+    """Graphs of several components, some of one row, rows without neighbours but those left."""
+    size = 60
+    dense = np.zeros((size, size))
+    for a, b in ((0, 7), (7, 8), (8, 30), (31, 40), (41, size - left)):
+        dense[a:b, a:b] = rng.normal(size=(b - a, b - a)) * (rng.random((b - a, b - a)) < 0.15)
+    dense[size - left :, 5:35] = rng.normal(size=(left, 30))
+    dense[5:35, size - left :] = rng.normal(size=(30, left))
+    dense += 30.0 * np.eye(size)
+    i, j = np.nonzero(dense)
+    order = rng.permutation(size - left)
+    fronts = Fronts(i, j, order, size)
+    assert fronts.factor(dense[i, j])
+    expected = np.linalg.inv(np.linalg.inv(dense)[size - left :, size - left :])
+    # round-off; an entry that goes to the wrong place of a front is missing by order 1
+    np.testing.assert_allclose(fronts.complement, expected, atol=1e-12)
+    right = rng.normal(size=size)
+    x = right.copy()
+    fronts.reduce(x)
+    x[size - left :] = np.linalg.solve(fronts.complement, x[size - left :])
+    fronts.complete(x)
+    np.testing.assert_allclose(x, np.linalg.solve(dense, right), atol=1e-13)
+    singular = np.where((i == 33) | (j == 33), 0.0, dense[i, j])
+    assert not fronts.factor(singular)
 
 
 @pytest.mark.parametrize("local", [True, False], ids=["own factors", "distributed"])
