@@ -42,10 +42,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown() -> None:
-    """Destructors of PETSc and DOLFINx objects are collective: run them on all ranks together."""
+    """Destructors of PETSc and DOLFINx objects are collective: run them on all ranks together.
+
+    What has survived once, modules above all, is not searched again: that took most of the time.
+    """
     comm = _communicator()
     if comm is not None and comm.size > 1:
         gc.collect()
+        gc.freeze()
         comm.Barrier()
 
 
