@@ -107,19 +107,27 @@ class _Band:
 def _elimination(i: IntArray, j: IntArray, count: int, size: int) -> _Elimination:
     """Elimination of the first rows; a narrow band where their order allows one."""
     inner = (i < count) & (j < count)
-    matrix = PETSc.Mat().createAIJ((count, count), comm=PETSc.COMM_SELF)
     first, second = i[inner], j[inner]
-    matrix.setPreallocationCOO(first.astype(PETSc.IntType), second.astype(PETSc.IntType))
-    matrix.setValuesCOO(np.ones(len(first)), PETSc.InsertMode.INSERT)
-    order = np.array(matrix.getOrdering("rcm")[0].getIndices(), dtype=np.int64)
+    order = _ordering("rcm", first, second, count)
     rank = np.empty(count, dtype=np.int64)
     rank[order] = np.arange(count)
     half = int(np.abs(rank[first] - rank[second]).max(initial=0))
     if half <= _WIDEST:
         return _Band(i, j, order, half, size)
-    # minimum degree: for some thousand rows of trees, lattices and grids less fill than dissection
-    order = np.array(matrix.getOrdering("qmd")[0].getIndices(), dtype=np.int64)
-    return Fronts(i, j, order, size)
+    # minimum degree: for some thousand rows of trees, lattices and grids less fill than dissection;
+    # the other rows end in a full matrix, so that those that touch them come late
+    others = np.arange(count, size)
+    full = np.repeat(others, len(others)), np.tile(others, len(others))
+    order = _ordering("qmd", np.concatenate([i, full[0]]), np.concatenate([j, full[1]]), size)
+    return Fronts(i, j, order[order < count], size)
+
+
+def _ordering(kind: str, i: IntArray, j: IntArray, size: int) -> IntArray:
+    """Sequence of elimination of the rows of a matrix with the given entries."""
+    matrix = PETSc.Mat().createAIJ((size, size), comm=PETSc.COMM_SELF)
+    matrix.setPreallocationCOO(i.astype(PETSc.IntType), j.astype(PETSc.IntType))
+    matrix.setValuesCOO(np.ones(len(i)), PETSc.InsertMode.INSERT)
+    return np.array(matrix.getOrdering(kind)[0].getIndices(), dtype=np.int64)
 
 
 class InterfaceSystem:

@@ -16,19 +16,20 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+ROOT = Path(__file__).resolve().parents[2]
 STEP = 5e-3
 
 
 def run(bays: int, ranks: int, steps: int) -> dict[str, Any]:
     """The summary of one run."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "flexfem", "run", "deployable_truss"]
+        command = [sys.executable, "cases/deployable_truss.py"]
         command += ["--bays", str(bays), "--dt", repr(STEP), "--t-end", repr(steps * STEP)]
         command += ["--every", "1000000000", "--quiet", "--output", folder]
         if ranks > 1:
             command = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks), *command]
         environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        subprocess.run(command, check=True, env=environment)
+        subprocess.run(command, check=True, cwd=ROOT, env=environment)
         summary: dict[str, Any] = json.loads((Path(folder) / "summary.json").read_text())
     return summary
 
