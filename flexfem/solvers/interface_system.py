@@ -65,7 +65,7 @@ class _Band:
         first, last = i < count, j < count
         inner = first & last
         self._inner = None if inner.all() else np.flatnonzero(inner)
-        self._order, self._work = order, np.empty(count)
+        self._order, self._work, self._left = order, np.empty(count), left
         self._band = np.zeros((count, 2 * half + 1))
         self._index = (rank[i] * (2 * half + 1) + rank[j] - rank[i] + half)[inner]
         self._blocks = []
@@ -82,7 +82,7 @@ class _Band:
         """See :class:`_Elimination`."""
         inner = values if self._inner is None else values[self._inner]
         regular: bool = band_factor(self._index, inner, self._band)
-        if regular and len(self.complement):
+        if regular and self._left:
             for index, select, out in self._blocks:
                 out[:] = 0.0
                 _scatter_add(index, select, values, out.reshape(-1))
@@ -95,12 +95,12 @@ class _Band:
     def reduce(self, x: FloatArray) -> None:
         """See :class:`_Elimination`."""
         band_solve(self._band, self._order, self._work, x)
-        if len(self.complement):
+        if self._left:
             x[len(self._order) :] -= self._from_first @ x[: len(self._order)]
 
     def complete(self, x: FloatArray) -> None:
         """See :class:`_Elimination`."""
-        if len(self.complement):
+        if self._left:
             x[: len(self._order)] -= self._columns.T @ x[len(self._order) :]
 
 
@@ -152,6 +152,7 @@ class InterfaceSystem:
             shared_size: number of shared rows of all ranks.
         """
         self._comm, self._count = comm, interior
+        self._sharing = shared_size > 0
         self._own = _elimination(i, j, interior, interior + len(shared))
         self.sparse = isinstance(self._own, Fronts)
         self._shared, self._grid = shared, np.ix_(shared, shared)
@@ -169,7 +170,7 @@ class InterfaceSystem:
             regular: what this rank knows already.
         """
         regular = self._own.factor(values) and regular
-        if self._comm.size == 1 and not len(self._vector):
+        if self._comm.size == 1 and not self._sharing:
             return regular
         self._buffer[:] = 0.0
         self._matrix[self._grid] = self._own.complement
@@ -180,7 +181,7 @@ class InterfaceSystem:
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective if shared)."""
         self._own.reduce(right)
-        if len(self._vector):
+        if self._sharing:
             self._vector[:] = 0.0
             self._vector[self._shared] = right[self._count :]
             self._comm.Allreduce(MPI.IN_PLACE, self._vector, op=MPI.SUM)
