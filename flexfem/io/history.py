@@ -142,6 +142,8 @@ class AngleColumns:
     def unwrap(self, values: ArrayLike) -> NDArray[np.float64]:
         """The next row with its angles continued."""
         row = np.array(values, dtype=np.float64)
+        if not self._angles:
+            return row
         if self.previous is None:
             self.previous = row.copy()
             return row
