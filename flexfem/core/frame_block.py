@@ -27,13 +27,17 @@ _NOTHING = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
 class FrameBlock:
-    """One row of the nest: nodes with frames, six unknowns each, distributed over the ranks.
+    """One row of the nest: nodes with frames, distributed over the ranks.
+
+    A node has six unknowns, or three: then its axes only say in which directions its translations
+    are counted.
 
     Arrays hold the owned nodes first, then ghosts. The trial state depends on the accepted state
     and on the increment only, so that a rejected step leaves nothing to undo.
 
     Attributes:
         name: stable name of the block ("beams", "rigid_bodies").
+        width: unknowns of a node, 6 or 3.
         owned: number of nodes of this rank.
         frames, velocity, acceleration: trial state, (n, 12) and (n, 6), local axes.
         increment: (n, 6) increment over the step: on SE(3) a twist; with ``inertial`` the
@@ -41,13 +45,14 @@ class FrameBlock:
         inertial: translations are integrated in inertial axes (R^3 x SO(3)).
         start_frames: (n, 12) frames at t = 0.
         residual, step: (n, 6) right-hand side and Newton step; views into vectors with ghosts.
+            Of nodes with three unknowns the last three components mean nothing.
         node_ids: (n,) index of each node in the model's input order.
         offset: first global node of this rank.
     """
 
     def __init__(
         self, name: str, comm: MPI.Intracomm, frames: FloatArray, velocity: FloatArray,
-        node_ids: IntArray, index_map: Any, inertial: bool,
+        node_ids: IntArray, index_map: Any, inertial: bool, width: int = 6,
     ) -> None:  # fmt: skip
         """Create a block (collective).
 
@@ -59,10 +64,11 @@ class FrameBlock:
             node_ids: (n,) index of each node in the input.
             index_map: DOLFINx index map of the nodes.
             inertial: integrate translations in inertial axes (R^3 x SO(3)) instead of on SE(3).
+            width: unknowns of a node; 3 needs ``inertial``.
         """
         from dolfinx import la
 
-        self.name, self.comm, self.inertial = name, comm, inertial
+        self.name, self.comm, self.inertial, self.width = name, comm, inertial, width
         self.node_ids, self.index_map = node_ids, index_map
         self.owned = int(index_map.size_local)
         self.size_global = int(index_map.size_global)
@@ -83,7 +89,8 @@ class FrameBlock:
         self._residual, self._step = la.vector(index_map, 6), la.vector(index_map, 6)
         self.residual: FloatArray = self._residual.array.reshape(-1, 6)
         self.step: FloatArray = self._step.array.reshape(-1, 6)
-        self._owned = self.residual[: self.owned], self.step[: self.owned]
+        own = np.s_[: self.owned, :width]
+        self._owned = self.residual[own], self.step[own]
 
     @property
     def global_ids(self) -> IntArray:
@@ -93,12 +100,12 @@ class FrameBlock:
 
     @property
     def owned_residual(self) -> FloatArray:
-        """(n_owned, 6) right-hand side without ghosts, always the same view."""
+        """(n_owned, width) right-hand side without ghosts, always the same view."""
         return self._owned[0]
 
     @property
     def owned_step(self) -> FloatArray:
-        """(n_owned, 6) Newton step without ghosts, always the same view."""
+        """(n_owned, width) Newton step without ghosts, always the same view."""
         return self._owned[1]
 
     def owned_index(self, ids: IndexArray) -> IntArray:

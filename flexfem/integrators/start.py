@@ -119,7 +119,7 @@ def project_velocities(
     system.counters.mass_factorizations += 1
     if not tangent.factor():
         return Status.SINGULAR
-    zeros = [np.zeros((p.block.owned, 6)) for p in system.parts]
+    zeros = [np.zeros_like(p.block.owned_residual) for p in system.parts]
     _, rates = _drives(system, dt)
     if not tangent.solve(zeros, -_rigid(system, (1.0 + restitution) * rates)):
         return Status.SINGULAR
@@ -146,7 +146,7 @@ def _relax(system: System, tangent: TangentSolver) -> None:
     tangent.assemble(MASS)
     for i, part in enumerate(system.parts):
         diagonal = tangent.matrix.getNestSubMatrix(i, i).getDiagonal().getArray(readonly=True)
-        mass += float(diagonal.reshape(part.block.owned, 6)[:, :3].sum()) / 3.0
+        mass += float(diagonal.reshape(part.block.owned, part.block.width)[:, :3].sum()) / 3.0
     rows.relaxation = _COMPLIANCE / system.comm.allreduce(mass)
     # gaps within rounding would pull dependent rows against each other
     driven = np.array([placed.joint.driven for placed in rows.joints], dtype=np.bool_)

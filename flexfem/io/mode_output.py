@@ -31,7 +31,7 @@ def write_modes(
         folder: of the results.
         system: in the state the modes belong to.
         serial: serial data of its model.
-        shapes: of each mode, complex local twists (n_owned, 6) of each part's nodes.
+        shapes: of each mode, complex local twists (n_owned, width) of each part's nodes.
         frequencies: (k,) Hz.
         amplitude: largest displacement relative to the size of the model.
         frames: instants per period.

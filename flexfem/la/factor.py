@@ -11,25 +11,26 @@ __all__ = ["Factor"]
 
 
 class Factor:
-    """LU factors of a block matrix with 6x6 blocks.
+    """LU factors of a matrix of dense blocks.
 
     When no rank couples to another (bodies are whole), every rank factorises its own part with
     PETSc's blocked LU: a solve streams the factors once and sends nothing. Otherwise MUMPS
     factorises the distributed matrix.
     """
 
-    def __init__(self, matrix: PETSc.Mat, local: bool) -> None:
+    def __init__(self, matrix: PETSc.Mat, width: int, local: bool) -> None:
         """Factorise (collective).
 
         Args:
-            matrix: assembled AIJ matrix with rows in blocks of six.
+            matrix: assembled AIJ matrix.
+            width: rows of a block.
             local: no rank has entries in another rank's columns.
         """
         self._pc = PETSc.PC()
         self.size = matrix.getLocalSize()[0]
         if local:
             diagonal = matrix.getDiagonalBlock()
-            diagonal.setBlockSize(6)
+            diagonal.setBlockSize(width)
             self._matrix = diagonal.convert("baij", PETSc.Mat())
             self._pc.create(comm=PETSc.COMM_SELF)
             self._pc.setType(PETSc.PC.Type.LU)

@@ -45,11 +45,18 @@ class CoordinateMatrix:
         self.mat.setValuesCOO(np.ascontiguousarray(values).ravel(), PETSc.InsertMode.INSERT)
 
 
-def block_indices(rows: IntArray, columns: IntArray, size: int = 6) -> tuple[IntArray, IntArray]:
-    """Entries (row, column) of dense blocks: every row of (k, m) node numbers with its columns."""
-    i = (size * rows[..., np.newaxis] + np.arange(size)).reshape(len(rows), size * rows.shape[1])
-    j = (size * columns[..., np.newaxis] + np.arange(size)).reshape(
-        len(columns), size * columns.shape[1]
+def block_indices(
+    rows: IntArray, columns: IntArray, widths: tuple[int, int] = (6, 6)
+) -> tuple[IntArray, IntArray]:
+    """Entries (row, column) of dense blocks: every row of (k, m) node numbers with its columns.
+
+    ``widths`` are the unknowns of a node in the rows and in the columns.
+    """
+    i, j = (
+        (width * nodes[..., np.newaxis] + np.arange(width)).reshape(
+            len(nodes), width * nodes.shape[1]
+        )
+        for nodes, width in zip((rows, columns), widths, strict=True)
     )
     left = np.repeat(i, j.shape[1], axis=1).ravel()
     right = np.tile(j, (1, i.shape[1])).ravel()

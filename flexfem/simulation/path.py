@@ -44,7 +44,7 @@ class CriticalPoint:
         t: load parameter there.
         unstable: unstable directions before and after.
         columns: the history's columns there, on the first rank.
-        motion: (n_owned, 6) of each block, the motion of least stiffness there.
+        motion: (n_owned, width) of each block, the motion of least stiffness there.
     """
 
     kind: str

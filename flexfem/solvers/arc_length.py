@@ -63,7 +63,7 @@ class ArcLength:
         return True
 
     def point_along(self, motion: list[FloatArray]) -> None:
-        """Set a direction of constant load: blocks' steps (n_owned, 6)."""
+        """Set a direction of constant load: blocks' steps (n_owned, width)."""
         length = self._product(motion, motion) ** 0.5
         self._direction = [x / length for x in motion]
         self._multipliers[:] = 0.0

@@ -42,8 +42,8 @@ class LinearBuckling:
             count: how many.
 
         Returns:
-            Load parameter and motion, (n_owned, 6) of each block; fewer than ``count`` if there are
-            no more, nothing if the matrix did not change.
+            Load parameter and motion, (n_owned, width) of each block; fewer than ``count`` if there
+            are no more, nothing if the matrix did not change.
         """
         first = self._first
         difference = self._matrix()
@@ -84,7 +84,7 @@ class LinearBuckling:
         """A vector's part of each block: rows of a rank are those of its blocks one by one."""
         blocks, at = [], 0
         for part in self._equilibrium.system.parts:
-            size = 6 * part.block.owned
-            blocks.append(np.array(values[at : at + size]).reshape(-1, 6))
+            size = part.block.width * part.block.owned
+            blocks.append(np.array(values[at : at + size]).reshape(-1, part.block.width))
             at += size
         return blocks

@@ -92,7 +92,7 @@ class FrozenSolver:
             FlexibleBodies(system, g) for g in self._groups if g.part.beams is not None
         ]
         self._interface = self._pattern()
-        self._sizes = starts([6 * p.block.owned for p in system.parts])
+        self._sizes = starts([p.block.width * p.block.owned for p in system.parts])
         self._nothing = np.zeros(rows.size)
         linear = bool((rows.elastic[:, 0] <= LawKind.SPRING).all())
         costly = bool(system.comm.allreduce(self._interface.sparse, op=MPI.LOR))
@@ -115,7 +115,7 @@ class FrozenSolver:
         self._slot_active[slots], self._local_slot[slots] = active[slots], True
         sides, per_body = self._sides(slots, number, len(bodies))
         ranges, range_start = self._ranges(sides, starts(per_body))
-        lengths = 6 * np.diff(node_start) * widths
+        lengths = part.block.width * np.diff(node_start) * widths
         return Bodies(
             part=part,
             nodes=nodes,
@@ -303,7 +303,7 @@ class FrozenSolver:
     def _put(self, solution: FloatArray) -> FloatArray:
         """Write the blocks' parts of a solution to their steps; the multipliers' part."""
         for part, (start, end) in zip(self.system.parts, pairwise(self._sizes), strict=True):
-            part.block.owned_step[:] = solution[start:end].reshape(-1, 6)
+            part.block.owned_step[:] = solution[start:end].reshape(-1, part.block.width)
         return solution[self._sizes[-1] :]
 
     def _factor_interface(self, shifts: Shifts) -> bool:
@@ -350,7 +350,7 @@ class FrozenSolver:
                 interface_response(
                     group.nodes, group.node_start, group.columns, group.column_start,
                     group.ranges, group.range_start, group.responses, group.response_start,
-                    group.part.block.residual,
+                    group.part.block.residual, group.part.block.width,
                     self._response,
                 )  # fmt: skip
             row_products(
@@ -360,8 +360,7 @@ class FrozenSolver:
             self._interface.solve(self._right)
             self.system.add_constraint_forces(self._right)
         for flexible in self._flexible:
-            block = flexible.group.part.block
-            flexible.factor.solve(block.owned_residual, block.owned_step)
+            flexible.solve()
         for group in self._rigid:
             block = group.part.block
             multiply_blocks(self._inverses, block.residual, block.step)

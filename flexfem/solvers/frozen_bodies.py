@@ -68,8 +68,11 @@ class FlexibleBodies:
         """Set up the pattern (collective)."""
         self._system, self.group = system, group
         block = group.part.block
-        size = (6 * block.owned, 6 * block.size_global)
+        size = (block.width * block.owned, block.width * block.size_global)
         self._matrix = CoordinateMatrix(system.comm, size, size, *part_pattern(group.part))
+        # solvers take numbers one after the other, blocks have six places for every node
+        shape = (block.owned, block.width)
+        self._packed = None if block.width == 6 else (np.zeros(shape), np.zeros(shape))
 
     def factorise(self, shifts: Shifts) -> KeptFactor:
         """Factorise at the trial state and compute the compliances (collective)."""
@@ -77,10 +80,11 @@ class FlexibleBodies:
         group.responses = np.zeros(len(group.responses))
         group.compliances = np.zeros(len(group.compliances))
         self._matrix.assemble(part_values(system, part, shifts))
-        self.factor = Factor(self._matrix.mat, local=not part.block.has_ghosts)
+        self.factor = Factor(self._matrix.mat, part.block.width, not part.block.has_ghosts)
         widths = np.diff(group.column_start)
         most = system.comm.allreduce(int(widths.max(initial=0)), op=MPI.MAX)
-        rhs, solution = np.zeros((part.block.owned, 6)), np.zeros((part.block.owned, 6))
+        shape = (part.block.owned, part.block.width)
+        rhs, solution = np.zeros(shape), np.zeros(shape)
         for c in range(most):
             bodies = np.flatnonzero(widths > c)
             columns = group.columns[group.column_start[bodies] + c]
@@ -93,6 +97,17 @@ class FlexibleBodies:
         nodes, _ = system.mechanics.origin(system, part)
         copies = {name: values.copy() for name, values in nodes.items()}
         return KeptFactor(self.factor, group.responses, group.compliances, copies)
+
+    def solve(self) -> None:
+        """Steps of the owned nodes for their residuals (collective)."""
+        block = self.group.part.block
+        if self._packed is None:
+            self.factor.solve(block.owned_residual, block.owned_step)
+            return
+        right, solution = self._packed
+        right[:] = block.owned_residual
+        self.factor.solve(right, solution)
+        block.owned_step[:] = solution
 
     def use(self, kept: KeptFactor) -> None:
         """Take factors that were computed before."""

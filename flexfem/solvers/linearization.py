@@ -57,7 +57,7 @@ class Matrices:
 class Linearization:
     """Matrices and residual of a system in one numbering.
 
-    Every rank owns a contiguous range: six numbers for each of its nodes, part by part, then its
+    Every rank owns a contiguous range: the unknowns of each of its nodes, part by part, then its
     multipliers.
 
     Attributes:
@@ -71,7 +71,7 @@ class Linearization:
         """Number the unknowns and create the pattern (collective)."""
         self.system = system
         rows, comm = system.constraints, system.comm
-        self.unknowns = 6 * sum(p.block.owned for p in system.parts)
+        self.unknowns = sum(p.block.width * p.block.owned for p in system.parts)
         self.size = self.unknowns + rows.owned_count
         end = comm.scan(self.size)
         self.sizes = (self.size, int(comm.allreduce(self.size)))
@@ -94,7 +94,7 @@ class Linearization:
         for part in self.system.parts:
             starts.append(at)
             own.append(part.block.offset)
-            at += 6 * part.block.owned
+            at += part.block.width * part.block.owned
         rows = self.system.constraints
         count = rows.owned_count
         starts.append(at)
@@ -104,9 +104,10 @@ class Linearization:
 
     def _unknown(self, part: int, index: IntArray) -> IntArray:
         """Numbers of unknowns of a part given by its own global numbers."""
-        node = index // 6
+        width = self.system.parts[part].block.width
+        node = index // width
         rank = np.searchsorted(self._own[:, part], node, side="right") - 1
-        found: IntArray = self._starts[rank, part] + index - 6 * self._own[rank, part]
+        found: IntArray = self._starts[rank, part] + index - width * self._own[rank, part]
         return found
 
     def _row_number(self, number: IntArray) -> IntArray:
@@ -137,10 +138,14 @@ class Linearization:
         return np.concatenate([*i, own]), np.concatenate([*j, own])
 
     def _ad_pattern(self) -> tuple[IntArray, IntArray]:
-        nodes = np.arange(self.unknowns // 6)[:, np.newaxis]
-        row, column = block_indices(nodes, nodes)
-        first = int(self._starts[self.system.comm.rank, 0])
-        return first + row, first + column
+        entries = []
+        for part, first in zip(
+            self.system.parts, self._starts[self.system.comm.rank], strict=False
+        ):
+            nodes, width = np.arange(part.block.owned)[:, np.newaxis], part.block.width
+            entries.append(first + np.stack(block_indices(nodes, nodes, (width, width))))
+        row, column = np.concatenate([np.empty((2, 0), dtype=np.int64), *entries], axis=1)
+        return row, column
 
     def vector(self) -> PETSc.Vec:
         """A new vector of all unknowns (collective)."""
@@ -240,7 +245,8 @@ class Linearization:
             ad = np.zeros((len(v), 6, 6))
             ad[:, :3, :3] = ad[:, 3:, 3:] = so3.skew(v[:, 3:])
             ad[:, :3, 3:] = so3.skew(v[:, :3])
-            blocks.append(ad.ravel())
+            width = part.block.width
+            blocks.append(ad[:, :width, :width].ravel())
         return np.concatenate([np.empty(0), *blocks])
 
     def damped(self) -> bool:
@@ -248,11 +254,12 @@ class Linearization:
         return bool(self.matrices().damping.norm(PETSc.NormType.FROBENIUS) > 0.0)
 
     def split(self, values: FloatArray) -> list[FloatArray]:
-        """Views (n_owned, 6) into the parts of an array of this rank's range."""
+        """Views (n_owned, width) into the parts of an array of this rank's range."""
         parts, at = [], 0
         for part in self.system.parts:
-            count = 6 * part.block.owned
-            parts.append(values[at : at + count].reshape(-1, 6))
+            width = part.block.width
+            count = width * part.block.owned
+            parts.append(values[at : at + count].reshape(-1, width))
             at += count
         return parts
 
@@ -295,7 +302,7 @@ class Linearization:
         return np.array(self._here.getArray(readonly=True))
 
     def move(self, steps: list[FloatArray]) -> None:
-        """Turn and move the nodes by local twists (n_owned, 6) of each part (collective)."""
+        """Turn and move the nodes by local twists (n_owned, width) of each part (collective)."""
         for part, step in zip(self.system.parts, steps, strict=True):
             block = part.block
             block.owned_step[:] = step

@@ -216,8 +216,14 @@ def _motions(linearization: Linearization) -> ComplexArray:
     for power in range(_POWERS):
         for axis in np.eye(6):
             xi = np.concatenate([axis[:3] - np.cross(axis[3:], centre), axis[3:]])
-            local = [se3.adjoint(se3.inverse(b.frames[: b.owned])) @ xi for b in blocks]
+            local = [
+                (se3.adjoint(se3.inverse(b.frames[: b.owned])) @ xi)[:, : b.width] for b in blocks
+            ]
             # a little of the next power: no weight is even or odd
             weight = place**power + 0.3 * place ** (power + 1) if power else np.ones(len(place))
-            motions.append((weight[:, np.newaxis] * np.concatenate(local)).ravel())
+            ends = np.cumsum([len(motion) for motion in local])[:-1]
+            motions.append(np.concatenate([
+                (share[:, np.newaxis] * motion).ravel()
+                for share, motion in zip(np.split(weight, ends), local, strict=True)
+            ]))  # fmt: skip
     return np.array(motions, dtype=np.complex128)

@@ -27,7 +27,7 @@ __all__ = [
 def interface_response(
     body_nodes: IntArray, node_start: IntArray, columns: IntArray, column_start: IntArray,
     ranges: IntArray, range_start: IntArray, responses: FloatArray, start: IntArray,
-    residual: FloatArray, y: FloatArray,
+    residual: FloatArray, width: int, y: FloatArray,
 ) -> None:  # fmt: skip
     """``y = J A^-1 r`` of every body into slots and components (n, 6) of the columns in use."""
     for b in range(node_start.size - 1):
@@ -38,7 +38,7 @@ def interface_response(
         at = start[b]
         for n in range(node_start[b], node_start[b + 1]):
             node = body_nodes[n]
-            for i in range(6):
+            for i in range(width):
                 force = residual[node, i]
                 for k in range(range_start[b], range_start[b + 1]):
                     for c in range(ranges[k, 0], ranges[k, 1]):

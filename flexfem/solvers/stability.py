@@ -85,14 +85,16 @@ def softest_motion(
 
     Args:
         tangent: with the matrix assembled; it is changed and factorised.
-        weights: (n_owned, 6) of each block.
+        weights: (n_owned, width) of each block.
 
     Returns:
-        mu, and the steps (n_owned, 6) of each block, of length one in the norm of D.
+        mu, and the steps (n_owned, width) of each block, of length one in the norm of D.
     """
     parts, rows = tangent.system.parts, tangent.system.constraints
-    tangent.add_at_nodes([_SHIFT * w[:, np.newaxis] * np.eye(6) for w in weights])
-    motion = [_scattered(part.block.node_ids[: part.block.owned]) for part in parts]
+    tangent.add_at_nodes([_SHIFT * w[:, np.newaxis] * np.eye(w.shape[1]) for w in weights])
+    motion = [
+        _scattered(part.block.node_ids[: part.block.owned])[:, : part.block.width] for part in parts
+    ]
     motion = _normalised(tangent, motion, weights)
     value = np.inf
     if not tangent.factor():

@@ -105,7 +105,7 @@ class Loading:
         self.t = t
 
     def derivative(self, shifts: Shifts) -> tuple[list[FloatArray], FloatArray]:
-        """Derivative of the blocks' residuals (n_owned, 6) and of the rows (r,) along t.
+        """Derivative of the blocks' residuals (n_owned, width) and of the rows (r,) along t.
 
         Loads and gravity enter the residual linearly; their factors and the drives are
         differentiated by differences over 1e-4 of the span, exact for proportional loads. The
@@ -141,8 +141,8 @@ class Equilibrium:
         system, tangent, loading: what is solved.
         size: of the model, m, by which displacements are measured.
         shifts: stiffness alone, with the scale of the residual.
-        weights: (n_owned, 6) of each block, scaled stiffness of its nodes at the start, the same
-            for three directions.
+        weights: (n_owned, width) of each block, scaled stiffness of its nodes at the start, the
+            same for three directions.
         iterations: of the last solution.
         cut: by how much a load step that failed is best shortened.
         room: by how much the last load step could have been longer, judged by its rotations.
@@ -311,7 +311,7 @@ class Equilibrium:
         turning = self._turning()
         blocks = [p.block.owned_residual for p in system.parts]
         while self._hold < _LARGEST:
-            held = [self._hold * w[:, np.newaxis] * np.eye(6) for w in self.weights]
+            held = [self._hold * w[:, np.newaxis] * np.eye(w.shape[1]) for w in self.weights]
             tangent.assemble(self.shifts)
             tangent.add_at_nodes([h + t for h, t in zip(held, turning, strict=True)])
             system.counters.factorizations += 1
@@ -326,7 +326,7 @@ class Equilibrium:
         return False, np.zeros(rows.size), 0.0
 
     def _turning(self) -> list[FloatArray]:
-        """Blocks (n_owned, 6, 6) that make the matrix the derivative of inertial force components.
+        """Blocks (n_owned, width, width) for the derivative of inertial force components.
 
         Away from equilibrium only that is the symmetric second derivative of an energy; forces and
         matrix are those of the assumed stresses.
@@ -337,9 +337,9 @@ class Equilibrium:
             family.assume_forces(True)
         self.system.evaluate(self.shifts)
         for part in self.system.parts:
-            residual = part.block.owned_residual
-            out.append(np.zeros((len(residual), 6, 6)))
-            out[-1][:, :3, 3:] = -so3.skew(residual[:, :3])
+            residual, width = part.block.owned_residual, part.block.width
+            out.append(np.zeros((len(residual), width, width)))
+            out[-1][:, :3, 3:] = -so3.skew(residual[:, :3])[:, :, : width - 3]
         for family in beams:
             family.assume_forces(False)
         self.system.evaluate(self.shifts)

@@ -237,10 +237,10 @@ def _fixed(
         block = linearization.system.parts[0].block
         for xi in free:
             # the node farthest from the axis is turned the most
-            t = se3.adjoint(se3.inverse(block.frames[: block.owned])) @ xi
+            t = (se3.adjoint(se3.inverse(block.frames[: block.owned])) @ xi)[:, : block.width]
             node = int(np.argmax(np.linalg.norm(t[:, :3], axis=1)))
             n = t[node] / np.linalg.norm(t[node])
-            at = matrix.getOwnershipRange()[0] + 6 * node + np.arange(6)
+            at = matrix.getOwnershipRange()[0] + block.width * node + np.arange(block.width)
             matrix.setValues(
                 at.astype(PETSc.IntType), at.astype(PETSc.IntType), size * np.outer(n, n),
                 PETSc.InsertMode.ADD,

@@ -45,7 +45,10 @@ class TangentSolver:
         comm, rows = system.comm, system.constraints
         parts = system.parts
         self._version = rows.lines.version
-        sizes = [(6 * p.block.owned, 6 * p.block.size_global) for p in parts]
+        widths = [p.block.width for p in parts]
+        sizes = [
+            (w * p.block.owned, w * p.block.size_global) for w, p in zip(widths, parts, strict=True)
+        ]
         if rows.size_global:
             sizes.append((rows.owned_count, rows.size_global))
         self._couplings = JointPattern(system)
@@ -120,15 +123,18 @@ class TangentSolver:
         self.matrix.assemble()
 
     def diagonals(self) -> list[FloatArray]:
-        """(n_owned, 6) diagonals of the blocks' own matrices as assembled last."""
-        own = (self._grid[i][i].mat for i in range(len(self.system.parts)))
-        return [mat.getDiagonal().getArray().reshape(-1, 6) for mat in own]
+        """(n_owned, width) diagonals of the blocks' own matrices as assembled last."""
+        return [
+            self._grid[i][i].mat.getDiagonal().getArray().reshape(-1, part.block.width)
+            for i, part in enumerate(self.system.parts)
+        ]
 
     def add_at_nodes(self, values: list[FloatArray]) -> None:
-        """Add blocks (n_owned, 6, 6) at the nodes of each block until it is assembled again."""
+        """Add (n_owned, width, width) at the nodes of each block until it is assembled again."""
         for i, (part, value) in enumerate(zip(self.system.parts, values, strict=True)):
             nodes = np.arange(part.block.offset, part.block.offset + part.block.owned)
-            places = (6 * nodes[:, np.newaxis] + np.arange(6)).astype(PETSc.IntType)
+            width = part.block.width
+            places = (width * nodes[:, np.newaxis] + np.arange(width)).astype(PETSc.IntType)
             mat = self._grid[i][i].mat
             mat.setValuesRCV(places, places, value, PETSc.InsertMode.ADD)
             mat.assemble()
@@ -142,7 +148,7 @@ class TangentSolver:
         """Solve ``matrix (dq, dL) = (residuals, values)`` into the blocks' steps.
 
         Args:
-            residuals: (n_owned, 6) right-hand side of each block.
+            residuals: (n_owned, width) right-hand side of each block.
             values: (r,) right-hand side of this rank's rows (owned ones are used).
 
         Returns:
@@ -157,7 +163,7 @@ class TangentSolver:
         self._ksp.solve(self._rhs, self._solution)
         solutions = self._solution.getNestSubVecs()
         for part, vec in zip(parts, solutions, strict=False):
-            part.block.owned_step[:] = vec.getArray(readonly=True).reshape(-1, 6)
+            part.block.owned_step[:] = vec.getArray(readonly=True).reshape(-1, part.block.width)
         if rows.size_global:
             self._scatter.scatter(solutions[-1], self._multipliers)
         self.multiplier_step = np.array(self._multipliers.getArray(readonly=True))
@@ -184,23 +190,21 @@ class TangentSolver:
 
 def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
     """Entries of a block's own matrix: cells, masses, forces."""
-    numbers = part.block.global_ids
+    numbers, widths = part.block.global_ids, (part.block.width, part.block.width)
     own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)
     single = numbers[own][:, np.newaxis]
-    entries = [block_indices(single, single)]
+    entries = [block_indices(single, single, widths)]
     if part.beams is not None:
         cells = [numbers[nodes] for nodes in part.connectivity()]
-        entries[:0] = [block_indices(nodes, nodes) for nodes in cells]
+        entries[:0] = [block_indices(nodes, nodes, widths) for nodes in cells]
     return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
 
 
 def part_values(system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
     """Values of the entries of ``part_pattern``."""
-    mechanics = system.mechanics
-    values = [
-        mechanics.masses(system, part, shifts).ravel(),
-        mechanics.forces(system, part, shifts).ravel(),
-    ]
+    mechanics, width = system.mechanics, part.block.width
+    at_nodes = mechanics.masses(system, part, shifts), mechanics.forces(system, part, shifts)
+    values = [matrices[:, :width, :width].ravel() for matrices in at_nodes]
     if part.beams is not None:
         values.insert(0, mechanics.cells(system, part, shifts))
     return np.concatenate(values)
@@ -212,6 +216,7 @@ class JointPattern:
     def __init__(self, system: System) -> None:
         """Find parts and numbers of all joints' nodes."""
         rows, face = system.constraints, system.interface
+        self._widths = [part.block.width for part in system.parts]
         padded = np.append(system.part_of_slot, -1)  # slot -1 is the ground
         number = np.append(face.number, 0)
         self._pair_owned = rows.pair_owned
@@ -232,16 +237,16 @@ class JointPattern:
 
     def pattern(self, i: int, j: int) -> tuple[IntArray, IntArray]:
         """Entries of block (i, j)."""
-        number = self._pair_number
+        number, widths = self._pair_number, (self._widths[i], self._widths[j])
         entries = [
-            block_indices(number[k, a][:, np.newaxis], number[k, b][:, np.newaxis])
+            block_indices(number[k, a][:, np.newaxis], number[k, b][:, np.newaxis], widths)
             for a, b, k in self._pairs(i, j)
         ]
         return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
 
     def values(self, i: int, j: int, hessians: FloatArray) -> FloatArray:
         """Values of block (i, j) from the pairs' second derivatives (n_pairs, 12, 12)."""
-        blocks = hessians.reshape(-1, 2, 6, 2, 6)
+        blocks = hessians.reshape(-1, 2, 6, 2, 6)[:, :, : self._widths[i], :, : self._widths[j]]
         return np.concatenate([blocks[k, a, :, b, :].ravel() for a, b, k in self._pairs(i, j)])
 
     def _sides(self, i: int) -> list[tuple[int, IntArray]]:
@@ -252,12 +257,14 @@ class JointPattern:
 
     def gradient(self, i: int) -> tuple[IntArray, IntArray]:
         """Entries (unknown, multiplier) of ``G^T`` in part i."""
-        unknowns, numbers = [], []
+        unknowns, numbers, width = [], [], self._widths[i]
         for side, t in self._sides(i):
-            unknowns.append((6 * self._term_number[t, side][:, np.newaxis] + np.arange(6)).ravel())
-            numbers.append(np.repeat(self._term_multiplier[t], 6))
+            first = width * self._term_number[t, side][:, np.newaxis]
+            unknowns.append((first + np.arange(width)).ravel())
+            numbers.append(np.repeat(self._term_multiplier[t], width))
         return np.concatenate(unknowns), np.concatenate(numbers)
 
     def side_values(self, i: int, jacobian: FloatArray) -> FloatArray:
         """Values of ``gradient(i)`` from gradients (t, 2, 6) of the terms."""
-        return np.concatenate([jacobian[t, side].ravel() for side, t in self._sides(i)])
+        width = self._widths[i]
+        return np.concatenate([jacobian[t, side, :width].ravel() for side, t in self._sides(i)])

@@ -112,7 +112,7 @@ def whirl(modes: Modes, axis: FloatArray) -> FloatArray:
         for part, u, m in zip(lin.system.parts, lin.split(shape), lin.split(momentum), strict=True):
             R = se3.rotation(part.block.frames[: part.block.owned])
             turn = np.einsum("ai,nij->naj", across, R)
-            for half in (slice(0, 3), slice(3, 6)):
+            for half in (slice(0, 3), slice(3, 6))[: part.block.width // 3]:
                 d, h = (np.einsum("naj,nj->an", turn, field[:, half]) for field in (u, m))
                 # |d_p + i d_q|^2 - |d_p - i d_q|^2, over two, with masses between
                 sense[k] += np.sum(1j * (d[0].conj() * h[1] - d[1].conj() * h[0])).real

@@ -36,7 +36,7 @@ def probe_rates(
     Args:
         system: in the state the motions belong to.
         serial: serial data of its model.
-        split: from an array of this rank's unknowns to (n_owned, 6) of each part.
+        split: from an array of this rank's unknowns to (n_owned, width) of each part.
         motions: (k, n_local) local twists of this rank's nodes.
 
     Returns:
@@ -92,7 +92,8 @@ def _motion(
             continue
         for k in np.flatnonzero(nodes >= 0):
             for j, motion in enumerate(motions):
-                twists[:, j] += J[:, 6 * k : 6 * k + 6] @ split(motion)[p][nodes[k]]
+                moved = split(motion)[p][nodes[k]]
+                twists[:, j] += J[:, 6 * k : 6 * k + len(moved)] @ moved
     return state, twists
 
 

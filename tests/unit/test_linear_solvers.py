@@ -157,7 +157,7 @@ def test_factor_equals_a_dense_solve(local, rng):
     shape = (6 * nodes, size)
     matrix = CoordinateMatrix(COMM, shape, shape, i + first, j)
     matrix.assemble(dense[rows][i, j])
-    factor = Factor(matrix.mat, local=local)
+    factor = Factor(matrix.mat, 6, local=local)
     right = rng.normal(size=size)
     rhs, solution = right[rows].reshape(-1, 6).copy(), np.zeros((nodes, 6))
     for solve, A in ((factor.solve, dense), (factor.solve_transpose, dense.T)):
