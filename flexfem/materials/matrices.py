@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checks of the 6 x 6 matrices of beam sections."""
+"""Checks of the matrices of sections."""
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def check_definite(owner: str, what: str, matrix: FloatArray, *, semidefinite: b
     scaled = matrix / np.outer(scale, scale)
     defect = np.abs(scaled - scaled.T)
     if defect.max() > _SYMMETRY_TOLERANCE:
-        i, j = divmod(int(defect.argmax()), 6)
+        i, j = divmod(int(defect.argmax()), len(matrix))
         raise ValueError(
             f"{owner}: {what} must be symmetric, but entries ({i + 1}, {j + 1}) and "
             f"({j + 1}, {i + 1}) are {matrix[i, j]:g} and {matrix[j, i]:g}"
