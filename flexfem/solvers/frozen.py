@@ -45,8 +45,7 @@ _KEPT = 6
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
 _INNER, _SWEEPS = 0.02, 8
-#: A multipliers' system that costs much to factorise is kept within a step after iterations that
-#: contract like this.
+#: The multipliers' system is kept within a step while iterations contract like this.
 _WELL = 0.02
 
 
@@ -95,8 +94,7 @@ class FrozenSolver:
         self._sizes = starts([p.block.width * p.block.owned for p in system.parts])
         self._nothing = np.zeros(rows.size)
         linear = bool((rows.elastic[:, 0] <= LawKind.SPRING).all())
-        costly = bool(system.comm.allreduce(self._interface.sparse, op=MPI.LOR))
-        self._keepable = costly and bool(system.comm.allreduce(linear, op=MPI.LAND))
+        self._keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))
         self.keep_interface = False
         self._version = rows.lines.version
 
@@ -263,9 +261,12 @@ class FrozenSolver:
         solution += self._refinement(shifts, solution)
         return True, self._put(solution)
 
-    def observe(self, contraction: float) -> None:
-        """Keep the factors of the multipliers' system in the next iteration, or not."""
-        self.keep_interface = self._keepable and contraction < _WELL
+    def observe(self, size: float, contraction: float, tolerance: float) -> None:
+        """Keep the factors of the multipliers' system in the next iteration, or not.
+
+        What they miss after a step is of second order in its size (m, rad). All ranks decide alike.
+        """
+        self.keep_interface = self._keepable and contraction < _WELL and size * size <= tolerance
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""

@@ -131,11 +131,7 @@ def _ordering(kind: str, i: IntArray, j: IntArray, size: int) -> IntArray:
 
 
 class InterfaceSystem:
-    """Solver of the multipliers' system.
-
-    Attributes:
-        sparse: the rows of this rank alone are no narrow band, which makes factors costly.
-    """
+    """Solver of the multipliers' system."""
 
     def __init__(
         self, comm: MPI.Intracomm, i: IntArray, j: IntArray, interior: int,
@@ -154,7 +150,6 @@ class InterfaceSystem:
         self._comm, self._count = comm, interior
         self._sharing = shared_size > 0
         self._own = _elimination(i, j, interior, interior + len(shared))
-        self.sparse = isinstance(self._own, Fronts)
         self._shared, self._grid = shared, np.ix_(shared, shared)
         # the complement on the shared rows and a flag of failure, for one reduction
         self._buffer = np.zeros(shared_size**2 + 1)

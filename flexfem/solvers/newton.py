@@ -74,7 +74,7 @@ def iterate(
     shifts: Shifts,
     linear_step: LinearStep,
     options: NewtonOptions,
-    observe: Callable[[int, float, bool], None] | None = None,
+    observe: Callable[[int, float, float], None] | None = None,
     equations: Equations = _POSITIONS,
     again: SolveAgain | None = None,
 ) -> Status:
@@ -85,8 +85,8 @@ def iterate(
         shifts: of the time integrator.
         linear_step: solver of the linearised equations.
         options: tolerances.
-        observe: called after every iteration with its number, its contraction and whether it is
-            the last; it may refresh the matrix.
+        observe: called after every iteration with its number, size and contraction; it may refresh
+            the matrix.
         equations: what is solved.
         again: second solver for equations that need one.
     """
@@ -107,7 +107,7 @@ def iterate(
         converged = size <= options.tolerance
         contraction = size / previous if previous > 0.0 else 0.0
         if observe is not None:
-            observe(iteration, contraction, converged)
+            observe(iteration, size, contraction)
         if converged:
             return Status.OK
         if contraction > _DIVERGENCE and iteration > 2 and size > _NOISE * options.tolerance:

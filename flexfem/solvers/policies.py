@@ -109,15 +109,16 @@ class FrozenPolicy:
         frozen.keep_interface = False
         refreshed = False
 
-        def observe(iteration: int, contraction: float, converged: bool) -> None:
+        def observe(iteration: int, size: float, contraction: float) -> None:
             nonlocal refreshed
-            frozen.observe(contraction)
+            tolerance = self._options.tolerance
+            frozen.observe(size, contraction, tolerance)
             if iteration < 2:
                 return
             if contraction > self.refine:
                 frozen.refine = True
             slow = self.slow is not None and contraction > self.slow
-            if slow and not refreshed and not converged:
+            if slow and not refreshed and size > tolerance:
                 refreshed = True
                 frozen.factor(shifts)
 
