@@ -51,6 +51,8 @@ _MODULES = {
     "BeamLaw": "materials.beam_law",
     "LineMesh": "mesh.line_mesh",
     "read_mesh": "mesh.line_mesh",
+    "SurfaceMesh": "mesh.surface_mesh",
+    "read_surface_mesh": "mesh.surface_mesh",
     "NurbsCurve": "mesh.nurbs",
     "build_mesh": "mesh.library",
     "Pose": "core.pose",

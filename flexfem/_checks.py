@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 
 # Rotation matrices typed with six digits are accepted and made orthonormal
 _ROTATION_TOLERANCE = 1e-6
@@ -113,6 +113,31 @@ def array(owner: str, what: str, value: object, shape: tuple[int, ...]) -> Float
     if not np.isfinite(raw).all():
         raise ValueError(f"{owner}: {what} must be finite, got {show(value)}")
     return freeze(raw)
+
+
+def indices(owner: str, what: str, values: object, limit: int, columns: int) -> IntArray:
+    """Return an array of indices below a limit, shape (n, columns), or (n,) for one column.
+
+    Raises:
+        TypeError: `values` does not consist of whole numbers.
+        ValueError: `values` has another shape, or an index is out of range.
+    """
+    try:
+        raw = np.asarray(values)
+    except ValueError:  # ragged nesting
+        raise ValueError(f"{owner}: {what} must be indices, got {show(values)}") from None
+    if raw.size == 0:
+        raw = np.empty((0, columns)[: 1 if columns == 1 else 2], dtype=np.int64)
+    if raw.dtype.kind not in "iu":
+        raise TypeError(f"{owner}: {what} must be whole numbers, got {show(values)}")
+    if raw.shape[1:] != (() if columns == 1 else (columns,)):
+        raise ValueError(f"{owner}: {what} must hold n x {columns} indices, got {show(values)}")
+    outside = (raw < 0) | (raw >= limit)
+    if outside.any():
+        raise ValueError(
+            f"{owner}: {what} must lie in 0 to {limit - 1}, got {raw[outside].flat[0]}"
+        )
+    return raw.astype(np.int64)
 
 
 def vector(owner: str, what: str, value: object, *, nonzero: bool = False) -> FloatArray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Lines and named physical groups out of gmsh; gmsh is imported only when it is used."""
+"""Lines, triangles and physical groups out of gmsh; gmsh is imported only when it is used."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,10 +10,13 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 
-# gmsh's number of the two-node line element
+# gmsh's numbers of the elements of first order, by dimension, and what they are called
 _LINE = 1
+_TRIANGLE = 2
+_KINDS = {1: (_LINE, "lines"), 2: (_TRIANGLE, "triangles")}
 
 _LineData = tuple[FloatArray, IntArray, dict[str, IntArray], dict[str, int]]
+_SurfaceData = tuple[FloatArray, IntArray, dict[str, IntArray], dict[str, IntArray], dict[str, int]]
 
 
 @contextmanager
@@ -87,21 +90,34 @@ def line_data() -> _LineData:
         if len(gmsh.model.mesh.getElementsByType(_LINE)[0]) == 0:
             raise ValueError("gmsh model: the mesh has no line elements of first order")
         raise ValueError("gmsh model: the mesh has no named physical group of lines")
-    blocks: dict[int, IntArray] = {}
-    groups: dict[str, IntArray] = {}
-    total = 0
-    rows: dict[int, IntArray] = {}
-    for name, entities in curves.items():
-        for entity in entities:
-            if entity not in blocks:
-                blocks[entity] = _entity_lines(name, entity)
-                rows[entity] = np.arange(total, total + len(blocks[entity]))
-                total += len(blocks[entity])
-        groups[name] = np.concatenate([rows[entity] for entity in entities])
-        if len(groups[name]) == 0:
-            raise ValueError(f'gmsh model: group "{name}" has no line elements')
-    tags, cells = np.unique(np.concatenate(list(blocks.values())), return_inverse=True)
+    blocks, groups = _elements(1, curves)
+    tags, cells = np.unique(blocks, return_inverse=True)
     return _coordinates(tags), cells.reshape(-1, 2), groups, _point_nodes(tags)
+
+
+def surface_data() -> _SurfaceData:
+    """Return the arguments of a SurfaceMesh from the current gmsh model.
+
+    Only triangles in named physical groups are taken, and the nodes these use. Curves that share
+    no edge with these triangles and points that lie on none of them are left out.
+
+    Raises:
+        ValueError: No triangles, no named group of surfaces, quadrilaterals, elements of higher
+            order, a group of curves that lies on the surfaces only in part, or a physical point
+            group that holds several nodes.
+    """
+    import gmsh
+
+    surfaces = _named_entities(2)
+    if not surfaces:
+        if len(gmsh.model.mesh.getElementsByType(_TRIANGLE)[0]) == 0:
+            raise ValueError("gmsh model: the mesh has no triangles of first order")
+        raise ValueError("gmsh model: the mesh has no named physical group of surfaces")
+    corners, bodies = _elements(2, surfaces)
+    tags, triangles = np.unique(corners, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    lines = _edge_lines(tags, triangles)
+    return _coordinates(tags), triangles, bodies, lines, _point_nodes(tags)
 
 
 def _named_entities(dimension: int) -> dict[str, list[int]]:
@@ -117,19 +133,61 @@ def _named_entities(dimension: int) -> dict[str, list[int]]:
     return groups
 
 
-def _entity_lines(name: str, entity: int) -> IntArray:
-    """Return the node tags of the lines of a curve, shape (m, 2)."""
+def _elements(dimension: int, groups: dict[str, list[int]]) -> tuple[IntArray, dict[str, IntArray]]:
+    """Return the node tags of the elements of all groups, each once, and the rows of each group."""
+    blocks: dict[int, IntArray] = {}
+    rows: dict[int, IntArray] = {}
+    found: dict[str, IntArray] = {}
+    total = 0
+    for name, entities in groups.items():
+        for entity in entities:
+            if entity not in blocks:
+                blocks[entity] = _entity_elements(name, dimension, entity)
+                rows[entity] = np.arange(total, total + len(blocks[entity]))
+                total += len(blocks[entity])
+        found[name] = np.concatenate([rows[entity] for entity in entities])
+        if len(found[name]) == 0:
+            kind = "line elements" if dimension == 1 else "triangles"
+            raise ValueError(f'gmsh model: group "{name}" has no {kind}')
+    return np.concatenate(list(blocks.values())), found
+
+
+def _entity_elements(name: str, dimension: int, entity: int) -> IntArray:
+    """Return the node tags of the elements of a curve or surface, shape (m, dimension + 1)."""
     import gmsh
 
-    types, _, nodes = gmsh.model.mesh.getElements(1, entity)
-    other = [int(kind) for kind in types if kind != _LINE]
+    wanted, plural = _KINDS[dimension]
+    types, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
+    other = [int(kind) for kind in types if kind != wanted]
     if other:
         properties = gmsh.model.mesh.getElementProperties(other[0])
         raise ValueError(
-            f'gmsh model: group "{name}" has elements "{properties[0]}", only lines of first '
+            f'gmsh model: group "{name}" has elements "{properties[0]}", only {plural} of first '
             "order can be used"
         )
-    return np.asarray(nodes[0] if len(nodes) else [], dtype=np.int64).reshape(-1, 2)
+    tags = nodes[0] if len(nodes) else []
+    return np.asarray(tags, dtype=np.int64).reshape(-1, dimension + 1)
+
+
+def _edge_lines(tags: IntArray, triangles: IntArray) -> dict[str, IntArray]:
+    """Return the node pairs of the named curves that follow edges of the triangles."""
+    count = len(tags)
+    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    known = edges.min(axis=1) * count + edges.max(axis=1)
+    lines = {}
+    for name, entities in _named_entities(1).items():
+        nodes = np.concatenate([_entity_elements(name, 1, entity) for entity in entities])
+        pairs = np.minimum(np.searchsorted(tags, nodes), count - 1)
+        keys = pairs.min(axis=1) * count + pairs.max(axis=1)
+        on_edges = (tags[pairs] == nodes).all(axis=1) & np.isin(keys, known)
+        if on_edges.any() and not on_edges.all():
+            raise ValueError(
+                f'gmsh model: curve group "{name}" follows the triangles with {on_edges.sum()} of '
+                f"its {len(nodes)} lines, it must do so with all or none"
+            )
+        if on_edges.any():
+            lines[name] = pairs
+    return lines
 
 
 def _coordinates(tags: IntArray) -> FloatArray:

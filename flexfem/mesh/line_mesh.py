@@ -64,7 +64,7 @@ class LineMesh:
                 twice, a node without cell, or an empty group.
         """
         xyz = _checks.array("LineMesh", "points", points, (-1, 3))
-        pairs = _indices("cells", cells, len(xyz), 2)
+        pairs = _checks.indices("LineMesh", "cells", cells, len(xyz), 2)
         if len(pairs) == 0:
             raise ValueError("LineMesh: cells must hold at least one cell, got none")
         groups = {
@@ -73,7 +73,7 @@ class LineMesh:
         }
         nodes = {
             _checks.text("LineMesh", "name of a point group", name): int(
-                _indices(f'point group "{name}"', [node], len(xyz), 1)[0]
+                _checks.indices("LineMesh", f'point group "{name}"', [node], len(xyz), 1)[0]
             )
             for name, node in (point_groups or {}).items()
         }
@@ -182,32 +182,10 @@ def read_mesh(path: str | PathLike[str]) -> LineMesh:
             raise ValueError(f'mesh file "{file}": {error}') from None
 
 
-def _indices(what: str, values: object, limit: int, columns: int) -> IntArray:
-    """Return a checked array of indices, shape (n, columns), or (n,) for one column."""
-    try:
-        raw = np.asarray(values)
-    except ValueError:
-        raise ValueError(f"LineMesh: {what} must be indices, got {_checks.show(values)}") from None
-    if raw.size == 0:
-        raw = np.empty((0, columns)[: 1 if columns == 1 else 2], dtype=np.int64)
-    if raw.dtype.kind not in "iu":
-        raise TypeError(f"LineMesh: {what} must be whole numbers, got {_checks.show(values)}")
-    if raw.shape[1:] != (() if columns == 1 else (columns,)):
-        raise ValueError(
-            f"LineMesh: {what} must hold n x {columns} indices, got {_checks.show(values)}"
-        )
-    outside = (raw < 0) | (raw >= limit)
-    if outside.any():
-        raise ValueError(
-            f"LineMesh: {what} must lie in 0 to {limit - 1}, got {raw[outside].flat[0]}"
-        )
-    return raw.astype(np.int64)
-
-
 def _group(name: str, rows: object, limit: int) -> IntArray:
     """Return the checked, ascending cell indices of a line group."""
     what = f'line group "{name}"'
-    indices = np.unique(_indices(what, rows, limit, 1))
+    indices = np.unique(_checks.indices("LineMesh", what, rows, limit, 1))
     if len(indices) == 0:
         raise ValueError(f"LineMesh: {what} must hold at least one cell, got none")
     return _checks.freeze(indices, np.int64)

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Triangles of a grid whose rectangles are all cut along the same diagonal."""
+
+import numpy as np
+
+from flexfem._types import IntArray
+
+__all__ = ["grid_corners", "grid_lines", "grid_triangles"]
+
+
+def grid_triangles(columns: int, rows: int, *, closed: bool, diagonal: str) -> IntArray:
+    """Return the triangles, two for each rectangle, shape (2 cells, 3).
+
+    Node i + columns * j lies in column i of row j. Triangles run counterclockwise when columns go
+    to the right and rows upwards.
+
+    Args:
+        columns: Nodes in each row.
+        rows: Number of rows.
+        closed: Whether the last column is followed by the first.
+        diagonal: "right" runs from bottom left to top right, "left" from bottom right to top left.
+    """
+    i, j = np.arange(columns if closed else columns - 1), np.arange(rows - 1)[:, np.newaxis]
+    following = (i + 1) % columns
+    a, b = (columns * j + i).ravel(), (columns * j + following).ravel()
+    c, d = b + columns, a + columns
+    pairs = [a, b, c, a, c, d] if diagonal == "right" else [a, b, d, b, c, d]
+    return np.stack(pairs, axis=1).reshape(-1, 3)
+
+
+def grid_lines(columns: int, rows: int, *, closed: bool) -> dict[str, IntArray]:
+    """Return the node pairs along the sides: bottom, top and, unless closed, left and right."""
+    i, j = np.arange(columns), columns * np.arange(rows)
+    bottom = np.append(i, 0) if closed else i
+    nodes = {"bottom": bottom, "top": bottom + j[-1]}
+    if not closed:
+        nodes |= {"left": j, "right": j + columns - 1}
+    return {side: np.column_stack([line[:-1], line[1:]]) for side, line in nodes.items()}
+
+
+def grid_corners(columns: int, rows: int) -> dict[str, int]:
+    """Return the corner nodes of an open grid."""
+    last = columns * (rows - 1)
+    return {
+        "bottom_left": 0,
+        "bottom_right": columns - 1,
+        "top_left": last,
+        "top_right": last + columns - 1,
+    }

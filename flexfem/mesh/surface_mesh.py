@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Meshes of triangles with named bodies, lines and nodes, on which shells live."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray, IntArray
+from flexfem.mesh import surface_checks, surface_grid, surface_topology
+from flexfem.mesh.surface_topology import SurfaceTopology
+from flexfem.mesh.topology import group_order
+
+__all__ = ["SurfaceMesh", "read_surface_mesh"]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SurfaceMesh:
+    """Nodes, triangles in named bodies, and named lines and nodes on them.
+
+    Every triangle belongs to exactly one body. A body may consist of several parts that no edge
+    joins. In each part all triangles are turned to the side of its first one, so that the nodes
+    run counterclockwise seen from the side of the unit normal. Bodies may share nodes, also the
+    edges of many may lie in one place: they are not neighbours there, and share positions only.
+
+    Attributes:
+        points: Node positions, shape (n, 3), metres.
+        triangles: Node indices, shape (m, 3).
+        bodies: Triangles, ascending, by the body's name.
+        body: Number of each triangle's body in their order, shape (m,).
+        lines: Node pairs along edges, shape (k, 2), by the line's name.
+        nodes: Node index by name.
+        topology: Edges and neighbours.
+    """
+
+    points: FloatArray
+    triangles: IntArray
+    bodies: Mapping[str, IntArray]
+    body: IntArray
+    lines: Mapping[str, IntArray]
+    nodes: Mapping[str, int]
+    topology: SurfaceTopology
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        triangles: npt.ArrayLike,
+        bodies: Mapping[str, npt.ArrayLike],
+        lines: Mapping[str, npt.ArrayLike] | None = None,
+        nodes: Mapping[str, int] | None = None,
+    ) -> None:
+        """Create a mesh.
+
+        Args:
+            points: Node positions, shape (n, 3), metres.
+            triangles: Node indices, shape (m, 3); those turned against the first of their part
+                of a body are turned round, (a, b, c) into (a, c, b).
+            bodies: Triangles of each body.
+            lines: Node pairs of named lines, shape (k, 2), each an edge of a triangle.
+            nodes: Named nodes.
+
+        Raises:
+            TypeError: An argument does not consist of numbers of the right kind.
+            ValueError: A wrong shape, NaN, an index out of range, a triangle without area, given
+                twice, or in no or two bodies, a node without triangle, an edge with more than two
+                triangles of one body, a body with one side only, an empty body or line, or a line
+                that does not follow edges.
+        """
+        xyz = _checks.array("SurfaceMesh", "points", points, (-1, 3))
+        rows = _checks.indices("SurfaceMesh", "triangles", triangles, len(xyz), 3)
+        if len(rows) == 0:
+            raise ValueError("SurfaceMesh: triangles must hold at least one triangle, got none")
+        surface_checks.check_triangles(xyz, rows)
+        groups = dict(
+            surface_checks.body_rows(name, found, len(rows)) for name, found in bodies.items()
+        )
+        body = surface_checks.body_numbers(groups, len(rows))
+        rows, sides = surface_checks.oriented(xyz, rows, body, list(groups))
+        pairs = dict(
+            surface_checks.line_pairs(name, found, rows, len(xyz))
+            for name, found in (lines or {}).items()
+        )
+        _checks.assign(
+            self,
+            points=xyz,
+            triangles=_checks.freeze(rows, np.int64),
+            bodies=MappingProxyType(groups),
+            body=_checks.freeze(body, np.int64),
+            lines=MappingProxyType({k: _checks.freeze(v, np.int64) for k, v in pairs.items()}),
+            nodes=MappingProxyType(_named_nodes(nodes or {}, len(xyz))),
+            topology=surface_topology.surface_topology(rows, sides),
+        )
+
+    @classmethod
+    def grid(
+        cls,
+        name: str,
+        u: npt.ArrayLike,
+        v: npt.ArrayLike,
+        surface: Callable[[FloatArray], npt.ArrayLike] | None = None,
+        *,
+        closed: bool = False,
+        diagonal: str = "right",
+    ) -> Self:
+        """Create one body from a grid in two parameters, all rectangles cut along one diagonal.
+
+        Node i + len(u) j has the parameters u[i], v[j]; the normals point to x_u cross x_v. The
+        lines of the four sides are called name_bottom and name_top (first and last v, along u),
+        name_left and name_right (first and last u, along v), the corners name_bottom_left,
+        name_bottom_right, name_top_left and name_top_right.
+
+        Args:
+            name: Of the body.
+            u: Ascending parameter values.
+            v: Ascending parameter values.
+            surface: Positions, shape (n, 3), metres, for parameters of shape (n, 2); the plane
+                (u, v, 0) when None.
+            closed: Whether a last column of rectangles joins the last u to the first, as around a
+                cylinder; then there is no left and right, and there are no corners.
+            diagonal: "right" from bottom left to top right, "left" from bottom right to top left.
+
+        Raises:
+            TypeError: An argument is of the wrong kind.
+            ValueError: Parameters that do not ascend, an unknown diagonal, or positions that make
+                no mesh.
+        """
+        owner = f'SurfaceMesh.grid "{_checks.text("SurfaceMesh.grid", "name", name)}"'
+        first, second = _ascending(owner, "u", u, 3 if closed else 2), _ascending(owner, "v", v, 2)
+        if diagonal not in ("right", "left"):
+            raise ValueError(f'{owner}: diagonal must be "right" or "left", got {diagonal!r}')
+        columns, rows = len(first), len(second)
+        parameters = np.column_stack([np.tile(first, rows), np.repeat(second, columns)])
+        points: object = np.column_stack([parameters, np.zeros(len(parameters))])
+        if surface is not None:
+            if not callable(surface):
+                raise TypeError(f"{owner}: surface must be a function, got {surface!r}")
+            points = surface(parameters)
+        positions = _checks.array(owner, "surface(u, v)", points, (len(parameters), 3))
+        triangles = surface_grid.grid_triangles(columns, rows, closed=closed, diagonal=diagonal)
+        lines = surface_grid.grid_lines(columns, rows, closed=closed)
+        corners = {} if closed else surface_grid.grid_corners(columns, rows)
+        return cls(
+            positions,
+            triangles,
+            {name: np.arange(len(triangles))},
+            {f"{name}_{side}": pairs for side, pairs in lines.items()},
+            {f"{name}_{corner}": node for corner, node in corners.items()},
+        )
+
+    @classmethod
+    def rectangle(
+        cls,
+        name: str,
+        size: tuple[float, float],
+        cells: tuple[int, int],
+        *,
+        diagonal: str = "right",
+    ) -> Self:
+        """Create a flat rectangle in the plane z = 0 with one corner at the origin.
+
+        Its normals point to +z; lines and corners are named as in `grid`.
+
+        Args:
+            name: Of the body.
+            size: Lengths along x and y, metres.
+            cells: Rectangles along x and y, each cut into two triangles.
+            diagonal: As in `grid`.
+
+        Raises:
+            TypeError: An argument is of the wrong kind.
+            ValueError: A length that is not positive, no cells, or an unknown diagonal.
+        """
+        owner = f'SurfaceMesh.rectangle "{_checks.text("SurfaceMesh.rectangle", "name", name)}"'
+        lengths = _checks.array(owner, "size", size, (2,))
+        counts = _checks.indices(owner, "cells", cells, np.iinfo(np.int32).max, 1)
+        if (lengths <= 0.0).any():
+            raise ValueError(f"{owner}: size must be positive, got {_checks.show(size)}")
+        if counts.shape != (2,) or (counts < 1).any():
+            raise ValueError(
+                f"{owner}: cells must be two positive whole numbers, got {_checks.show(cells)}"
+            )
+        u, v = (np.linspace(0.0, lengths[k], counts[k] + 1) for k in range(2))
+        return cls.grid(name, u, v, diagonal=diagonal)
+
+    @classmethod
+    def from_gmsh_model(cls) -> Self:
+        """Create a mesh from the named physical groups of the current gmsh model.
+
+        Surfaces are bodies. Curves and points are taken where they lie on these; the others, of
+        beams for example, are left out.
+
+        Raises:
+            ValueError: No named group of surfaces, quadrilaterals, elements of higher order, a
+                curve that lies on the surfaces only in part, or a physical point that holds
+                several nodes.
+        """
+        from flexfem.mesh.gmsh_reader import surface_data
+
+        return cls(*surface_data())
+
+    @classmethod
+    def join(cls, meshes: Sequence["SurfaceMesh"]) -> Self:
+        """Create one mesh from several, whose nodes stay apart also where they coincide.
+
+        Raises:
+            TypeError: Something is no SurfaceMesh.
+            ValueError: No mesh, or a name that two bodies, lines or nodes have.
+        """
+        if len(meshes) == 0:
+            raise ValueError("SurfaceMesh.join: meshes must hold at least one mesh, got none")
+        for mesh in meshes:
+            _checks.instance("SurfaceMesh.join", "each mesh", mesh, SurfaceMesh)
+        for kind in ("bodies", "lines", "nodes"):
+            counts = Counter(name for mesh in meshes for name in getattr(mesh, kind))
+            if counts and (most := counts.most_common(1)[0])[1] > 1:
+                raise ValueError(f'SurfaceMesh.join: {kind}: the name "{most[0]}" is used twice')
+        node = np.cumsum([0] + [len(mesh.points) for mesh in meshes]).tolist()
+        row = np.cumsum([0] + [len(mesh.triangles) for mesh in meshes]).tolist()
+        numbered = list(zip(meshes, node[:-1], row[:-1], strict=True))
+        return cls(
+            np.concatenate([mesh.points for mesh in meshes]),
+            np.concatenate([mesh.triangles + n for mesh, n, _ in numbered]),
+            {name: rows + r for mesh, _, r in numbered for name, rows in mesh.bodies.items()},
+            {name: pairs + n for mesh, n, _ in numbered for name, pairs in mesh.lines.items()},
+            {name: one + n for mesh, n, _ in numbered for name, one in mesh.nodes.items()},
+        )
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """Areas of the triangles, shape (m,), square metres."""
+        vectors = surface_topology.vector_areas(self.points, self.triangles)
+        return _checks.freeze(np.linalg.norm(vectors, axis=1))
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Unit normals of the triangles, shape (m, 3)."""
+        vectors = surface_topology.vector_areas(self.points, self.triangles)
+        return _checks.freeze(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+    @cached_property
+    def node_triangles(self) -> tuple[IntArray, IntArray]:
+        """Triangles at each node: offsets, shape (n + 1,), and triangles, shape (3 m,)."""
+        return surface_topology.node_triangles(self.triangles, len(self.points))
+
+    @cached_property
+    def parts(self) -> IntArray:
+        """Number of each triangle's part, the parts of bodies that edges join, shape (m,)."""
+        return surface_topology.connected_parts(self.topology.neighbours)
+
+    def body_rows(self, name: str) -> IntArray:
+        """Return the triangles of a body, ascending.
+
+        Raises:
+            ValueError: There is no such body.
+        """
+        return self.bodies[_known("body", name, self.bodies)]
+
+    def body_nodes(self, name: str) -> IntArray:
+        """Return the nodes of a body, ascending.
+
+        Raises:
+            ValueError: There is no such body.
+        """
+        return np.unique(self.triangles[self.body_rows(name)])
+
+    def boundary_lines(self, name: str) -> list[IntArray]:
+        """Return the node rows along the boundary of a body, which lies on their left.
+
+        A closed row repeats its first node. Rows end at nodes where two boundaries touch.
+
+        Raises:
+            ValueError: There is no such body.
+        """
+        return surface_topology.boundary_lines(self.topology, self.body_rows(name))
+
+    def line_nodes(self, name: str) -> IntArray:
+        """Return the nodes along a named line in order, from the start of its first pair.
+
+        A closed line repeats its first node.
+
+        Raises:
+            ValueError: There is no such line, or it branches or falls apart.
+        """
+        order = group_order(self.lines[_known("line", name, self.lines)])
+        if order is None:
+            raise ValueError(f'SurfaceMesh: line "{name}" branches or falls apart')
+        return order
+
+    def closest_node(self, position: npt.ArrayLike, body: str | None = None) -> int:
+        """Return the node closest to a position, the lowest one of several.
+
+        Args:
+            position: Shape (3,), metres.
+            body: Body to search, all when None.
+
+        Raises:
+            TypeError: The position does not consist of numbers.
+            ValueError: There is no such body, or the position is no finite vector.
+        """
+        target = _checks.vector("SurfaceMesh.closest_node", "position", position)
+        nodes = np.arange(len(self.points)) if body is None else self.body_nodes(body)
+        distance = ((self.points[nodes] - target) ** 2).sum(axis=1)
+        return int(nodes[np.argmin(distance)])
+
+    def __str__(self) -> str:
+        """Return the numbers of nodes, triangles and names."""
+        return (
+            f"SurfaceMesh: {len(self.points)} nodes, {len(self.triangles)} triangles, "
+            f"{len(self.bodies)} bodies, {len(self.lines)} lines, {len(self.nodes)} named nodes"
+        )
+
+
+def read_surface_mesh(path: str | PathLike[str]) -> SurfaceMesh:
+    """Read triangles and named physical groups from a .msh file, through gmsh.
+
+    A gmsh session that is open stays as it is.
+
+    Args:
+        path: File in any version of the .msh format, with first-order triangles in named groups.
+
+    Returns:
+        The mesh.
+
+    Raises:
+        ValueError: The file is missing or unreadable, or has no such triangles.
+    """
+    from flexfem.mesh.gmsh_reader import merge, session
+
+    file = Path(path)
+    with session("flexfem_read"):
+        merge(file)
+        try:
+            return SurfaceMesh.from_gmsh_model()
+        except ValueError as error:
+            raise ValueError(f'mesh file "{file}": {error}') from None
+
+
+def _ascending(owner: str, what: str, values: npt.ArrayLike, least: int) -> FloatArray:
+    """Return checked parameter values of a grid."""
+    result = _checks.array(owner, what, values, (-1,))
+    if len(result) < least or (np.diff(result) <= 0.0).any():
+        raise ValueError(
+            f"{owner}: {what} must hold at least {least} ascending numbers, got "
+            f"{_checks.show(values)}"
+        )
+    return result
+
+
+def _named_nodes(nodes: Mapping[str, int], limit: int) -> dict[str, int]:
+    """Return checked named nodes."""
+    return {
+        _checks.text("SurfaceMesh", "name of a node", name): int(
+            _checks.indices("SurfaceMesh", f'node "{name}"', [node], limit, 1)[0]
+        )
+        for name, node in nodes.items()
+    }
+
+
+def _known(kind: str, name: str, things: Mapping[str, IntArray]) -> str:
+    """Return a name that the mesh has."""
+    if name not in things:
+        known = ", ".join(things) or "none"
+        raise ValueError(
+            f'SurfaceMesh: {kind} "{name}" is not in the mesh, which has {_checks.show(known, 200)}'
+        )
+    return name
