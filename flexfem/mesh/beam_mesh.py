@@ -6,11 +6,11 @@ from typing import Any
 
 from mpi4py import MPI
 
-import basix.ufl
 import numpy as np
 import numpy.typing as npt
 
 from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.mesh.distribute import distributed_mesh
 
 __all__ = ["BeamMesh", "create_beam_mesh"]
 
@@ -43,28 +43,12 @@ def create_beam_mesh(
         cells: (m, 2) all cells, the same on every rank.
         destination: (m,) rank of each cell.
     """
-    import dolfinx
-
-    def share(count: int) -> slice:
-        return slice(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
-
-    mine = share(len(cells))
-
-    def partitioner(comm: Any, parts: int, cell_types: Any, topology: Any) -> Any:
-        links = destination[mine].astype(np.int32)[:, np.newaxis]
-        return dolfinx.graph.adjacencylist(links)._cpp_object
-
-    # its stub does not know the base class of the elements
-    element: Any = basix.ufl.element("Lagrange", "interval", 1, shape=(3,))
-    mesh = dolfinx.mesh.create_mesh(
-        comm, cells[mine].astype(np.int64), element, points[share(len(points))], partitioner,
-        max_facet_to_cell_links=max(2, int(np.bincount(cells.ravel(), minlength=1).max())),
-    )  # fmt: skip
-    space = dolfinx.fem.functionspace(mesh, ("Lagrange", 1))
+    most = int(np.bincount(cells.ravel(), minlength=1).max())
+    mesh, space, nodes = distributed_mesh(
+        comm, "interval", points, cells, destination, np.arange(len(cells) + 1), most
+    )
     dofs = space.dofmap.list
-    nodes = np.empty(space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts, int)
-    nodes[dofs] = mesh.geometry.input_global_indices[mesh.geometry.dofmaps[0]]
-    # geometry and function nodes are numbered apart; a cell keeps the order of its two nodes
+    # a cell keeps the order of its two nodes
     ids = np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
     order = np.argsort(ids, kind="stable")
     ids, dofs = ids[order], dofs[order]

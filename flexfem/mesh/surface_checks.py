@@ -9,7 +9,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.surface_topology import Sides, match_sides, turned_triangles, vector_areas
 
-__all__ = ["body_numbers", "body_rows", "check_triangles", "line_pairs", "oriented"]
+__all__ = ["body_numbers", "body_rows", "check_triangles", "edge_keys", "line_pairs", "oriented"]
 
 _OWNER = "SurfaceMesh"
 
@@ -103,10 +103,14 @@ def oriented(
     return result, match_sides(result, body, len(points))
 
 
-def line_pairs(
-    name: object, pairs: object, triangles: IntArray, nodes: int
-) -> tuple[str, IntArray]:
+def line_pairs(name: object, pairs: object, edges: IntArray, nodes: int) -> tuple[str, IntArray]:
     """Return checked name and node pairs of a line, shape (k, 2).
+
+    Args:
+        name: Of the line.
+        pairs: To be checked.
+        edges: Keys of all edges, ascending.
+        nodes: Number of nodes.
 
     Raises:
         TypeError: The pairs are no whole numbers or the name is no string.
@@ -117,19 +121,21 @@ def line_pairs(
     found = _checks.indices(_OWNER, f'line "{key}"', pairs, nodes, 2)
     if len(found) == 0:
         raise ValueError(f'{_OWNER}: line "{key}" must hold at least one node pair, got none')
-    keys = _edge_keys(found, nodes)
-    known = _edge_keys(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), nodes)
-    if not (there := np.isin(keys, known)).all():
+    keys = edge_keys(found, nodes)
+    there = edges[np.minimum(np.searchsorted(edges, keys), len(edges) - 1)] == keys
+    if not there.all():
         a, b = found[np.argmin(there)]
         raise ValueError(f'{_OWNER}: line "{key}": nodes {a} and {b} are no edge of a triangle')
     values, counts = np.unique(keys, return_counts=True)
     if (counts > 1).any():
         low, high = divmod(int(values[np.argmax(counts > 1)]), nodes)
-        raise ValueError(f'{_OWNER}: line "{key}": nodes {low} and {high} are there twice')
+        raise ValueError(
+            f'{_OWNER}: line "{key}": the edge between nodes {low} and {high} is there twice'
+        )
     return key, found
 
 
-def _edge_keys(pairs: IntArray, nodes: int) -> IntArray:
+def edge_keys(pairs: IntArray, nodes: int) -> IntArray:
     """Return a number for each pair of nodes, whatever their order."""
     return pairs.min(axis=1) * nodes + pairs.max(axis=1)
 

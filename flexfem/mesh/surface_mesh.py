@@ -84,8 +84,10 @@ class SurfaceMesh:
         )
         body = surface_checks.body_numbers(groups, len(rows))
         rows, sides = surface_checks.oriented(xyz, rows, body, list(groups))
+        topology = surface_topology.surface_topology(rows, sides)
+        keys = np.sort(surface_checks.edge_keys(topology.edges, len(xyz)))
         pairs = dict(
-            surface_checks.line_pairs(name, found, rows, len(xyz))
+            surface_checks.line_pairs(name, found, keys, len(xyz))
             for name, found in (lines or {}).items()
         )
         _checks.assign(
@@ -96,7 +98,7 @@ class SurfaceMesh:
             body=_checks.freeze(body, np.int64),
             lines=MappingProxyType({k: _checks.freeze(v, np.int64) for k, v in pairs.items()}),
             nodes=MappingProxyType(_named_nodes(nodes or {}, len(xyz))),
-            topology=surface_topology.surface_topology(rows, sides),
+            topology=topology,
         )
 
     @classmethod
