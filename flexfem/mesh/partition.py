@@ -9,8 +9,9 @@ rank's share and large enough to be worth it.
 import numpy as np
 
 from flexfem._types import IntArray
+from flexfem.mesh.surface_mesh import SurfaceMesh
 
-__all__ = ["partition_bodies"]
+__all__ = ["partition_bodies", "partition_surface"]
 
 
 def partition_bodies(cells: IntArray, ranks: int, split_above: int) -> list[IntArray]:
@@ -34,4 +35,28 @@ def partition_bodies(cells: IntArray, ranks: int, split_above: int) -> list[IntA
             position = np.full(count, start[body] + 0.5 * count)
         rank = np.minimum((position * ranks / max(total, 1)).astype(np.int64), ranks - 1)
         destination.append(rank)
+    return destination
+
+
+def partition_surface(surface: SurfaceMesh, ranks: int, split_above: int) -> IntArray:
+    """Distribute the bodies of a surface mesh over ranks by their number of triangles.
+
+    A body that is split is cut into strips across the coordinate axis along which it is longest,
+    so that few triangles have neighbours on other ranks, however they are numbered.
+
+    Args:
+        surface: the mesh.
+        ranks: number of ranks.
+        split_above: as in `partition_bodies`.
+
+    Returns:
+        (m,) rank of each triangle.
+    """
+    counts = np.array([len(rows) for rows in surface.bodies.values()], dtype=np.int64)
+    destination = np.empty(len(surface.triangles), dtype=np.int64)
+    parts = partition_bodies(counts, ranks, split_above)
+    for rows, part in zip(surface.bodies.values(), parts, strict=True):
+        centres = surface.points[surface.triangles[rows]].mean(axis=1)
+        along = centres[:, np.argmax(np.ptp(centres, axis=0))]
+        destination[rows[np.argsort(along, kind="stable")]] = part
     return destination
