@@ -33,6 +33,7 @@ __all__ = [
     "law_expressions",
     "law_form",
     "symmetric",
+    "written",
 ]
 
 
@@ -46,6 +47,15 @@ def constant_field(mesh: ufl.Mesh, *shape: int) -> ufl.Coefficient:
     return ufl.Coefficient(
         ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=shape))
     )
+
+
+def written(mesh: ufl.Mesh, entries: list[Expr]) -> ufl.Form:
+    """Form whose vector holds the entries."""
+    shape = (len(entries),)
+    space = ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=shape))
+    value = ufl.dot(ufl.as_vector(entries), ufl.TestFunction(space))
+    form: ufl.Form = value / ufl.CellVolume(mesh) * ufl.dx(mesh, degree=0)
+    return form
 
 
 def symmetric(values: Expr) -> Expr:

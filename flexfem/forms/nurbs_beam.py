@@ -32,7 +32,13 @@ from functools import cache
 import basix.ufl
 import ufl
 
-from flexfem.forms.beam_law import LawExpressions, constant_field, interval_mesh, symmetric
+from flexfem.forms.beam_law import (
+    LawExpressions,
+    constant_field,
+    interval_mesh,
+    symmetric,
+    written,
+)
 from flexfem.forms.lie import Expr
 
 __all__ = ["POINT", "NurbsForms", "nurbs_forms", "strain_form"]
@@ -189,15 +195,6 @@ def _matrices(
     return [geometric + B.T * change, B.T * (viscosity * B)]
 
 
-def _written(mesh: ufl.Mesh, entries: list[Expr]) -> ufl.Form:
-    """Form whose vector holds the entries."""
-    shape = (len(entries),)
-    space = ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=shape))
-    value = ufl.dot(ufl.as_vector(entries), ufl.TestFunction(space))
-    form: ufl.Form = value / ufl.CellVolume(mesh) * ufl.dx(mesh, degree=0)
-    return form
-
-
 @cache
 def nurbs_forms(damped: bool, law: LawExpressions | None = None) -> NurbsForms:
     """Build the forms of a material.
@@ -226,8 +223,8 @@ def nurbs_forms(damped: bool, law: LawExpressions | None = None) -> NurbsForms:
         if name == "unknowns" or viscous:
             action += ufl.derivative(works[1], fields[name], fields[change])
     return NurbsForms(
-        residual=_written(mesh, entries),
-        tangent=_written(mesh, entries + [m[i, j] for m in matrices for i, j in places]),
+        residual=written(mesh, entries),
+        tangent=written(mesh, entries + [m[i, j] for m in matrices for i, j in places]),
         action=action,
         coefficients=fields,
     )
@@ -242,4 +239,4 @@ def strain_form() -> tuple[ufl.Form, dict[str, ufl.Coefficient]]:
     at = _Kinematics.of(fields["unknowns"])
     strain, rate = _joined(*at.strain()) - fields["start"], at.rate(fields["rates"])
     entries = [part[i] for part in (strain, rate) for i in range(6)]
-    return _written(mesh, entries), fields
+    return written(mesh, entries), fields

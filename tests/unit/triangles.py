@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Plane meshes of triangles for the tests of shells, and plates on them."""
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import Delaunay
+
+from flexfem.elements.rotation_free import RotationFreeTriangles
+from flexfem.mesh.patches import curvature_patches
+
+PATTERNS = ("parallel", "perturbed", "union_jack", "crossed")
+
+
+def isotropic(thickness, modulus=1.0, ratio=0.3):
+    """Stiffness [D_m 0; 0 D_b] of a plate."""
+    plane = np.array([[1, ratio, 0], [ratio, 1, 0], [0, 0, (1 - ratio) / 2]]) / (1 - ratio**2)
+    stiffness = np.zeros((6, 6))
+    stiffness[:3, :3] = modulus * thickness * plane
+    stiffness[3:, 3:] = modulus * thickness**3 / 12 * plane
+    return stiffness
+
+
+def rectangle(counts, pattern, sides=(1.0, 1.0), seed=1):
+    """Points and triangles of a rectangle at z = 0 of ``counts`` cells along x and y."""
+    (a, b), size = counts, np.divide(sides, counts)
+    x, y = np.meshgrid(np.arange(a + 1) * size[0], np.arange(b + 1) * size[1], indexing="ij")
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], 1)
+    if pattern == "perturbed":
+        inner = ((points > 1e-9) & (points < np.array([*sides, 1.0]) - 1e-9))[:, :2].all(1)
+        shift = np.random.default_rng(seed).uniform(-0.25, 0.25, (inner.sum(), 2))
+        points[inner, :2] += shift * size
+        triangles = Delaunay(points[:, :2]).simplices.astype(np.int64)
+        edges = points[triangles[:, 1:]] - points[triangles[:, :1]]
+        doubled = np.cross(edges[:, 0], edges[:, 1])[:, 2]
+        triangles[doubled < 0] = triangles[doubled < 0][:, ::-1]
+        return points, triangles[abs(doubled) > 1e-9]
+    if pattern == "crossed":
+        cell = np.indices((a, b)).reshape(2, -1).T + 0.5
+        points = np.concatenate([points, np.column_stack([cell * size, np.zeros(a * b)])])
+    triangles = []
+    for i in range(a):
+        for j in range(b):
+            p, q = i * (b + 1) + j, (i + 1) * (b + 1) + j
+            corners = [p, q, q + 1, p + 1]
+            if pattern == "crossed":
+                centre = (a + 1) * (b + 1) + i * b + j
+                triangles += [[corners[k], corners[(k + 1) % 4], centre] for k in range(4)]
+            elif pattern == "parallel" or (i + j) % 2 == 0:
+                triangles += [[p, q, q + 1], [p, q + 1, p + 1]]
+            else:
+                triangles += [[p, q, p + 1], [q, q + 1, p + 1]]
+    return points, np.array(triangles)
+
+
+def adjacency(triangles):
+    """Opposite nodes and neighbours (m, 3) over the edges, -1 if there are none."""
+    opposites, neighbours = np.full((2, *triangles.shape), -1)
+    sides = {}
+    for m, nodes in enumerate(triangles):
+        for k in range(3):
+            sides[nodes[(k + 1) % 3], nodes[(k + 2) % 3]] = m, nodes[k]
+    for m, nodes in enumerate(triangles):
+        for k in range(3):
+            other = sides.get((nodes[(k + 2) % 3], nodes[(k + 1) % 3]))
+            if other:
+                neighbours[m, k], opposites[m, k] = other
+    return opposites, neighbours
+
+
+def patches_of(points, triangles, bending, averaged, **options):
+    """Patches with e1 along x."""
+    opposites, neighbours = adjacency(triangles)
+    directions = np.tile([1.0, 0.0, 0.0], (len(triangles), 1))
+    return curvature_patches(
+        points, triangles, opposites, bending, directions=directions,
+        neighbours=neighbours if averaged else None, **options,
+    )  # fmt: skip
+
+
+def sparse_tangent(triangles: RotationFreeTriangles, points, offsets=None):
+    """Tangent (3 n, 3 n) of the fast path."""
+    nodes = triangles.patches.nodes
+    matrices = np.empty((len(nodes), 3 * nodes.shape[1], 3 * nodes.shape[1]))
+    triangles.tangents_into(points, matrices, 1.0, offsets)
+    places = np.where(nodes[:, :, None] < 0, -1, 3 * nodes[:, :, None] + np.arange(3))
+    places = places.reshape(len(nodes), -1)
+    rows, columns = np.broadcast_arrays(places[:, :, None], places[:, None, :])
+    there = (rows >= 0) & (columns >= 0)
+    assert not matrices[~there].any()
+    shape = (points.size, points.size)
+    return sp.csr_matrix((matrices[there], (rows[there], columns[there])), shape=shape)
+
+
+def sparse_maps(patches, count):
+    """B as a matrix (3 m, n)."""
+    there = np.broadcast_to(patches.nodes[:, None] >= 0, patches.curvatures.shape)
+    rows = np.broadcast_to(
+        np.arange(3 * len(patches.areas)).reshape(-1, 3, 1), patches.curvatures.shape
+    )
+    columns = np.broadcast_to(patches.nodes[:, None], patches.curvatures.shape)
+    data = (patches.curvatures[there], (rows[there], columns[there]))
+    return sp.csr_matrix(data, shape=(3 * len(patches.areas), count))
+
+
+def plate_deflection(counts, pattern, rule, averaged):
+    """Largest deflection of a square plate under unit pressure in q a^4 / D."""
+    points, triangles = rectangle((counts, counts), pattern)
+    stiffness = isotropic(1.0)
+    bending = stiffness[3:, 3:] / stiffness[3, 3]
+    rules = np.full(triangles.shape, rule)
+    patches = patches_of(points, triangles, bending, averaged, rules=rules)
+    maps = sparse_maps(patches, len(points))
+    K = maps.T @ sp.kron(sp.diags(patches.areas), bending).tocsr() @ maps
+    load = np.bincount(triangles.ravel(), np.repeat(patches.areas / 3, 3), len(points))
+    free = np.flatnonzero(((points > 1e-9) & (points < 1 - 1e-9))[:, :2].all(1))
+    return sp.linalg.spsolve(K[free][:, free].tocsc(), load[free]).max()
