@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.unit.triangles import isotropic, patches_of, rectangle, sparse_tangent
 
 from flexfem.elements.rotation_free import RotationFreeTriangles
 from flexfem.mesh.patches import EdgeRule
+from tests.unit.triangles import isotropic, patches_of, rectangle, sparse_tangent
 
 pytestmark = pytest.mark.serial
 BOTH = pytest.mark.parametrize("averaged", [False, True])
@@ -112,15 +112,15 @@ def test_masses_are_those_of_the_triangles():
 
 @BOTH
 def test_loops_equal_the_assembled_form(averaged):
-    """``M^T K M`` with M = [I; B] of what DOLFINx assembles on positions and curvature vectors."""
+    """``M^T K M``, M = [I; B], of what DOLFINx assembles on positions and curvature vectors."""
     from mpi4py import MPI
 
     import basix.ufl
     import dolfinx
     import ufl
-    from tests.unit.triangles import sparse_maps
 
     from flexfem.forms.shell import shell_energy, shell_strains
+    from tests.unit.triangles import sparse_maps
 
     made, start, points = shell(averaged)
     patches = made.patches

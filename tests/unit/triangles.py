@@ -3,6 +3,7 @@
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 
 from flexfem.elements.rotation_free import RotationFreeTriangles
@@ -102,15 +103,27 @@ def sparse_maps(patches, count):
     return sp.csr_matrix(data, shape=(3 * len(patches.areas), count))
 
 
-def plate_deflection(counts, pattern, rule, averaged):
-    """Largest deflection of a square plate under unit pressure in q a^4 / D."""
+def plate_deflections(counts, pattern, averaged, rule_of, held_at, ratio=0.3):
+    """Points and deflections of a unit square under unit pressure with D = 1.
+
+    Args:
+        counts: cells along one side.
+        pattern: one of ``PATTERNS``.
+        averaged: patches of twelve nodes.
+        rule_of: rules of the edges at their midpoints (k, 3).
+        held_at: whether nodes at points (k, 3) are held.
+        ratio: Poisson's ratio.
+    """
     points, triangles = rectangle((counts, counts), pattern)
-    stiffness = isotropic(1.0)
-    bending = stiffness[3:, 3:] / stiffness[3, 3]
-    rules = np.full(triangles.shape, rule)
+    bending = isotropic(1.0, ratio=ratio)[3:, 3:]
+    bending /= bending[0, 0]
+    middles = (points[np.roll(triangles, -1, 1)] + points[np.roll(triangles, -2, 1)]) / 2
+    rules = rule_of(middles.reshape(-1, 3)).reshape(triangles.shape)
     patches = patches_of(points, triangles, bending, averaged, rules=rules)
     maps = sparse_maps(patches, len(points))
     K = maps.T @ sp.kron(sp.diags(patches.areas), bending).tocsr() @ maps
     load = np.bincount(triangles.ravel(), np.repeat(patches.areas / 3, 3), len(points))
-    free = np.flatnonzero(((points > 1e-9) & (points < 1 - 1e-9))[:, :2].all(1))
-    return sp.linalg.spsolve(K[free][:, free].tocsc(), load[free]).max()
+    free = np.flatnonzero(~held_at(points))
+    deflections = np.zeros(len(points))
+    deflections[free] = spsolve(K[free][:, free].tocsc(), load[free])
+    return points, deflections
