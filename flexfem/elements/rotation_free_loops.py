@@ -236,18 +236,23 @@ def _coupling(
 
 
 @inlined
-def _product(W: FloatArray, H: FloatArray, T: FloatArray, K: FloatArray) -> None:
-    """Write ``W^T H W`` (p, p) for W (5, p); T is of the size of W."""
+def _product(W: FloatArray, H: FloatArray, outer: bool, T: FloatArray, K: FloatArray) -> None:
+    """Write ``W^T H W`` (p, p) for W (5, p); T is of the size of W.
+
+    Without ``outer``, not between nodes of neighbours.
+    """
     count = W.shape[1]
     for s in range(5):
         for j in range(count):
             T[s, j] = H[s, 0] * W[0, j] + H[s, 1] * W[1, j]
             T[s, j] += H[s, 2] * W[2, j] + H[s, 3] * W[3, j] + H[s, 4] * W[4, j]
-    for i in range(count):
+    for i in range(3):
         for j in range(count):
+            K[i, j] = W[0, i] * T[0, j] + W[1, i] * T[1, j]
+            K[i, j] += W[2, i] * T[2, j] + W[3, i] * T[3, j] + W[4, i] * T[4, j]
+    for i in range(3, count):
+        for j in range(count if outer else 3):
             K[i, j] = W[2, i] * T[2, j] + W[3, i] * T[3, j] + W[4, i] * T[4, j]
-            if i < 3:
-                K[i, j] += W[0, i] * T[0, j] + W[1, i] * T[1, j]
 
 
 @inlined
@@ -292,12 +297,14 @@ def _put_all(
             _own(W, H, skew, normal, i, j, block)
             _put(axes, block, i, j, K)
     # nodes of neighbours bend the triangle only
+    for a in range(3):
+        for b in range(3):
+            block[a, b] = axes[2, a] * axes[2, b]
     for i in range(3, count):
         for a in range(3):
-            along = normal[i, :] * axes[2, a]
             for j in range(3, count):
                 for b in range(3):
-                    K[3 * i + a, 3 * j + b] = along[j] * axes[2, b]
+                    K[3 * i + a, 3 * j + b] = normal[i, j] * block[a, b]
 
 
 @kernel
@@ -324,7 +331,7 @@ def tangents_into(
         _bending(local, p, stress, D, area, c, bent)
         _coupling(local, p, stress, D, area, c, mixed)
         W[:2, :3], W[2:] = gradients[m], curvatures[m]
-        _product(W, bent, T, normal)
+        _product(W, bent, True, T, normal)
         for a in range(2):
-            _product(W, mixed[a], T, skew[a])
+            _product(W, mixed[a], False, T, skew[a])
         _put_all(axes, W, flat, skew, normal, block, tangents[m])

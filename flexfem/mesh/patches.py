@@ -133,28 +133,22 @@ def curvature_patches(
     if rules is not None:
         sloped = (opposites < 0) & np.isin(rules, (EdgeRule.CLAMPED, EdgeRule.SYMMETRIC))
     fit = _fit(local, _unfolded(points, corners, local, opposites), opposites >= 0, sloped, bending)
-    nodes = np.concatenate([triangles, opposites], 1)
-    maps = np.concatenate([fit.curvatures, np.zeros((len(nodes), 3, 6))], 2)
-    owners = np.repeat(np.arange(len(nodes))[:, None], 12, 1)
-    places = np.repeat([[0, 1, 2, 3, 4, 5, *[-1] * 6]], len(nodes), 0)
-    count = 6
-    if neighbours is not None:
-        count = 12
-        _average(fit, local, (triangles, opposites, neighbours), maps, owners, places)
+    owners, places, maps = _columns(fit, local, triangles, opposites, neighbours)
 
     # what a column stands for: the position of a node, or the tangent of an edge
     tangential = (places >= 3) & sloped[owners, np.maximum(places, 3) - 3]
     clamps = np.where(tangential, 3 * owners + places - 3, 0)
     outwards = np.einsum("mka,mab->mkb", _edge_normals(local), axes[:, :2])
     ends = np.roll(local, -2, 1) - np.roll(local, -1, 1)
+    nodes = np.concatenate([triangles, opposites], 1)
     return Patches(
-        nodes=np.where(tangential | (places < 0), -1, nodes[owners, places])[:, :count],
+        nodes=np.where(tangential | (places < 0), -1, nodes[owners, places]),
         axes=axes,
         areas=areas,
         gradients=np.stack([-ends[:, :, 1], ends[:, :, 0]], 1) / (2 * areas[:, None, None]),
-        curvatures=np.where(tangential[:, None], 0.0, maps)[:, :, :count],
-        slopes=np.where(tangential[:, None], maps, 0.0)[:, :, 3:count],
-        clamps=clamps[:, 3:count],
+        curvatures=np.where(tangential[:, None], 0.0, maps),
+        slopes=np.where(tangential[:, None], maps, 0.0)[:, :, 3:],
+        clamps=clamps[:, 3:],
         tangents=np.where(sloped[:, :, None], _oriented(tangents, outwards), 0.0),
         conditions=fit.conditions,
     )
@@ -282,16 +276,23 @@ def _coefficients(
     return maps, conditions
 
 
-def _average(
-    fit: _Fit, local: FloatArray, mesh: tuple[IndexArray, IndexArray, IndexArray],
-    maps: FloatArray, owners: IntArray, places: IntArray,
-) -> None:  # fmt: skip
-    """Add the jumps of the slopes to the maps (m, 3, 12).
+def _columns(
+    fit: _Fit, local: FloatArray, triangles: IndexArray, opposites: IndexArray,
+    neighbours: IndexArray | None,
+) -> tuple[IntArray, IntArray, FloatArray]:  # fmt: skip
+    """Maps (m, 3, p) to the curvatures, and whose values (m, p) they act on.
 
-    The neighbour over edge k adds the columns 6 + 2 k and 7 + 2 k; its number is written to
-    ``owners`` (m, 12), and which of its own columns they are, to ``places``.
+    These are, for each column, a triangle and the place among its own six, -1 without any. The
+    neighbour over edge k adds the columns 6 + 2 k and 7 + 2 k.
     """
-    triangles, opposites, neighbours = mesh
+    count = 6 if neighbours is None else 12
+    maps = np.zeros((len(triangles), 3, count))
+    maps[:, :, :6] = fit.curvatures
+    owners = np.repeat(np.arange(len(triangles))[:, None], count, 1)
+    places = np.full((len(triangles), count), -1)
+    places[:, :6] = np.arange(6)
+    if neighbours is None:
+        return owners, places, maps
     normals, doubled = _edge_normals(local), _doubled(local)
     lengths = np.linalg.norm(np.roll(local, -2, 1) - np.roll(local, -1, 1), axis=2)
     for k in range(3):
@@ -307,6 +308,7 @@ def _average(
             maps[own, :, column] -= weight * fit.slopes[other, facing, place][:, None]
             if column >= 6:
                 owners[own, column], places[own, column] = other, place
+    return owners, places, maps
 
 
 def _oriented(tangents: FloatArray | None, outwards: FloatArray) -> FloatArray:
