@@ -103,13 +103,17 @@ class RotationFreeTriangles:
         tangents: FloatArray,
         scale: float = 1.0,
         offsets: FloatArray | None = None,
+        first: int = 0,
     ) -> None:
-        """Write ``scale`` times the derivatives of the internal forces, N/m, (m, 3 p, 3 p).
+        """Write ``scale`` times the derivatives of the internal forces, N/m, (r, 3 p, 3 p).
+
+        These are of the r triangles from ``first`` on: some hundreds at a time stay in the cache,
+        which halves the time with twelve nodes.
 
         Rows and columns are the components of the positions of ``patches.nodes``, node by node;
         those of missing nodes are zero. A node may occur twice among twelve.
         """
-        tangents_into(points, *self._maps(offsets), *self._material(), scale, tangents)
+        tangents_into(points, *self._maps(offsets), *self._material(), scale, first, tangents)
 
     def add_masses(self, density: FloatArray, masses: FloatArray) -> None:
         """Add the masses of nodes, a third of each triangle, kg, to (n,).

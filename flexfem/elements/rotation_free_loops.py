@@ -311,16 +311,16 @@ def _put_all(
 def tangents_into(
     points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
     offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, scale: float, tangents: FloatArray,
+    stiffness: FloatArray, scale: float, first: int, tangents: FloatArray,
 ) -> None:  # fmt: skip
-    """Write ``scale`` times the derivatives of the internal forces, (m, 3 p, 3 p)."""
+    """Write ``scale`` times the derivatives of the forces, (r, 3 p, 3 p), of r triangles."""
     count = nodes.shape[1]
     w, axes, local, block = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3)), np.empty((3, 3))
     strain, stress, p, c = np.empty(6), np.empty(6), np.empty((2, 2)), np.empty((3, 5))
     flat, bent, mixed = np.empty((4, 4)), np.empty((5, 5)), np.empty((2, 5, 5))
     W, T = np.zeros((5, count)), np.empty((5, count))
     skew, normal = np.empty((2, count, count)), np.empty((count, count))
-    for m in range(len(nodes)):
+    for m in range(first, first + len(tangents)):
         _vectors(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
         _present(w, axes, local)
         _strain(local, starts[m], strain)
@@ -334,4 +334,4 @@ def tangents_into(
         _product(W, bent, True, T, normal)
         for a in range(2):
             _product(W, mixed[a], False, T, skew[a])
-        _put_all(axes, W, flat, skew, normal, block, tangents[m])
+        _put_all(axes, W, flat, skew, normal, block, tangents[m - first])
