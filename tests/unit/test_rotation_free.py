@@ -1,13 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rotation-free triangles: derivatives, the form, rigid motions."""
 
+from mpi4py import MPI
+
+import basix.ufl
+import dolfinx
+import numba
 import numpy as np
 import pytest
+import ufl
 from scipy.spatial.transform import Rotation
 
 from flexfem.elements.rotation_free import RotationFreeTriangles
+from flexfem.forms.shell import shell_energy, shell_forms, shell_strains
+from flexfem.la.kernel import compile_kernel, tabulate
 from flexfem.mesh.patches import EdgeRule
-from tests.unit.triangles import isotropic, patches_of, rectangle, sparse_tangent
+from tests.unit.triangles import isotropic, patches_of, rectangle, sparse_maps, sparse_tangent
 
 pytestmark = pytest.mark.serial
 BOTH = pytest.mark.parametrize("averaged", [False, True])
@@ -110,18 +118,48 @@ def test_masses_are_those_of_the_triangles():
     np.testing.assert_allclose(masses @ start, own @ centres, rtol=1e-13)
 
 
+@numba.njit
+def _tabulate(address, tensor, data, constants, points):
+    tabulate(address, tensor, data, constants, points)
+
+
+def test_loops_equal_the_kernels_of_the_form_at_a_point():
+    made, _, points = shell(True)
+    forms = shell_forms()
+    kernels = [
+        compile_kernel(MPI.COMM_SELF, form, tuple(forms.coefficients.values()))
+        for form in (forms.residual, forms.tangent)
+    ]
+    patches, count = made.patches, points.size
+    residual, K = np.zeros(count), np.zeros((count, count))
+    for m, section in enumerate(made.sections):
+        W = np.zeros((5, len(points)))
+        np.add.at(W.T, patches.nodes[m, :3], np.pad(patches.gradients[m].T, ((0, 0), (0, 3))))
+        there = patches.nodes[m] >= 0
+        bent = np.pad(patches.curvatures[m].T[there], ((0, 0), (2, 0)))
+        np.add.at(W.T, patches.nodes[m, there], bent)
+        vectors = W @ points
+        vectors[2:] += made.offsets[m]
+        stiffness = made.stiffness[section][np.triu_indices(6)]
+        data = np.concatenate([vectors.ravel(), made.starts[m], stiffness])
+        cell = np.array([0.0, 0, 0, 1, 0, 0])
+        force, values = np.zeros(15), np.zeros(240)
+        for kernel, tensor in zip(kernels, (force, values), strict=True):
+            _tabulate(kernel.address, tensor, data, np.zeros(1), cell)
+        M = np.kron(W, np.eye(3))
+        residual += patches.areas[m] * M.T @ force
+        K += patches.areas[m] * M.T @ values[15:].reshape(15, 15) @ M
+        # the tangent's kernel writes the force as well: 0 if it were packed otherwise
+        np.testing.assert_allclose(values[:15], force, atol=1e-12 * abs(force).max())
+    # rounding, as for the assembled form
+    expected = forces(made, points).ravel()
+    np.testing.assert_allclose(residual, expected, atol=1e-12 * abs(expected).max())
+    assert abs(sparse_tangent(made, points) - K).max() <= 1e-12 * abs(K).max()
+
+
 @BOTH
 def test_loops_equal_the_assembled_form(averaged):
     """``M^T K M``, M = [I; B], of what DOLFINx assembles on positions and curvature vectors."""
-    from mpi4py import MPI
-
-    import basix.ufl
-    import dolfinx
-    import ufl
-
-    from flexfem.forms.shell import shell_energy, shell_strains
-    from tests.unit.triangles import sparse_maps
-
     made, start, points = shell(averaged)
     patches = made.patches
     domain = ufl.Mesh(basix.ufl.element("Lagrange", "triangle", 1, shape=(3,)))
