@@ -32,8 +32,9 @@ Where a neighbour is missing, its node gives no value to interpolate:
 * symmetric: the same, t being the normal of the plane. Positions of the edge move in the plane.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Self
 
 import numpy as np
 
@@ -96,6 +97,12 @@ class Patches:
         offsets: FloatArray = self.slopes @ vectors[self.clamps]
         return offsets
 
+    def first(self, count: int) -> Self:
+        """The first triangles alone, without ghosts; their tangents are still those of all."""
+        names = ("nodes", "axes", "areas", "gradients", "curvatures", "slopes", "clamps")
+        parts = {name: getattr(self, name)[:count] for name in (*names, "conditions")}
+        return replace(self, **parts)
+
 
 def curvature_patches(
     points: FloatArray,
@@ -109,6 +116,9 @@ def curvature_patches(
     directions: FloatArray | None = None,
 ) -> Patches:
     """Derive the maps of triangles from the start.
+
+    With averaged slopes, the triangles of a rank include the neighbours of its own as ghosts, and
+    the points include the nodes opposite to all edges of these; see ``Patches.first``.
 
     Args:
         points: positions (n, 3), m.

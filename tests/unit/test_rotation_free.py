@@ -14,8 +14,15 @@ from scipy.spatial.transform import Rotation
 from flexfem.elements.rotation_free import RotationFreeTriangles
 from flexfem.forms.shell import shell_energy, shell_forms, shell_strains
 from flexfem.la.kernel import compile_kernel, tabulate
-from flexfem.mesh.patches import EdgeRule
-from tests.unit.triangles import isotropic, patches_of, rectangle, sparse_maps, sparse_tangent
+from flexfem.mesh.patches import EdgeRule, curvature_patches
+from tests.unit.triangles import (
+    adjacency,
+    isotropic,
+    patches_of,
+    rectangle,
+    sparse_maps,
+    sparse_tangent,
+)
 
 pytestmark = pytest.mark.serial
 BOTH = pytest.mark.parametrize("averaged", [False, True])
@@ -103,6 +110,35 @@ def test_free_shell_has_no_resultant():
     eigenvalues = np.linalg.eigvalsh(sparse_tangent(made, points).toarray())
     # six rigid motions and no others: a patch that leaves a ripple free adds a zero
     assert (abs(eigenvalues) < 1e-10 * eigenvalues[-1]).sum() == 6
+
+
+@BOTH
+def test_parts_with_their_ghosts_make_up_the_whole(averaged):
+    points, triangles = rectangle((6, 5), "perturbed")
+    stiffness = isotropic(0.1)
+    opposites, neighbours = adjacency(triangles)
+    rules = np.full(triangles.shape, EdgeRule.CLAMPED)
+    tangents = np.zeros((*triangles.shape, 3))
+    tangents[neighbours < 0] = [0.3, 0.2, 0.1]
+    moved = points + 0.05 * np.random.default_rng(3).normal(size=points.shape)
+
+    def force_of(own):
+        around = np.setdiff1d(neighbours[own], [-1, *own])
+        here = np.concatenate([own, around])
+        number = np.full(len(triangles) + 1, -1)
+        number[here] = np.arange(len(here))
+        patches = curvature_patches(
+            points, triangles[here], opposites[here], stiffness[3:, 3:], rules=rules[here],
+            tangents=tangents[here], neighbours=number[neighbours[here]] if averaged else None,
+        ).first(len(own))  # fmt: skip
+        return forces(RotationFreeTriangles.build(patches, points, stiffness), moved)
+
+    everything = np.arange(len(triangles))
+    whole = force_of(everything)
+    parts = force_of(everything[::3]) + force_of(np.setdiff1d(everything, everything[::3]))
+    # the same terms in another order; a ghost without its own neighbours changes forces by per
+    # cents, a tangent of another triangle by as much as they are
+    np.testing.assert_allclose(parts, whole, atol=1e-12 * abs(whole).max())
 
 
 def test_masses_are_those_of_the_triangles():
