@@ -48,7 +48,7 @@ def alternating_fraction(triangles: IntArray) -> float:
     crossed meshes (both diagonals in every rectangle), where fits of a quadratic function to a
     triangle and its neighbours converge to a wrong curvature. It is 0 where all diagonals run
     alike, and small on unstructured meshes. What a mesh does to fits is measured by
-    `patch_quality.patch_softening`, at more expense.
+    `patch_checks.moment_imbalance`, at more expense.
 
     Args:
         triangles: Node indices of one body, shape (m, 3), whose edges have at most two triangles.
