@@ -48,12 +48,16 @@ class Departures:
         ]
 
     def found(self) -> bool:
-        """Whether a slider has left at the last evaluation of the rows (collective)."""
+        """Whether a slider has left at the last evaluation of the rows (collective).
+
+        What has been released may go where it likes.
+        """
         if not self._joints:
             return False
         zeta, rows = np.zeros(len(self._joints)), self._system.constraints
-        for k, row in self._own:
-            zeta[k] = rows.lines.arc(row)
+        for k, i in self._own:
+            holds = rows.active[rows.start[i] : rows.start[i + 1]].any()
+            zeta[k] = rows.lines.arc(i) if holds else 0.5 * self._lengths[k]
         if self._system.comm.size > 1:  # one rank owns a joint, the others add zeros
             self._system.comm.Allreduce(MPI.IN_PLACE, zeta, op=MPI.SUM)
         left = np.flatnonzero((zeta < self._lower) | (zeta > self._upper))

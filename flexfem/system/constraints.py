@@ -77,7 +77,7 @@ class Constraints(NumberedRows):
         rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
         values = {"relaxation": np.array([self.relaxation])}
         lines = {
-            "places": {"places": self.lines.accepted},
+            "places": {"places": self.lines.accepted_places()},
             "line_terms": {"line_angles": self.lines.memory},
         }
         return State(values, {"rows": rows, "terms": {"angles": self.angles}, **lines})
@@ -88,7 +88,7 @@ class Constraints(NumberedRows):
         self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
         self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
         self.angles[:] = state.rows["terms"]["angles"]
-        self.lines.accepted[:] = state.rows["places"]["places"]
+        self.lines.restore_places(state.rows["places"]["places"])
         self.lines.memory[:] = state.rows["line_terms"]["line_angles"]
         self.relaxation = float(state.values["relaxation"][0])
 

@@ -179,6 +179,19 @@ class LineJoints:
         e, xi = int(place[0]), float(place[1])
         return float(self._lines.start[e] + arc_length(self._lines.arc[e], xi)[0])
 
+    def accepted_places(self) -> FloatArray:
+        """(m, 2) accepted places of all markers: element counted on its line, and xi in it."""
+        return self.accepted - self._offsets()
+
+    def restore_places(self, places: FloatArray) -> None:
+        """Accept what :meth:`accepted_places` returned."""
+        self.accepted[:] = places + self._offsets()
+
+    def _offsets(self) -> FloatArray:
+        """What is added to elements of lines for their numbers on this rank, (m, 2)."""
+        first = self._lines.first[self._points.line]
+        return np.stack([first, np.zeros_like(first)], axis=1).astype(np.float64)
+
     @property
     def memory(self) -> FloatArray:
         """(t,) continuous angles of the joints' terms at the accepted state."""

@@ -133,11 +133,15 @@ def curved() -> ff.Model:
 
 
 def sliding() -> ff.Model:
-    """A body that rubs along a soft beam, from element to element, until an event holds it."""
+    """A body that rubs along a soft beam, from element to element, until an event holds it.
+
+    Another one slides on a beam of its own, which may be on another rank.
+    """
     line = ff.NurbsCurve.line((0, 0, 0), (1, 0, 0), degree=2, elements=6)
     section = ff.Section.rectangle(0.02, 0.02, ff.Material(2e8, 0.3, 800.0))
     slide = ff.Sliding("slide", ff.Carrier("rail"), ff.Marker("shoe"), tied=True)
     slider, inertia = ff.SlidingMarker("slide"), (1e-3, 2e-3, 2e-3)
+    other = ff.NurbsCurve.line((0, 1, 0), (1, 1, 0), degree=3, elements=5)
     model = ff.Model("sliding")
     model.add(
         ff.Gravity((0.0, 0.0, -9.81)),
@@ -154,6 +158,11 @@ def sliding() -> ff.Model:
         ff.PositionProbe("shoe_path", ff.Marker("shoe")),
         ff.ReactionProbe("force", "slide"),
         ff.EnergyProbe("energy"),
+        ff.Beam("other", section, curve=other),
+        ff.Rigid("clamp", ff.Ground((0, 1, 0)), ff.Marker("other", "start")),
+        ff.RigidBody("bead", 0.1, inertia, position=(0.3, 1, 0), velocity=(3, 0, 0)),
+        ff.Sliding("run", ff.Carrier("other"), ff.Marker("bead")),
+        ff.PositionProbe("bead_path", ff.Marker("bead")),
     )
     return model
 

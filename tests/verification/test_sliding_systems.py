@@ -185,6 +185,18 @@ def test_slider_that_leaves_its_carrier(formulation, shared_tmp_path):
         assert json.loads((shared_tmp_path / "summary.json").read_text())["status"] == found.status
 
 
+@FORMULATIONS
+def test_released_slider_may_leave(formulation):
+    """It flies on along the cable's direction, and the run goes on."""
+
+    def let_go(slide: ff.Sliding) -> ff.Event:
+        return ff.Event("go", (), lambda t: t - 0.02, ff.ReleaseJoint(slide.name))
+
+    found = _run(_bead_on_cable(formulation, 1.9, let_go), split_above=2, t_end=0.2)
+    # watched still, it would end the run after 0.048 s
+    assert found.status == "ok"
+
+
 @pytest.mark.serial
 def test_what_keeps_a_slider_on_its_carrier():
     """A stop that gives way at the end, or an event; not a stop on the other side."""
