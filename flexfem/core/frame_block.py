@@ -93,6 +93,11 @@ class FrameBlock:
         self._owned = self.residual[own], self.step[own]
 
     @property
+    def sizes(self) -> tuple[int, int]:
+        """Number of unknowns on this rank and on all."""
+        return self.width * self.owned, self.width * self.size_global
+
+    @property
     def global_ids(self) -> IntArray:
         """(n,) global node numbers of the local nodes."""
         local = np.arange(len(self.frames), dtype=np.int32)

@@ -1,19 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Lines, triangles and physical groups out of gmsh; gmsh is imported only when it is used."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.mesh.topology import edge_keys
 
-# gmsh's numbers of the elements of first order, by dimension, and what they are called
-_LINE = 1
-_TRIANGLE = 2
-_KINDS = {1: (_LINE, "lines"), 2: (_TRIANGLE, "triangles")}
+
+class _Kind(NamedTuple):
+    """Elements of first order of a dimension: gmsh's number and what they are called."""
+
+    number: int
+    plural: str
+    elements: str
+    groups: str
+
+
+_KINDS = {
+    1: _Kind(1, "lines", "line elements", "lines"),
+    2: _Kind(2, "triangles", "triangles", "surfaces"),
+}
 
 _LineData = tuple[FloatArray, IntArray, dict[str, IntArray], dict[str, int]]
 _SurfaceData = tuple[FloatArray, IntArray, dict[str, IntArray], dict[str, IntArray], dict[str, int]]
@@ -73,6 +85,20 @@ def merge(path: Path) -> None:
         raise ValueError(f'mesh file "{path}" cannot be read: {reason}') from None
 
 
+def read[Mesh](path: Path, make: Callable[[], Mesh]) -> Mesh:
+    """Return what `make` makes of the gmsh model in a file.
+
+    Raises:
+        ValueError: The file is missing or unreadable, or `make` raises it.
+    """
+    with session("flexfem_read"):
+        merge(path)
+        try:
+            return make()
+        except ValueError as error:
+            raise ValueError(f'mesh file "{path}": {error}') from None
+
+
 def line_data() -> _LineData:
     """Return the arguments of a LineMesh from the current gmsh model.
 
@@ -83,14 +109,7 @@ def line_data() -> _LineData:
         ValueError: No lines, no named group of lines, elements of higher order, or a physical
             point group that holds several nodes.
     """
-    import gmsh
-
-    curves = _named_entities(1)
-    if not curves:
-        if len(gmsh.model.mesh.getElementsByType(_LINE)[0]) == 0:
-            raise ValueError("gmsh model: the mesh has no line elements of first order")
-        raise ValueError("gmsh model: the mesh has no named physical group of lines")
-    blocks, groups = _elements(1, curves)
+    blocks, groups = _elements(1)
     tags, cells = np.unique(blocks, return_inverse=True)
     return _coordinates(tags), cells.reshape(-1, 2), groups, _point_nodes(tags)
 
@@ -106,14 +125,7 @@ def surface_data() -> _SurfaceData:
             order, a group of curves that lies on the surfaces only in part, or a physical point
             group that holds several nodes.
     """
-    import gmsh
-
-    surfaces = _named_entities(2)
-    if not surfaces:
-        if len(gmsh.model.mesh.getElementsByType(_TRIANGLE)[0]) == 0:
-            raise ValueError("gmsh model: the mesh has no triangles of first order")
-        raise ValueError("gmsh model: the mesh has no named physical group of surfaces")
-    corners, bodies = _elements(2, surfaces)
+    corners, bodies = _elements(2)
     tags, triangles = np.unique(corners, return_inverse=True)
     triangles = triangles.reshape(-1, 3)
     lines = _edge_lines(tags, triangles)
@@ -133,8 +145,15 @@ def _named_entities(dimension: int) -> dict[str, list[int]]:
     return groups
 
 
-def _elements(dimension: int, groups: dict[str, list[int]]) -> tuple[IntArray, dict[str, IntArray]]:
+def _elements(dimension: int) -> tuple[IntArray, dict[str, IntArray]]:
     """Return the node tags of the elements of all groups, each once, and the rows of each group."""
+    import gmsh
+
+    kind, groups = _KINDS[dimension], _named_entities(dimension)
+    if not groups:
+        if len(gmsh.model.mesh.getElementsByType(kind.number)[0]) == 0:
+            raise ValueError(f"gmsh model: the mesh has no {kind.elements} of first order")
+        raise ValueError(f"gmsh model: the mesh has no named physical group of {kind.groups}")
     blocks: dict[int, IntArray] = {}
     rows: dict[int, IntArray] = {}
     found: dict[str, IntArray] = {}
@@ -147,8 +166,7 @@ def _elements(dimension: int, groups: dict[str, list[int]]) -> tuple[IntArray, d
                 total += len(blocks[entity])
         found[name] = np.concatenate([rows[entity] for entity in entities])
         if len(found[name]) == 0:
-            kind = "line elements" if dimension == 1 else "triangles"
-            raise ValueError(f'gmsh model: group "{name}" has no {kind}')
+            raise ValueError(f'gmsh model: group "{name}" has no {kind.elements}')
     return np.concatenate(list(blocks.values())), found
 
 
@@ -156,7 +174,7 @@ def _entity_elements(name: str, dimension: int, entity: int) -> IntArray:
     """Return the node tags of the elements of a curve or surface, shape (m, dimension + 1)."""
     import gmsh
 
-    wanted, plural = _KINDS[dimension]
+    wanted, plural, *_ = _KINDS[dimension]
     types, _, nodes = gmsh.model.mesh.getElements(dimension, entity)
     other = [int(kind) for kind in types if kind != wanted]
     if other:
@@ -173,12 +191,12 @@ def _edge_lines(tags: IntArray, triangles: IntArray) -> dict[str, IntArray]:
     """Return the node pairs of the named curves that follow edges of the triangles."""
     count = len(tags)
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    known = edges.min(axis=1) * count + edges.max(axis=1)
+    known = edge_keys(edges, count)
     lines = {}
     for name, entities in _named_entities(1).items():
         nodes = np.concatenate([_entity_elements(name, 1, entity) for entity in entities])
         pairs = np.minimum(np.searchsorted(tags, nodes), count - 1)
-        keys = pairs.min(axis=1) * count + pairs.max(axis=1)
+        keys = edge_keys(pairs, count)
         on_edges = (tags[pairs] == nodes).all(axis=1) & np.isin(keys, known)
         if on_edges.any() and not on_edges.all():
             raise ValueError(

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.frames import CORNER_ANGLE, node_tangents, section_frames
-from flexfem.mesh.topology import group_order, orient
+from flexfem.mesh.topology import edge_keys, group_order, orient
 
 __all__ = [
     "CORNER_ANGLE",
@@ -171,15 +171,9 @@ def read_mesh(path: str | PathLike[str]) -> LineMesh:
     Raises:
         ValueError: The file is missing or unreadable, or has no such lines.
     """
-    from flexfem.mesh.gmsh_reader import merge, session
+    from flexfem.mesh.gmsh_reader import read
 
-    file = Path(path)
-    with session("flexfem_read"):
-        merge(file)
-        try:
-            return LineMesh.from_gmsh_model()
-        except ValueError as error:
-            raise ValueError(f'mesh file "{file}": {error}') from None
+    return read(Path(path), LineMesh.from_gmsh_model)
 
 
 def _group(name: str, rows: object, limit: int) -> IntArray:
@@ -197,7 +191,7 @@ def _check_cells(points: FloatArray, cells: IntArray, groups: Mapping[str, IntAr
     size = float(np.ptp(points, axis=0).max())
     if (short := lengths <= _ZERO_LENGTH * size).any():
         _report_cell("has zero length", int(np.argmax(short)), cells, groups)
-    keys = cells.min(axis=1) * len(points) + cells.max(axis=1)
+    keys = edge_keys(cells, len(points))
     _, first, counts = np.unique(keys, return_index=True, return_counts=True)
     if (counts > 1).any():
         _report_cell("is there twice", int(first[np.argmax(counts > 1)]), cells, groups)

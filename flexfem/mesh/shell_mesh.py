@@ -12,6 +12,7 @@ import numpy.typing as npt
 from flexfem._types import IntArray
 from flexfem.mesh.distribute import distributed_mesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
+from flexfem.mesh.topology import edge_keys
 
 __all__ = ["ShellMesh", "create_shell_mesh"]
 
@@ -91,5 +92,5 @@ def _ranks(neighbours: IntArray, destination: IntArray) -> tuple[IntArray, IntAr
 def _edge_cells(triangles: IntArray) -> int:
     """Return the largest number of triangles at one edge, those of other bodies included."""
     pairs = triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-    keys = pairs.min(axis=1) * (int(triangles.max()) + 1) + pairs.max(axis=1)
+    keys = edge_keys(pairs, int(triangles.max()) + 1)
     return int(np.unique(keys, return_counts=True)[1].max())

@@ -8,8 +8,9 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.surface_topology import Sides, match_sides, turned_triangles, vector_areas
+from flexfem.mesh.topology import edge_keys
 
-__all__ = ["body_numbers", "body_rows", "check_triangles", "edge_keys", "line_pairs", "oriented"]
+__all__ = ["body_numbers", "body_rows", "check_triangles", "line_pairs", "oriented"]
 
 _OWNER = "SurfaceMesh"
 
@@ -133,11 +134,6 @@ def line_pairs(name: object, pairs: object, edges: IntArray, nodes: int) -> tupl
             f'{_OWNER}: line "{key}": the edge between nodes {low} and {high} is there twice'
         )
     return key, found
-
-
-def edge_keys(pairs: IntArray, nodes: int) -> IntArray:
-    """Return a number for each pair of nodes, whatever their order."""
-    return pairs.min(axis=1) * nodes + pairs.max(axis=1)
 
 
 def _report_branch(points: FloatArray, triangles: IntArray, names: list[str], sides: Sides) -> None:

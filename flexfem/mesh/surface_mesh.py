@@ -17,7 +17,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh import surface_checks, surface_grid, surface_topology
 from flexfem.mesh.surface_topology import SurfaceTopology
-from flexfem.mesh.topology import group_order
+from flexfem.mesh.topology import edge_keys, group_order
 
 __all__ = ["SurfaceMesh", "read_surface_mesh"]
 
@@ -85,7 +85,7 @@ class SurfaceMesh:
         body = surface_checks.body_numbers(groups, len(rows))
         rows, sides = surface_checks.oriented(xyz, rows, body, list(groups))
         topology = surface_topology.surface_topology(rows, sides)
-        keys = np.sort(surface_checks.edge_keys(topology.edges, len(xyz)))
+        keys = np.sort(edge_keys(topology.edges, len(xyz)))
         pairs = dict(
             surface_checks.line_pairs(name, found, keys, len(xyz))
             for name, found in (lines or {}).items()
@@ -334,15 +334,9 @@ def read_surface_mesh(path: str | PathLike[str]) -> SurfaceMesh:
     Raises:
         ValueError: The file is missing or unreadable, or has no such triangles.
     """
-    from flexfem.mesh.gmsh_reader import merge, session
+    from flexfem.mesh.gmsh_reader import read
 
-    file = Path(path)
-    with session("flexfem_read"):
-        merge(file)
-        try:
-            return SurfaceMesh.from_gmsh_model()
-        except ValueError as error:
-            raise ValueError(f'mesh file "{file}": {error}') from None
+    return read(Path(path), SurfaceMesh.from_gmsh_model)
 
 
 def _ascending(owner: str, what: str, values: npt.ArrayLike, least: int) -> FloatArray:

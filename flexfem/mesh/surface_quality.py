@@ -4,6 +4,7 @@
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.mesh.surface_topology import match_sides, side_nodes
 
 __all__ = ["alternating_fraction", "angles", "aspects"]
 
@@ -59,11 +60,9 @@ def alternating_fraction(triangles: IntArray) -> float:
     nodes, flat = np.unique(triangles, return_inverse=True)
     rows = flat.reshape(-1, 3)
     valence = np.bincount(rows.ravel())
-    start, end = rows[:, [1, 2, 0]].ravel(), rows[:, [2, 0, 1]].ravel()
-    keys = np.minimum(start, end) * len(nodes) + np.maximum(start, end)
-    values, counts = np.unique(keys, return_counts=True)
-    rim = values[counts == 1]
+    sides = match_sides(rows, np.zeros(len(rows), dtype=np.int64), len(nodes))
+    rim = sides.order[sides.starts[sides.counts == 1]]
     inner = np.ones(len(nodes), dtype=bool)
-    inner[rim // len(nodes)] = False
-    inner[rim % len(nodes)] = False
+    for ends in side_nodes(rows):
+        inner[ends[rim]] = False
     return float(np.isin(valence[inner], (4, 8)).mean()) if inner.any() else 0.0

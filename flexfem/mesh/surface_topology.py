@@ -21,6 +21,7 @@ __all__ = [
     "connected_parts",
     "match_sides",
     "node_triangles",
+    "side_nodes",
     "surface_topology",
     "turned_triangles",
     "vector_areas",

@@ -29,6 +29,11 @@ class Line:
     nodes: IntArray
 
 
+def edge_keys(pairs: IntArray, nodes: int) -> IntArray:
+    """Return a number for each pair of nodes, whatever their order."""
+    return pairs.min(axis=1) * nodes + pairs.max(axis=1)
+
+
 def trace_lines(cells: IntArray) -> list[Line]:
     """Split cells into lines that end at free ends and at branching nodes.
 

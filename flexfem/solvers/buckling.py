@@ -84,7 +84,7 @@ class LinearBuckling:
         """A vector's part of each block: rows of a rank are those of its blocks one by one."""
         blocks, at = [], 0
         for part in self._equilibrium.system.parts:
-            size = part.block.width * part.block.owned
+            size = part.block.sizes[0]
             blocks.append(np.array(values[at : at + size]).reshape(-1, part.block.width))
             at += size
         return blocks

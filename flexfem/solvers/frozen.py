@@ -91,7 +91,7 @@ class FrozenSolver:
             FlexibleBodies(system, g) for g in self._groups if g.part.beams is not None
         ]
         self._interface = self._pattern()
-        self._sizes = starts([p.block.width * p.block.owned for p in system.parts])
+        self._sizes = starts([p.block.sizes[0] for p in system.parts])
         self._nothing = np.zeros(rows.size)
         linear = bool((rows.elastic[:, 0] <= LawKind.SPRING).all())
         self._keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))

@@ -68,8 +68,9 @@ class FlexibleBodies:
         """Set up the pattern (collective)."""
         self._system, self.group = system, group
         block = group.part.block
-        size = (block.width * block.owned, block.width * block.size_global)
-        self._matrix = CoordinateMatrix(system.comm, size, size, *part_pattern(group.part))
+        self._matrix = CoordinateMatrix(
+            system.comm, block.sizes, block.sizes, *part_pattern(group.part)
+        )
         # solvers take numbers one after the other, blocks have six places for every node
         shape = (block.owned, block.width)
         self._packed = None if block.width == 6 else (np.zeros(shape), np.zeros(shape))

@@ -71,7 +71,7 @@ class Linearization:
         """Number the unknowns and create the pattern (collective)."""
         self.system = system
         rows, comm = system.constraints, system.comm
-        self.unknowns = sum(p.block.width * p.block.owned for p in system.parts)
+        self.unknowns = sum(p.block.sizes[0] for p in system.parts)
         self.size = self.unknowns + rows.owned_count
         end = comm.scan(self.size)
         self.sizes = (self.size, int(comm.allreduce(self.size)))
@@ -94,7 +94,7 @@ class Linearization:
         for part in self.system.parts:
             starts.append(at)
             own.append(part.block.offset)
-            at += part.block.width * part.block.owned
+            at += part.block.sizes[0]
         rows = self.system.constraints
         count = rows.owned_count
         starts.append(at)
@@ -257,9 +257,8 @@ class Linearization:
         """Views (n_owned, width) into the parts of an array of this rank's range."""
         parts, at = [], 0
         for part in self.system.parts:
-            width = part.block.width
-            count = width * part.block.owned
-            parts.append(values[at : at + count].reshape(-1, width))
+            count = part.block.sizes[0]
+            parts.append(values[at : at + count].reshape(-1, part.block.width))
             at += count
         return parts
 

@@ -45,10 +45,7 @@ class TangentSolver:
         comm, rows = system.comm, system.constraints
         parts = system.parts
         self._version = rows.lines.version
-        widths = [p.block.width for p in parts]
-        sizes = [
-            (w * p.block.owned, w * p.block.size_global) for w, p in zip(widths, parts, strict=True)
-        ]
+        sizes = [p.block.sizes for p in parts]
         if rows.size_global:
             sizes.append((rows.owned_count, rows.size_global))
         self._couplings = JointPattern(system)

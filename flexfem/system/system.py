@@ -168,7 +168,7 @@ class System:
     @property
     def unknowns(self) -> int:
         """Number of unknowns of all blocks on all ranks, multipliers left out."""
-        return sum(p.block.width * p.block.size_global for p in self.parts)
+        return sum(p.block.sizes[1] for p in self.parts)
 
     @property
     def multipliers(self) -> int:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""One beam of its own for the tests of the element."""
+"""Fixtures of several files: one beam of its own, a gmsh model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -255,3 +255,15 @@ class OneNurbs(OneBeam):
 def one_nurbs() -> type[OneNurbs]:
     """Class of a NURBS beam on this process."""
     return OneNurbs
+
+
+@pytest.fixture
+def gmsh_model() -> Iterator[Any]:
+    """A fresh gmsh model, closed again at the end."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("test")
+    yield gmsh.model
+    gmsh.finalize()

@@ -58,16 +58,6 @@ def shuffled(mesh, rng, turn=True):
     return ff.SurfaceMesh(points, triangles, {"body": np.arange(len(triangles))})
 
 
-@pytest.fixture
-def gmsh_model():
-    """A fresh gmsh model, closed again at the end."""
-    gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.add("test")
-    yield gmsh.model
-    gmsh.finalize()
-
-
 # --- generators ----------------------------------------------------------------------------------
 
 

@@ -15,16 +15,6 @@ def plate(cells, diagonal="right"):
     return ff.SurfaceMesh.rectangle("plate", (1.0, 1.0), (cells, cells), diagonal=diagonal)
 
 
-@pytest.fixture
-def gmsh_model():
-    """A fresh gmsh model, closed again at the end."""
-    gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.add("test")
-    yield gmsh.model
-    gmsh.finalize()
-
-
 def union_jack(cells):
     """Diagonals that alternate from square to square."""
     right = plate(cells).triangles.reshape(-1, 2, 3)

@@ -8,6 +8,7 @@ from scipy.spatial import Delaunay
 
 from flexfem.elements.rotation_free import RotationFreeTriangles
 from flexfem.mesh.patches import curvature_patches
+from flexfem.mesh.surface_topology import match_sides, surface_topology
 
 PATTERNS = ("parallel", "perturbed", "union_jack", "crossed")
 
@@ -55,17 +56,10 @@ def rectangle(counts, pattern, sides=(1.0, 1.0), seed=1):
 
 def adjacency(triangles):
     """Opposite nodes and neighbours (m, 3) over the edges, -1 if there are none."""
-    opposites, neighbours = np.full((2, *triangles.shape), -1)
-    sides = {}
-    for m, nodes in enumerate(triangles):
-        for k in range(3):
-            sides[nodes[(k + 1) % 3], nodes[(k + 2) % 3]] = m, nodes[k]
-    for m, nodes in enumerate(triangles):
-        for k in range(3):
-            other = sides.get((nodes[(k + 2) % 3], nodes[(k + 1) % 3]))
-            if other:
-                neighbours[m, k], opposites[m, k] = other
-    return opposites, neighbours
+    body = np.zeros(len(triangles), dtype=np.int64)
+    sides = match_sides(triangles, body, int(triangles.max()) + 1)
+    topology = surface_topology(triangles, sides)
+    return topology.opposite, topology.neighbours
 
 
 def patches_of(points, triangles, bending, averaged, **options):
