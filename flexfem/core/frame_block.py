@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_kernels import (
     accept,
     correct,
@@ -38,6 +38,7 @@ class FrameBlock:
     Attributes:
         name: stable name of the block ("beams", "rigid_bodies").
         width: unknowns of a node, 6 or 3.
+        held: (n, width) unknowns that stay as they are; None if there are none on any rank.
         owned: number of nodes of this rank.
         frames, velocity, acceleration: trial state, (n, 12) and (n, 6), local axes.
         increment: (n, 6) increment over the step: on SE(3) a twist; with ``inertial`` the
@@ -53,6 +54,7 @@ class FrameBlock:
     def __init__(
         self, name: str, comm: MPI.Intracomm, frames: FloatArray, velocity: FloatArray,
         node_ids: IntArray, index_map: Any, inertial: bool, width: int = 6,
+        held: BoolArray | None = None,
     ) -> None:  # fmt: skip
         """Create a block (collective).
 
@@ -65,11 +67,12 @@ class FrameBlock:
             index_map: DOLFINx index map of the nodes.
             inertial: integrate translations in inertial axes (R^3 x SO(3)) instead of on SE(3).
             width: unknowns of a node; 3 needs ``inertial``.
+            held: (n, width) unknowns that stay as they are, on all ranks or none.
         """
         from dolfinx import la
 
         self.name, self.comm, self.inertial, self.width = name, comm, inertial, width
-        self.node_ids, self.index_map = node_ids, index_map
+        self.node_ids, self.index_map, self.held = node_ids, index_map, held
         self.owned = int(index_map.size_local)
         self.size_global = int(index_map.size_global)
         self.offset = int(index_map.local_range[0])
@@ -112,6 +115,12 @@ class FrameBlock:
     def owned_step(self) -> FloatArray:
         """(n_owned, width) Newton step without ghosts, always the same view."""
         return self._owned[1]
+
+    def hold(self, forces: FloatArray) -> FloatArray:
+        """Set forces (n_owned, width) along held unknowns to zero, in place; returns them."""
+        if self.held is not None:
+            forces[self.held[: self.owned]] = 0.0
+        return forces
 
     def owned_index(self, ids: IndexArray) -> IntArray:
         """Local indices of nodes given by their input numbers, -1 where another rank owns them."""

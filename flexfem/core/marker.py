@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
@@ -15,13 +16,14 @@ LINE_ENDS = ("start", "end")
 
 @dataclass(frozen=True, eq=False, init=False)
 class Marker:
-    """Frame that moves with a beam node or a rigid body.
+    """Frame that moves with a rigid body or a place on a beam or shell.
 
     Attributes:
-        body: Name of a Beam or RigidBody.
+        body: Name of a Beam, Shell or RigidBody.
         point: For beams, where on the line: name of a physical point group, "start" or "end", or
             a fraction of the arc length in [0, 1]: the nearest node of an SE(3) beam, the exact
-            place on a NURBS beam. None for rigid bodies.
+            place on a NURBS beam. For shells: name of a node of the surface mesh, or a position
+            (x, y, z) at the start, for the shell's nearest node. None for rigid bodies.
         offset: Position of the marker relative to the node (in section axes) or to the reference
             point of the rigid body (in body axes), shape (3,), metres.
         rotation: Orientation of the marker in inertial axes at the initial time, shape (3, 3);
@@ -29,14 +31,14 @@ class Marker:
     """
 
     body: str
-    point: str | float | None
+    point: str | float | tuple[float, float, float] | None
     offset: FloatArray
     rotation: FloatArray
 
     def __init__(
         self,
         body: str,
-        point: str | float | None = None,
+        point: str | float | tuple[float, float, float] | None = None,
         offset: npt.ArrayLike = (0.0, 0.0, 0.0),
         rotation: npt.ArrayLike | None = None,
     ) -> None:
@@ -49,6 +51,8 @@ class Marker:
         owner = f'Marker on "{_checks.text("Marker", "body", body)}"'
         if isinstance(point, str):
             _checks.text(owner, "point", point)
+        elif isinstance(point, (tuple, list, np.ndarray)):
+            point = _position(owner, point)
         elif point is not None:
             point = _checks.number(owner, "point", point)
             if not 0.0 <= point <= 1.0:
@@ -65,6 +69,12 @@ class Marker:
         """Return body and point, for tables and messages."""
         place = self.body if self.point is None else f"{self.body}:{self.point}"
         return f"{place}+offset" if self.offset.any() else place
+
+
+def _position(owner: str, point: npt.ArrayLike) -> tuple[float, float, float]:
+    """Return a checked position."""
+    x, y, z = _checks.vector(owner, "point", point).tolist()
+    return x, y, z
 
 
 class Carrier(Marker):

@@ -10,14 +10,13 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 if TYPE_CHECKING:
     from flexfem.core.frame_block import FrameBlock
 
-__all__ = ["BeamFamily"]
+__all__ = ["ElementFamily"]
 
 
-class BeamFamily(Protocol):
-    """Residual, tangent and stress resultants of all beams of one formulation on this rank.
+class ElementFamily(Protocol):
+    """Residual, tangent and stress resultants of all elements of one formulation on this rank.
 
-    The elements come in groups with the same number of nodes each; "all cells" are those of one
-    group after the other.
+    They may come in groups; "all cells" are those of one group after the other.
 
     Attributes:
         law_owner: what messages call the first section with a law of the user, None without one.
@@ -26,18 +25,13 @@ class BeamFamily(Protocol):
     law_owner: str | None
 
     @property
-    def connectivity(self) -> list[IndexArray]:
-        """Local nodes (m_g, k_g) of the elements of each group."""
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """Local nodes (m, j) of rows and (m, k) of columns of the matrices in :meth:`values`."""
         ...
 
     @property
     def body(self) -> IntArray:
-        """(m,) number of the beam in the model that each cell belongs to."""
-        ...
-
-    @property
-    def lengths(self) -> FloatArray:
-        """(m,) arc lengths at the start, m."""
+        """(m,) number of the body in the model, among its kind, that each cell belongs to."""
         ...
 
     @property
@@ -78,6 +72,10 @@ class BeamFamily(Protocol):
         """Let the tangent take the present stresses again."""
         ...
 
+    def accept(self, block: FrameBlock) -> None:
+        """Take note of the state that the block has accepted (collective)."""
+        ...
+
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
@@ -97,7 +95,10 @@ class BeamFamily(Protocol):
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
-        """Cell (j,) of each point of :meth:`viscosity`, and the length (j,) it stands for, m."""
+        """Cell (j,) of each point of :meth:`viscosity`, and the size (j,) it stands for.
+
+        It is a length in beams, m, and an area in shells, m^2.
+        """
         ...
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:

@@ -88,6 +88,11 @@ class NurbsBeams:
         """See the class."""
         return [group.data.nodes for group in self.groups]
 
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [(group.data.nodes, group.data.nodes) for group in self.groups]
+
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
         for group in self.groups:
@@ -124,6 +129,9 @@ class NurbsBeams:
         """Let the tangent take the present stresses again."""
         for group in self.groups:
             group.assumed = None
+
+    def accept(self, block: FrameBlock) -> None:
+        """Nothing is remembered."""
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float

@@ -12,10 +12,13 @@ from typing import Self
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.elements.rotation_free_loops import add_forces, strains_into, tangents_into
+from flexfem.elements.rotation_free_loops import add_forces, strain_rates_into, strains_into
+from flexfem.elements.rotation_free_tangent import add_action, tangents_into
 from flexfem.mesh.patches import Patches
 
 __all__ = ["RotationFreeTriangles"]
+
+_NOTHING = np.zeros((0, 6))
 
 # what the loops take first: nodes, gradients, curvatures, offsets, starts
 type _Maps = tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]
@@ -23,10 +26,11 @@ type _Maps = tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class RotationFreeTriangles:
-    """Triangles of one shell on this rank.
+    """Triangles with patches of equally many nodes on this rank.
 
     Positions are those of all local nodes, (n, 3). ``offsets`` are ``Patches.offsets`` of the
-    present tangents of clamped edges, (m, 3, 3); without them, those of the start.
+    present tangents of clamped edges, (m, 3, 3); without them, those of the start. ``velocities``
+    (n, 3) matter where there is damping, which adds its time times the strain rates to the strains.
 
     Attributes:
         patches: maps of the triangles, p nodes each.
@@ -35,6 +39,7 @@ class RotationFreeTriangles:
         stiffness: matrices ``[D_m D_c; D_c^T D_b]`` in the axes of the triangles, of N/m, N and
             N m, (s, 6, 6).
         offsets: ``Patches.offsets`` at the start, 1/m, (m, 3, 3).
+        damping: stiffness-proportional damping, s, (m,).
     """
 
     patches: Patches
@@ -42,6 +47,7 @@ class RotationFreeTriangles:
     sections: IntArray
     stiffness: FloatArray
     offsets: FloatArray
+    damping: FloatArray
 
     @classmethod
     def build(
@@ -50,6 +56,7 @@ class RotationFreeTriangles:
         points: FloatArray,
         stiffness: FloatArray,
         sections: IndexArray | None = None,
+        damping: FloatArray | None = None,
     ) -> Self:
         """Triangles free of stress at the given positions.
 
@@ -58,13 +65,16 @@ class RotationFreeTriangles:
             points: positions at the start (n, 3), m.
             stiffness: matrices (6, 6) or (s, 6, 6).
             sections: number of the stiffness of each triangle (m,); None for the first.
+            damping: stiffness-proportional damping, s, (m,); None for none.
         """
         count = len(patches.areas)
         offsets, strains = patches.offsets(), np.empty((count, 6))
         maps = (patches.nodes, patches.gradients, patches.curvatures)
         strains_into(points, *maps, offsets, np.zeros((count, 3)), strains)
         numbers = np.zeros(count, np.int64) if sections is None else sections.astype(np.int64)
-        return cls(patches, strains[:, 3:].copy(), numbers, stiffness.reshape(-1, 6, 6), offsets)
+        times = np.zeros(count) if damping is None else damping
+        starts = strains[:, 3:].copy()
+        return cls(patches, starts, numbers, stiffness.reshape(-1, 6, 6), offsets, times)
 
     def strains(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
         """Strains (m, 6): eps_11, eps_22, gamma_12, kappa_11, kappa_22, 2 kappa_12."""
@@ -72,11 +82,16 @@ class RotationFreeTriangles:
         strains_into(points, *self._maps(offsets), strains)
         return strains
 
-    def resultants(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
-        """Forces n_11, n_22, n_12 (N/m) and moments m_11, m_22, m_12 (N), (m, 6)."""
-        strains = self.strains(points, offsets)
-        resultants: FloatArray = np.einsum("mij,mj->mi", self.stiffness[self.sections], strains)
-        return resultants
+    def strain_rates(self, points: FloatArray, velocities: FloatArray) -> FloatArray:
+        """Rates (m, 6) of the strains, 1/s and 1/(m s)."""
+        rates = np.empty((len(self.starts), 6))
+        strain_rates_into(points, velocities, *self._maps(None)[:4], rates)
+        return rates
+
+    def stresses(self, strains: FloatArray) -> FloatArray:
+        """Forces n_11, n_22, n_12 (N/m) and moments m_11, m_22, m_12 (N) for strains (m, 6)."""
+        stresses: FloatArray = np.einsum("mij,mj->mi", self.stiffness[self.sections], strains)
+        return stresses
 
     def energies(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
         """Strain energies of the membrane, of bending and of both together, J, (m, 3)."""
@@ -93,27 +108,46 @@ class RotationFreeTriangles:
         residual: FloatArray,
         scale: float = 1.0,
         offsets: FloatArray | None = None,
+        velocities: FloatArray | None = None,
     ) -> None:
         """Add ``scale`` times the internal forces, N, to the residual (n, 3)."""
-        add_forces(points, *self._maps(offsets), *self._material(), scale, residual)
+        material = self._material(points, velocities)
+        add_forces(points, *self._maps(offsets), *material, scale, residual)
 
     def tangents_into(
         self,
         points: FloatArray,
         tangents: FloatArray,
-        scale: float = 1.0,
+        factors: tuple[float, float] = (1.0, 0.0),
         offsets: FloatArray | None = None,
+        velocities: FloatArray | None = None,
         first: int = 0,
     ) -> None:
-        """Write ``scale`` times the derivatives of the internal forces, N/m, (r, 3 p, 3 p).
+        """Write derivatives of the internal forces, N/m, (r, 3 p, 3 p).
 
-        These are of the r triangles from ``first`` on: some hundreds at a time stay in the cache,
+        They are those by positions times the first of the factors plus those by velocities times
+        the second, of the r triangles from ``first`` on: some hundreds at a time stay in the cache,
         which halves the time with twelve nodes.
 
         Rows and columns are the components of the positions of ``patches.nodes``, node by node;
         those of missing nodes are zero. A node may occur twice among twelve.
         """
-        tangents_into(points, *self._maps(offsets), *self._material(), scale, first, tangents)
+        material, numbers = self._material(points, velocities), np.array(factors)
+        maps = self._maps(offsets)
+        tangents_into(points, *maps, *material, numbers, self.damping, first, tangents)
+
+    def add_action(
+        self,
+        points: FloatArray,
+        steps: FloatArray,
+        residual: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0),
+        velocities: FloatArray | None = None,
+    ) -> None:
+        """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 3) both."""
+        material, numbers = self._material(points, velocities), np.array(factors)
+        maps = self._maps(None)
+        add_action(points, *maps, *material, numbers, self.damping, steps, residual)
 
     def add_masses(self, density: FloatArray, masses: FloatArray) -> None:
         """Add the masses of nodes, a third of each triangle, kg, to (n,).
@@ -130,5 +164,11 @@ class RotationFreeTriangles:
         patches = self.patches
         return patches.nodes, patches.gradients, patches.curvatures, present, self.starts
 
-    def _material(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        return self.patches.areas, self.sections, self.stiffness
+    def _material(
+        self, points: FloatArray, velocities: FloatArray | None
+    ) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+        """Areas, sections, stiffness, and what strain rates add to the strains."""
+        added = _NOTHING
+        if velocities is not None and self.damping.any():
+            added = self.damping[:, None] * self.strain_rates(points, velocities)
+        return self.patches.areas, self.sections, self.stiffness, added

@@ -37,7 +37,7 @@ class SE3Beams:
         lengths: (m,) arc lengths at the start, m.
         law_owner: what messages call the first section with a law of the user, None without one.
 
-    The methods of :class:`flexfem.elements.family.BeamFamily` are described there.
+    The methods of :class:`flexfem.elements.family.ElementFamily` are described there.
     """
 
     def __init__(
@@ -74,13 +74,13 @@ class SE3Beams:
             self.lengths[rows] = group.lengths
 
     @property
-    def connectivity(self) -> list[IndexArray]:
-        """See :class:`flexfem.elements.family.BeamFamily`."""
-        return [self.data.cells]
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [(self.data.cells, self.data.cells)]
 
     @property
     def body(self) -> IntArray:
-        """See :class:`flexfem.elements.family.BeamFamily`."""
+        """See :class:`flexfem.elements.family.ElementFamily`."""
         return self.data.body
 
     @property
@@ -117,7 +117,7 @@ class SE3Beams:
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
         local: bool = False,
     ) -> FloatArray:  # fmt: skip
-        """See :class:`flexfem.elements.family.BeamFamily`."""
+        """See :class:`flexfem.elements.family.ElementFamily`."""
         return self.tangent(block, gravity, shifts, scale, local).ravel()
 
     def assume(self, frames: FloatArray, steps: FloatArray) -> None:
@@ -134,6 +134,9 @@ class SE3Beams:
         """Let the tangent take the present stresses again."""
         for _, group in self.groups:
             group.assumed = None
+
+    def accept(self, block: FrameBlock) -> None:
+        """Nothing is remembered."""
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
@@ -184,7 +187,7 @@ class SE3Beams:
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
-        """See :class:`flexfem.elements.family.BeamFamily`."""
+        """See :class:`flexfem.elements.family.ElementFamily`."""
         return np.arange(len(self.lengths)), self.lengths
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:

@@ -27,7 +27,7 @@ class CurveSampler:
             part: control points and elements of this rank.
             serial: serial data of the model.
         """
-        curves, beams = serial.curves, part.beams
+        curves, beams = serial.curves, part.elements
         assert curves is not None
         assert isinstance(beams, NurbsBeams)
         self._block, self._beams = part.block, beams

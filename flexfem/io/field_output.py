@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""ParaView output of a whole system: beams, rigid bodies, joints."""
+"""ParaView output of a whole system: beams, shells, rigid bodies, joints."""
 
 from pathlib import Path
 
@@ -7,15 +7,17 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.curve_fields import CurveSampler
+from flexfem.io.shell_fields import ShellFields, ShellWriter
 from flexfem.io.surfaces import body_surface
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
 from flexfem.system.extent import model_extent
-from flexfem.system.placement import BEAMS, NURBS, RIGID
+from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["FieldOutput"]
@@ -49,6 +51,8 @@ class FieldOutput:
         curves = [] if serial.curves is None else serial.curves.sections
         outlines = [section.outline for section in (*serial.sections, *curves)]
         self._beams = BeamWriter(folder, comm, outlines, resume=resume)
+        self._shells = ShellWriter(folder, comm, resume=resume)
+        self._thickness = np.array([shell.section.thickness for shell in model.shells])
         surfaces = [body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies]
         self._bodies = RigidBodyWriter(folder, comm, surfaces, resume=resume)
         kinds = [type(j).__name__ for j in model.joints]
@@ -57,16 +61,35 @@ class FieldOutput:
     def write(self, time: float, step: int) -> None:
         """Write the accepted state."""
         beams, bodies = self._parts.get(BEAMS), self._parts.get(RIGID)
+        shells = self._parts.get(SHELLS)
         fields = [_beam_fields(beams)] if beams else []
         if self._curves is not None:
             fields.append(self._curves.fields())
         self._beams.write(time, step, BeamFields.joined(fields))
+        self._shells.write(
+            time, step, self._shell_fields(shells) if shells else ShellFields.empty()
+        )
         self._bodies.write(time, step, _body_fields(bodies) if bodies else RigidBodyFields.empty())
         self._joints.write(time, step, _joint_fields(self._system))
 
+    def _shell_fields(self, part: BlockPart) -> ShellFields:
+        assert isinstance(part.elements, RotationFreeShells)
+        position, _, velocity, _ = _motion(part.block)
+        strain, resultant = part.elements.resultants(part.block.frames)
+        return ShellFields(
+            position=position,
+            displacement=position - se3.position(part.block.start_frames),
+            velocity=velocity,
+            cells=part.elements.corners.astype(np.int64),
+            body=part.elements.body,
+            strain=strain,
+            resultant=resultant,
+            thickness=self._thickness[part.elements.body],
+        )
+
     def close(self) -> None:
         """End all series."""
-        for writer in (self._beams, self._bodies, self._joints):
+        for writer in (self._beams, self._shells, self._bodies, self._joints):
             writer.close()
 
 
@@ -79,10 +102,10 @@ def _motion(block: FrameBlock) -> tuple[FloatArray, FloatArray, FloatArray, Floa
 
 
 def _beam_fields(part: BlockPart) -> BeamFields:
-    assert isinstance(part.beams, SE3Beams)
+    assert isinstance(part.elements, SE3Beams)
     position, rotation, velocity, spin = _motion(part.block)
-    strain, resultant = part.beams.resultants(part.block.frames)
-    data = part.beams.data
+    strain, resultant = part.elements.resultants(part.block.frames)
+    data = part.elements.data
     return BeamFields(
         position=position,
         displacement=position - se3.position(part.block.start_frames),

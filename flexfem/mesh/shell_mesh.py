@@ -22,8 +22,8 @@ class ShellMesh:
     """This rank's part of the mesh of all shells.
 
     Cells are numbered as in the DOLFINx mesh, owned ones first. The ghosts are the cells that are
-    neighbours of owned cells, but belong to other ranks. The patch of an owned cell is its three
-    nodes and those in its row of `opposite`.
+    neighbours of owned cells, or of these neighbours, but belong to other ranks. The patch of an
+    owned cell is its three nodes and those in its row of `opposite`.
 
     Attributes:
         mesh: The DOLFINx mesh.
@@ -47,9 +47,14 @@ class ShellMesh:
     node_ids: IntArray
     body: IntArray
 
+    def local(self, nodes: IntArray) -> npt.NDArray[np.int32]:
+        """Return the local nodes of nodes of the input, which are all here."""
+        order = np.argsort(self.node_ids)
+        return order[np.searchsorted(self.node_ids, nodes, sorter=order)].astype(np.int32)
+
 
 def create_shell_mesh(
-    comm: MPI.Intracomm, surface: SurfaceMesh, destination: IntArray
+    comm: MPI.Intracomm, surface: SurfaceMesh, destination: IntArray, rings: int = 1
 ) -> ShellMesh:
     """Distribute a surface mesh (collective).
 
@@ -57,9 +62,10 @@ def create_shell_mesh(
         comm: Communicator.
         surface: The whole mesh, the same on every rank.
         destination: Rank of each triangle, the same on every rank, shape (m,).
+        rings: Ghosts are the neighbours (1), or these and their neighbours (2).
     """
     triangles, topology = surface.triangles, surface.topology
-    ranks, offsets = _ranks(topology.neighbours, destination)
+    ranks, offsets = _ranks(topology.neighbours, destination, rings)
     mesh, space, nodes = distributed_mesh(
         comm, "triangle", surface.points, triangles, ranks, offsets, _edge_cells(triangles)
     )
@@ -79,12 +85,16 @@ def create_shell_mesh(
     )  # fmt: skip
 
 
-def _ranks(neighbours: IntArray, destination: IntArray) -> tuple[IntArray, IntArray]:
+def _ranks(neighbours: IntArray, destination: IntArray, rings: int) -> tuple[IntArray, IntArray]:
     """Return owner and ghost ranks of each cell one after the other, and where each cell begins."""
-    others = np.where(neighbours >= 0, destination[neighbours], destination[:, np.newaxis])
-    ranks = np.column_stack([destination, others])
+    ranks = destination[:, np.newaxis]
+    for _ in range(rings):
+        around = np.where(
+            neighbours[:, :, np.newaxis] >= 0, ranks[neighbours], ranks[:, np.newaxis]
+        )
+        ranks = np.column_stack([ranks, around.reshape(len(ranks), -1)])
     chosen = np.ones(ranks.shape, dtype=bool)
-    for k in range(1, 4):
+    for k in range(1, ranks.shape[1]):
         chosen[:, k] = (ranks[:, :k] != ranks[:, k : k + 1]).all(axis=1)
     return ranks[chosen], np.concatenate([[0], np.cumsum(chosen.sum(axis=1))])
 

@@ -10,6 +10,7 @@ from flexfem.core.joint import Joint
 from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.probe import AnyProbe, check_columns, strings
 from flexfem.model.resolve import beam_cell
+from flexfem.model.shell import Shell
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -34,7 +35,8 @@ class _BodiesProbe(AnyProbe):
 
     Attributes:
         name: Unique name in the model.
-        bodies: Names of beams and rigid bodies (with the point masses on them), None for all.
+        bodies: Names of beams, shells and rigid bodies (with the point masses on them), None for
+            all. A point mass where shells meet counts as being on the first of them.
     """
 
     name: str
@@ -57,10 +59,9 @@ class _BodiesProbe(AnyProbe):
     def check(self, model: "Model") -> None:
         """See :meth:`AnyProbe.check`."""
         for name in self.bodies or ():
-            if not isinstance(model.get(name), (Beam, RigidBody)):
+            if not isinstance(model.get(name), (Beam, RigidBody, Shell)):
                 raise ValueError(
-                    f'{type(self).__name__} "{self.name}": {model!r} has no beam or rigid body '
-                    f'"{name}"'
+                    f'{type(self).__name__} "{self.name}": {model!r} has no body "{name}"'
                 )
 
 

@@ -13,16 +13,19 @@ from flexfem.core.marker import Carrier, Marker, Observed
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.nurbs import NurbsCurve
+from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.event import Event
 from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
-from flexfem.model.resolve import beam_node, curve_place, group_curve
+from flexfem.model.resolve import beam_node, curve_place, group_curve, shell_node
+from flexfem.model.shell import Shell
 from flexfem.model.validate import validate
 
 # Kinds of named things and the lists they are kept in
 _LISTS: tuple[tuple[type, str], ...] = (
     (Beam, "beams"),
+    (Shell, "shells"),
     (RigidBody, "rigid_bodies"),
     (PointMass, "point_masses"),
     (Joint, "joints"),
@@ -38,8 +41,10 @@ class Model:
     Attributes:
         name: Name of the model.
         mesh: Mesh of the beams along groups, None when there are none.
+        surface: Mesh of the shells, None when there are none.
         gravity: Uniform gravity, None for none.
         beams: Beams in the order they were added.
+        shells: Shells in the order they were added.
         rigid_bodies: Rigid bodies in the order they were added.
         point_masses: Point masses in the order they were added.
         joints: Joints in the order they were added.
@@ -49,7 +54,13 @@ class Model:
         released: Names of joints that are open at the start.
     """
 
-    def __init__(self, name: str = "model", *, mesh: LineMesh | None = None) -> None:
+    def __init__(
+        self,
+        name: str = "model",
+        *,
+        mesh: LineMesh | None = None,
+        surface: SurfaceMesh | None = None,
+    ) -> None:
         """Create an empty model.
 
         Raises:
@@ -59,9 +70,12 @@ class Model:
         self.name = _checks.text("Model", "name", name)
         if mesh is not None:
             _checks.instance(repr(self), "mesh", mesh, LineMesh)
-        self.mesh = mesh
+        if surface is not None:
+            _checks.instance(repr(self), "surface", surface, SurfaceMesh)
+        self.mesh, self.surface = mesh, surface
         self.gravity: Gravity | None = None
         self.beams: list[Beam] = []
+        self.shells: list[Shell] = []
         self.rigid_bodies: list[RigidBody] = []
         self.point_masses: list[PointMass] = []
         self.joints: list[Joint] = []
@@ -152,7 +166,7 @@ class Model:
         validate(self)
 
     def marker_place(self, marker: Observed) -> Place | None:
-        """Return where a marker is on a beam; None on rigid bodies and the ground.
+        """Return where a marker is on a beam or shell; None on rigid bodies and the ground.
 
         Raises:
             ValueError: The marker's body or point does not exist.
@@ -167,8 +181,11 @@ class Model:
                     "give an offset"
                 )
             return None
+        if isinstance(body, Shell):
+            assert self.surface is not None  # checked by validate()
+            return Place(shell_node(self.surface, body, marker))
         if not isinstance(body, Beam):
-            raise ValueError(f'Marker on "{marker.body}": {self!r} has no such beam or rigid body')
+            raise ValueError(f'Marker on "{marker.body}": {self!r} has no such body')
         if body.formulation == "nurbs":
             return curve_place(self, body, marker)
         return Place(beam_node(self._mesh(), body, marker))

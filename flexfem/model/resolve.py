@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where markers on beams are."""
+"""Where markers on beams and shells are."""
 
 from typing import TYPE_CHECKING
 
@@ -10,9 +10,11 @@ from flexfem._types import IntArray
 from flexfem.core.marker import LINE_ENDS, Marker
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.nurbs import NurbsCurve
+from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.mesh.topology import arc_length
 from flexfem.model.bodies import Beam
 from flexfem.model.place import Place, place_at_fraction, place_in
+from flexfem.model.shell import Shell
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -35,6 +37,28 @@ def beam_node(mesh: LineMesh, beam: Beam, marker: Marker) -> int:
         return int(nodes[0 if point == "start" else -1])
     length = arc_length(mesh.points[nodes])
     return int(nodes[np.argmin(np.abs(length - point * length[-1]))])
+
+
+def shell_node(mesh: SurfaceMesh, shell: Shell, marker: Marker) -> int:
+    """Return the mesh node of a marker on a shell.
+
+    Raises:
+        ValueError: No point or a fraction, a name that is no node of the shell, or an offset.
+    """
+    owner, point = f'Marker on "{shell.name}"', marker.point
+    if marker.offset.any():
+        raise ValueError(f"{owner}: a shell has no offsets, got {marker.offset.tolist()}")
+    if isinstance(point, tuple):
+        return mesh.closest_node(point, shell.body)
+    nodes = mesh.body_nodes(shell.body)
+    if not isinstance(point, str) or mesh.nodes.get(point, -1) not in nodes:
+        own = set(nodes.tolist())
+        known = ", ".join(name for name, node in mesh.nodes.items() if node in own) or "none"
+        raise ValueError(
+            f"{owner}: a shell needs a named node or a position (x, y, z), got point "
+            f"{_checks.show(point)}; its nodes are {_checks.show(known, 200)}"
+        )
+    return mesh.nodes[point]
 
 
 def curve_place(model: "Model", beam: Beam, marker: Marker) -> Place:
@@ -83,10 +107,10 @@ def group_curve(mesh: LineMesh, beam: Beam) -> NurbsCurve:
 
 def _point(beam: Beam, marker: Marker) -> str | float:
     """Return the point of a marker on a beam."""
-    if marker.point is None:
+    if marker.point is None or isinstance(marker.point, tuple):
         raise ValueError(
             f'Marker on "{beam.name}": a beam needs a point: a point group, "start", "end" or a '
-            "fraction, got None"
+            f"fraction, got {marker.point}"
         )
     return marker.point
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexfem.model.shell import Shell
+
 if TYPE_CHECKING:
     from flexfem.model.model import Model
 
@@ -20,10 +22,13 @@ def model_table(model: Model) -> str:
     lines = [repr(model)]
     if model.mesh is not None:
         lines.append(f"  {model.mesh}")
+    if model.surface is not None:
+        lines.append(f"  {model.surface}")
     if model.gravity is not None:
         lines.append(f"  Gravity: {_numbers(model.gravity.acceleration)} m/s^2")
     for title, things in (
         ("beams", model.beams),
+        ("shells", model.shells),
         ("rigid bodies", model.rigid_bodies),
         ("point masses", model.point_masses),
         ("joints", model.joints),
@@ -54,6 +59,8 @@ def _rows(model: Model, title: str, things: Iterable[Any]) -> list[str]:
 
 def _details(model: Model, thing: Any) -> str:
     """Return the most telling values of an object."""
+    if isinstance(thing, Shell):
+        return _shell(model, thing)
     if hasattr(thing, "section"):
         return f"{_line(model, thing)}, {thing.section.mass_per_length:.4g} kg/m"
     if hasattr(thing, "columns"):
@@ -64,6 +71,17 @@ def _details(model: Model, thing: Any) -> str:
         place = thing.marker if hasattr(thing, "marker") else f"at {_numbers(thing.position)}"
         return f"{thing.mass:.4g} kg, {place}"
     return ", ".join(str(place) for place in (*thing.markers, *thing.beams))
+
+
+def _shell(model: Model, shell: Shell) -> str:
+    """Return what a shell is made of."""
+    rows = () if model.surface is None else model.surface.bodies.get(shell.body, ())
+    section = shell.section
+    edges = "".join(f', {rule} "{line}"' for line, rule in shell.edges.items())
+    return (
+        f'body "{shell.body}", {len(rows)} triangles, {section.thickness:.4g} m, '
+        f"{section.mass:.4g} kg/m^2{edges}"
+    )
 
 
 def _line(model: Model, beam: Any) -> str:

@@ -16,6 +16,7 @@ from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam
 from flexfem.model.event import Event
 from flexfem.model.place import Place
+from flexfem.model.shell import Shell
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -28,10 +29,12 @@ def validate(model: Model) -> None:
         TypeError: An orientation function returns something else than numbers.
         ValueError: The first mistake found, in one line naming object and value.
     """
-    if not model.beams and not model.rigid_bodies:
+    if not model.beams and not model.shells and not model.rigid_bodies:
         raise ValueError(f"{model!r}: it has no bodies")
     if model.beams:
         _check_beams(model)
+    if model.shells or model.surface is not None:
+        _check_shells(model)
     nodes = _check_markers(model)
     for joint in model.joints:
         for pair in joint.pairs:
@@ -81,6 +84,28 @@ def _check_beams(model: Model) -> None:
             raise type(error)(f"{_owner(beam)}: {message}") from None
     if mesh is not None:
         _check_ownership(model, mesh)
+
+
+def _check_shells(model: Model) -> None:
+    """Check that every body of the surface mesh is that of one shell."""
+    if model.surface is None:
+        raise ValueError(f"{model!r} has shells but no mesh, give Model(surface=...)")
+    users: dict[str, Shell] = {}
+    for shell in model.shells:
+        if shell.body not in model.surface.bodies:
+            known = _checks.show(", ".join(model.surface.bodies), 200)
+            raise ValueError(
+                f'{_owner(shell)}: the surface mesh has no body "{shell.body}", it has {known}'
+            )
+        if shell.body in users:
+            raise ValueError(
+                f'{_owner(shell)}: body "{shell.body}" is used already by '
+                f"{_owner(users[shell.body])}"
+            )
+        users[shell.body] = shell
+    for body in model.surface.bodies:
+        if body not in users:
+            raise ValueError(f'{model!r}: body "{body}" of the surface mesh belongs to no shell')
 
 
 def _check_group(model: Model, beam: Beam, users: dict[str, Beam]) -> None:

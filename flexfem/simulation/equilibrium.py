@@ -14,7 +14,6 @@ from flexfem.solvers.statics import Equilibrium, Limits, Loading, settle
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.assembly import Assembly
 from flexfem.system.extent import model_extent
-from flexfem.system.placement import RIGID
 from flexfem.system.system import System
 
 __all__ = ["check_held", "rest", "start_in_equilibrium"]
@@ -92,7 +91,8 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
         return
     sizes = []
     for steps in motion:
-        sizes.append(np.abs(steps / np.repeat([equilibrium.size, 1.0], 3)).max(axis=1, initial=0.0))
+        scale = np.repeat([equilibrium.size, 1.0], 3)[: steps.shape[1]]
+        sizes.append(np.abs(steps / scale).max(axis=1, initial=0.0))
     largest = max((float(s.max(initial=0.0)) for s in sizes), default=0.0)
     largest = system.comm.allreduce(largest, op=MPI.MAX)
     mine = set()
@@ -100,10 +100,7 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
         for body in np.unique(part.node_body[: part.block.owned][size > _PART * largest]):
             mine.add((part.kind, int(body)))
     moving = sorted(set().union(*system.comm.allgather(mine)))
-    model = serial.model
-    owners = [
-        (model.rigid_bodies if kind == RIGID else model.beams)[number] for kind, number in moving
-    ]
+    owners = [serial.body(kind, number) for kind, number in moving]
     names = [f'{type(body).__name__} "{body.name}"' for body in owners]
     more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
     raise InputError(

@@ -86,9 +86,9 @@ class FrozenSolver:
         self._response = np.zeros((len(face.keys), 6))
         active = rows.active_components()
         self._groups = [self._bodies(part, active) for part in system.parts]
-        self._rigid = [g for g in self._groups if g.part.beams is None]
+        self._rigid = [g for g in self._groups if g.part.elements is None]
         self._flexible = [
-            FlexibleBodies(system, g) for g in self._groups if g.part.beams is not None
+            FlexibleBodies(system, g) for g in self._groups if g.part.elements is not None
         ]
         self._interface = self._pattern()
         self._sizes = starts([p.block.sizes[0] for p in system.parts])
@@ -100,10 +100,10 @@ class FrozenSolver:
 
     def _bodies(self, part: BlockPart, active: IntArray) -> Bodies:
         """Interface columns of a part's bodies and the sides of terms that act on them."""
-        bodies, nodes, node_start = part.bodies()
+        bodies, nodes, node_start = part.clusters()
         slots = np.flatnonzero(self.system.part_of_slot == self.system.parts.index(part))
-        slots = slots[np.isin(self.system.body_of_slot[slots], bodies)]
-        number = np.searchsorted(bodies, self.system.body_of_slot[slots])
+        slots = slots[np.isin(self.system.cluster_of_slot[slots], bodies)]
+        number = np.searchsorted(bodies, self.system.cluster_of_slot[slots])
         widths = np.bincount(number, weights=active[slots], minlength=len(bodies)).astype(np.int64)
         column_start = starts(widths)
         order = np.argsort(number, kind="stable")

@@ -93,6 +93,7 @@ class FlexibleBodies:
             held = local >= 0
             rhs[:] = 0.0
             rhs[local[held], columns[held, 1]] = 1.0
+            part.block.hold(rhs)
             self.factor.solve_transpose(rhs, solution)
             self._store(bodies, c, solution)
         nodes, _ = system.mechanics.origin(system, part)
@@ -103,10 +104,10 @@ class FlexibleBodies:
         """Steps of the owned nodes for their residuals (collective)."""
         block = self.group.part.block
         if self._packed is None:
-            self.factor.solve(block.owned_residual, block.owned_step)
+            self.factor.solve(block.hold(block.owned_residual), block.owned_step)
             return
         right, solution = self._packed
-        right[:] = block.owned_residual
+        right[:] = block.hold(block.owned_residual)
         self.factor.solve(right, solution)
         block.owned_step[:] = solution
 

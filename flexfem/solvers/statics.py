@@ -242,8 +242,8 @@ class Equilibrium:
     def exact(self) -> None:
         """Let the tangent be exact again, as it need not be within an iteration."""
         for part in self.system.parts:
-            if part.beams is not None:
-                part.beams.exact()
+            if part.elements is not None:
+                part.elements.exact()
 
     def _iterate(self, linear_step: LinearStep) -> Status:
         system, limits, previous = self.system, self._limits, inf
@@ -288,9 +288,9 @@ class Equilibrium:
         The load parameter moves by the same multiple of ``-load``.
         """
         for part in self.system.parts:
-            if part.beams is not None:
+            if part.elements is not None:
                 part.block.spread_step()
-                part.beams.assume(part.block.frames, factor * part.block.step)
+                part.elements.assume(part.block.frames, factor * part.block.step)
             part.block.correct(factor)
             part.block.accept(_NO_LAW, 0.0)
         self.system.constraints.multipliers += factor * change
@@ -331,7 +331,7 @@ class Equilibrium:
         Away from equilibrium only that is the symmetric second derivative of an energy; forces and
         matrix are those of the assumed stresses.
         """
-        beams = [part.beams for part in self.system.parts if part.beams is not None]
+        beams = [part.elements for part in self.system.parts if part.elements is not None]
         out = []
         for family in beams:
             family.assume_forces(True)

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.frame_block import FrameBlock
 from flexfem.la.nest import (
     CoordinateMatrix,
     block_indices,
@@ -22,6 +23,10 @@ from flexfem.la.nest import (
 from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values"]
+
+
+#: Stiffness of unknowns that are held, with a mass of 1 kg: their frequency is above all others.
+_STIFF = 1e20
 
 
 class TangentSolver:
@@ -152,7 +157,7 @@ class TangentSolver:
             True if the solution is finite; the multipliers' part is in :attr:`multiplier_step`.
         """
         rows, parts = self.system.constraints, self.system.parts
-        pieces = [r.ravel() for r in residuals]
+        pieces = [p.block.hold(r).ravel() for p, r in zip(parts, residuals, strict=True)]
         if rows.size_global:
             pieces.append(values[rows.owned_rows])
         for vec, piece in zip(self._rhs.getNestSubVecs(), pieces, strict=True):
@@ -191,20 +196,34 @@ def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
     own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)
     single = numbers[own][:, np.newaxis]
     entries = [block_indices(single, single, widths)]
-    if part.beams is not None:
-        cells = [numbers[nodes] for nodes in part.connectivity()]
-        entries[:0] = [block_indices(nodes, nodes, widths) for nodes in cells]
+    entries[:0] = [block_indices(numbers[i], numbers[j], widths) for i, j in part.couplings()]
+    if part.block.held is not None:
+        entries.append(2 * (_held_unknowns(part.block),))
     return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
 
 
 def part_values(system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
-    """Values of the entries of ``part_pattern``."""
+    """Values of the entries of ``part_pattern``.
+
+    Held unknowns have rows and columns of their own.
+    """
     mechanics, width = system.mechanics, part.block.width
     at_nodes = mechanics.masses(system, part, shifts), mechanics.forces(system, part, shifts)
     values = [matrices[:, :width, :width].ravel() for matrices in at_nodes]
-    if part.beams is not None:
+    if part.elements is not None:
         values.insert(0, mechanics.cells(system, part, shifts))
-    return np.concatenate(values)
+    if part.block.held is None:
+        return np.concatenate(values)
+    every = np.concatenate(values)
+    every[part.held_entries] = 0.0
+    own = shifts.scale * (shifts.acceleration + _STIFF * shifts.stiffness)
+    return np.append(every, np.full(len(_held_unknowns(part.block)), own))
+
+
+def _held_unknowns(block: FrameBlock) -> IntArray:
+    """Global numbers of the held unknowns that this rank owns."""
+    assert block.held is not None
+    return block.width * block.offset + np.flatnonzero(block.held[: block.owned])
 
 
 class JointPattern:

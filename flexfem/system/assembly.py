@@ -14,12 +14,14 @@ from flexfem.lie import se3
 from flexfem.materials.section import Section
 from flexfem.mesh.line_mesh import section_frames
 from flexfem.mesh.topology import trace_lines
-from flexfem.model.bodies import Beam
+from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.model import Model
 from flexfem.model.place import Place
+from flexfem.model.shell import Shell
 from flexfem.system.lines import ElementPlace, Line, LinePoint, se3_line
 from flexfem.system.nurbs_lines import NurbsLines, initial_velocities
-from flexfem.system.placement import BEAMS, NURBS, RIGID, NodeKey
+from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS, NodeKey
+from flexfem.system.shell_surface import ShellSurface
 
 __all__ = ["Assembly"]
 
@@ -33,6 +35,7 @@ class Assembly:
         points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6).
         sections: the different sections of the SE(3) beams, by the numbers in ``cells``.
         curves: all NURBS beams, None without any.
+        surface: all shells, None without any.
         rigid_frames: (n, 12) frames of the rigid bodies.
     """
 
@@ -46,6 +49,7 @@ class Assembly:
         if beams := model.beams_of("se3"):
             self._beams(beams)
         self.curves = NurbsLines.of(model) if model.beams_of("nurbs") else None
+        self.surface = ShellSurface.of(model) if model.shells else None
         self.rigid_frames = np.array(
             [se3.frame(b.position, b.rotation) for b in model.rigid_bodies]
         ).reshape(-1, 12)
@@ -85,9 +89,11 @@ class Assembly:
 
     @property
     def nodes(self) -> FloatArray:
-        """Positions (n, 3) of all nodes of beams at the start, m."""
-        curves = np.empty((0, 12)) if self.curves is None else self.curves.frames
-        return np.concatenate([self.points, se3.position(curves)])
+        """Positions (n, 3) of all nodes of beams and shells at the start, m."""
+        nothing = np.empty((0, 12))
+        curves = nothing if self.curves is None else self.curves.frames
+        surface = nothing if self.surface is None else self.surface.frames
+        return np.concatenate([self.points, se3.position(np.concatenate([curves, surface]))])
 
     def line(self, name: str) -> Line:
         """Elements of a beam in order.
@@ -135,7 +141,10 @@ class Assembly:
                 f'Marker on "{marker.body}": point {marker.point} lies inside an element, where no '
                 "node is; a knot of multiplicity p there makes one (NurbsCurve.insert)"
             )
-        if self.model[marker.body].formulation == "nurbs":
+        body = self.model[marker.body]
+        if isinstance(body, Shell):
+            return SHELLS, place.node
+        if body.formulation == "nurbs":
             assert self.curves is not None
             return NURBS, int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
         return BEAMS, self._node_of_mesh[place.node]
@@ -178,18 +187,38 @@ class Assembly:
         return int(block.owned_index(np.array([key[1]]))[0])
 
     def bodies(self, kind: int, nodes: IntArray) -> IntArray:
-        """Numbers of the beams or rigid bodies that nodes of one kind belong to."""
+        """Numbers of the bodies, among those of their kind, that nodes belong to."""
         if kind == BEAMS:
             return self._body_of_node[nodes]
+        if kind == SHELLS:
+            assert self.surface is not None
+            return self.surface.body_of_node[nodes]
         if kind == NURBS:
             assert self.curves is not None
             return self.curves.body_of_node[nodes]
         return nodes
 
+    def clusters(self, kind: int, nodes: IntArray) -> IntArray:
+        """Numbers of the clusters of bodies with common nodes that nodes belong to."""
+        if kind == SHELLS:
+            assert self.surface is not None
+            return self.surface.cluster_of_node[nodes]
+        return self.bodies(kind, nodes)
+
+    def body(self, kind: int, number: int) -> Beam | Shell | RigidBody:
+        """Body of a kind by its number."""
+        model = self.model
+        kinds: dict[int, Sequence[Beam | Shell | RigidBody]] = {
+            RIGID: model.rigid_bodies, SHELLS: model.shells,
+        }  # fmt: skip
+        return kinds.get(kind, model.beams)[number]
+
     def owner(self, kind: int) -> str:
         """What messages call the first body of a kind."""
         if kind == RIGID:
             return f'RigidBody "{self.model.rigid_bodies[0].name}"'
+        if kind == SHELLS:
+            return f'Shell "{self.model.shells[0].name}"'
         return f'Beam "{self.model.beams_of("se3" if kind == BEAMS else "nurbs")[0].name}"'
 
     def node_frames(self, kind: int) -> FloatArray:
@@ -197,6 +226,9 @@ class Assembly:
         if kind == NURBS:
             assert self.curves is not None
             return self.curves.frames
+        if kind == SHELLS:
+            assert self.surface is not None
+            return self.surface.frames
         return self.frames if kind == BEAMS else self.rigid_frames
 
     def carrier_frame(self, marker: Marker) -> FloatArray:

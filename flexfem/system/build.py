@@ -7,19 +7,19 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.elements.family import BeamFamily
+from flexfem.elements.family import ElementFamily
 from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
 from flexfem.model.bodies import PointMass, RigidBody
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import JointEnds, connect, joint_ends
 from flexfem.system.constraints import Constraints
-from flexfem.system.families import nurbs_block, se3_block
+from flexfem.system.families import nurbs_block, se3_block, shell_block
 from flexfem.system.interface import Interface
 from flexfem.system.line_loads import by_degree
 from flexfem.system.node_loads import NodeForces, NodeMasses
 from flexfem.system.placed_loads import line_forces, node_forces
-from flexfem.system.placement import BEAMS, KINDS, NURBS, RIGID, Placement, place
+from flexfem.system.placement import BEAMS, KINDS, NURBS, RIGID, SHELLS, Placement, place
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
@@ -44,11 +44,13 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     for mass in model.point_masses:
         _check_node(serial, mass)
     blocks: list[FrameBlock | None] = [None for _ in KINDS]
-    families: dict[int, BeamFamily] = {}
+    families: dict[int, ElementFamily] = {}
     if model.beams_of("se3"):
         blocks[BEAMS], families[BEAMS] = se3_block(serial, comm, placement)
     if serial.curves is not None:
         blocks[NURBS], families[NURBS] = nurbs_block(serial, comm, placement)
+    if serial.surface is not None:
+        blocks[SHELLS], families[SHELLS] = shell_block(serial, comm, placement)
     if model.rigid_bodies:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
     interface, joints = connect(model.joints, ends, comm, placement, blocks)
@@ -60,15 +62,16 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         for kind, block in enumerate(blocks)
         if block is not None
     ]
-    bodies = np.array(
-        [serial.bodies(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64
+    bodies, clusters = (
+        np.array([of(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64)
+        for of in (serial.bodies, serial.clusters)
     )
-    return System(comm, parts, interface, constraints, bodies, model.loads, gravity)
+    return System(comm, parts, interface, constraints, bodies, clusters, model.loads, gravity)
 
 
 def _part(
     serial: Assembly, kind: int, block: FrameBlock, interface: Interface,
-    beams: BeamFamily | None,
+    elements: ElementFamily | None,
 ) -> BlockPart:  # fmt: skip
     """A block with what acts on its nodes of this rank."""
     node_body = serial.bodies(kind, block.node_ids)
@@ -78,9 +81,10 @@ def _part(
         masses=_masses(serial, kind, block),
         forces=NodeForces(node_forces(serial, kind, block)),
         line_forces=by_degree(line_forces(serial, block) if kind == NURBS else [], node_body),
-        beams=beams,
+        elements=elements,
         owner=serial.owner(kind),
         node_body=node_body,
+        node_cluster=serial.clusters(kind, block.node_ids),
         slots=np.where(interface.kind == kind, interface.local, -1),
     )
 

@@ -38,7 +38,7 @@ class _State:
 
     Attributes:
         loads: (k, 12) force, moment, place and angular velocity of each load, inertial axes.
-        viscous, stretching: (j, 6) viscous stress of the beams, and the rate of their strain.
+        viscous, stretching: (j, 6) viscous stress of the elements, and the rate of their strain.
         forces: (r,) of all rows.
         rates: (r,) of the rows that do work, by the motion of the sides that they work on.
         pulls: (r,) elastic part of the forces.
@@ -89,7 +89,7 @@ class EnergyMeter:
         Args:
             system: the system.
             model: its model.
-            bodies: names of beams and rigid bodies, None for all.
+            bodies: names of beams, shells and rigid bodies, None for all.
         """
         self._system = system
         self._chosen = ChosenBodies(system, model, bodies)
@@ -145,8 +145,8 @@ class EnergyMeter:
                 forces.states(part.block, system.factors)[mask]
                 for forces, mask in self._chosen.loads(i)
             ]
-            if part.beams is not None and part.beams.viscous:
-                viscosity.append(np.stack(part.beams.viscosity(part.block)))
+            if part.elements is not None and part.elements.viscous:
+                viscosity.append(np.stack(part.elements.viscosity(part.block)))
         stress, rate = np.concatenate(viscosity, axis=1)
         return _State(
             np.concatenate(loads), stress, rate, rows.forces.copy(), self._side_rates(),
@@ -163,8 +163,8 @@ class EnergyMeter:
         state = chosen.motion()
         strain = float(_springs(system.constraints)[0] @ self._springs)
         for part, cells in zip(system.parts, chosen.cells, strict=True):
-            if part.beams is not None:
-                strain += float(part.beams.energies(part.block.frames) @ cells)
+            if part.elements is not None:
+                strain += float(part.elements.energies(part.block.frames) @ cells)
         way = state[motion.FIRST : motion.LINEAR] - self._start
         weight = self._growth - float(system.gravity @ way)
         return np.array([state[motion.KINETIC], strain, weight])
@@ -189,8 +189,8 @@ class EnergyMeter:
         total = h * float((force * self._dampers) @ rate)
         weights = []
         for part, chosen in zip(self._system.parts, self._chosen.cells, strict=True):
-            if part.beams is not None and part.beams.viscous:
-                cells, lengths = part.beams.viscous_at
+            if part.elements is not None and part.elements.viscous:
+                cells, lengths = part.elements.viscous_at
                 weights.append(0.25 * h * chosen[cells] * lengths)
         if weights:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Blocks and element families of the beams on the ranks (collective)."""
+"""Blocks and element families of the flexible bodies on the ranks (collective)."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -11,15 +11,18 @@ import numpy as np
 from flexfem._types import IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.nurbs_beam import NurbsBeams, NurbsCells
+from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import BeamCells, SE3Beams
 from flexfem.materials.section import Section
 from flexfem.mesh.beam_mesh import create_beam_mesh
+from flexfem.mesh.shell_mesh import create_shell_mesh
 from flexfem.model.bodies import Beam
 from flexfem.system.assembly import Assembly
 from flexfem.system.nurbs_lines import NurbsLines
 from flexfem.system.placement import Placement
+from flexfem.system.shell_cells import shell_cells
 
-__all__ = ["nurbs_block", "se3_block"]
+__all__ = ["nurbs_block", "se3_block", "shell_block"]
 
 #: of the messages that set up the exchange of ghosts
 _TAG = 1201
@@ -108,3 +111,26 @@ def _owners(beams: Sequence[Beam], sections: Sequence[Section]) -> list[str]:
     """What messages call each section: the first beam that has it."""
     first = {id(b.section): f'Beam "{b.name}"' for b in reversed(beams)}
     return [first[id(section)] for section in sections]
+
+
+def shell_block(
+    serial: Assembly, comm: MPI.Intracomm, placement: Placement
+) -> tuple[FrameBlock, RotationFreeShells]:
+    """Nodes and triangles of all rotation-free shells."""
+    surface = serial.surface
+    assert surface is not None
+    # averaged slopes are those of neighbours, too
+    rings = 2 if surface.averaged.any() else 1
+    mesh = create_shell_mesh(comm, surface.mesh, placement.triangles, rings)
+    ids = mesh.node_ids
+    held = surface.held[ids] if surface.held.any() else None
+    block = FrameBlock(
+        "shells", comm, surface.frames[ids], surface.velocities[ids], ids, mesh.index_map,
+        inertial=True, width=3, held=held,
+    )  # fmt: skip
+    own = np.sort(mesh.cell_ids[: mesh.owned])
+    groups = [
+        shell_cells(surface, own[surface.averaged[own] == averaged], averaged, mesh.local)
+        for averaged in np.unique(surface.averaged)
+    ]
+    return block, RotationFreeShells(groups, block)

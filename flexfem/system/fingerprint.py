@@ -38,6 +38,8 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
         "point masses": model.point_masses,
         "probes": [(probe.name, probe.columns) for probe in model.probes],
         "rigid bodies": model.rigid_bodies,
+        "shells": model.shells,
+        "surface": _surface(serial),
     }
     return {name: _Digest(serial).of(part) for name, part in parts.items()}
 
@@ -51,6 +53,14 @@ def _lines(serial: Assembly) -> tuple[Any, ...]:
         nodes = [serial.curves.nodes(beam) for beam in range(len(serial.curves.beams))]
         parts += [serial.curves.frames, nodes]
     return tuple(parts)
+
+
+def _surface(serial: Assembly) -> tuple[Any, ...]:
+    """Nodes and triangles of all shells, and what holds at their edges."""
+    surface = serial.surface
+    if surface is None:
+        return ()
+    return surface.mesh.triangles, surface.frames, surface.rules, surface.held, surface.averaged
 
 
 class _Digest:

@@ -59,7 +59,7 @@ class _CurveStrainGauge:
 
     def __init__(self, system: System, serial: Assembly, probe: StrainProbe) -> None:
         self._part = next(part for part in system.parts if part.kind == NURBS)
-        block, beams, curves = self._part.block, self._part.beams, serial.curves
+        block, beams, curves = self._part.block, self._part.elements, serial.curves
         assert isinstance(beams, NurbsBeams)
         assert curves is not None
         curve = serial.model.curve(serial.model[probe.beam])
@@ -95,7 +95,7 @@ class _StrainGauge:
 
     def __init__(self, system: System, serial: Assembly, probe: StrainProbe) -> None:
         self._part = next(part for part in system.parts if part.kind == BEAMS)
-        beams, ids = self._part.beams, self._part.block.node_ids
+        beams, ids = self._part.elements, self._part.block.node_ids
         assert isinstance(beams, SE3Beams)
         self._beams = beams
         wanted = np.sort(serial.mesh_nodes(probe.nodes(serial.model)))

@@ -83,8 +83,8 @@ class EndPoint:
 
     def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`Mechanics`."""
-        assert part.beams is not None
-        values = part.beams.values(
+        assert part.elements is not None
+        values = part.elements.values(
             part.block, system.gravity, shifts.array, shifts.scale, shifts.local
         )
         if not part.line_forces:
@@ -110,9 +110,9 @@ class EndPoint:
 
     def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
         """See :class:`Mechanics`."""
-        assert part.beams is not None
+        assert part.elements is not None
         scale = factor * shifts.scale
-        part.beams.add_action(part.block, system.gravity, shifts.array, scale)
+        part.elements.add_action(part.block, system.gravity, shifts.array, scale)
         for forces in part.line_forces:
             forces.add_action(part.block, system.factors, scale * shifts.stiffness)
 

@@ -10,7 +10,7 @@ from flexfem.core import motion
 from flexfem.model.model import Model
 from flexfem.system.line_loads import LineForces
 from flexfem.system.node_loads import NodeForces
-from flexfem.system.placement import BEAMS, NURBS, RIGID
+from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS
 from flexfem.system.system import System
 
 __all__ = ["ChosenBodies", "MomentumMeter"]
@@ -20,7 +20,7 @@ class ChosenBodies:
     """Some bodies, as masks over what acts on them.
 
     Attributes:
-        cells: mask over the beams' cells of this rank for each part, empty for rigid bodies.
+        cells: mask over the elements of this rank for each part, empty for rigid bodies.
         masses, forces: one mask for each part; line_forces: masks over those inside elements.
         sides: (t, 2) whether the sides of the rows' terms are at chosen bodies; the ground counts
             as one.
@@ -32,7 +32,7 @@ class ChosenBodies:
         Args:
             system: the system.
             model: its model.
-            names: of beams and rigid bodies, None for all.
+            names: of beams, shells and rigid bodies, None for all.
         """
         self._parts = system.parts
         member = {
@@ -40,6 +40,7 @@ class ChosenBodies:
             for kind, bodies in (
                 (BEAMS, model.beams),
                 (NURBS, model.beams),
+                (SHELLS, model.shells),
                 (RIGID, model.rigid_bodies),
             )
         }
@@ -48,8 +49,8 @@ class ChosenBodies:
         self.forces: list[BoolArray] = []
         self.line_forces: list[list[BoolArray]] = []
         for part in system.parts:
-            body = np.empty(0, dtype=np.int64) if part.beams is None else part.beams.body
-            self.cells.append(member[BEAMS][body])
+            body = np.empty(0, dtype=np.int64) if part.elements is None else part.elements.body
+            self.cells.append(member[part.kind][body])
             of_node = member[part.kind][part.node_body]
             self.masses.append(of_node[part.masses.nodes])
             self.forces.append(of_node[part.forces.nodes])
@@ -69,8 +70,8 @@ class ChosenBodies:
         """(11,) energy, mass and momenta on this rank, see ``flexfem.core.motion``."""
         out = np.zeros(motion.WIDTH)
         for part, cells, masses in zip(self._parts, self.cells, self.masses, strict=True):
-            if part.beams is not None:
-                part.beams.add_motion(part.block, cells, out)
+            if part.elements is not None:
+                part.elements.add_motion(part.block, cells, out)
             part.masses.add_motion(part.block, masses, out)
         return out
 

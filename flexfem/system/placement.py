@@ -9,16 +9,17 @@ import numpy as np
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.marker import Marker
-from flexfem.mesh.partition import partition_bodies
+from flexfem.mesh.partition import partition_bodies, partition_surface
+from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
 
-__all__ = ["BEAMS", "KINDS", "NURBS", "RIGID", "NodeKey", "Placement", "place"]
+__all__ = ["BEAMS", "KINDS", "NURBS", "RIGID", "SHELLS", "NodeKey", "Placement", "place"]
 
-#: Kinds of blocks in the order of the nest: SE(3) beams, NURBS beams, rigid bodies.
-BEAMS, NURBS, RIGID = KINDS = range(3)
+#: Kinds of blocks in the order of the nest: SE(3) beams, NURBS beams, shells, rigid bodies.
+BEAMS, NURBS, SHELLS, RIGID = KINDS = range(4)
 
-#: block (BEAMS, NURBS or RIGID) and index of a node in the block's input order
+#: block (BEAMS, NURBS, SHELLS or RIGID) and index of a node in the block's input order
 NodeKey = tuple[int, int]
 
 
@@ -29,12 +30,14 @@ class Placement:
     Attributes:
         cells: rank of each element of every beam, beams in the model's order.
         numbers: place of a beam in that order, by its name.
+        triangles: rank of each triangle of the surface mesh.
         rigid: rank of each rigid body.
         body_ranks: ranks that hold a part of a body, by body name, ascending.
     """
 
     cells: list[IntArray]
     numbers: dict[str, int]
+    triangles: IntArray
     rigid: IntArray
     body_ranks: dict[str, tuple[int, ...]]
 
@@ -58,6 +61,12 @@ def place(model: Model, ranks: int, split_above: int) -> Placement:
         beam.name: tuple(int(r) for r in np.unique(destination))
         for beam, destination in zip(model.beams, cells, strict=True)
     }
+    triangles = np.empty(0, dtype=np.int64)
+    if model.surface is not None:
+        triangles = partition_surface(model.surface, ranks, split_above)
+        for shell in model.shells:
+            rows = model.surface.bodies[shell.body]
+            body_ranks[shell.name] = _node_ranks(model.surface, rows, triangles)
     partner: dict[str, int] = {}
     for joint in model.joints:
         names = [m.body for m in joint.markers if isinstance(m, Marker)]
@@ -73,4 +82,12 @@ def place(model: Model, ranks: int, split_above: int) -> Placement:
     for body, rank in zip(model.rigid_bodies, rigid, strict=True):
         body_ranks[body.name] = (int(rank),)
     numbers = {beam.name: i for i, beam in enumerate(model.beams)}
-    return Placement(cells, numbers, rigid, body_ranks)
+    return Placement(cells, numbers, triangles, rigid, body_ranks)
+
+
+def _node_ranks(mesh: SurfaceMesh, rows: IntArray, triangles: IntArray) -> tuple[int, ...]:
+    """Ranks that may own nodes of some triangles: those of all triangles at these nodes."""
+    touched = np.zeros(len(mesh.points), dtype=np.bool_)
+    touched[mesh.triangles[rows]] = True
+    near = touched[mesh.triangles].any(axis=1)
+    return tuple(int(rank) for rank in np.unique(triangles[near]))

@@ -22,7 +22,7 @@ from flexfem.core.step_kernels import correct, mean_acceleration, start
 from flexfem.elements.energy_beam import EnergyBeams, StepState
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3, so3
-from flexfem.system.placement import NURBS
+from flexfem.system.placement import NURBS, SHELLS
 from flexfem.system.step_constraints import StepRows
 from flexfem.system.system import BlockPart, Shifts, System
 
@@ -46,13 +46,13 @@ class _Part:
         count = len(block.frames)
         self.block, self.chi = block, chi
         self.beams = None
-        if isinstance(part.beams, SE3Beams):
-            self.beams = EnergyBeams(system.comm, part.beams.linear)
+        if isinstance(part.elements, SE3Beams):
+            self.beams = EnergyBeams(system.comm, part.elements.linear)
         self.centres, self.jumps = np.zeros((count, 3)), np.zeros((count, 6))
         self.base = np.zeros((count, 6))
         self.nodes, self.lumps = masses.nodes, lump(masses.matrices)
         self.entries: IntArray = np.arange(len(masses.nodes))
-        if part.beams is None:
+        if part.elements is None:
             self._centre(masses.matrices)
         self.offset = bool(np.any(self.lumps[:, 1:4])) or (
             self.beams is not None and self.beams.offset
@@ -285,10 +285,10 @@ class StepMechanics:
 
     def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
-        assert part.beams is not None
+        assert part.elements is not None
         if self._cells is None:
             self._cells = self.cells(system, part, shifts)
-        (nodes,) = part.beams.connectivity
+        ((nodes, _),) = part.elements.couplings
         steps = part.block.step[nodes].reshape(-1, 12, 1)
         action = factor * (self._cells.reshape(-1, 12, 12) @ steps)
         np.add.at(part.block.residual, nodes, action.reshape(-1, 2, 6))
@@ -340,14 +340,14 @@ class StepMechanics:
 
 
 def _check_beams(system: System) -> None:
-    """Raise on all ranks for a NURBS beam, or one whose material is a law of the user."""
+    """Raise on all ranks for NURBS beams, shells, and beams with a law of the user."""
     for part in system.parts:
-        if part.kind == NURBS:
+        if part.kind in (NURBS, SHELLS):
             raise InputError(
-                f'{part.owner}: the integrator energy_momentum needs the formulation "se3", got '
-                '"nurbs"'
+                f"{part.owner}: the integrator energy_momentum is for beams of the formulation "
+                '"se3" and rigid bodies'
             )
-        if part.beams is not None and part.beams.law_owner is not None:
+        if part.elements is not None and part.elements.law_owner is not None:
             raise InputError(
-                f"{part.beams.law_owner}: the integrator energy_momentum needs a linear section"
+                f"{part.elements.law_owner}: the integrator energy_momentum needs a linear section"
             )

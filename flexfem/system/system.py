@@ -14,12 +14,12 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import Load
 from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State
-from flexfem.elements.family import BeamFamily
+from flexfem.elements.family import ElementFamily
 from flexfem.system.constraints import Constraints
 from flexfem.system.interface import Interface
 from flexfem.system.line_loads import LineForces
@@ -79,12 +79,13 @@ class BlockPart:
     """A block with what acts on its nodes.
 
     Attributes:
-        kind: kind of block (``placement.BEAMS``, ``NURBS`` or ``RIGID``).
+        kind: kind of block (``placement.BEAMS``, ``NURBS``, ``SHELLS`` or ``RIGID``).
         block: the nodes and their state.
         masses, forces: at nodes of this rank; line_forces: inside its elements.
-        beams: the element family, None for rigid bodies.
+        elements: the element family, None for rigid bodies.
         owner: what messages call the first body, the same on all ranks.
         node_body: (n,) number of the body that each node belongs to.
+        node_cluster: (n,) number of its cluster: bodies that share nodes are one matrix.
         slots: (n_slots,) local node of each interface slot that this rank owns in it, else -1.
     """
 
@@ -93,28 +94,41 @@ class BlockPart:
     masses: NodeMasses
     forces: NodeForces
     line_forces: list[LineForces]
-    beams: BeamFamily | None
+    elements: ElementFamily | None
     owner: str
     node_body: IntArray
+    node_cluster: IntArray
     slots: IntArray
 
-    def bodies(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Bodies with nodes of this rank, their owned nodes body by body, and where each starts."""
-        owned = self.node_body[: self.block.owned]
+    def clusters(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Clusters with nodes of this rank, their owned nodes in order, and where each starts."""
+        owned = self.node_cluster[: self.block.owned]
         nodes = np.argsort(owned, kind="stable")
-        bodies, first = np.unique(owned[nodes], return_index=True)
-        return bodies, nodes, np.append(first, len(nodes))
+        clusters, first = np.unique(owned[nodes], return_index=True)
+        return clusters, nodes, np.append(first, len(nodes))
 
-    def connectivity(self) -> list[IndexArray]:
-        """Local nodes (m, k) of the elements, then of the forces inside elements, in groups."""
-        elements = [] if self.beams is None else self.beams.connectivity
-        return [*elements, *(forces.nodes for forces in self.line_forces)]
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """Local nodes (m, j) and (m, k) that the elements couple, then forces inside them."""
+        elements = [] if self.elements is None else self.elements.couplings
+        return [*elements, *((forces.nodes, forces.nodes) for forces in self.line_forces)]
+
+    @cached_property
+    def held_entries(self) -> BoolArray:
+        """Which entries of elements, masses and forces are in a row or column that is held."""
+        held = self.block.held
+        assert held is not None
+        own = np.concatenate([self.masses.nodes, self.forces.nodes]).astype(np.int64)[:, np.newaxis]
+        masks = []
+        for i, j in (*self.couplings(), (own, own)):
+            row, column = (held[nodes].reshape(len(nodes), -1) for nodes in (i, j))
+            masks.append((row[:, :, np.newaxis] | column[:, np.newaxis]).ravel())
+        return np.concatenate(masks)
 
     def add_residual(self, gravity: FloatArray, factors: FloatArray, scale: float) -> None:
         """Compute the scaled residual without constraint forces; ghosts are summed to owners."""
         self.block.residual[:] = 0.0
-        if self.beams is not None:
-            self.beams.add_residual(self.block, gravity, scale)
+        if self.elements is not None:
+            self.elements.add_residual(self.block, gravity, scale)
             for forces in self.line_forces:
                 forces.add_residual(self.block, factors, scale)
             self.block.add_ghosts()
@@ -130,9 +144,9 @@ class System:
     Attributes:
         comm: communicator.
         parts: the blocks that exist, in the order of the nest (SE(3) beams, NURBS
-            beams, rigid bodies).
+            beams, shells, rigid bodies).
         interface, constraints: nodes with joints and the rows between them.
-        part_of_slot, body_of_slot: part and body of every interface slot.
+        part_of_slot, body_of_slot, cluster_of_slot: part, body and cluster of every interface slot.
         gravity: (3,) acceleration in inertial axes, m/s^2.
         counters: what the run has counted so far.
         mechanics: the equations at the trial state; a time integrator may bring its own.
@@ -147,6 +161,7 @@ class System:
         interface: Interface,
         constraints: Constraints,
         body_of_slot: IntArray,
+        cluster_of_slot: IntArray,
         loads: Sequence[Load],
         gravity: FloatArray,
     ) -> None:
@@ -156,7 +171,7 @@ class System:
         self.part_of_slot: IntArray = np.array(
             [kinds.index(int(kind)) for kind in interface.kind], dtype=np.int64
         )
-        self.body_of_slot = body_of_slot
+        self.body_of_slot, self.cluster_of_slot = body_of_slot, cluster_of_slot
         self.interface, self.constraints = interface, constraints
         self._loads, self.gravity = list(loads), gravity
         self._factors = np.ones(len(self._loads))
@@ -230,7 +245,7 @@ class System:
         for part in self.parts:
             block = part.block
             block.spread_step()
-            if part.beams is not None:
+            if part.elements is not None:
                 block.residual[block.owned :] = 0.0
                 mechanics.add_cells(self, part, shifts, factor)
                 block.add_ghosts()
@@ -258,6 +273,9 @@ class System:
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: trial state becomes the state, and the best prediction is chosen."""
         self.choose_prediction([part.block.accept(law, h) for part in self.parts])
+        for part in self.parts:
+            if part.elements is not None:
+                part.elements.accept(part.block)
         self.interface.update()
         self.constraints.accept()
 

@@ -32,7 +32,7 @@ class OneBeam:
         model.validate()
         self.comm, self.most = MPI.COMM_WORLD, MPI.MAX
         part = build(Assembly(model), self.comm, split_above=1).parts[0]
-        self.block, self.beams = part.block, part.beams
+        self.block, self.beams = part.block, part.elements
         self.gravity = np.zeros(3)
         self.block.inertial = inertial
 

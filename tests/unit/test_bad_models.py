@@ -407,7 +407,7 @@ MODELS = [
     (lambda: [BODY, joint(Ground(), Ground((1, 0, 0)))], 'Spherical "joint": both markers are on'),
     (
         lambda: [BODY, joint(Ground(), Marker("boddy"))],
-        'Spherical "joint": Marker on "boddy": Model "bad" has no such beam or rigid body',
+        'Spherical "joint": Marker on "boddy": Model "bad" has no such body',
     ),
     (
         lambda: [BODY, joint(Ground(), Marker("body", "tip"))],
@@ -447,7 +447,7 @@ MODELS = [
     ),
     (
         lambda: [BODY, PointMass("mass", 1.0, Marker("nobody"))],
-        'PointMass "mass": Marker on "nobody": Model "bad" has no such beam',
+        'PointMass "mass": Marker on "nobody": Model "bad" has no such body',
     ),
     (
         lambda: [BODY, PointForce("force", Marker("nobody"), (0, 0, 1))],

@@ -37,9 +37,9 @@ CONSTRUCTORS = [
 MODELS = [
     (
         ff.EnergyProbe("e", ["rod", "pin"]),
-        'EnergyProbe "e": Model "bad" has no beam or rigid body "pin"',
+        'EnergyProbe "e": Model "bad" has no body "pin"',
     ),
-    (ff.MomentumProbe("p", ["no"]), 'MomentumProbe "p": Model "bad" has no beam or .* "no"'),
+    (ff.MomentumProbe("p", ["no"]), 'MomentumProbe "p": Model "bad" has no body "no"'),
     (ff.ReactionProbe("r", "rod"), 'ReactionProbe "r": Model "bad" has no joint "rod"'),
     (ff.StrainProbe("s", "pin", 0.5), 'StrainProbe "s": Model "bad" has no beam "pin"'),
     (

@@ -227,12 +227,12 @@ def _answers(names: list[str], split_above: int) -> dict[str, list[np.ndarray]]:
     block.frames[:] = se3.retract(block.start_frames, block.increment)
     block.velocity[:], block.acceleration[:], block.step[:] = own[1:]
     shifts, results = np.array([12.0, 70.0, 1.0]), []
-    matrices = part.beams.tangent(block, np.zeros(3), shifts, 1.0)
-    cells = part.beams.data.cells
+    matrices = part.elements.tangent(block, np.zeros(3), shifts, 1.0)
+    cells = part.elements.data.cells
     products = np.einsum("mij,mj->mi", matrices, block.step[cells].reshape(-1, 12))
     for add in (
-        lambda: part.beams.add_residual(block, np.zeros(3), 1.0),
-        lambda: part.beams.add_action(block, np.zeros(3), shifts, 1.0),
+        lambda: part.elements.add_residual(block, np.zeros(3), 1.0),
+        lambda: part.elements.add_action(block, np.zeros(3), shifts, 1.0),
         lambda: np.add.at(block.residual, cells, products.reshape(-1, 2, 6)),
     ):
         block.residual[:] = 0.0
@@ -242,7 +242,7 @@ def _answers(names: list[str], split_above: int) -> dict[str, list[np.ndarray]]:
         out[block.node_ids[: block.owned]] = block.owned_residual
         results.append(comm.allreduce(out).reshape(len(names), 5, 6))
     energies = np.bincount(
-        part.beams.data.body, part.beams.energies(block.frames), minlength=len(names)
+        part.elements.data.body, part.elements.energies(block.frames), minlength=len(names)
     )
     results.append(comm.allreduce(energies))
     return {name: [r[k] for r in results] for k, name in enumerate(names)}

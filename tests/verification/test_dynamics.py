@@ -158,7 +158,7 @@ def _momenta(simulation: Simulation) -> np.ndarray:
     for acceleration in (0.0 * kept, block.velocity):
         block.acceleration[:] = acceleration
         block.residual[:] = 0.0
-        part.beams.add_residual(block, np.zeros(3), 1.0)
+        part.elements.add_residual(block, np.zeros(3), 1.0)
         sides.append(block.residual.copy())
     block.acceleration[:] = kept
     back = np.swapaxes(se3.adjoint(se3.inverse(block.frames)), -1, -2)

@@ -44,9 +44,9 @@ class Measures:
         total = 0.0
         for part in self.system.parts:
             total += self._masses(part)[0]
-            if part.beams is not None:
-                strain, resultant = part.beams.resultants(part.block.frames)
-                total += 0.5 * np.einsum("mi,mi,m->", strain, resultant, part.beams.lengths)
+            if part.elements is not None:
+                strain, resultant = part.elements.resultants(part.block.frames)
+                total += 0.5 * np.einsum("mi,mi,m->", strain, resultant, part.elements.lengths)
                 total += self._axis(part)[0]
         return self._sum(total) + self.springs()
 
@@ -55,7 +55,7 @@ class Measures:
         total = np.zeros(6)
         for part in self.system.parts:
             total += self._masses(part)[1]
-            if part.beams is not None:
+            if part.elements is not None:
                 total += self._axis(part)[1]
         return self._sum(total)
 
@@ -88,7 +88,7 @@ class Measures:
 
     def _axis(self, part):
         """Consistent masses on the axis; rotary inertia and weight lumped."""
-        block, beams = part.block, part.beams
+        block, beams = part.block, part.elements
         R = se3.rotation(block.frames)
         v = np.einsum("nij,nj->ni", R, block.velocity[:, :3])
         cells, turned, turns, _, lengths, _, sections, laws = beams.linear.cell_data
@@ -120,8 +120,8 @@ class Measures:
             R, rate = se3.rotation(part.block.frames), part.block.velocity.copy()
             rate[:, :3] = np.einsum("nij,nj->ni", R, rate[:, :3])
             twists = np.zeros((0, 6))
-            if part.beams is not None:
-                twists = part.beams.resultants(part.block.frames)[0]
+            if part.elements is not None:
+                twists = part.elements.resultants(part.block.frames)[0]
             result.append((rate, twists))
         return result
 
@@ -134,13 +134,15 @@ class Measures:
             part.block.velocity[:] = r1 - r0
             part.block.velocity[:, :3] = np.einsum("nji,nj->ni", R, (r1 - r0)[:, :3])
             total += self._masses(part)[0]
-            if part.beams is not None:
+            if part.elements is not None:
                 total += self._axis(part)[0]
-                law = part.beams.linear.cell_data[-1][part.beams.data.section, 21:]
+                law = part.elements.linear.cell_data[-1][part.elements.data.section, 21:]
                 D = np.zeros((len(law), 6, 6))
                 upper = np.triu_indices(6)
                 D[:, upper[0], upper[1]] = D[:, upper[1], upper[0]] = law
-                total += 0.5 * np.einsum("mi,mij,mj,m->", e1 - e0, D, e1 - e0, part.beams.lengths)
+                total += 0.5 * np.einsum(
+                    "mi,mij,mj,m->", e1 - e0, D, e1 - e0, part.elements.lengths
+                )
             part.block.velocity[:] = kept
         self.system.gravity = gravity
         return self._sum(total)

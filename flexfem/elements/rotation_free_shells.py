@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The family of rotation-free shells: all of them on one triangle mesh.
+
+Patches of six nodes and of twelve are groups of their own. The matrices of the triangles are summed
+up for pairs of nodes at once: those of single triangles would fill the memory of large shells.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.rotation_free import RotationFreeTriangles
+from flexfem.elements.shell_nodes import (
+    add_blocks,
+    add_consistent_inertia,
+    add_consistent_masses,
+    add_lumped_inertia,
+    add_lumped_masses,
+    add_motion,
+    add_rotations,
+    add_to_nodes,
+    inertial_into,
+    positions_into,
+    turn_blocks,
+    turn_nodes,
+)
+
+__all__ = ["RotationFreeShells", "ShellCells"]
+
+#: Triangles whose matrices are computed at a time: they stay in the cache.
+_CHUNK = 128
+
+
+@dataclass(frozen=True)
+class ShellCells:
+    """Triangles of this rank with patches of equally many nodes.
+
+    Attributes:
+        triangles: their mechanics.
+        body: (m,) number of the shell; mass: (m,) kg.
+        consistent: (m,) whether the mass is not lumped.
+    """
+
+    triangles: RotationFreeTriangles
+    body: IntArray
+    mass: FloatArray
+    consistent: BoolArray
+
+    @property
+    def corners(self) -> IndexArray:
+        """(m, 3) own nodes of the triangles."""
+        return np.ascontiguousarray(self.triangles.patches.nodes[:, :3])
+
+
+class RotationFreeShells:
+    """Residual, tangent and stress resultants of all rotation-free shells of this rank.
+
+    Attributes:
+        groups: the triangles.
+        corners: (m, 3) own nodes of all triangles; body: (m,) their shells.
+        masses: (n,) lumped masses of the owned nodes, zero for ghosts, kg.
+
+    The methods of :class:`flexfem.elements.family.ElementFamily` are described there. A step with
+    damping neglects in the tangent how strain rates change as triangles turn.
+    """
+
+    law_owner: str | None = None
+
+    def __init__(self, groups: Sequence[ShellCells], block: FrameBlock) -> None:
+        """Prepare pairs of nodes and masses (collective).
+
+        Args:
+            groups: the triangles that this rank owns.
+            block: their nodes, at the start.
+        """
+        self.groups = list(groups)
+        none = np.empty(0, dtype=np.int64)
+        self.corners = np.concatenate([none.reshape(0, 3), *(g.corners for g in groups)])
+        self.body = np.concatenate([none, *(g.body for g in groups)])
+        self._mass = np.concatenate([np.empty(0), *(g.mass for g in groups)])
+        self._consistent = np.concatenate([np.empty(0, np.bool_), *(g.consistent for g in groups)])
+        areas = [g.triangles.patches.areas for g in groups]
+        self.areas = np.concatenate([np.empty(0), *areas])
+        count = len(block.frames)
+        lumped = np.where(self._consistent, 0.0, self._mass)
+        self.masses = _lumped(block, self.corners, lumped)
+        self._pairs(count)
+        self._points, self._forces = np.empty((count, 3)), np.empty((count, 3))
+        self._vectors = np.empty((count, 3))
+        # axes in which a node is held stay what they are
+        fixed = np.zeros(count, dtype=np.bool_)
+        self._fixed = fixed if block.held is None else block.held.any(axis=1)
+        self.viscous = any(bool(g.triangles.damping.any()) for g in groups)
+
+    def _pairs(self, count: int) -> None:
+        """Number the pairs of nodes that patches or masses couple."""
+        keys = [np.arange(count) * (count + 1)]
+        for group in self.groups:
+            nodes = group.triangles.patches.nodes.astype(np.int64)
+            pairs = nodes[:, :, np.newaxis] * count + nodes[:, np.newaxis]
+            there = (nodes[:, :, np.newaxis] >= 0) & (nodes[:, np.newaxis] >= 0)
+            keys.append(np.where(there, pairs, -1).ravel())
+        known = np.unique(np.concatenate(keys))
+        known = known[known >= 0]
+        self._rows, self._columns = known // count, known % count
+        self._diagonal = np.searchsorted(known, keys[0])
+        self._index = []
+        for group, key in zip(self.groups, keys[1:], strict=True):
+            p = group.triangles.patches.nodes.shape[1]
+            at = np.where(key >= 0, np.searchsorted(known, key), -1)
+            self._index.append(at.astype(np.int32).reshape(-1, p, p))
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [(self._rows[:, np.newaxis], self._columns[:, np.newaxis])]
+
+    def _velocities(self, block: FrameBlock) -> FloatArray | None:
+        """Inertial velocities (n, 3) of the nodes where there is damping."""
+        if not self.viscous:
+            return None
+        velocities = np.empty_like(self._points)
+        inertial_into(block.frames, block.velocity, velocities)
+        return velocities
+
+    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        points, forces = self._points, self._forces
+        positions_into(block.frames, points)
+        velocities = self._velocities(block)
+        forces[:] = 0.0
+        for group in self.groups:
+            group.triangles.add_forces(points, forces, velocities=velocities)
+        if self._consistent.any():
+            inertial_into(block.frames, block.acceleration, self._vectors)
+            mass = np.where(self._consistent, self._mass, 0.0)
+            add_consistent_inertia(self.corners, mass, self._vectors, gravity, forces)
+        add_to_nodes(block.frames, forces, scale, block.residual)
+        add_lumped_inertia(
+            self.masses, block.frames, block.acceleration, gravity, scale, block.residual
+        )
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        blocks = np.zeros((len(self._rows), 3, 3))
+        positions_into(block.frames, self._points)
+        velocities = self._velocities(block)
+        factors = scale * float(shifts[2]), scale * float(shifts[0])
+        for group, index in zip(self.groups, self._index, strict=True):
+            width = 3 * index.shape[1]
+            matrices = np.empty((_CHUNK, width, width))
+            for first in range(0, len(index), _CHUNK):
+                part = matrices[: len(index) - first]
+                group.triangles.tangents_into(
+                    self._points, part, factors, velocities=velocities, first=first
+                )
+                add_blocks(part, index, first, blocks)
+            mass = np.where(group.consistent, group.mass, 0.0)
+            if mass.any():
+                add_consistent_masses(mass, index, scale * float(shifts[1]), blocks)
+        turn_blocks(self._rows, self._columns, block.frames, blocks)
+        add_lumped_masses(self.masses, scale * float(shifts[1]), self._diagonal, blocks)
+        return blocks.ravel()
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
+    ) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        points, forces, steps = self._points, self._forces, self._vectors
+        positions_into(block.frames, points)
+        inertial_into(block.frames, block.step, steps)
+        velocities = self._velocities(block)
+        forces[:] = 0.0
+        factors = float(shifts[2]), float(shifts[0])
+        if any(factors):
+            for group in self.groups:
+                group.triangles.add_action(points, steps, forces, factors, velocities)
+        mass = float(shifts[1])
+        if self._consistent.any():
+            own = np.where(self._consistent, mass * self._mass, 0.0)
+            add_consistent_inertia(self.corners, own, steps, np.zeros(3), forces)
+        add_to_nodes(block.frames, forces, scale, block.residual)
+        still = np.zeros(3)
+        add_lumped_inertia(
+            self.masses, block.frames, block.step, still, scale * mass, block.residual
+        )
+
+    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
+        """The tangent is always exact."""
+
+    def assume_forces(self, assumed: bool) -> None:
+        """The tangent is always exact."""
+
+    def exact(self) -> None:
+        """The tangent is always exact."""
+
+    def accept(self, block: FrameBlock) -> None:
+        """Turn the axes of the nodes with the shell (collective)."""
+        from dolfinx import la
+
+        positions_into(block.frames, self._points)
+        vector = la.vector(block.index_map, 9)
+        sums = vector.array.reshape(-1, 9)
+        for group in self.groups:
+            patches = group.triangles.patches
+            add_rotations(
+                patches.nodes, patches.gradients, patches.areas, patches.axes, self._points, sums
+            )
+        if block.has_ghosts:
+            vector.scatter_reverse(la.InsertMode.add)
+            vector.scatter_forward()
+        turn_nodes(
+            sums, block.start_frames, self._fixed, block.frames0, block.frames, block.velocity,
+            block.acceleration,
+        )  # fmt: skip
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        positions_into(frames, self._points)
+        strains = [g.triangles.strains(self._points) for g in self.groups]
+        stresses = [
+            g.triangles.stresses(strain) for g, strain in zip(self.groups, strains, strict=True)
+        ]
+        nothing = np.empty((0, 6))
+        both = np.concatenate([nothing, *strains]), np.concatenate([nothing, *stresses])
+        return both if chosen is None else (both[0][chosen], both[1][chosen])
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        positions_into(frames, self._points)
+        parts = [g.triangles.energies(self._points)[:, 2] for g in self.groups]
+        return np.concatenate([np.empty(0), *parts])
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        positions_into(block.frames, self._points)
+        inertial_into(block.frames, block.velocity, self._vectors)
+        rates = [g.triangles.strain_rates(self._points, self._vectors) for g in self.groups]
+        stresses = [
+            g.triangles.stresses(g.triangles.damping[:, np.newaxis] * rate)
+            for g, rate in zip(self.groups, rates, strict=True)
+        ]
+        nothing = np.empty((0, 6))
+        return np.concatenate([nothing, *stresses]), np.concatenate([nothing, *rates])
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return np.arange(len(self.areas)), self.areas
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        positions_into(block.frames, self._points)
+        inertial_into(block.frames, block.velocity, self._vectors)
+        add_motion(
+            self.corners, self._mass, self._consistent, chosen, self._points, self._vectors, motion
+        )
+
+
+def _lumped(block: FrameBlock, corners: IndexArray, mass: FloatArray) -> FloatArray:
+    """Masses (n,) of the owned nodes, a third of each triangle's (collective)."""
+    from dolfinx import la
+
+    vector = la.vector(block.index_map, 1)
+    np.add.at(vector.array, corners, np.repeat(mass[:, np.newaxis] / 3.0, 3, axis=1))
+    vector.scatter_reverse(la.InsertMode.add)
+    masses: FloatArray = vector.array.copy()
+    masses[block.owned :] = 0.0
+    return masses

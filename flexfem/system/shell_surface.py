@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Serial data of all shells of a model: triangles, edges, held directions."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.lie import se3
+from flexfem.materials.shell_section import ShellSection
+from flexfem.mesh.patch_checks import moment_imbalance, moment_sums
+from flexfem.mesh.patches import EdgeRule, curvature_patches
+from flexfem.mesh.surface_mesh import SurfaceMesh
+from flexfem.mesh.topology import edge_keys
+from flexfem.model.model import Model
+from flexfem.model.shell import Shell
+
+__all__ = ["ShellSurface"]
+
+_RULES = {
+    "clamped": EdgeRule.CLAMPED,
+    "hinged": EdgeRule.HINGED,
+    "symmetric": EdgeRule.SYMMETRIC,
+}
+#: Imbalance of constant moments at the nodes (root mean square) above which slopes are averaged.
+#: Deflections converge to a limit that is off by less than 0.1 % below it.
+_BALANCED = 0.02
+#: Distance of a line from its plane, relative to its size, that counts as none.
+_FLAT = 1e-6
+#: Cosines below this are those of right angles, above one minus it those of equal directions.
+_RIGHT = 1e-6
+
+
+@dataclass(frozen=True)
+class ShellSurface:
+    """All shells of a model, the same on every rank.
+
+    Nodes and triangles are those of the surface mesh.
+
+    Attributes:
+        mesh: the mesh.
+        shells: in the order of the model.
+        body: (m,) number of each triangle's shell.
+        sections: the different sections; section: (m,) which a triangle has.
+        directions: (m, 3) material directions, zero for that of the first side.
+        rules: (m, 3) ``EdgeRule`` of each edge without neighbour.
+        normals: (m, 3, 3) normals of planes of symmetry at edges, else zero.
+        averaged: (m,) whether slopes are averaged.
+        frames: (n, 12) nodes; axes are inertial but where a node is held along others.
+        held: (n, 3) directions of these axes in which nodes are held.
+        velocities: (n, 6) at the start, in these axes.
+        body_of_node: (n,) first shell that has the node.
+        cluster_of_node: (n,) number of its cluster of shells that share nodes.
+    """
+
+    mesh: SurfaceMesh
+    shells: list[Shell]
+    body: IntArray
+    sections: list[ShellSection]
+    section: IntArray
+    directions: FloatArray
+    rules: IntArray
+    normals: FloatArray
+    averaged: BoolArray
+    frames: FloatArray
+    held: BoolArray
+    velocities: FloatArray
+    body_of_node: IntArray
+    cluster_of_node: IntArray
+
+    @classmethod
+    def of(cls, model: Model) -> Self:
+        """Data of a model with shells.
+
+        Raises:
+            ValueError: a line or node that a shell does not have, a plane of symmetry that is
+                none, directions that neither agree nor are at right angles; one line with names.
+        """
+        mesh, shells = model.surface, model.shells
+        assert mesh is not None  # checked by validate()
+        body = np.empty(len(mesh.triangles), dtype=np.int64)
+        for number, shell in enumerate(shells):
+            body[mesh.bodies[shell.body]] = number
+        sections = list({id(s.section): s.section for s in shells}.values())
+        numbers = [next(i for i, s in enumerate(sections) if s is h.section) for h in shells]
+        directions = np.zeros((len(body), 3))
+        rules = np.full((len(body), 3), int(EdgeRule.FREE))
+        normals, held = np.zeros((len(body), 3, 3)), _Held(mesh)
+        averaged = np.empty(len(body), dtype=np.bool_)
+        for shell in shells:
+            rows = mesh.bodies[shell.body]
+            directions[rows] = _directions(mesh, shell, rows)
+            _edges(mesh, shell, rules, normals, held)
+            averaged[rows] = _averaged(mesh, shell, rows)
+        frames, mask = held.frames()
+        low = np.full(len(mesh.points), len(shells))
+        np.minimum.at(low, mesh.triangles.ravel(), np.repeat(body, 3))
+        return cls(
+            mesh, shells, body, sections, np.array(numbers)[body], directions, rules, normals,
+            averaged, frames, mask, _velocities(mesh, shells, frames, mask), low,
+            _clusters(mesh.triangles, body, len(mesh.points))[low],
+        )  # fmt: skip
+
+
+def _directions(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> FloatArray:
+    """Material directions (m, 3) of a shell's triangles, zero for that of the first side."""
+    owner = f'Shell "{shell.name}"'
+    if shell.direction is None:
+        return np.zeros((len(rows), 3))
+    centres = mesh.points[mesh.triangles[rows]].mean(axis=1)
+    given = shell.direction(centres) if callable(shell.direction) else shell.direction
+    if not callable(shell.direction):
+        given = np.tile(np.asarray(given), (len(rows), 1))
+    directions = _checks.array(owner, "direction(x)", given, (len(rows), 3))
+    across = np.linalg.norm(np.cross(directions, mesh.normals[rows]), axis=1)
+    if (across <= 1e-6 * np.linalg.norm(directions, axis=1)).any():
+        at = int(np.argmin(across))
+        raise ValueError(
+            f"{owner}: direction {_checks.show(directions[at].tolist())} is at right angles to "
+            f"triangle {rows[at]} at {_checks.show(centres[at].tolist())}"
+        )
+    return directions
+
+
+def _edges(
+    mesh: SurfaceMesh, shell: Shell, rules: IntArray, normals: FloatArray, held: "_Held"
+) -> None:
+    """Enter what holds along the lines of a shell and at its nodes."""
+    owner = f'Shell "{shell.name}"'
+    for line, rule in shell.edges.items():
+        triangle, side = _sides(mesh, shell, line)
+        rules[triangle, side] = _RULES[rule]
+        nodes = np.unique(mesh.lines[line])
+        if rule == "symmetric":
+            normal = _plane(mesh, owner, line, triangle, side)
+            normals[triangle, side] = normal
+            held.add(owner, nodes, normal)
+        else:
+            for axis in np.eye(3):
+                held.add(owner, nodes, axis)
+    known = set(mesh.body_nodes(shell.body).tolist())
+    for name, axes in shell.fixed.items():
+        own = [mesh.nodes[name]] if name in mesh.nodes else mesh.lines.get(name, ())
+        nodes = np.unique(np.array(own, dtype=np.int64))
+        if not len(nodes) or not known.issuperset(nodes.tolist()):
+            raise ValueError(f'{owner}: fixed: it has no line or named node "{name}"')
+        for letter in axes:
+            held.add(owner, nodes, np.eye(3)["xyz".index(letter)])
+
+
+def _sides(mesh: SurfaceMesh, shell: Shell, line: str) -> tuple[IntArray, IntArray]:
+    """Triangle and side of every edge of a line on the boundary of a shell."""
+    owner, count = f'Shell "{shell.name}"', len(mesh.points)
+    if line not in mesh.lines:
+        known = _checks.show(", ".join(mesh.lines) or "none", 200)
+        raise ValueError(f'{owner}: edges: line "{line}" is not in the mesh, which has {known}')
+    rows = mesh.bodies[shell.body]
+    triangle, side = np.nonzero(mesh.topology.neighbours[rows] < 0)
+    ends = np.stack([mesh.triangles[rows[triangle], (side + k) % 3] for k in (1, 2)], axis=1)
+    keys, wanted = edge_keys(ends, count), edge_keys(mesh.lines[line], count)
+    order = np.argsort(keys)
+    at = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
+    if not len(keys) or (keys[order[at]] != wanted).any():
+        raise ValueError(f'{owner}: edges: line "{line}" is not on its boundary')
+    return rows[triangle[order[at]]], side[order[at]]
+
+
+def _plane(
+    mesh: SurfaceMesh, owner: str, line: str, triangle: IntArray, side: IntArray
+) -> FloatArray:
+    """Unit normal of the plane of symmetry that a line lies in."""
+    ends = [mesh.points[mesh.triangles[triangle, (side + k) % 3]] for k in (1, 2)]
+    outwards = np.cross(ends[1] - ends[0], mesh.normals[triangle]).mean(axis=0)
+    points = np.unique(np.concatenate(ends), axis=0)
+    offsets = points - points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(offsets, full_matrices=True)
+    if len(sizes) > 1 and sizes[1] > _FLAT * sizes[0]:
+        normal = axes[2]
+        if np.abs(offsets @ normal).max() > _FLAT * sizes[0]:
+            raise ValueError(
+                f'{owner}: edges: line "{line}" is symmetric but does not lie in a plane'
+            )
+    else:
+        normal = outwards - (outwards @ axes[0]) * axes[0]
+    result: FloatArray = normal / np.linalg.norm(normal)
+    return result
+
+
+def _averaged(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> bool:
+    """Whether a shell's slopes are averaged: as it says, or as its mesh needs."""
+    if shell.averaged is not None:
+        return shell.averaged
+    number = np.full(len(mesh.points), -1)
+    nodes = np.unique(mesh.triangles[rows])
+    number[nodes] = np.arange(len(nodes))
+    opposite = mesh.topology.opposite[rows]
+    patches = curvature_patches(
+        mesh.points[nodes],
+        number[mesh.triangles[rows]],
+        np.where(opposite >= 0, number[opposite], -1),
+        shell.section.stiffness[3:, 3:],
+    )
+    if not np.isfinite(patches.conditions).all():
+        return True
+    imbalance = moment_imbalance(moment_sums(patches, len(nodes)))
+    return bool(np.sqrt((imbalance**2).mean()) > _BALANCED)
+
+
+class _Held:
+    """Directions in which nodes are held."""
+
+    def __init__(self, mesh: SurfaceMesh) -> None:
+        self._mesh = mesh
+        self._axes: dict[int, list[FloatArray]] = {}
+
+    def add(self, owner: str, nodes: IntArray, axis: FloatArray) -> None:
+        """Hold nodes along a unit vector, which is one of those before or at right angles."""
+        for node in nodes.tolist():
+            axes = self._axes.setdefault(node, [])
+            cosines = [abs(float(axis @ other)) for other in axes]
+            if len(axes) == 3 or any(cosine > 1.0 - _RIGHT for cosine in cosines):
+                continue
+            if any(cosine > _RIGHT for cosine in cosines):
+                raise ValueError(
+                    f"{owner}: node {node} at {_checks.show(self._mesh.points[node].tolist())} is "
+                    "held in two directions that are not at right angles"
+                )
+            axes.append(axis)
+
+    def frames(self) -> tuple[FloatArray, BoolArray]:
+        """Frames (n, 12) of all nodes, and along which of their axes they are held (n, 3)."""
+        points = self._mesh.points
+        turns, mask = np.tile(np.eye(3), (len(points), 1, 1)), np.zeros((len(points), 3), np.bool_)
+        for node, axes in self._axes.items():
+            mask[node, : len(axes)] = True
+            if len(axes) < 3:
+                turns[node] = np.stack(list(_completed(axes)), axis=1)
+        return se3.frame(points, turns), mask
+
+
+def _completed(axes: list[FloatArray]) -> Iterator[FloatArray]:
+    """One or two unit vectors at right angles, and those that complete them to a basis."""
+    yield from axes
+    if len(axes) == 1:
+        other = np.cross(axes[0], np.eye(3)[np.argmin(np.abs(axes[0]))])
+        yield other / np.linalg.norm(other)
+        yield np.cross(axes[0], other / np.linalg.norm(other))
+    else:
+        yield np.cross(axes[0], axes[1])
+
+
+def _velocities(
+    mesh: SurfaceMesh, shells: list[Shell], frames: FloatArray, held: BoolArray
+) -> FloatArray:
+    """Velocities (n, 6) of all nodes at the start in their axes."""
+    velocities = np.zeros((len(mesh.points), 6))
+    for shell in shells:
+        nodes = mesh.body_nodes(shell.body)
+        inertial = shell.velocity + np.cross(shell.angular_velocity, mesh.points[nodes])
+        velocities[nodes, :3] = np.einsum("nji,nj->ni", se3.rotation(frames[nodes]), inertial)
+    velocities[:, :3][held] = 0.0
+    return velocities
+
+
+def _clusters(triangles: IntArray, body: IntArray, count: int) -> IntArray:
+    """Cluster of every shell: the lowest number among shells linked by shared nodes."""
+    cluster = np.arange(int(body.max()) + 1)
+    while True:
+        low = np.full(count, len(cluster))
+        np.minimum.at(low, triangles.ravel(), np.repeat(cluster[body], 3))
+        found = cluster.copy()
+        np.minimum.at(found, body, low[triangles].min(axis=1))
+        if (found == cluster).all():
+            return cluster
+        cluster = found
