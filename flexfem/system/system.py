@@ -120,7 +120,7 @@ class BlockPart:
         own = np.concatenate([self.masses.nodes, self.forces.nodes]).astype(np.int64)[:, np.newaxis]
         masks = []
         for i, j in (*self.couplings(), (own, own)):
-            row, column = (held[nodes].reshape(len(nodes), -1) for nodes in (i, j))
+            row, column = (held[k].reshape(len(k), held.shape[1] * k.shape[1]) for k in (i, j))
             masks.append((row[:, :, np.newaxis] | column[:, np.newaxis]).ravel())
         return np.concatenate(masks)
 
