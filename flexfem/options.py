@@ -3,6 +3,7 @@
 
 import math
 import operator
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,6 +119,40 @@ class Option:
         ]
         text = " ".join([kinds[self.kind], " and ".join(bounds)]).strip()
         return f"{text} [{self.unit}]" if self.unit else text
+
+
+@dataclass(frozen=True, init=False)
+class GridOption(Option):
+    """Numbers of nodes along two directions, such as "31x21"."""
+
+    def __init__(self, name: str, default: str, help: str) -> None:
+        """Declare the option; arguments as for :class:`Option`."""
+        super().__init__(name, str, default, help)
+
+    def check(self, value: Any) -> str:
+        """Return the text; see :meth:`Option.check`."""
+        text: str = super().check(value)
+        try:
+            grid_nodes(text)
+        except ValueError:
+            raise ValueError(f"must be {self.describe()}, got {value!r}") from None
+        return text
+
+    def describe(self) -> str:
+        """See :meth:`Option.describe`."""
+        return "two whole numbers > 1 such as 31x21"
+
+
+def grid_nodes(text: str) -> tuple[int, int]:
+    """Return the two numbers of nodes in a text such as "31x21".
+
+    Raises:
+        ValueError: It is not of this form, or a number is below 2.
+    """
+    found = re.fullmatch(r"(\d+)x(\d+)", text, flags=re.ASCII)
+    if found is None or min(int(found[1]), int(found[2])) < 2:
+        raise ValueError(f'a grid is written as two whole numbers > 1 such as 31x21, got "{text}"')
+    return int(found[1]), int(found[2])
 
 
 @dataclass(frozen=True, kw_only=True)

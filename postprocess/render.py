@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Draw the motion in a result folder: motion.png (superposed instants) and motion.gif.
 
-Reads only the ParaView series of the folder (beams, beam_surfaces, rigid_bodies, joints):
+Reads only the ParaView series of the folder (beams, beam_surfaces, shells, rigid_bodies, joints):
 
     python postprocess/render.py results/slider_crank --colour M3 --size 1600x900
 Superposed are a few instants, or with ``--interval 0.1`` one every 0.1 s.
@@ -26,7 +26,8 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from vtkmodules.vtkCommonCore import vtkLogger
 
-SERIES = ("beam_surfaces", "beams", "rigid_bodies", "joints")
+FLEXIBLE = ("beam_surfaces", "beams", "shells")  # what is coloured by a field
+SERIES = (*FLEXIBLE, "rigid_bodies", "joints")
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
 UNITS |= {"angular_velocity": "rad/s"} | dict.fromkeys(("kappa1", "kappa2", "kappa3"), "1/m")
@@ -133,14 +134,14 @@ def survey(instants: list[Instant], field: str) -> tuple[np.ndarray, tuple[float
     clouds: list[np.ndarray] = [np.zeros((0, 3))]
     values: list[float] = []
     names: set[str] = set()
-    beams = False
+    flexible = False
     for instant in instants:
         for name, mesh in instant.meshes().items():
             points = np.asarray(mesh.points, dtype=float)
             ends = np.concatenate([points.argmin(axis=0), points.argmax(axis=0)])
             clouds += [points[ends], points[:: 1 + len(points) // 1000]]
-            if name.startswith("beam"):
-                beams = True
+            if name in FLEXIBLE:
+                flexible = True
                 names.update(mesh.array_names)
                 found = scalars(mesh, field)
                 if found is not None:
@@ -148,9 +149,9 @@ def survey(instants: list[Instant], field: str) -> tuple[np.ndarray, tuple[float
     cloud = np.concatenate(clouds)
     if not len(cloud) or not np.isfinite(cloud).all():
         raise RenderError(f"{instants[0].folder}: empty or infinite geometry")
-    if beams and not values:
+    if flexible and not values:
         known = ", ".join(sorted(names - {"TimeValue"}))
-        raise RenderError(f"no field '{field}' on the beams, there are: {known} and components")
+        raise RenderError(f"no field '{field}' on beams and shells, there are: {known} and components")
     smallest, largest = min(values, default=0.0), max(values, default=1.0)
     if smallest < -1e-9 * abs(largest):
         largest = max(-smallest, largest)
@@ -221,8 +222,8 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
             if solid and opacity < 1.0:
                 continue
             own |= {"line_width": 3 if solid else 6, "render_lines_as_tubes": True}
-        if name.startswith("beam"):
-            coloured = draw_beams(plotter, mesh, scene, own) or coloured
+        if name in FLEXIBLE:
+            coloured = draw_flexible(plotter, mesh, scene, own) or coloured
         else:
             colour = "#8fa3b8" if name == "rigid_bodies" else "#e07b39"
             surface = mesh.extract_surface(algorithm="dataset_surface")
@@ -231,8 +232,8 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
     return coloured
 
 
-def draw_beams(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) -> Any:
-    """Add beams coloured by the field; returns the actor, or None where the field is missing."""
+def draw_flexible(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) -> Any:
+    """Add beams or shells coloured by the field; returns the actor, or None where the field is missing."""
     colours = scalars(mesh, scene.field)
     if colours is None:
         plotter.add_mesh(mesh, color="#4878a8", **style)

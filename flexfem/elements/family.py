@@ -20,9 +20,11 @@ class ElementFamily(Protocol):
 
     Attributes:
         law_owner: what messages call the first section with a law of the user, None without one.
+        chained: nodes follow one another along lines, on which elements join neighbours only.
     """
 
     law_owner: str | None
+    chained: bool
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:

@@ -35,6 +35,8 @@ class NurbsBeams:
         law_owner: what messages call the first section with a law of the user, None without one.
     """
 
+    chained = True
+
     def __init__(
         self,
         comm: MPI.Intracomm,

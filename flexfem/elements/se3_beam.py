@@ -40,6 +40,8 @@ class SE3Beams:
     The methods of :class:`flexfem.elements.family.ElementFamily` are described there.
     """
 
+    chained = True
+
     def __init__(
         self,
         comm: MPI.Intracomm,

@@ -87,6 +87,7 @@ class ShellWriter:
                 "body": shells.body,
                 "strain": shells.strain,
                 "resultant": shells.resultant,
+                "bending_moment": _largest_moment(shells.resultant),
                 "thickness": shells.thickness,
             },
         )
@@ -94,3 +95,10 @@ class ShellWriter:
     def close(self) -> None:
         """End the series; collective."""
         self._series.close()
+
+
+def _largest_moment(resultant: FloatArray) -> FloatArray:
+    """Principal moment of the largest size (m,), N."""
+    first, second, mixed = resultant[:, 3:].T
+    largest: FloatArray = np.abs(0.5 * (first + second)) + np.hypot(0.5 * (first - second), mixed)
+    return largest

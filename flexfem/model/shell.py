@@ -12,12 +12,12 @@ from flexfem._types import FloatArray
 from flexfem.materials.shell_section import ShellSection
 from flexfem.mesh.frames import Orientation
 
-__all__ = ["EDGES", "ELEMENTS", "MASSES", "Shell"]
+__all__ = ["EDGES", "MASSES", "SHELL_ELEMENTS", "Shell"]
 
 _ZERO = (0.0, 0.0, 0.0)
 
 #: Formulations of shells.
-ELEMENTS = ("rotation_free",)
+SHELL_ELEMENTS = ("rotation_free",)
 #: What can hold along an edge.
 EDGES = ("clamped", "hinged", "symmetric")
 #: How mass is distributed over the nodes.
@@ -107,7 +107,7 @@ class Shell:
             name=name,
             section=section,
             body=name if body is None else _checks.text(owner, "body", body),
-            element=_known(owner, "element", element, ELEMENTS),
+            element=_known(owner, "element", element, SHELL_ELEMENTS),
             edges=MappingProxyType(dict(edges)),
             fixed=MappingProxyType(dict(fixed)),
             direction=direction,

@@ -71,6 +71,8 @@ class FlexibleBodies:
         self._matrix = CoordinateMatrix(
             system.comm, block.sizes, block.sizes, *part_pattern(group.part)
         )
+        elements = group.part.elements
+        self._chained = elements is None or elements.chained
         # solvers take numbers one after the other, blocks have six places for every node
         shape = (block.owned, block.width)
         self._packed = None if block.width == 6 else (np.zeros(shape), np.zeros(shape))
@@ -81,7 +83,11 @@ class FlexibleBodies:
         group.responses = np.zeros(len(group.responses))
         group.compliances = np.zeros(len(group.compliances))
         self._matrix.assemble(part_values(system, part, shifts))
-        self.factor = Factor(self._matrix.mat, part.block.width, not part.block.has_ghosts)
+        width = part.block.width
+        self.factor = Factor(
+            self._matrix.mat, width, not part.block.has_ghosts, chained=self._chained,
+            largest=width * int(np.diff(group.node_start).max(initial=0)),
+        )  # fmt: skip
         widths = np.diff(group.column_start)
         most = system.comm.allreduce(int(widths.max(initial=0)), op=MPI.MAX)
         shape = (part.block.owned, part.block.width)
