@@ -8,7 +8,8 @@ pinned to one another: both pairs are hinges with axes along X. ``--mesh`` count
 arc and along the axis of one segment.
 
 History: ``hinge_x, hinge_y, hinge_z``, corner at x > 0 of the common end, ``tip_x, tip_y, tip_z``,
-that of the free end, ``bottom_z``, middle of the arc there, m; energies of the whole, J.
+that of the free end, ``bottom_z``, middle of the arc there, m; ``energy_kinetic, energy_strain,
+energy_gravity, energy_work, energy_dissipation, energy_balance``, J.
 
 Expected (data after Liu, Tian, Hu 2012; where it is held is our choice): within 1 s the energy
 balance stays below 1e-4 of the largest kinetic energy; meshes 23x15, 31x21 and 61x41 agree to
