@@ -98,7 +98,7 @@ class LineJoints:
                 turns[a:b] = line.turns
             arc[a:b, : line.arc.shape[1]], start[a:b] = line.arc, line.starts
         self._lines = LineData(
-            element=np.array([rail.element for rail in rails], dtype=np.int64),
+            element=np.array([rail.line.element for rail in rails], dtype=np.int64),
             width=np.array([rail.slots.shape[1] for rail in rails], dtype=np.int64),
             first=first,
             nodes=slots,

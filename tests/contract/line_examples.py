@@ -139,7 +139,8 @@ class PlacedOnLine(Placed):
         arc = np.array([[0.0, 0.8, 0.1], [0.0, 1.0, -0.2]])
         turns = self.turns if self.shape is None else None
         starts = np.array([0.0, 0.9])
-        return Rail(Line(0, nodes, np.arange(2), self.shape, turns, starts, arc), nodes)
+        element = SE3 if self.shape is None else NURBS
+        return Rail(Line(0, nodes, np.arange(2), self.shape, turns, starts, arc, element), nodes)
 
     def section(self, frames: np.ndarray, element: int, xi: float) -> np.ndarray:
         """Frame of a section."""
