@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Places where joints, loads and probes attach."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,6 +92,53 @@ class Carrier(Marker):
             ValueError: It is empty or not printable.
         """
         super().__init__(body)
+
+
+class ShellLine(Marker):
+    """A row of nodes of a shell along a named line of the surface mesh, for joints of lines."""
+
+    point: str
+
+    def __init__(self, body: str, line: str) -> None:
+        """Name the shell and the line.
+
+        Raises:
+            TypeError: A name is not a string.
+            ValueError: A name is empty or not printable.
+        """
+        super().__init__(body, _checks.text(f'ShellLine on "{body}"', "line", line))
+
+    @property
+    def line(self) -> str:
+        """Name of the line."""
+        return self.point
+
+
+class SurfaceMarker(Marker):
+    """Place on a shell between nodes given by their numbers; its axes at the start are inertial.
+
+    Attributes:
+        nodes: One node, two of an edge or three of a triangle, by their numbers in the mesh.
+        weights: Their parts in the position: 1, or those of the ends, or area coordinates.
+    """
+
+    nodes: tuple[int, ...]
+    weights: tuple[float, ...]
+
+    def __init__(
+        self,
+        body: str,
+        nodes: Sequence[int],
+        weights: Sequence[float],
+        offset: npt.ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Create the marker; the offset is in inertial axes at the start, metres."""
+        super().__init__(body, None, offset)
+        _checks.assign(self, nodes=tuple(nodes), weights=tuple(weights))
+
+    def __str__(self) -> str:
+        """Return body and nodes, for tables and messages."""
+        return f"{self.body}:{'-'.join(str(node) for node in self.nodes)}"
 
 
 @dataclass(frozen=True)

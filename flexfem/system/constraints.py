@@ -93,7 +93,7 @@ class Constraints(NumberedRows):
         self.relaxation = float(state.values["relaxation"][0])
 
     def active_components(self) -> IntArray:
-        """(n_slots,) 3 where joints only ever pull at the node's origin, else 6."""
+        """(n_slots,) 3 where joints only ever pull at the node's origin, else all its unknowns."""
         active = np.full(len(self.interface.keys), 3, dtype=np.int64)
         for side in range(2):
             marker, slot = self.term_marker[:, side], self.term_slots[:, side]
@@ -104,7 +104,7 @@ class Constraints(NumberedRows):
             turning |= self.kinds == ON_LINES
             active[slot[turning & (slot >= 0)]] = 6
         active[self.lines.nodes] = 6
-        return active
+        return np.minimum(active, self.interface.width)
 
     def reactions(self) -> FloatArray:
         """(m, 6) wrenches that the joints exert on the bodies at their markers.

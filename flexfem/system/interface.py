@@ -73,7 +73,7 @@ class Interface:
         keys: node of each slot.
         frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
         steps: (n, 6) Newton steps after ``update_steps``.
-        inertial: (n,) whether translations are integrated in inertial axes.
+        inertial: (n,) whether translations are integrated in inertial axes; width: (n,) unknowns.
         kind: kind of block of each slot; local: local node where owned, else -1.
         number: global number of the node within its block.
     """
@@ -108,6 +108,10 @@ class Interface:
         inertial = [block is not None and block.inertial for block in blocks]
         self.inertial: BoolArray = np.array(
             [inertial[kind] for kind in self.kind.tolist()], dtype=np.bool_
+        )
+        widths = [0 if block is None else block.width for block in blocks]
+        self.width: IntArray = np.array(
+            [widths[kind] for kind in self.kind.tolist()], dtype=np.int64
         )
         self._sources = [
             (block, self.local[slots], slots)
