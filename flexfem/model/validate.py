@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem.core.joint import Joint
-from flexfem.core.marker import Carrier, Ground, Marker, Observed, SlidingMarker
+from flexfem.core.marker import Carrier, Ground, Marker, Observed, ShellLine, SlidingMarker
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam
@@ -186,7 +186,7 @@ def _check_markers(model: Model) -> dict[int, Place | None]:
 
 
 def _check_line(model: Model, thing: Any, marker: Observed) -> None:
-    """Check what slides: that the carrier is a beam, and that the joint of a slider is one."""
+    """Check lines: that a carrier is a beam, the joint of a slider one, a row that of a shell."""
     if isinstance(marker, SlidingMarker):
         joint = model.get(marker.joint)
         if not isinstance(joint, Joint) or not isinstance(joint.a, Carrier):
@@ -196,6 +196,10 @@ def _check_line(model: Model, thing: Any, marker: Observed) -> None:
             raise ValueError(f'a Carrier ("{marker.body}") is for sliding joints only')
         if not isinstance(model.get(marker.body), Beam):
             raise ValueError(f'Carrier: {model!r} has no beam "{marker.body}"')
+    elif isinstance(marker, ShellLine):
+        if not (isinstance(thing, Joint) and thing.joins_lines):
+            raise ValueError(f'a ShellLine ("{marker}") is for joints of lines only')
+        model.node_row(marker)
 
 
 def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, Place | None]) -> None:
@@ -204,6 +208,8 @@ def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, Place | No
     both = "both markers" if len(joint.places) == 2 else f"{first} and {second}"
     if isinstance(a, Ground) and isinstance(b, Ground):
         raise ValueError(f"{_owner(joint)}: {both} are on the ground")
+    if isinstance(a, ShellLine) and isinstance(b, ShellLine):
+        return  # they may be on one shell
     if (
         isinstance(a, Marker)
         and isinstance(b, Marker)

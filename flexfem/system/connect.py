@@ -73,8 +73,7 @@ def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:
         if isinstance(marker, Carrier):
             point, pose = _slider(serial, joint, marker)
         elif (place := serial.surface_place(marker)) is not None:
-            surfaces[number] = place
-            pose = serial.surface_pose(marker)
+            surfaces[number], pose = place, serial.marker_pose(marker)
         else:
             point = serial.point(marker)
             key = serial.key(marker) if point is None else None
@@ -102,11 +101,9 @@ def _on_surface(
         key = place.kind, place.nodes[0]
         carrier = serial.node_frames(place.kind)[key[1]]
         return key, None, se3.compose(se3.inverse(carrier), frame)
-    mesh = serial.mesh
-    if axes:
-        place = place.on_triangle(mesh, serial.triangles(marker.body))
-    point = place.carrier(axes)
-    return None, point, se3.compose(se3.inverse(carrier_frame(point, mesh.points)), frame)
+    point = (serial.on_triangle(marker, place) if axes else place).carrier(axes)
+    carrier = carrier_frame(point, serial.node_frames(place.kind)[:, :3])
+    return None, point, se3.compose(se3.inverse(carrier), frame)
 
 
 def _slider(serial: Assembly, joint: Joint, carrier: Carrier) -> tuple[LinePoint, Pose]:
