@@ -111,7 +111,7 @@ def triangle_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: F
     other arguments are those of ``triangle_pose``.
     """
     _position(frames, shape, H)
-    l, b1, b2 = _axes(frames, H)
+    side, b1, b2 = _axes(frames, H)
     J[:] = 0.0
     B = np.empty((3, 3))
     for node in range(3):
@@ -122,35 +122,42 @@ def triangle_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: F
             at = 6 * node + j
             for i in range(3):
                 J[i, at] = shape[node, 0] * B[i, j]
-            J[3, at] = (q - p * b1 / l) / b2 * B[2, j]
-            J[4, at] = -p / l * B[2, j]
-            J[5, at] = p / l * B[1, j]
+            J[3, at] = (q - p * b1 / side) / b2 * B[2, j]
+            J[4, at] = -p / side * B[2, j]
+            J[5, at] = p / side * B[1, j]
 
 
 @inlined
 def _node_forces(
-    shape: FloatArray, g: FloatArray, l: float, b1: float, b2: float, h: FloatArray
+    shape: FloatArray, g: FloatArray, side: float, b1: float, b2: float, h: FloatArray
 ) -> None:
     """Forces ``h`` (3, 3) on the nodes in the triangle's axes from force and moment ``g``."""
     for node in range(3):
         for i in range(3):
             h[node, i] = shape[node, 0] * g[i]
-    first, second = -(g[3] * b1 / b2 + g[4]) / l, g[3] / b2
-    h[1, 1] += g[5] / l
+    first, second = -(g[3] * b1 / b2 + g[4]) / side, g[3] / b2
+    h[1, 1] += g[5] / side
     h[1, 2] += first
     h[2, 2] += second
-    h[0, 1] -= g[5] / l
+    h[0, 1] -= g[5] / side
     h[0, 2] -= first + second
 
 
 @inlined
 def _node_changes(
-    g: FloatArray, l: float, b1: float, b2: float, dl: float, db1: float, db2: float, h: FloatArray
+    g: FloatArray,
+    side: float,
+    b1: float,
+    b2: float,
+    dl: float,
+    db1: float,
+    db2: float,
+    h: FloatArray,
 ) -> None:
     """Changes of these forces with the sides of the triangle."""
-    along = -g[5] * dl / (l * l)
+    along = -g[5] * dl / (side * side)
     slope = g[3] * b1 / b2
-    first = -(g[3] * db1 / b2 - slope * db2 / b2) / l + (slope + g[4]) * dl / (l * l)
+    first = -(g[3] * db1 / b2 - slope * db2 / b2) / side + (slope + g[4]) * dl / (side * side)
     second = -g[3] * db2 / (b2 * b2)
     h[:] = 0.0
     h[1, 1], h[1, 2], h[2, 2] = along, first, second
@@ -193,10 +200,11 @@ def add_surface_second(
                 forces[node, i] = shape[node, 0] * g[i]
         _add_turns(frames, forces, out)
         return
-    H, J, h, dh, B = np.empty(12), np.empty((6, 19)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    H, J, B = np.empty(12), np.empty((6, 19)), np.empty((3, 3))
+    h, dh = np.empty((3, 3)), np.empty((3, 3))
     triangle_jacobian(frames, shape, H, J)
-    l, b1, b2 = _axes(frames, H)
-    _node_forces(shape, g, l, b1, b2, h)
+    side, b1, b2 = _axes(frames, H)
+    _node_forces(shape, g, side, b1, b2, h)
     for node in range(3):
         for i in range(3):
             a = 3 + 3 * i
@@ -210,7 +218,7 @@ def add_surface_second(
             c = 6 * moved + j
             w0, w1, w2 = J[3, c], J[4, c], J[5, c]
             db1, db2 = q * B[0, j] + w2 * b2, q * B[1, j] - w2 * b1
-            _node_changes(g, l, b1, b2, p * B[0, j], db1, db2, dh)
+            _node_changes(g, side, b1, b2, p * B[0, j], db1, db2, dh)
             for node in range(3):
                 dh[node, 0] += w1 * h[node, 2] - w2 * h[node, 1]
                 dh[node, 1] += w2 * h[node, 0] - w0 * h[node, 2]

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
@@ -55,9 +54,7 @@ class ClampedLine(HingeLine):
         ]
         for k in _independent(ends, np.append(fine.nodes, coarse.nodes)):
             angle = _Angle(fine.sides[k])
-            parts.append(
-                LinePart(self.name, coarse.middle(found[k]), fine.middle(k), self, angle)
-            )
+            parts.append(LinePart(self.name, coarse.middle(found[k]), fine.middle(k), self, angle))
         return parts
 
 

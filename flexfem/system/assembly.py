@@ -9,7 +9,15 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.joint import Joint
-from flexfem.core.marker import Attachment, Carrier, Ground, Marker, Observed, ShellLine, SurfaceMarker
+from flexfem.core.marker import (
+    Attachment,
+    Carrier,
+    Ground,
+    Marker,
+    Observed,
+    ShellLine,
+    SurfaceMarker,
+)
 from flexfem.core.pose import Pose
 from flexfem.elements.se3_beam import BeamCells, node_frames
 from flexfem.lie import se3
@@ -288,7 +296,8 @@ class Assembly:
     def marker_pose(self, marker: Observed) -> Pose:
         """Pose of a marker at the start."""
         if isinstance(marker, SurfaceMarker):
-            x = self.surface_place(marker).position(self.node_frames(SHELLS)[:, :3])
+            place = SurfacePlace(SHELLS, marker.nodes, marker.weights)
+            x = place.position(self.node_frames(SHELLS)[:, :3])
             return Pose(x + marker.offset, marker.rotation)
         frame = self.marker_frame(marker)
         if isinstance(marker, Marker):

@@ -61,7 +61,7 @@ class PlacedOnSurface(Placed):
         k = len(weights)
         x = np.array(weights) @ CORNERS[:k]
         other = OTHERS[:k] - np.array(weights) @ OTHERS[:k] + x + example.gap
-        positions = np.concatenate([CORNERS[:k], other if both else [x + [0.2, -0.1, 0.3]]])
+        positions = np.concatenate([CORNERS[:k], other if both else x[np.newaxis] + 0.2])
         self.start = se3.frame(positions, so3.exp(rng.normal(size=(len(positions), 3))))
         self.count = len(self.start)
         self.face = SimpleNamespace(

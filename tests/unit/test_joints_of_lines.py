@@ -20,7 +20,7 @@ def _rows(cells: int, other: int, lift: float = 0.0, curve: float = 0.0):
     x, y = np.linspace(0.0, 2.0, cells + 1), np.linspace(0.0, 1.0, 3)
     first = ff.SurfaceMesh.grid("near", x, y, bent)
     x = np.linspace(0.0, 2.0, other + 1)
-    second = ff.SurfaceMesh.grid("far", x, 1.0 + y, lambda u: bent(u) + [0.0, 0.0, lift])
+    second = ff.SurfaceMesh.grid("far", x, 1.0 + y, lambda u: bent(u) + lift * np.eye(3)[2])
     mesh = ff.SurfaceMesh.join([first, second])
     near, far = ShellLine("near", "near_top"), ShellLine("far", "far_bottom")
     rows = node_row(mesh, "near", near), node_row(mesh, "far", far)
@@ -56,9 +56,7 @@ def test_places_on_the_coarser_line(counts):
     fine, coarse = ("far", "near") if counts[1] == 6 else ("near", "far")
     for part in parts:
         assert (part.a.body, part.b.body) == (coarse, fine)
-        x, y = (
-            np.array(m.weights) @ mesh.points[list(m.nodes)] for m in (part.a, part.b)
-        )
+        x, y = (np.array(m.weights) @ mesh.points[list(m.nodes)] for m in (part.a, part.b))
         # round-off; a place on another edge is 0.1 away
         np.testing.assert_allclose(x, y, atol=1e-15)
         assert not part.a.offset.any()
@@ -116,9 +114,7 @@ def test_angles_that_follow_from_others():
     """Both segments at y = 1 have one triangle's corner below them: one angle is enough."""
     points = [[0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 0, 0], [0, 0, 0], [2, 0, 0]]
     triangles = [[3, 1, 0], [3, 2, 1], [4, 3, 0], [3, 5, 2]]
-    mesh = ff.SurfaceMesh(
-        points, triangles, {"fan": [0, 1, 2, 3]}, {"top": [[0, 1], [1, 2]]}
-    )
+    mesh = ff.SurfaceMesh(points, triangles, {"fan": [0, 1, 2, 3]}, {"top": [[0, 1], [1, 2]]})
     line = ShellLine("fan", "top")
     row = node_row(mesh, "fan", line)
     np.testing.assert_array_equal(row.apexes, [3, 3])
