@@ -94,6 +94,11 @@ class Joint:
         return None
 
     @property
+    def second(self) -> int:
+        """Number of the marker that belongs to the body of marker b."""
+        return 1
+
+    @property
     def owner(self) -> str:
         """Class and name, with which messages begin."""
         return _checks.named(self, self.name)

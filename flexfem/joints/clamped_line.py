@@ -42,7 +42,9 @@ class ClampedLine(HingeLine):
             ends = [(k, int(apex), _BODY) for k, apex in enumerate(first.apexes)]
             held = _independent(ends, first.nodes)
             return parts + [
-                LinePart(self.name, self.b, first.middle(k), self, _Angle(first.sides[k]))
+                LinePart(
+                    self.name, self.b, first.middle(k), self, _Angle(first.sides[k]), swapped=True
+                )
                 for k in held
             ]
         fine, coarse = (first, second) if first.count >= second.count else (second, first)
@@ -53,8 +55,9 @@ class ClampedLine(HingeLine):
             for k, (apex, at) in enumerate(zip(fine.apexes, found, strict=True))
         ]
         for k in _independent(ends, np.append(fine.nodes, coarse.nodes)):
+            ends_of = coarse.middle(found[k]), fine.middle(k)
             angle = _Angle(fine.sides[k])
-            parts.append(LinePart(self.name, coarse.middle(found[k]), fine.middle(k), self, angle))
+            parts.append(LinePart(self.name, *ends_of, self, angle, swapped=fine is first))
         return parts
 
 

@@ -62,7 +62,7 @@ class HingeLine(Joint):
         assert first is not None
         if second is None:
             return [
-                LinePart(self.name, self.b, first.node(k), self, _carried)
+                LinePart(self.name, self.b, first.node(k), self, _carried, swapped=True)
                 for k in range(first.count)
             ]
         fine, coarse = (first, second) if first.count >= second.count else (second, first)
@@ -74,7 +74,9 @@ class HingeLine(Joint):
                     f"{self.owner}: {first.name} and {second.name} share node {place.nodes[0]}, "
                     "where they are hinged without a joint"
                 )
-            parts.append(LinePart(self.name, place, fine.node(k), self, _together))
+            parts.append(
+                LinePart(self.name, place, fine.node(k), self, _together, swapped=fine is first)
+            )
         return parts
 
 
@@ -85,10 +87,17 @@ class LinePart(Joint):
     Attributes:
         whole: that joint.
         law: its rows as a function of the poses of its markers at the start.
+        swapped: marker a is on the body of marker b of the whole.
     """
 
     whole: Joint
     law: Callable[[Sequence[Pose]], tuple[Row, ...]]
+    swapped: bool
+
+    @property
+    def second(self) -> int:
+        """See :attr:`Joint.second`."""
+        return 0 if self.swapped else 1
 
     @property
     def owner(self) -> str:
