@@ -76,6 +76,7 @@ class Interface:
         inertial: (n,) whether translations are integrated in inertial axes; width: (n,) unknowns.
         kind: kind of block of each slot; local: local node where owned, else -1.
         number: global number of the node within its block.
+        held: (n, 6) unknowns that stay as they are, on which joints have no effect.
     """
 
     def __init__(
@@ -121,6 +122,12 @@ class Interface:
             if len(slots)
         ]
         self._plan(directory, mine, needed_by)
+        held = np.zeros((len(mine), 6))
+        for block, local, slots in self._sources:
+            if block.held is not None:
+                held[slots, : block.width] = block.held[local]
+        self._exchange((held,))
+        self.held: BoolArray = held > 0.0
 
     def _plan(
         self, directory: NodeDirectory, mine: Sequence[int], needed_by: Sequence[Sequence[int]]

@@ -116,6 +116,7 @@ class PlacedOnLine(Placed):
             keys=[(1, k) for k in range(self.count)], frames=self.start.copy(),
             velocities=np.zeros((self.count, 6)), increments=np.zeros((self.count, 6)),
             inertial=np.zeros(self.count, dtype=bool), width=np.full(self.count, 6),
+            held=np.zeros((self.count, 6), dtype=bool),
         )  # fmt: skip
         point = RailPoint(self._rail(), *place, slides=example.slides)
         poses = tuple(Pose(H[:3], se3.rotation(H)) for H in (first, second))

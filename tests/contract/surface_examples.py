@@ -68,6 +68,7 @@ class PlacedOnSurface(Placed):
             keys=[(1, n) for n in range(self.count)], frames=self.start.copy(),
             velocities=np.zeros((self.count, 6)), increments=np.zeros((self.count, 6)),
             inertial=np.zeros(self.count, dtype=bool), width=np.full(self.count, 3),
+            held=np.zeros((self.count, 6), dtype=bool),
         )  # fmt: skip
         poses = [Pose(p, so3.exp(rng.normal(size=3))) for p in (x, x + example.gap)]
         points, offsets = [], []

@@ -181,6 +181,31 @@ def test_clamped_line():
     assert errors[1] < 0.6 * errors[0]
 
 
+def test_hinge_at_a_held_line():
+    """A strip hangs down from the fixed edge of another one."""
+    mesh = ff.SurfaceMesh.join([_grid("first", 0.0, (2, 2)), _grid("second", 1.0, (4, 2))])
+    model = ff.Model("fixed edge", surface=mesh)
+    model.add(
+        ff.Shell("first", SECTION, edges={"first_right": "hinged"}, fixed={"first_left": "xyz"}),
+        ff.Shell("second", SECTION),
+        ff.HingeLine(
+            "hinge", ff.ShellLine("first", "first_right"), ff.ShellLine("second", "second_left")
+        ),
+        ff.PositionProbe("edge", ff.Marker("first", "first_top_right")),
+        ff.PositionProbe("root", ff.Marker("second", "second_top_left")),
+        ff.PositionProbe("tip", ff.Marker("second", "second_top_right")),
+        ff.Gravity((0.0, 0.0, -9.81)),
+    )
+    found = _run(model)
+    assert found.status == "ok"
+    if COMM.rank == 0:
+        h = found.history
+        assert h["tip_z"][-1] < -0.05
+        # the joint pulls at what does not move: with a force on it the edge would fall
+        np.testing.assert_array_equal(h["edge_z"], 0.0)
+        np.testing.assert_allclose(h["root_z"], 0.0, atol=1e-10)
+
+
 @pytest.mark.parametrize("joint", [ff.HingeLine, ff.ClampedLine])
 def test_lines_on_a_body(joint):
     """A strip on a rigid arm that turns: nodes, and slopes where clamped, go along."""
