@@ -30,7 +30,8 @@ class ClampedLine(HingeLine):
     are held by others already, as of two that share their third node, are left out.
 
     The triangles at the line do not bend: what is lost is the bending of one row of them, which
-    vanishes in proportion to their size.
+    vanishes nearly in proportion to their size where a mesh is refined in both directions. With two
+    triangles across a strip and ever more along it, a deflection of the strip kept an error of 2 %.
     """
 
     def parts(self, lines: Sequence[NodeRow | None]) -> Sequence[Joint]:
