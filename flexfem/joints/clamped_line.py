@@ -31,7 +31,8 @@ class ClampedLine(HingeLine):
 
     The triangles at the line do not bend: what is lost is the bending of one row of them, which
     vanishes nearly in proportion to their size where a mesh is refined in both directions. With two
-    triangles across a strip and ever more along it, a deflection of the strip kept an error of 2 %.
+    cells across a strip and ever more along it, the error of its deflection does not vanish: it was
+    0.8 % at the finest mesh and growing.
     """
 
     def parts(self, lines: Sequence[NodeRow | None]) -> Sequence[Joint]:
