@@ -18,6 +18,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.marker import Attachment, Carrier, Ground, Marker
+from flexfem.core.node_row import NodeRow
 from flexfem.core.pose import Pose
 from flexfem.core.row import Law, Row, RowKind, Term
 
@@ -57,6 +58,8 @@ class Joint:
     driven: ClassVar[bool] = False
     #: marker a may be the line of a beam, on which marker b slides
     slides: ClassVar[bool] = False
+    #: markers may be lines of shells: it is evaluated as its parts
+    joins_lines: ClassVar[bool] = False
     #: relative motions left along ("translation") and about ("rotation") the axis of the joint
     leaves: ClassVar[tuple[str, ...]] = ()
 
@@ -91,6 +94,11 @@ class Joint:
         return None
 
     @property
+    def second(self) -> int:
+        """Number of the marker that belongs to the body of marker b."""
+        return 1
+
+    @property
     def owner(self) -> str:
         """Class and name, with which messages begin."""
         return _checks.named(self, self.name)
@@ -99,6 +107,17 @@ class Joint:
     def direction(self) -> FloatArray | None:
         """Axis of the joint at the start in inertial axes (unit vector), None if it has none."""
         return None
+
+    def parts(self, lines: Sequence[NodeRow | None]) -> Sequence[Joint]:
+        """The joints between nodes that it consists of: itself, unless it joins lines of shells.
+
+        Args:
+            lines: the lines that its markers are, None for the others.
+
+        Raises:
+            ValueError: the lines do not fit.
+        """
+        return (self,)
 
     def motion_term(self, kind: str, poses: Sequence[Pose]) -> Term:
         """Displacement (m) for "translation" or angle (rad) for "rotation", see ``leaves``."""

@@ -4,7 +4,9 @@
 A point lies at ``xi``, 0 at an element's first end and 1 at its second, of one of two kinds of
 elements: ``SE3``, the helix ``H = H_1 exp(xi d)`` with ``d = log(H_1^-1 H_2)`` between two frames,
 and ``NURBS``, see ``line_nurbs``. Frames are those of the sections; where these are turned against
-the nodes, the functions ``turn_*`` lead to and from the nodes.
+the nodes, the functions ``turn_*`` lead to and from the nodes. Points of surfaces, see
+``surface_points``, are of two more kinds, ``TRIANGLE`` and ``FIXED`` (inertial axes): nothing of
+theirs depends on ``xi``, and the first column of the shape functions' coefficients holds weights.
 
 Derivatives are taken along local twists ``w_I = (u_I, theta_I)`` of the frames, ``H_I <- H_I
 exp(w_I)``, and along ``xi``: the ``6 k + 1`` columns of a Jacobian are those of the frames one
@@ -25,6 +27,13 @@ from flexfem.core.line_nurbs import (
     nurbs_pose,
     shape_functions,
 )
+from flexfem.core.surface_points import (
+    add_surface_second,
+    fixed_jacobian,
+    fixed_pose,
+    triangle_jacobian,
+    triangle_pose,
+)
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import (
     adjoint_into,
@@ -40,8 +49,10 @@ from flexfem.lie.se3 import (
 )
 
 __all__ = [
+    "FIXED",
     "NURBS",
     "SE3",
+    "TRIANGLE",
     "add_line_second",
     "arc_length",
     "line_jacobian",
@@ -53,7 +64,7 @@ __all__ = [
     "turn_second",
 ]
 
-SE3, NURBS = 0, 1
+SE3, NURBS, TRIANGLE, FIXED = range(4)
 
 
 @inlined
@@ -83,8 +94,8 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
     """Frame of the point of an element.
 
     Args:
-        kind: ``SE3`` or ``NURBS``.
-        frames: (k, 12) frames of the sections at the nodes; k = 2 on ``SE3``.
+        kind: ``SE3``, ``NURBS``, ``TRIANGLE`` or ``FIXED``.
+        frames: (k, 12) frames of the sections at the nodes; k = 2 on ``SE3``, 3 on ``TRIANGLE``.
         shape: (k, k) coefficients as in ``shape_functions``, not used on ``SE3``.
         xi: place in the element; outside [0, 1] the element is continued.
         H: (12,) result.
@@ -92,8 +103,12 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
     if kind == SE3:
         d, w = np.empty(6), np.empty(6)
         _helix(frames, xi, H, d, w)
-    else:
+    elif kind == NURBS:
         nurbs_pose(frames, shape, xi, H)
+    elif kind == TRIANGLE:
+        triangle_pose(frames, shape, H)
+    else:
+        fixed_pose(frames, shape, H)
 
 
 @kernel
@@ -107,6 +122,12 @@ def line_jacobian(
     """
     if kind == NURBS:
         nurbs_jacobian(frames, shape, xi, H, J)
+        return
+    if kind == TRIANGLE:
+        triangle_jacobian(frames, shape, H, J)
+        return
+    if kind == FIXED:
+        fixed_jacobian(frames, shape, H, J)
         return
     d, w, T, inverse = np.empty(6), np.empty(6), np.empty(36), np.empty(36)
     _helix(frames, xi, H, d, w)
@@ -207,6 +228,8 @@ def add_line_second(
     """
     if kind == SE3:
         _add_helix_second(frames, xi, g, out)
+    elif kind != NURBS:
+        add_surface_second(kind == TRIANGLE, frames, shape, g, out)
     else:
         add_nurbs_second(frames, shape, xi, g, out)
 

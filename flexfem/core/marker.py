@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Places where joints, loads and probes attach."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from flexfem.core.pose import Pose
 
 #: Words that name the ends of a line instead of a physical point group.
 LINE_ENDS = ("start", "end")
+
+#: Round-off of a sum of weights.
+_ONE = 1e-12
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -91,6 +95,75 @@ class Carrier(Marker):
             ValueError: It is empty or not printable.
         """
         super().__init__(body)
+
+
+class ShellLine(Marker):
+    """A row of nodes of a shell along a named line of the surface mesh, for joints of lines."""
+
+    point: str
+
+    def __init__(self, body: str, line: str) -> None:
+        """Name the shell and the line.
+
+        Raises:
+            TypeError: A name is not a string.
+            ValueError: A name is empty or not printable.
+        """
+        super().__init__(body, _checks.text(f'ShellLine on "{body}"', "line", line))
+
+    @property
+    def line(self) -> str:
+        """Name of the line."""
+        return self.point
+
+
+class SurfaceMarker(Marker):
+    """Place on an edge or in a triangle of a shell, for joints; inertial axes at the start.
+
+    It stays at its place between the nodes. Where a joint needs axes, they are those of the
+    triangle, of one at the edge or node.
+
+    Attributes:
+        nodes: One node, two of an edge or three of a triangle, by their numbers in the mesh.
+        weights: Their parts in the position: 1, or those of the ends, or area coordinates.
+    """
+
+    nodes: tuple[int, ...]
+    weights: tuple[float, ...]
+
+    def __init__(
+        self,
+        body: str,
+        nodes: Sequence[int],
+        weights: Sequence[float],
+        offset: npt.ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Create the marker; the offset is in inertial axes at the start, metres.
+
+        Raises:
+            TypeError: Nodes or weights are no numbers.
+            ValueError: Not one to three nodes with a weight each, or weights that are negative or
+                do not add up to one.
+        """
+        super().__init__(body, None, offset)
+        owner = f'SurfaceMarker on "{body}"'
+        parts = _checks.array(owner, "weights", weights, (-1,))
+        places = _checks.indices(owner, "nodes", nodes, np.iinfo(np.int64).max, 1)
+        if places.ndim != 1 or not 1 <= len(set(places.tolist())) == len(parts) <= 3:
+            raise ValueError(
+                f"{owner}: needs one to three nodes with a weight each, got {_checks.show(nodes)} "
+                f"and {_checks.show(weights)}"
+            )
+        if (parts < 0.0).any() or abs(parts.sum() - 1.0) > _ONE:
+            raise ValueError(
+                f"{owner}: weights must not be negative and add up to one, got "
+                f"{_checks.show(weights)}"
+            )
+        _checks.assign(self, nodes=tuple(places.tolist()), weights=tuple(parts.tolist()))
+
+    def __str__(self) -> str:
+        """Return body and nodes, for tables and messages."""
+        return f"{self.body}:{'-'.join(str(node) for node in self.nodes)}"
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ class FieldOutput:
         self._thickness = np.array([shell.section.thickness for shell in model.shells])
         surfaces = [body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies]
         self._bodies = RigidBodyWriter(folder, comm, surfaces, resume=resume)
-        kinds = [type(j).__name__ for j in model.joints]
+        kinds = [j.owner.partition(" ")[0] for j in serial.joints]
         self._joints = JointWriter(folder, comm, kinds, size, resume=resume)
 
     def write(self, time: float, step: int) -> None:

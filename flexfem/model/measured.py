@@ -114,7 +114,8 @@ class ReactionProbe(AnyProbe):
 
     Columns name_fx, _fy, _fz, _mx, _my, _mz; the moment is about the origin of marker b. A body
     that hangs from the ground (marker a) on a joint feels the opposite of its weight. Marker a's
-    body feels the opposite force at the same place.
+    body feels the opposite force at the same place. Of a joint of lines of shells it is the
+    resultant, the moment about its first node, in inertial axes.
 
     Attributes:
         name: Unique name in the model.
@@ -145,6 +146,11 @@ class ReactionProbe(AnyProbe):
         """See :meth:`AnyProbe.check`."""
         if not isinstance(model.get(self.joint), Joint):
             raise ValueError(f'ReactionProbe "{self.name}": {model!r} has no joint "{self.joint}"')
+        if model[self.joint].joins_lines and self.axes != "inertial":
+            raise ValueError(
+                f'ReactionProbe "{self.name}": {model[self.joint].owner} needs axes "inertial", '
+                f'got "{self.axes}"'
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,8 @@ from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
-from flexfem.core.marker import Carrier, Marker, Observed
+from flexfem.core.marker import Carrier, Marker, Observed, ShellLine, SurfaceMarker
+from flexfem.core.node_row import NodeRow
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.nurbs import NurbsCurve
@@ -18,7 +19,7 @@ from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.event import Event
 from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
-from flexfem.model.resolve import beam_node, curve_place, group_curve, shell_node
+from flexfem.model.resolve import beam_node, curve_place, group_curve, node_row, shell_node
 from flexfem.model.shell import Shell
 from flexfem.model.validate import validate
 
@@ -171,7 +172,9 @@ class Model:
         Raises:
             ValueError: The marker's body or point does not exist.
         """
-        if not isinstance(marker, Marker) or isinstance(marker, Carrier):
+        if not isinstance(marker, Marker) or isinstance(
+            marker, (Carrier, ShellLine, SurfaceMarker)
+        ):
             return None
         body = self.get(marker.body)
         if isinstance(body, RigidBody):
@@ -189,6 +192,17 @@ class Model:
         if body.formulation == "nurbs":
             return curve_place(self, body, marker)
         return Place(beam_node(self._mesh(), body, marker))
+
+    def node_row(self, line: ShellLine) -> NodeRow:
+        """Return the nodes along a line of a shell.
+
+        Raises:
+            ValueError: The model has no such shell, the mesh no such line, or it is not on it.
+        """
+        shell = self.get(line.body)
+        if not isinstance(shell, Shell) or self.surface is None:
+            raise ValueError(f'ShellLine: {self!r} has no shell "{line.body}"')
+        return node_row(self.surface, shell.body, line)
 
     def beams_of(self, formulation: str) -> list[Beam]:
         """Return the beams of a formulation in their order."""

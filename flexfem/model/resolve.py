@@ -7,11 +7,12 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import IntArray
-from flexfem.core.marker import LINE_ENDS, Marker
+from flexfem.core.marker import LINE_ENDS, Marker, ShellLine
+from flexfem.core.node_row import NodeRow
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.mesh.topology import arc_length
+from flexfem.mesh.topology import arc_length, edge_keys
 from flexfem.model.bodies import Beam
 from flexfem.model.place import Place, place_at_fraction, place_in
 from flexfem.model.shell import Shell
@@ -103,6 +104,42 @@ def group_curve(mesh: LineMesh, beam: Beam) -> NurbsCurve:
         return NurbsCurve.through(mesh.points[nodes], degree=beam.degree)
     except ValueError as error:
         raise ValueError(f"{owner}: {error}") from None
+
+
+def node_row(mesh: SurfaceMesh, body: str, marker: ShellLine) -> NodeRow:
+    """Return the nodes along a line of a shell, and those of its triangles beside them.
+
+    Where the line runs inside the shell, these are those of the first of both triangles.
+
+    Args:
+        mesh: The surface mesh.
+        body: The shell's body there.
+        marker: Names the line.
+
+    Raises:
+        ValueError: There is no such line, it branches or falls apart, or is not on the shell.
+    """
+    owner = f'ShellLine on "{marker.body}"'
+    try:
+        nodes = mesh.line_nodes(marker.line)
+    except ValueError as error:
+        raise ValueError(f"{owner}: {error}") from None
+    rows = mesh.body_rows(body)
+    triangles = mesh.triangles[rows]
+    ends = np.stack([np.roll(triangles, -1, axis=1), np.roll(triangles, -2, axis=1)], axis=2)
+    keys = edge_keys(ends.reshape(-1, 2), len(mesh.points))
+    wanted = edge_keys(np.stack([nodes[:-1], nodes[1:]], axis=1), len(mesh.points))
+    order = np.argsort(keys, kind="stable")
+    at = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
+    if (keys[order[at]] != wanted).any():
+        raise ValueError(f'{owner}: line "{marker.line}" is not on this shell')
+    return NodeRow(
+        name=f'line "{marker.line}" of Shell "{marker.body}"',
+        body=marker.body,
+        nodes=nodes,
+        points=mesh.points[nodes],
+        apexes=triangles.ravel()[order[at]],
+    )
 
 
 def _point(beam: Beam, marker: Marker) -> str | float:

@@ -14,7 +14,7 @@ __all__ = ["not_finite"]
 def not_finite(serial: Assembly, times: Iterable[float]) -> str | None:
     """The first drive or load that is not a number at one of the times; None if all are."""
     times = list(times)
-    for joint in serial.model.joints:
+    for joint in serial.joints:
         if joint.driven:
             poses = joint_ends(serial, joint).poses
             targets = [row.target for t in times for row in joint.rows(poses, t)]

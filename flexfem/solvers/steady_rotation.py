@@ -283,9 +283,9 @@ def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
             raise InputError(f"{owner}: a dead load across {_line(rotation)}, no steady rotation")
     found = _standing(system, rotation)
     if found is not None:
-        number, change = found
+        owner, change = found
         raise InputError(
-            f"{model.joints[number].owner}: does not let the model turn about {_line(rotation)}, "
+            f"{owner}: does not let the model turn about {_line(rotation)}, "
             f"which changes the joint by {change:.3g}"
         )
 
@@ -301,8 +301,8 @@ def _line(rotation: Rotation) -> str:
     return f"the axis ({axis}) through ({centre})"
 
 
-def _standing(system: System, rotation: Rotation) -> tuple[int, float] | None:
-    """Number of the first joint whose coordinates change as the whole model turns (collective)."""
+def _standing(system: System, rotation: Rotation) -> tuple[str, float] | None:
+    """Owner of the first joint whose coordinates change as the whole model turns (collective)."""
     rows = system.constraints
     frames = [part.block.frames.copy() for part in system.parts]
     set_spin(system, rotation.at(0.0))
@@ -329,4 +329,6 @@ def _standing(system: System, rotation: Rotation) -> tuple[int, float] | None:
     first = system.comm.allreduce(bad[0] if bad else np.iinfo(np.int64).max, op=MPI.MIN)
     if first == np.iinfo(np.int64).max:
         return None
-    return int(first), float(system.comm.allreduce(worst.get(first, 0.0), op=MPI.MAX))
+    owners = {joint.index: joint.joint.owner for joint in rows.joints}
+    owner = next(one for one in system.comm.allgather(owners.get(first)) if one is not None)
+    return owner, float(system.comm.allreduce(worst.get(first, 0.0), op=MPI.MAX))

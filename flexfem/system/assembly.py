@@ -2,12 +2,22 @@
 """Serial data of a model: nodes numbered, frames at the start, markers resolved."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.marker import Carrier, Ground, Marker, Observed
+from flexfem.core.joint import Joint
+from flexfem.core.marker import (
+    Attachment,
+    Carrier,
+    Ground,
+    Marker,
+    Observed,
+    ShellLine,
+    SurfaceMarker,
+)
 from flexfem.core.pose import Pose
 from flexfem.elements.se3_beam import BeamCells, node_frames
 from flexfem.lie import se3
@@ -22,6 +32,7 @@ from flexfem.system.lines import ElementPlace, Line, LinePoint, se3_line
 from flexfem.system.nurbs_lines import NurbsLines, initial_velocities
 from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS, NodeKey
 from flexfem.system.shell_surface import ShellSurface
+from flexfem.system.surface_places import SurfacePlace
 
 __all__ = ["Assembly"]
 
@@ -87,6 +98,22 @@ class Assembly:
             nodes = np.unique(cells[self.cells.body == model.beams.index(beam)])
             self.velocities[nodes] = initial_velocities(beam, self.frames[nodes])
 
+    @cached_property
+    def joints(self) -> list[Joint]:
+        """The model's joints; those of lines as their parts.
+
+        Raises:
+            ValueError: two lines do not fit.
+        """
+        parts: list[Joint] = []
+        for joint in self.model.joints:
+            lines = [
+                self.model.node_row(marker) if isinstance(marker, ShellLine) else None
+                for marker in joint.markers
+            ]
+            parts += joint.parts(lines)
+        return parts
+
     @property
     def nodes(self) -> FloatArray:
         """Positions (n, 3) of all nodes of beams and shells at the start, m."""
@@ -131,7 +158,9 @@ class Assembly:
         Raises:
             ValueError: the marker is inside an element, see :meth:`place`.
         """
-        if not isinstance(marker, Marker) or isinstance(marker, Carrier):
+        if not isinstance(marker, Marker) or isinstance(
+            marker, (Carrier, ShellLine, SurfaceMarker)
+        ):
             return None
         place = self._place_of(marker)
         if place is None:
@@ -171,6 +200,22 @@ class Assembly:
         if marker not in self._places:
             self._places[marker] = self.model.marker_place(marker)
         return self._places[marker]
+
+    def surface_place(self, marker: Attachment) -> SurfacePlace | None:
+        """Place of a marker on a shell, None for the others."""
+        if isinstance(marker, SurfaceMarker):
+            return SurfacePlace(SHELLS, marker.nodes, marker.weights)
+        if not isinstance(marker, Marker) or not isinstance(self.model.get(marker.body), Shell):
+            return None
+        key = self.key(marker)
+        assert key is not None  # lines are no single places
+        return SurfacePlace(SHELLS, (key[1],), (1.0,))
+
+    def on_triangle(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
+        """The place of a marker in a triangle of its shell."""
+        assert self.surface is not None
+        mesh = self.surface.mesh
+        return place.on_triangle(mesh, mesh.bodies[self.model[marker.body].body])
 
     def mesh_nodes(self, nodes: Sequence[int]) -> IntArray:
         """Numbers of the beams' nodes given by their numbers in the mesh."""
@@ -252,6 +297,10 @@ class Assembly:
 
     def marker_pose(self, marker: Observed) -> Pose:
         """Pose of a marker at the start."""
+        if isinstance(marker, SurfaceMarker):
+            place = SurfacePlace(SHELLS, marker.nodes, marker.weights)
+            x = place.position(self.node_frames(SHELLS)[:, :3])
+            return Pose(x + marker.offset, marker.rotation)
         frame = self.marker_frame(marker)
         if isinstance(marker, Marker):
             frame = se3.compose(self.carrier_frame(marker), frame)

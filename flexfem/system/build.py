@@ -53,7 +53,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         blocks[SHELLS], families[SHELLS] = shell_block(serial, comm, placement)
     if model.rigid_bodies:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
-    interface, joints = connect(model.joints, ends, comm, placement, blocks)
+    interface, joints = connect(serial.joints, ends, comm, placement, blocks)
     constraints = Constraints(comm, joints, interface)
     for name in model.released:
         constraints.set_active(name, False)
@@ -92,7 +92,7 @@ def _part(
 def _joint_ends(serial: Assembly) -> list[JointEnds]:
     """Ends of all joints; joints without rows, as a spring between coinciding markers, raise."""
     found = []
-    for joint in serial.model.joints:
+    for joint in serial.joints:
         ends = joint_ends(serial, joint)
         joint.rows(ends.poses, 0.0)
         found.append(ends)

@@ -12,8 +12,8 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.joint import Joint
-from flexfem.core.line_points import NURBS, SE3, line_jacobian, turn_frames
-from flexfem.core.marker import Carrier, Marker
+from flexfem.core.line_points import FIXED, TRIANGLE, line_jacobian, turn_frames
+from flexfem.core.marker import Attachment, Carrier, Marker
 from flexfem.core.pose import Pose
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
@@ -22,6 +22,7 @@ from flexfem.system.line_data import ON_LINE
 from flexfem.system.lines import Line, LinePoint, Rail, RailPoint
 from flexfem.system.placement import NodeKey, Placement
 from flexfem.system.row_table import PlacedJoint
+from flexfem.system.surface_places import SurfacePlace, carrier_frame, turning
 
 __all__ = ["JointEnds", "connect", "joint_ends"]
 
@@ -66,21 +67,43 @@ def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:
     """
     nodes: list[NodeKey | None] = []
     points: list[LinePoint | None] = []
-    frames, poses = [], []
-    for marker in joint.markers:
+    frames, poses, surfaces = [], [], dict[int, SurfacePlace]()
+    for number, marker in enumerate(joint.markers):
+        point, key, frame = None, None, se3.frame(np.zeros(3), np.eye(3))
         if isinstance(marker, Carrier):
-            start, pose = _slider(serial, joint, marker)
-            nodes.append(None)
-            points.append(start)
-            frames.append(se3.frame(np.zeros(3), np.eye(3)))
-            poses.append(pose)
-            continue
-        point = serial.point(marker)
-        nodes.append(serial.key(marker) if point is None else None)
+            point, pose = _slider(serial, joint, marker)
+        elif (place := serial.surface_place(marker)) is not None:
+            surfaces[number], pose = place, serial.marker_pose(marker)
+        else:
+            point = serial.point(marker)
+            key = serial.key(marker) if point is None else None
+            frame, pose = serial.marker_frame(marker), serial.marker_pose(marker)
+        nodes.append(key)
         points.append(point)
-        frames.append(serial.marker_frame(marker))
-        poses.append(serial.marker_pose(marker))
+        frames.append(frame)
+        poses.append(pose)
+    rows = joint.rows(poses, 0.0) if surfaces else ()
+    for number, place in surfaces.items():
+        nodes[number], points[number], frames[number] = _on_surface(
+            serial, joint.markers[number], place, poses[number], turning(rows, number)
+        )
     return JointEnds(tuple(nodes), tuple(points), np.array(frames), tuple(poses))
+
+
+def _on_surface(
+    serial: Assembly, marker: Attachment, place: SurfacePlace, pose: Pose, axes: bool
+) -> tuple[NodeKey | None, LinePoint | None, FloatArray]:
+    """What carries a marker on a shell: a node, or a place on several; its frame relative to it."""
+    assert isinstance(marker, Marker)
+    axes = axes or bool(marker.offset.any())
+    frame = se3.frame(pose.position, pose.rotation)
+    if len(place.nodes) == 1 and not axes:
+        key = place.kind, place.nodes[0]
+        carrier = serial.node_frames(place.kind)[key[1]]
+        return key, None, se3.compose(se3.inverse(carrier), frame)
+    point = (serial.on_triangle(marker, place) if axes else place).carrier(axes)
+    carrier = carrier_frame(point, serial.node_frames(place.kind)[:, :3])
+    return None, point, se3.compose(se3.inverse(carrier), frame)
 
 
 def _slider(serial: Assembly, joint: Joint, carrier: Carrier) -> tuple[LinePoint, Pose]:
@@ -114,7 +137,7 @@ def _closest(serial: Assembly, line: Line, x: FloatArray) -> tuple[int, float, F
         shape = np.zeros((1, 1)) if line.shape is None else line.shape[e]
         if line.turns is not None:
             turn_frames(frames, line.turns[e], frames)
-        xi, frame = _in_plane(SE3 if line.shape is None else NURBS, frames, shape, x)
+        xi, frame = _in_plane(line.element, frames, shape, x)
         gap = float(np.linalg.norm(x - frame[:3]))
         if gap < best:
             best, found = gap, (int(e), xi, frame)
@@ -182,16 +205,21 @@ def connect(
 def _rail_points(
     joint: Joint, ends: JointEnds, interface: Interface, rails: dict[str, Rail]
 ) -> tuple[RailPoint | None, ...]:
-    """Where the markers of a joint are on lines; ``rails`` are those of the beams so far."""
+    """Where the markers of a joint are on lines; ``rails`` are those of the beams so far.
+
+    Places on surfaces have rails of their own.
+    """
     points: list[RailPoint | None] = []
     for marker, point in zip(joint.markers, ends.points, strict=True):
         if point is None:
             points.append(None)
             continue
         assert isinstance(marker, Marker)  # the ground has no lines
-        if marker.body not in rails:
-            rails[marker.body] = _rail(interface, point.line)
-        points.append(RailPoint(rails[marker.body], point.element, point.xi, point.slides))
+        if point.line.element in (TRIANGLE, FIXED):
+            rail = _rail(interface, point.line)
+        else:
+            rail = rails.setdefault(marker.body, _rail(interface, point.line))
+        points.append(RailPoint(rail, point.element, point.xi, point.slides))
     return tuple(points)
 
 

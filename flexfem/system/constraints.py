@@ -70,6 +70,7 @@ class Constraints(NumberedRows):
         self.poses = np.zeros((len(self.marker_slot), 12))
         damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] > LawKind.LIMIT)
         self._damped = bool(damping.any())
+        self._holds = bool(interface.held.any())
 
     def state(self) -> State:
         """What the rows remember of the accepted state, and which of them hold what."""
@@ -93,7 +94,7 @@ class Constraints(NumberedRows):
         self.relaxation = float(state.values["relaxation"][0])
 
     def active_components(self) -> IntArray:
-        """(n_slots,) 3 where joints only ever pull at the node's origin, else 6."""
+        """(n_slots,) 3 where joints only ever pull at the node's origin, else all its unknowns."""
         active = np.full(len(self.interface.keys), 3, dtype=np.int64)
         for side in range(2):
             marker, slot = self.term_marker[:, side], self.term_slots[:, side]
@@ -104,7 +105,7 @@ class Constraints(NumberedRows):
             turning |= self.kinds == ON_LINES
             active[slot[turning & (slot >= 0)]] = 6
         active[self.lines.nodes] = 6
-        return active
+        return np.minimum(active, self.interface.width)
 
     def reactions(self) -> FloatArray:
         """(m, 6) wrenches that the joints exert on the bodies at their markers.
@@ -222,6 +223,14 @@ class Constraints(NumberedRows):
                 self.step_jacobian,
             )  # fmt: skip
             self._add_line_dampers(self.slopes[:, 1], dynamics[0])
+        self._hold(self.force_jacobian)
+        self._hold(self.step_jacobian)
+
+    def _hold(self, gradient: FloatArray) -> None:
+        """Set gradients (t, 2, 6) to zero along unknowns that stay as they are."""
+        if self._holds:
+            held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
+            gradient[held[self.term_slots]] = 0.0  # the ground's slot is -1
 
     def use_rates(self, velocity: float, by_time: FloatArray) -> FloatArray:
         """Put the rates of the rigid rows in the place of their values, with exact derivatives.
@@ -247,6 +256,7 @@ class Constraints(NumberedRows):
             face.inertial, np.array([velocity, 0.0]), self.force_jacobian, self.step_jacobian,
         )  # fmt: skip
         self._add_line_dampers(slopes[:, 1], velocity)
+        self._hold(self.step_jacobian)
         return values
 
     def changes(self, twists: FloatArray, sides: BoolArray | None = None) -> FloatArray:
@@ -275,6 +285,7 @@ class Constraints(NumberedRows):
             self.kinds, self.directions, self.poses, self.angles,
         )  # fmt: skip
         self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
+        self._hold(self.force_jacobian)
         self.lines.accept()
 
     def _place_markers(self) -> None:
@@ -282,6 +293,7 @@ class Constraints(NumberedRows):
         frames = self.interface.frames
         marker_poses(frames, self.marker_slot, self.marker_offset, self.poses)
         self.lines.evaluate(frames, self.poses, self.force_jacobian)
+        self._hold(self.force_jacobian)
 
     def _add_line_dampers(self, slopes: FloatArray, velocity: float) -> None:
         """The part of ``row_hessians.add_dampers`` of joints on lines."""
@@ -300,6 +312,11 @@ class Constraints(NumberedRows):
             self.directions, self.pair_of_term, factor[self.row_of_term] * self.factors, out,
         )  # fmt: skip
         self.lines.add_hessians(factor, out)
+        if self._holds:
+            held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
+            pairs = held[self.pair_slots].reshape(-1, 12)
+            out[pairs] = 0.0
+            out.transpose(0, 2, 1)[pairs] = 0.0
         return out
 
     def local_jacobian(self) -> FloatArray:
@@ -320,6 +337,7 @@ class Constraints(NumberedRows):
             self.lines.add_dampers(
                 self.slopes[:, 1], face.velocities, held, self.force_jacobian, jacobian
             )
+            self._hold(jacobian)
         return jacobian
 
     def sums(self) -> FloatArray:

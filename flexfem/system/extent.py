@@ -12,7 +12,7 @@ __all__ = ["model_extent"]
 
 def model_extent(serial: Assembly) -> float:
     """Diagonal of the box about all nodes, bodies and markers of joints at the start, m."""
-    joints = serial.model.joints
+    joints = serial.joints
     poses = [pose.position for joint in joints for pose in joint_ends(serial, joint).poses]
     every = np.concatenate(
         [np.array(poses).reshape(-1, 3), se3.position(serial.rigid_frames), serial.nodes]

@@ -33,24 +33,30 @@ class Gauge(Protocol):
 
 
 class _ReactionGauge:
-    """Force and moment of a joint on the body of its marker b, on the rank that owns the joint."""
+    """Force and moment of a joint on the body of its marker b, on the rank that owns the joint.
+
+    Of the parts of a joint of lines it is the resultant, about the first part's marker there.
+    """
 
     def __init__(self, system: System, probe: ReactionProbe) -> None:
         self._system, self._axes = system, probe.axes
         rows = system.constraints
         mine = [k for k, j in enumerate(rows.joints) if j.joint.name == probe.joint and j.owned]
-        self._joint = mine[0] if mine else None
+        self._first = rows.marker_start[mine]
+        second = np.array([rows.joints[k].joint.second for k in mine], dtype=np.int64)
+        self._markers = self._first + second
 
     def update(self) -> FloatArray:
-        if self._joint is None:
+        if not len(self._markers):
             return np.zeros(6)
         refresh_rows(self._system)
         rows = self._system.constraints
-        a, b = rows.marker_start[self._joint] + np.arange(2)
-        force, moment = rows.reactions()[b].reshape(2, 3)
+        at, wrenches = rows.poses[self._markers, :3], rows.reactions()[self._markers]
+        arms = np.cross(at - at[0], wrenches[:, :3])
+        force, moment = wrenches[:, :3].sum(axis=0), (wrenches[:, 3:] + arms).sum(axis=0)
         if self._axes == "inertial":
             return np.concatenate([force, moment])
-        R = se3.rotation(rows.poses[a if self._axes == "a" else b])
+        R = se3.rotation(rows.poses[self._first[0] if self._axes == "a" else self._markers[0]])
         return np.concatenate([force @ R, moment @ R])
 
 

@@ -73,9 +73,10 @@ class Interface:
         keys: node of each slot.
         frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
         steps: (n, 6) Newton steps after ``update_steps``.
-        inertial: (n,) whether translations are integrated in inertial axes.
+        inertial: (n,) whether translations are integrated in inertial axes; width: (n,) unknowns.
         kind: kind of block of each slot; local: local node where owned, else -1.
         number: global number of the node within its block.
+        held: (n, 6) unknowns that stay as they are, on which joints have no effect.
     """
 
     def __init__(
@@ -109,6 +110,10 @@ class Interface:
         self.inertial: BoolArray = np.array(
             [inertial[kind] for kind in self.kind.tolist()], dtype=np.bool_
         )
+        widths = [0 if block is None else block.width for block in blocks]
+        self.width: IntArray = np.array(
+            [widths[kind] for kind in self.kind.tolist()], dtype=np.int64
+        )
         self._sources = [
             (block, self.local[slots], slots)
             for kind, block in enumerate(blocks)
@@ -117,6 +122,12 @@ class Interface:
             if len(slots)
         ]
         self._plan(directory, mine, needed_by)
+        held = np.zeros((len(mine), 6))
+        for block, local, slots in self._sources:
+            if block.held is not None:
+                held[slots, : block.width] = block.held[local]
+        self._exchange((held,))
+        self.held: BoolArray = held > 0.0
 
     def _plan(
         self, directory: NodeDirectory, mine: Sequence[int], needed_by: Sequence[Sequence[int]]

@@ -22,16 +22,19 @@ __all__ = ["ElementPlace", "Line", "LinePoint", "Rail", "RailPoint", "se3_line"]
 class Line:
     """Elements of a beam from the start to the end, the same on every rank.
 
+    A place on a surface that several nodes carry is a line of one element, without length.
+
     Attributes:
-        kind: block of the nodes, ``placement.BEAMS`` or ``placement.NURBS``.
+        kind: block of the nodes, see ``placement``.
         nodes: (m, k) numbers of the nodes in the input order of the block.
         cells: (m,) numbers of the elements among those of their kind in the model.
         shape: (m, k, k) coefficients of the shape functions as in ``core.line_points``; None for
             SE(3) elements.
-        turns: (m, 2, 9) rotations of the sections at both ends against their nodes; None for NURBS
-            elements.
+        turns: (m, 2, 9) rotations of the sections at both ends against their nodes; None for all
+            but SE(3) elements.
         starts: (m,) arc length from the beam's start to each element, m.
         arc: (m, q) arc length from each element's start in powers of xi, m.
+        element: how frames are interpolated, see ``core.line_points``.
     """
 
     kind: int
@@ -41,6 +44,7 @@ class Line:
     turns: FloatArray | None
     starts: FloatArray
     arc: FloatArray
+    element: int
 
     @property
     def length(self) -> float:
@@ -87,11 +91,6 @@ class Rail:
 
     line: Line
     slots: IntArray
-
-    @property
-    def element(self) -> int:
-        """How frames are interpolated, see ``core.line_points``."""
-        return SE3 if self.line.shape is None else NURBS
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,4 +146,4 @@ def se3_line(
     starts = np.cumsum(lengths) - lengths
     arc = np.stack([np.zeros(len(cells)), lengths], axis=1)
     flat = turns.reshape(-1, 2, 9)
-    return Line(kind, nodes.astype(np.int64), cells, None, flat, starts, arc)
+    return Line(kind, nodes.astype(np.int64), cells, None, flat, starts, arc, SE3)

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.line_points import NURBS as NURBS_ELEMENT
 from flexfem.core.runs import starts
 from flexfem.materials.section import Section
 from flexfem.mesh.nurbs_elements import NurbsElements
@@ -126,6 +127,7 @@ class NurbsLines:
             turns=None,
             starts=np.cumsum(parts.lengths) - parts.lengths,
             arc=parts.arc,
+            element=NURBS_ELEMENT,
         )
 
 

@@ -200,6 +200,7 @@ class Placed:
         self.face = SimpleNamespace(
             keys=[(1, k) for k in range(n)], frames=nodes.copy(), velocities=np.zeros((n, 6)),
             increments=np.zeros((n, 6)), inertial=np.zeros(n, dtype=bool),
+            width=np.full(n, 6), held=np.zeros((n, 6), dtype=bool),
         )  # fmt: skip
         placed = [
             PlacedJoint(

@@ -115,7 +115,8 @@ class PlacedOnLine(Placed):
         self.face = SimpleNamespace(
             keys=[(1, k) for k in range(self.count)], frames=self.start.copy(),
             velocities=np.zeros((self.count, 6)), increments=np.zeros((self.count, 6)),
-            inertial=np.zeros(self.count, dtype=bool),
+            inertial=np.zeros(self.count, dtype=bool), width=np.full(self.count, 6),
+            held=np.zeros((self.count, 6), dtype=bool),
         )  # fmt: skip
         point = RailPoint(self._rail(), *place, slides=example.slides)
         poses = tuple(Pose(H[:3], se3.rotation(H)) for H in (first, second))
@@ -139,7 +140,8 @@ class PlacedOnLine(Placed):
         arc = np.array([[0.0, 0.8, 0.1], [0.0, 1.0, -0.2]])
         turns = self.turns if self.shape is None else None
         starts = np.array([0.0, 0.9])
-        return Rail(Line(0, nodes, np.arange(2), self.shape, turns, starts, arc), nodes)
+        element = SE3 if self.shape is None else NURBS
+        return Rail(Line(0, nodes, np.arange(2), self.shape, turns, starts, arc, element), nodes)
 
     def section(self, frames: np.ndarray, element: int, xi: float) -> np.ndarray:
         """Frame of a section."""

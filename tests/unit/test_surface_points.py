@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Frames at points of triangles and edges against differences and rigid motions."""
+
+import numpy as np
+import pytest
+
+from flexfem.core import line_points
+from flexfem.core.line_points import FIXED, TRIANGLE
+from flexfem.lie import se3, so3
+
+pytestmark = pytest.mark.serial
+
+#: kind and weights of the nodes
+POINTS = {
+    "corner": (TRIANGLE, (1.0, 0.0, 0.0)),
+    "inside": (TRIANGLE, (0.2, 0.5, 0.3)),
+    "edge": (FIXED, (0.3, 0.7)),
+    "interior": (FIXED, (0.2, 0.5, 0.3)),
+}
+EVERY = pytest.mark.parametrize("name", POINTS)
+
+
+class Point:
+    """A point on nodes with axes of their own."""
+
+    def __init__(self, name, rng):
+        self.kind, weights = POINTS[name]
+        k = len(weights)
+        self.shape = np.zeros((k, k))
+        self.shape[:, 0] = weights
+        corners = np.array([[0.1, 0.2, -0.3], [1.4, 0.5, 0.1], [0.3, 1.2, 0.6]])[:k]
+        self.nodes = se3.frame(corners, so3.exp(rng.normal(size=(k, 3))))
+
+    def frame(self, nodes):
+        H = np.empty(12)
+        line_points.line_pose(self.kind, nodes, self.shape, 0.0, H)
+        return H
+
+    def at(self, nodes):
+        H, J = np.empty(12), np.empty((6, 6 * len(nodes) + 1))
+        line_points.line_jacobian(self.kind, nodes, self.shape, 0.0, H, J)
+        return H, J
+
+    def difference(self, function, eps=1e-3):
+        """Derivative of a function along all twists of the nodes, central, of order six."""
+        columns = []
+        for row in np.eye(self.nodes.size // 2):
+            total = 0.0
+            for step, weight in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60)):
+                for sign in (1.0, -1.0):
+                    moved = se3.retract(self.nodes, (sign * step * eps * row).reshape(-1, 6))
+                    total = total + sign * weight / eps * function(moved)
+            columns.append(total)
+        return np.array(columns).T
+
+
+@EVERY
+def test_axes(name, rng):
+    point = Point(name, rng)
+    H, x = point.frame(point.nodes), point.nodes[:, :3]
+    np.testing.assert_allclose(H[:3], point.shape[:, 0] @ x, atol=1e-15)
+    if point.kind == FIXED:
+        np.testing.assert_array_equal(H[3:], np.eye(3).ravel())
+        return
+    e1 = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
+    e3 = np.cross(e1, x[2] - x[0])
+    e3 /= np.linalg.norm(e3)
+    # rounding; another side or normal is off by the triangle's angles
+    np.testing.assert_allclose(
+        se3.rotation(H), np.stack([e1, np.cross(e3, e1), e3], axis=1), atol=1e-15
+    )
+
+
+@EVERY
+def test_twist(name, rng):
+    point = Point(name, rng)
+    H, J = point.at(point.nodes)
+    np.testing.assert_array_equal(H, point.frame(point.nodes))
+
+    def local(nodes):
+        return se3.log(se3.compose(se3.inverse(H), point.frame(nodes)))
+
+    # differences are good to 1e-12; a turn of the triangle left out is of order 1
+    np.testing.assert_allclose(J[:, :-1], point.difference(local), atol=1e-10)
+    np.testing.assert_array_equal(J[:, -1], 0.0)
+    # what turns a node moves nothing
+    np.testing.assert_array_equal(J[:, :-1].reshape(6, -1, 2, 3)[:, :, 1], 0.0)
+
+
+@EVERY
+def test_second_derivative(name, rng):
+    point, g = Point(name, rng), rng.normal(size=6)
+    expected = point.difference(lambda nodes: point.at(nodes)[1].T @ g)
+    out = np.full((len(expected), len(expected)), 3.0)
+    line_points.add_line_second(point.kind, point.nodes, point.shape, 0.0, g, out)
+    # differences are good to 1e-11; symmetrised, or with held sides, it is off by 0.1
+    np.testing.assert_allclose(out[:, :-1] - 3.0, expected, atol=1e-9)
+    np.testing.assert_array_equal(out[:, -1], 3.0)
+
+
+@EVERY
+def test_motion_of_the_whole_space(name, rng):
+    point = Point(name, rng)
+    H, J = point.at(point.nodes)
+    G = se3.frame(np.array([3.0, -2.0, 5.0]), so3.exp(np.array([2.0, 1.0, -1.5])))
+    moved, J_moved = point.at(se3.compose(G, point.nodes))
+    if point.kind == FIXED:  # its axes stay
+        np.testing.assert_allclose(moved[:3], se3.compose(G, H)[:3], atol=1e-14)
+        return
+    np.testing.assert_allclose(moved, se3.compose(G, H), atol=1e-14)
+    np.testing.assert_allclose(J_moved, J, atol=1e-13)
+    # local twists of one motion: the triangle moves rigidly with its nodes
+    motion = np.array([0.5, 1.0, -0.7, 0.3, -0.4, 0.9])
+    twists = [se3.adjoint(se3.inverse(node)) @ motion for node in point.nodes]
+    np.testing.assert_allclose(
+        J[:, :-1] @ np.concatenate(twists), se3.adjoint(se3.inverse(H)) @ motion, atol=1e-13
+    )
