@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact of nodes with the triangles of a surface, one pass.
+
+Two passes are two of these with the roles exchanged, each with half of the stiffness.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.contact import penalty
+from flexfem.contact.candidates import Rows, find_candidates, largest_move
+from flexfem.contact.find import FIELDS, MOST, find_contacts, normals_into
+from flexfem.contact.held_contacts import ContactLaw, HeldContacts
+from flexfem.contact.sides import carry_sides, label_candidates, settle_sides
+from flexfem.lie.compiled import kernel
+
+__all__ = ["Masters", "Slaves", "TriangleContact"]
+
+
+@dataclass(frozen=True)
+class Slaves:
+    """Nodes that touch.
+
+    Attributes:
+        nodes: Rows of the positions, shape (s,).
+        offsets: Distance at which each touches a surface of no thickness, shape (s,), metres.
+        stiffness: Force per penetration, shape (s,), N/m.
+    """
+
+    nodes: IntArray
+    offsets: FloatArray
+    stiffness: FloatArray
+
+
+@dataclass(frozen=True)
+class Masters:
+    """Triangles that are touched.
+
+    Attributes:
+        triangles: Rows of the positions, shape (m, 3).
+        thickness: Half of the thickness, shape (m,), metres.
+        rims: Which edges (bits 0 to 2, opposite to the nodes) and nodes (bits 3 to 5) are on the
+            rim of the surface, shape (m,).
+        parts: Number of the connected part, in which all normals point to one side, shape (m,).
+    """
+
+    triangles: IntArray
+    thickness: FloatArray
+    rims: IntArray
+    parts: IntArray
+
+
+class TriangleContact:
+    """Contacts of slaves with master triangles at the trial state.
+
+    Attributes:
+        slaves, masters: What touches.
+        skin: How far candidates are looked for, m: nothing gets through a surface that moves by
+            less than half of it, relative to the surface, in a step.
+        rows: Candidates of each slave.
+        sides: On which side of each it belongs: 1, -1 or 0 for none.
+        version: Number of the present list of candidates.
+        count: Contacts at the trial state.
+        ends: Slave and triangle of each, shape (count, 2) used.
+        contacts: Numbers of each, see ``find``, shape (count, FIELDS) used.
+        held: What friction and damping act on.
+    """
+
+    def __init__(
+        self,
+        slaves: Slaves,
+        masters: Masters,
+        skin: float,
+        excluded: Rows | None = None,
+        law: ContactLaw | None = None,
+    ) -> None:
+        """Describe what touches; call :meth:`update` before anything else."""
+        self.slaves, self.masters, self.skin = slaves, masters, skin
+        count = len(slaves.nodes)
+        self._excluded = Rows.empty(count) if excluded is None else excluded
+        self.rows, self.sides = Rows.empty(count), np.zeros(0, np.int64)
+        self._labels = np.zeros(0, np.int64)
+        self.version, self.count = 0, 0
+        self.ends = np.empty((MOST * (count + 1), 2), np.int64)
+        self.contacts = np.empty((MOST * (count + 1), FIELDS))
+        self._normals = np.empty((len(masters.triangles), 3))
+        self._nodes = np.union1d(slaves.nodes, masters.triangles)
+        self._built: FloatArray | None = None
+        self._before: FloatArray | None = None
+        self._work = np.empty((0, 9), np.int64), np.empty((0, 7))
+        self._law = ContactLaw() if law is None else law
+        self.held = HeldContacts.none(self._law)
+        self._held_nodes, self._held_weights = np.zeros((0, 4), np.int64), np.zeros((0, 4))
+        self._start = np.zeros((0, 3))
+
+    def update(self, points: FloatArray) -> bool:
+        """Take in an accepted state; returns whether the candidates are new.
+
+        They are looked for again when they might not suffice for another two steps like the last.
+        """
+        last = 0.0
+        if self._before is not None:
+            last = largest_move(points, self._before, self._nodes)
+        self._before = points.copy()
+        new = self._built is None or (
+            largest_move(points, self._built, self._nodes) + 2.0 * last > 0.5 * self.skin
+        )
+        if new:
+            self._search(points)
+        m = self.masters
+        normals_into(points, m.triangles, self._normals)
+        settle_sides(
+            points, self.slaves.nodes, m.triangles, m.rims, self._labels, self._normals,
+            self.rows.starts, self.rows.values, self.sides, *self._work,
+        )  # fmt: skip
+        return new
+
+    def _search(self, points: FloatArray) -> None:
+        """Look for candidates and carry over the sides of those that stay."""
+        s, m, old, sides = self.slaves, self.masters, self.rows, self.sides
+        self.rows = find_candidates(
+            points, s.nodes, s.offsets, m.triangles, m.thickness, self.skin, self._excluded
+        )
+        self.sides = np.empty(len(self.rows.values), np.int64)
+        self._labels = np.empty(len(self.rows.values), np.int64)
+        label_candidates(m.triangles, m.parts, self.rows.starts, self.rows.values, self._labels)
+        carry_sides(old.starts, old.values, sides, self.rows.starts, self.rows.values, self.sides)
+        if self.rows.longest > len(self._work[0]):
+            self._work = (
+                np.empty((self.rows.longest, 9), np.int64), np.empty((self.rows.longest, 7))
+            )  # fmt: skip
+        self._built = points.copy()
+        self.version += 1
+
+    def evaluate(self, points: FloatArray, h: float = 0.0) -> None:
+        """Find the contacts at a trial state of a step of ``h`` seconds."""
+        s, m = self.slaves, self.masters
+        normals_into(points, m.triangles, self._normals)
+        self.count = find_contacts(
+            points, s.nodes, s.offsets, m.triangles, m.thickness, m.rims, self._normals,
+            self.rows.starts, self.rows.values, self.sides, self._labels, *self._work,
+            self.ends, self.contacts,
+        )  # fmt: skip
+        if len(self.held.slaves):
+            slips = np.empty((len(self.held.slaves), 3))
+            _slips_into(points - self._start, self._held_nodes, self._held_weights, slips)
+            self.held.evaluate(slips, h)
+
+    def accept(self, points: FloatArray) -> None:
+        """End a step: the contacts evaluated last are those that friction acts on now."""
+        if self._law.elastic:
+            return
+        c, ends = self.contacts[: self.count], self.ends[: self.count]
+        stiffness = self.slaves.stiffness[ends[:, 0]]
+        self.held = self.held.follow(
+            ends[:, 0].copy(), c[:, 5:8].copy(), -stiffness * c[:, 3], stiffness
+        )
+        self._held_nodes = np.column_stack(
+            [self.slaves.nodes[ends[:, 0]], self.masters.triangles[ends[:, 1]]]
+        )
+        self._held_weights = np.column_stack([np.ones(self.count), -c[:, :3]])
+        self._start = points.copy()
+
+    @property
+    def energy(self) -> float:
+        """Energy stored, J."""
+        value: float = penalty.energy(self.count, self.ends, self.contacts, self.slaves.stiffness)
+        return value
+
+    @property
+    def deepest(self) -> float:
+        """Largest penetration, m."""
+        return float(-self.contacts[: self.count, 3].min(initial=0.0))
+
+    @property
+    def forces(self) -> FloatArray:
+        """Normal forces of the contacts on the slaves, shape (count, 3), newtons."""
+        c = self.contacts[: self.count]
+        return -(self.slaves.stiffness[self.ends[: self.count, 0]] * c[:, 3])[:, None] * c[:, 5:8]
+
+    def add_forces(self, residual: FloatArray, scale: float = 1.0) -> None:
+        """Add ``scale`` times the forces to the residual of all nodes (n, 3), inertial axes."""
+        s, m = self.slaves, self.masters
+        penalty.add_forces(
+            self.count, s.nodes, m.triangles, self.ends, self.contacts, s.stiffness, scale, residual
+        )
+        if len(self.held.slaves):
+            _spread(self.held.forces, self._held_nodes, self._held_weights, scale, residual)
+
+    def add_actions(self, steps: FloatArray, residual: FloatArray, scale: float = 1.0) -> None:
+        """Add ``scale`` times the tangent applied to steps (n, 3) to the residual (n, 3)."""
+        s, m = self.slaves, self.masters
+        penalty.add_actions(
+            self.count, s.nodes, m.triangles, self.ends, self.contacts, s.stiffness, scale, steps,
+            residual,
+        )  # fmt: skip
+        if len(self.held.slaves):
+            slips = np.empty((len(self.held.slaves), 3))
+            _slips_into(steps, self._held_nodes, self._held_weights, slips)
+            forces = np.einsum("cij,cj->ci", self.held.tangents, slips)
+            _spread(forces, self._held_nodes, self._held_weights, scale, residual)
+
+    def blocks(self, scale: float = 1.0) -> tuple[IntArray, FloatArray]:
+        """Nodes (c, 4), slave first, and ``scale`` times the tangents (c, 12, 12)."""
+        s, m, held = self.slaves, self.masters, self.held.tangents
+        nodes, blocks = np.empty((self.count, 4), np.int64), np.empty((self.count, 12, 12))
+        penalty.blocks_into(
+            self.count, s.nodes, m.triangles, self.ends, self.contacts, s.stiffness, scale, nodes,
+            blocks,
+        )  # fmt: skip
+        if not len(held):
+            return nodes, blocks
+        w = self._held_weights
+        rest = scale * np.einsum("cp,cq,cab->cpaqb", w, w, held).reshape(-1, 12, 12)
+        return np.concatenate([nodes, self._held_nodes]), np.concatenate([blocks, rest])
+
+
+@kernel
+def _slips_into(steps: FloatArray, nodes: IntArray, weights: FloatArray, slips: FloatArray) -> None:
+    """Write the weighted sums (c, 3) of steps of nodes."""
+    for c in range(len(nodes)):
+        for a in range(3):
+            slips[c, a] = 0.0
+            for k in range(4):
+                slips[c, a] += weights[c, k] * steps[nodes[c, k], a]
+
+
+@kernel
+def _spread(
+    forces: FloatArray, nodes: IntArray, weights: FloatArray, scale: float, residual: FloatArray
+) -> None:
+    """Add ``scale`` times weighted forces to the residual of nodes."""
+    for c in range(len(nodes)):
+        for k in range(4):
+            for a in range(3):
+                residual[nodes[c, k], a] += scale * weights[c, k] * forces[c, a]
