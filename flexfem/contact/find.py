@@ -32,9 +32,11 @@ _APART = 0.5
 
 
 @kernel
-def normals_into(points: FloatArray, triangles: IntArray, normals: FloatArray) -> None:
-    """Write the unit normals (m, 3) of triangles."""
-    for t in range(len(triangles)):
+def normals_into(
+    points: FloatArray, triangles: IntArray, chosen: IntArray, normals: FloatArray
+) -> None:
+    """Write the unit normals (m, 3) of the chosen triangles."""
+    for t in chosen:
         i, j, k = triangles[t]
         unit_normal(points[i], points[j], points[k], normals[t])
 

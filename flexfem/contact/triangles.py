@@ -5,10 +5,11 @@ Two passes are two of these with the roles exchanged, each with half of the stif
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact import penalty
 from flexfem.contact.candidates import Rows, find_candidates, largest_move
 from flexfem.contact.find import FIELDS, MOST, find_contacts, normals_into
@@ -32,6 +33,10 @@ class Slaves:
     nodes: IntArray
     offsets: FloatArray
     stiffness: FloatArray
+
+    def restricted(self, kept: BoolArray) -> Self:
+        """Those that are marked in (s,)."""
+        return type(self)(self.nodes[kept], self.offsets[kept], self.stiffness[kept])
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,7 @@ class TriangleContact:
         self.ends = np.empty((MOST * (count + 1), 2), np.int64)
         self.contacts = np.empty((MOST * (count + 1), FIELDS))
         self._normals = np.empty((len(masters.triangles), 3))
+        self._chosen = np.arange(len(masters.triangles))
         self._nodes = np.union1d(slaves.nodes, masters.triangles)
         self._built: FloatArray | None = None
         self._before: FloatArray | None = None
@@ -96,48 +102,63 @@ class TriangleContact:
         self._start = np.zeros((0, 3))
 
     def update(self, points: FloatArray) -> bool:
-        """Take in an accepted state; returns whether the candidates are new.
+        """Take in an accepted state; returns whether the candidates are new."""
+        new = self.moved(points)
+        if new:
+            self.search(points)
+        self.settle(points)
+        return new
 
-        They are looked for again when they might not suffice for another two steps like the last.
+    def moved(self, points: FloatArray) -> bool:
+        """Whether the candidates might not suffice for another two steps like the last.
+
+        Call it once for every accepted state.
         """
         last = 0.0
         if self._before is not None:
             last = largest_move(points, self._before, self._nodes)
         self._before = points.copy()
-        new = self._built is None or (
+        return self._built is None or (
             largest_move(points, self._built, self._nodes) + 2.0 * last > 0.5 * self.skin
         )
-        if new:
-            self._search(points)
+
+    def search(self, points: FloatArray, chosen: IntArray | None = None) -> None:
+        """Look for candidates and carry over the sides of those that stay.
+
+        Args:
+            points: Positions at an accepted state, shape (n, 3).
+            chosen: Numbers of the triangles to look at, ascending; None for all.
+        """
+        s, m, old, sides = self.slaves, self.masters, self.rows, self.sides
+        self._chosen = np.arange(len(m.triangles)) if chosen is None else chosen
+        rows = find_candidates(
+            points, s.nodes, s.offsets, m.triangles[self._chosen], m.thickness[self._chosen],
+            self.skin, self._excluded,
+        )  # fmt: skip
+        self.rows = rows = Rows(rows.starts, self._chosen[rows.values])
+        self.sides = np.empty(len(rows.values), np.int64)
+        carry_sides(old.starts, old.values, sides, rows.starts, rows.values, self.sides)
+        self._labels = np.empty(len(rows.values), np.int64)
+        label_candidates(m.triangles, m.parts, rows.starts, rows.values, self._labels)
+        if rows.longest > len(self._work[0]):
+            self._work = (np.empty((rows.longest, 9), np.int64), np.empty((rows.longest, 7)))
+        self._nodes = np.union1d(s.nodes, m.triangles[self._chosen])
+        self._built = points.copy()
+        self.version += 1
+
+    def settle(self, points: FloatArray) -> None:
+        """Find the sides of new candidates, and forget those of nodes at a rim."""
         m = self.masters
-        normals_into(points, m.triangles, self._normals)
+        normals_into(points, m.triangles, self._chosen, self._normals)
         settle_sides(
             points, self.slaves.nodes, m.triangles, m.rims, self._labels, self._normals,
             self.rows.starts, self.rows.values, self.sides, *self._work,
         )  # fmt: skip
-        return new
-
-    def _search(self, points: FloatArray) -> None:
-        """Look for candidates and carry over the sides of those that stay."""
-        s, m, old, sides = self.slaves, self.masters, self.rows, self.sides
-        self.rows = find_candidates(
-            points, s.nodes, s.offsets, m.triangles, m.thickness, self.skin, self._excluded
-        )
-        self.sides = np.empty(len(self.rows.values), np.int64)
-        self._labels = np.empty(len(self.rows.values), np.int64)
-        label_candidates(m.triangles, m.parts, self.rows.starts, self.rows.values, self._labels)
-        carry_sides(old.starts, old.values, sides, self.rows.starts, self.rows.values, self.sides)
-        if self.rows.longest > len(self._work[0]):
-            self._work = (
-                np.empty((self.rows.longest, 9), np.int64), np.empty((self.rows.longest, 7))
-            )  # fmt: skip
-        self._built = points.copy()
-        self.version += 1
 
     def evaluate(self, points: FloatArray, h: float = 0.0) -> None:
         """Find the contacts at a trial state of a step of ``h`` seconds."""
         s, m = self.slaves, self.masters
-        normals_into(points, m.triangles, self._normals)
+        normals_into(points, m.triangles, self._chosen, self._normals)
         self.count = find_contacts(
             points, s.nodes, s.offsets, m.triangles, m.thickness, m.rims, self._normals,
             self.rows.starts, self.rows.values, self.sides, self._labels, *self._work,
