@@ -7,8 +7,10 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 
 __all__ = ["automatic_stiffness", "mean_edge", "node_areas", "rim_bits"]
 
-#: Part of the inertia of an iteration that the automatic stiffness reaches.
-_INERTIA = 0.1
+#: Part of the inertia of an iteration that the automatic stiffness reaches. With ten times it
+#: sheets gain energy from impacts that steps do not resolve, with a tenth they penetrate four times
+#: as far.
+_INERTIA = 1.0
 
 
 def rim_bits(triangles: IntArray, neighbours: IntArray, nodes: int) -> IntArray:
@@ -42,9 +44,9 @@ def mean_edge(points: FloatArray, triangles: IntArray) -> float:
 def automatic_stiffness(membrane: float, thickness: float, density: float, inertia: float) -> float:
     """Return the force per penetration and area, N/m^3, of two touching shells.
 
-    It is the smaller of the stiffness through the thickness, ``membrane / thickness^2``, and of a
-    tenth of the inertia in the iteration matrix: an impact then lasts about five steps, and
-    iterations with matrices that leave contact out still contract.
+    It is the smaller of the stiffness through the thickness, ``membrane / thickness^2``, and of the
+    inertia in the iteration matrix: an impact then lasts about two steps, and refined iterations
+    with factors that leave contact out take as many as with fresh ones.
 
     Args:
         membrane: The smaller of both membrane stiffnesses, N/m.

@@ -17,6 +17,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.closest import closest_candidates, is_first, leave_minima, signed_distance
+from flexfem.contact.held_contacts import MOST_HELD
 from flexfem.contact.regions import FACE, dot, unit_normal
 from flexfem.lie.compiled import inlined, kernel
 
@@ -26,7 +27,7 @@ __all__ = ["FIELDS", "MOST", "find_contacts", "normals_into"]
 #: how the normal turns with the nodes about each of them (14), curvatures of the distance (20).
 FIELDS = 22
 #: Contacts of one node with one surface, at most.
-MOST = 4
+MOST = MOST_HELD
 #: Cosine of the angle of normals beyond which contacts of one node are two.
 _APART = 0.5
 

@@ -11,7 +11,10 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.contact.held import held_forces, held_losses
 from flexfem.lie.compiled import kernel
 
-__all__ = ["ContactLaw", "HeldContacts"]
+__all__ = ["MOST_HELD", "ContactLaw", "HeldContacts"]
+
+#: Contacts of one node with one surface, at most.
+MOST_HELD = 4
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,33 @@ class HeldContacts:
         made = HeldContacts(self.law, slaves, normals, pushes, pulls, stiffness, lost)
         made.lost += before - made.stored
         return made
+
+    def packed(self, count: int, extra: FloatArray) -> FloatArray:
+        """The contacts of each of some slaves in a row, shape (count, MOST_HELD (8 + k)).
+
+        Args:
+            count: Number of slaves.
+            extra: Further numbers of each contact, shape (c, k).
+        """
+        ones = np.ones((len(self.slaves), 2))
+        ones[:, 1] = self.pushes
+        every = np.concatenate([ones, self.normals, self.pulls, extra], axis=1)
+        rows = np.zeros((count, MOST_HELD, every.shape[1]))
+        first = np.searchsorted(self.slaves, self.slaves)
+        rows[self.slaves, np.arange(len(self.slaves)) - first] = every
+        return rows.reshape(count, -1)
+
+    @classmethod
+    def unpacked(
+        cls, law: ContactLaw, rows: FloatArray, stiffness: FloatArray
+    ) -> tuple[Self, FloatArray]:
+        """Contacts and their further numbers from rows; the slaves have the stiffness (s,)."""
+        every = rows.reshape(len(rows), MOST_HELD, -1)
+        slaves, place = np.nonzero(every[:, :, 0] > 0.0)
+        found = every[slaves, place]
+        normals, pulls = found[:, 2:5].copy(), found[:, 5:8].copy()
+        made = cls(law, slaves, normals, found[:, 1].copy(), pulls, stiffness[slaves])
+        return made, found[:, 8:].copy()
 
     def _sticking(self) -> FloatArray:
         return self.stiffness * (self.law.stick if self.law.friction > 0.0 else 0.0)

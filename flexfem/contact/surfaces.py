@@ -80,6 +80,17 @@ class RigidContact:
         places = self._frame[:3] + self._arms @ R.T
         self._start = points[self.slaves.nodes[ends]] - places
 
+    def memory(self) -> FloatArray:
+        """The contacts that are held, a row for each slave."""
+        return self.held.packed(len(self.slaves.nodes), self._arms)
+
+    def recall(self, points: FloatArray, frame: FloatArray, memory: FloatArray) -> None:
+        """Take back what :meth:`memory` returned, at the same positions."""
+        self._frame = frame.copy()
+        self.held, self._arms = HeldContacts.unpacked(self._law, memory, self.slaves.stiffness)
+        places = frame[:3] + self._arms @ self._rotation.T
+        self._start = points[self.slaves.nodes[self.held.slaves]] - places
+
     @property
     def _rotation(self) -> FloatArray:
         return self._frame[3:].reshape(3, 3)

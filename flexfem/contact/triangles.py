@@ -20,6 +20,10 @@ from flexfem.lie.compiled import kernel
 __all__ = ["Masters", "Slaves", "TriangleContact"]
 
 
+#: Triangles of one node that it may have got through, at most.
+_THROUGH = 4
+
+
 @dataclass(frozen=True)
 class Slaves:
     """Nodes that touch.
@@ -184,6 +188,32 @@ class TriangleContact:
         self._held_weights = np.column_stack([np.ones(self.count), -c[:, :3]])
         self._start = points.copy()
 
+    def memory(self, points: FloatArray) -> FloatArray:
+        """What an accepted state does not tell, a row for each slave.
+
+        These are the triangles that a node has got through, and the contacts that are held.
+        """
+        kept = self.sides.copy()
+        self.sides[:] = 0
+        self.settle(points)
+        fresh, self.sides = self.sides, kept
+        rows = np.full((len(self.slaves.nodes), 2 * _THROUGH), -1.0)
+        _pack_sides(self.rows.starts, self.rows.values, kept, fresh, rows)
+        extra = np.concatenate([self._held_nodes[:, 1:], self._held_weights[:, 1:]], axis=1)
+        return np.concatenate([rows, self.held.packed(len(rows), extra)], axis=1)
+
+    def recall(self, points: FloatArray, memory: FloatArray) -> None:
+        """Take back what :meth:`memory` returned, at the same positions."""
+        self.sides[:] = 0
+        self.settle(points)
+        sides, held = np.split(memory, [2 * _THROUGH], axis=1)
+        _unpack_sides(self.rows.starts, self.rows.values, sides, self.sides)
+        self.held, extra = HeldContacts.unpacked(self._law, held, self.slaves.stiffness)
+        nodes = self.slaves.nodes[self.held.slaves]
+        self._held_nodes = np.column_stack([nodes, extra[:, :3].astype(np.int64)])
+        self._held_weights = np.column_stack([np.ones(len(nodes)), extra[:, 3:]])
+        self._start = points.copy()
+
     @property
     def energy(self) -> float:
         """Energy stored, J."""
@@ -257,3 +287,28 @@ def _spread(
         for k in range(4):
             for a in range(3):
                 residual[nodes[c, k], a] += scale * weights[c, k] * forces[c, a]
+
+
+@kernel
+def _pack_sides(
+    starts: IntArray, candidates: IntArray, sides: IntArray, fresh: IntArray, rows: FloatArray
+) -> None:
+    """Write triangle and side where the latter is not the fresh one, pair after pair."""
+    for i in range(len(rows)):
+        count = 0
+        for c in range(starts[i], starts[i + 1]):
+            if sides[c] != fresh[c] and 2 * count < rows.shape[1]:
+                rows[i, 2 * count], rows[i, 2 * count + 1] = candidates[c], sides[c]
+                count += 1
+
+
+@kernel
+def _unpack_sides(
+    starts: IntArray, candidates: IntArray, rows: FloatArray, sides: IntArray
+) -> None:
+    """Set the sides that ``_pack_sides`` wrote."""
+    for i in range(len(rows)):
+        for c in range(starts[i], starts[i + 1]):
+            for k in range(0, rows.shape[1], 2):
+                if rows[i, k] == candidates[c]:
+                    sides[c] = int(rows[i, k + 1])

@@ -109,8 +109,8 @@ class Contact:
             just these, for contact of all of them with each other and with themselves.
         surfaces: Rigid surfaces that the slaves touch.
         stiffness: Force per penetration and area, N/m^3. None: the smaller one of the stiffness
-            through the thickness, ``A / h^2`` with the membrane stiffness A, and of a tenth of the
-            inertia per area in the matrix of the first time step.
+            through the thickness, ``A / h^2`` with the membrane stiffness A, and of the inertia per
+            area in the matrix of the first time step, with which an impact takes two steps.
         friction: Coulomb's coefficient.
         damping: Viscous part of the normal force: the stiffness times this time, seconds, times
             the rate of penetration.

@@ -7,7 +7,7 @@ nodes of these come with every evaluation, and their forces go back. Arrays have
 node of the surface mesh; only those of nodes here or nearby are used.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -20,6 +20,7 @@ from flexfem.contact.search import triangle_boxes
 from flexfem.contact.surfaces import RigidContact
 from flexfem.contact.triangles import TriangleContact
 from flexfem.core.frame_block import FrameBlock
+from flexfem.core.state import Numbering, State
 from flexfem.elements.shell_nodes import add_to_nodes, inertial_into, positions_into
 from flexfem.la.nest import block_indices
 from flexfem.system.contact_surfaces import ContactPass, ContactSurfaces
@@ -284,6 +285,48 @@ class Contacts:
                 columns.append(j)
                 values.append(K.ravel())
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+    def numberings(self) -> dict[str, Numbering]:
+        """Of the rows of :meth:`state`."""
+        return {"contacts": self._block.numbering()}
+
+    def state(self) -> State:
+        """Stiffness, and what the accepted positions do not tell of the nodes here (collective)."""
+        self.update()
+        values = {"contact_stiffness": self.stiffness}
+        rows: dict[str, FloatArray] = {}
+        for name, made, _ in self._named():
+            if isinstance(made, TriangleContact):
+                memory = made.memory(self._points)
+            else:
+                memory = made.memory()
+            rows[name] = np.zeros((len(self._block.frames), memory.shape[1]))
+            rows[name][self._at(made)] = memory
+        return State(values, {"contacts": rows})
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned, after the block has (collective)."""
+        self.set_stiffness(state.values["contact_stiffness"].copy())
+        self.update()
+        self._accepted = self.time
+        for name, made, frame in self._named():
+            memory = state.rows["contacts"][name][self._at(made)]
+            if isinstance(made, TriangleContact):
+                made.recall(self._points, memory)
+            else:
+                made.recall(self._points, frame, memory)
+
+    def _named(self) -> Iterator[tuple[str, TriangleContact | RigidContact, FloatArray]]:
+        """All contacts with names of their own, and the frames of rigid surfaces."""
+        for group in self.groups:
+            frames = [np.zeros(12)] * len(group.triangles)
+            frames += [frame for _, frame in group.surfaces.rigid]
+            for k, (made, frame) in enumerate(zip(group.every, frames, strict=True)):
+                yield f"{group.surfaces.contact.name}_{k}", made, frame
+
+    def _at(self, made: TriangleContact | RigidContact) -> IntArray:
+        """Rows of a contact's slaves among the nodes of the block."""
+        return self._block.owned_index(made.slaves.nodes)
 
     @property
     def energy(self) -> float:

@@ -93,7 +93,8 @@ class EnergyMeter:
         """
         self._system = system
         self._chosen = ChosenBodies(system, model, bodies)
-        self._whole, self._lost = bodies is None, 0.0
+        self._whole = bodies is None
+        self._lost = sum(contacts.lost for contacts in system.contacts)
         rows, sides = system.constraints, self._chosen.sides
         # rows that also act on a body left out
         crossing = np.bincount(rows.row_of_term, ~sides.all(axis=1), rows.size) > 0.0

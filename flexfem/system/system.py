@@ -319,17 +319,23 @@ class System:
     def numberings(self) -> dict[str, Numbering]:
         """Of the nodes of every block and of the rows, by the names in :meth:`state`."""
         blocks = {part.block.name: part.block.numbering() for part in self.parts}
-        return {**blocks, **self.constraints.numberings()}
+        own: dict[str, Numbering] = {}
+        for contacts in self.contacts:
+            own |= contacts.numberings()
+        return {**blocks, **self.constraints.numberings(), **own}
 
     def state(self) -> State:
-        """Accepted state of blocks and rows, time and counters."""
+        """Accepted state of blocks, rows and contacts, time and counters (collective)."""
         values = {
             "time": np.array([self.time]),
             "prediction": np.array([float(self.prediction)]),
             "counters": np.array(astuple(self.counters), dtype=np.float64),
         }
         blocks = {part.block.name: part.block.state() for part in self.parts}
-        return State(values, blocks) | self.constraints.state()
+        state = State(values, blocks) | self.constraints.state()
+        for contacts in self.contacts:
+            state |= contacts.state()
+        return state
 
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned (collective)."""
@@ -339,4 +345,6 @@ class System:
         for part in self.parts:
             part.block.restore(state.rows[part.block.name])
         self.constraints.restore(state)
+        for contacts in self.contacts:
+            contacts.restore(state)
         self.interface.update()
