@@ -41,6 +41,7 @@ class TangentSolver:
         """Create patterns of all blocks (collective)."""
         self.system = system
         sliding = system.constraints.lines.sliding
+        self._totals: list[PETSc.Mat] = []  # blocks with contacts
         self._sliding: bool = system.comm.allreduce(sliding, op=MPI.LOR)
         self._create()
 
@@ -129,10 +130,15 @@ class TangentSolver:
     def _add_contacts(self, shifts: Shifts) -> None:
         """Make the nest anew with the present contacts, whose pattern changes (collective)."""
         mats = [[entry.mat for entry in line] for line in self._grid]
+        self._ksp.reset()
+        self.matrix.destroy()
+        for old in self._totals:
+            old.destroy()
+        self._totals = []
         for i, part in enumerate(self.system.parts):
             if part.contacts is not None:
                 mats[i][i] = with_contacts(part, mats[i][i], shifts)
-        self._ksp.reset()
+                self._totals.append(mats[i][i])
         self.matrix = create_nest_matrix(mats, self.system.comm)
 
     def diagonals(self) -> list[FloatArray]:

@@ -92,7 +92,8 @@ class Contacts:
     Attributes:
         groups: in the order of the model.
         time: of the trial state, s.
-        stiffness: force per penetration and area of each, N/m^3; zero until the first step.
+        stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
+            the first step.
     """
 
     def __init__(
@@ -120,7 +121,8 @@ class Contacts:
         self._steps, self._local = np.zeros((count, 3)), np.zeros((block.owned, 3))
         own = self._owner == comm.rank
         self.groups = [ContactGroup.of(one, own) for one in described]
-        self.stiffness = np.zeros(len(self.groups))
+        given = [group.surfaces.contact.stiffness or 0.0 for group in self.groups]
+        self.set_stiffness(np.array(given))
         self.time = self._accepted = 0.0
         self._exchange: NodeExchange | None = None
         self._evaluated = False
@@ -332,11 +334,7 @@ class Contacts:
     def energy(self) -> float:
         """Energy stored by the contacts of this rank, J (collective)."""
         self.refresh()
-        return sum(
-            made.energy + (made.held.stored if self.stiffness.all() else 0.0)
-            for g in self.groups
-            for made in g.every
-        )
+        return sum(made.energy + made.held.stored for g in self.groups for made in g.every)
 
     @property
     def lost(self) -> float:
