@@ -96,7 +96,7 @@ class TriangleContact:
         self.contacts = np.empty((MOST * (count + 1), FIELDS))
         self._normals = np.empty((len(masters.triangles), 3))
         self._chosen = np.arange(len(masters.triangles))
-        self._nodes = np.union1d(slaves.nodes, masters.triangles)
+        self._nodes = slaves.nodes
         self._built: FloatArray | None = None
         self._before: FloatArray | None = None
         self._work = np.empty((0, 9), np.int64), np.empty((0, 7))
@@ -146,7 +146,9 @@ class TriangleContact:
         label_candidates(m.triangles, m.parts, rows.starts, rows.values, self._labels)
         if rows.longest > len(self._work[0]):
             self._work = (np.empty((rows.longest, 9), np.int64), np.empty((rows.longest, 7)))
-        self._nodes = np.union1d(s.nodes, m.triangles[self._chosen])
+        moving = np.zeros(len(points), dtype=np.bool_)
+        moving[s.nodes] = moving[m.triangles[self._chosen]] = True
+        self._nodes = np.flatnonzero(moving)
         self._built = points.copy()
         self.version += 1
 
