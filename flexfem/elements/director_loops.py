@@ -332,21 +332,13 @@ def _material(
     K: FloatArray,
 ) -> None:  # fmt: skip
     """Write ``scale B^T C B`` (27, 27)."""
-    for p in range(4):
-        for i in range(6):
-            row = work[6 * p + i]
-            row[:] = 0.0
-            for j in range(6):
-                D = scale * (planes[p, i, j] if p < 3 else shear[i, j])
-                for v in range(27):
-                    row[v] += D * B[6 * p + j, v]
-    for u in range(27):
-        row = K[u]
-        row[:] = 0.0
-        for s in range(24):
-            value = B[s, u]
-            for v in range(27):
-                row[v] += value * work[s, v]
+    for p in range(3):
+        np.dot(planes[p], B[6 * p : 6 * p + 6], work[6 * p : 6 * p + 6])
+    np.dot(shear, B[18:], work[18:])
+    for s in range(24):
+        for v in range(27):
+            work[s, v] *= scale
+    np.dot(B.T, work, K)
 
 
 @inlined
