@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from flexfem._types import IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 
-__all__ = ["grid_corners", "grid_lines", "grid_triangles"]
+__all__ = ["grid_corners", "grid_lines", "grid_triangles", "turned_midpoints"]
 
 
 def grid_triangles(columns: int, rows: int, *, closed: bool, diagonal: str) -> IntArray:
@@ -47,3 +47,13 @@ def grid_corners(columns: int, rows: int) -> dict[str, int]:
         "top_left": last,
         "top_right": last + columns - 1,
     }
+
+
+def turned_midpoints(midpoints: FloatArray | None, turned: BoolArray) -> FloatArray | None:
+    """Return the midpoints of edges (m, 3, 3) with those of triangles (a, b, c) made (a, c, b)."""
+    if midpoints is None:
+        return None
+    result = np.array(midpoints)
+    result[turned] = result[turned][:, [0, 2, 1]]
+    result.flags.writeable = False
+    return result
