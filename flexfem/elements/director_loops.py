@@ -250,9 +250,10 @@ def _turns_of_forces(
 @kernel
 def add_action(
     frames: FloatArray, steps: FloatArray, nodes: IndexArray, directors: FloatArray,
-    starts: FloatArray, planes: FloatArray, shears: FloatArray, scale: float, residual: FloatArray,
+    starts: FloatArray, planes: FloatArray, shears: FloatArray, factors: FloatArray,
+    damping: FloatArray, residual: FloatArray,
 ) -> None:  # fmt: skip
-    """Add ``scale`` times the change of the forces along local twists (n, 6) of the nodes."""
+    """Add the tangents of :func:`tangents_into` times local twists (n, 6) to the residual."""
     q, d, dq, dd = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3)), np.empty((3, 3))
     squares, crosses, P = np.empty((5, 5)), np.empty((5, 3)), np.empty((3, 3, 3))
     strain, stress, turned, spin = np.empty(24), np.empty(24), np.empty(3), np.empty((6, 3))
@@ -265,14 +266,15 @@ def add_action(
         _strain(squares, crosses, strain)
         for s in range(24):
             strain[s] -= starts[m, s]
-        _stress(planes[m], shears[m], scale, strain, stress)
+        _stress(planes[m], shears[m], factors[0], strain, stress)
         _sums(stress, squares, crosses)
         f[:], df[:] = 0.0, 0.0
         _add_to_nodes(squares, crosses, q, d, f)
         _add_to_nodes(squares, crosses, dq, dd, df)
         _products(q, d, dq, dd, squares, crosses)
         _strain(squares, crosses, strain)
-        _stress(planes[m], shears[m], 2.0 * scale, strain, stress)
+        scale = 2.0 * (factors[0] + factors[1] * damping[m])
+        _stress(planes[m], shears[m], scale, strain, stress)
         _sums(stress, squares, crosses)
         _add_to_nodes(squares, crosses, q, d, df)
         for i in range(6):
@@ -376,9 +378,13 @@ def _geometric(
 @kernel
 def tangents_into(
     frames: FloatArray, nodes: IndexArray, directors: FloatArray, starts: FloatArray,
-    planes: FloatArray, shears: FloatArray, scale: float, first: int, tangents: FloatArray,
+    planes: FloatArray, shears: FloatArray, factors: FloatArray, damping: FloatArray, first: int,
+    tangents: FloatArray,
 ) -> None:  # fmt: skip
-    """Write ``scale`` times the derivatives of the forces, (r, 36, 36), of r triangles."""
+    """Write the first of the factors times the derivatives of the forces, (r, 36, 36).
+
+    The part of the material is multiplied by the second and the damping besides.
+    """
     q, d, f, spin = np.empty((5, 3)), np.empty((3, 3)), np.empty((9, 3)), np.empty((6, 3))
     squares, crosses, P = np.empty((5, 5)), np.empty((5, 3)), np.empty((3, 3, 3))
     strain, stress, row = np.empty(24), np.empty(24), np.empty((9, 3))
@@ -396,9 +402,9 @@ def tangents_into(
             strain[s] -= starts[m, s]
             _rows(q, d, s, row)
             _to_unknowns(frames, nodes[m], P, row, B[s])
-        _stress(planes[m], shears[m], scale, strain, stress)
+        _stress(planes[m], shears[m], factors[0], strain, stress)
         _sums(stress, squares, crosses)
-        _material(planes[m], shears[m], scale, B, work, K)
+        _material(planes[m], shears[m], factors[0] + factors[1] * damping[m], B, work, K)
         _geometric(frames, nodes[m], P, squares, crosses, K)
         f[:] = 0.0
         _add_to_nodes(squares, crosses, q, d, f)

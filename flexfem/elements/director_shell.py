@@ -80,6 +80,7 @@ class DirectorTriangles:
         shears: the same of the shear, relaxed, (m, 6, 6).
         areas: m^2, (m,).
         axes: e1, e2, e3 of the start, rows, amid the triangles, (m, 3, 3).
+        damping: stiffness-proportional, s, (m,).
     """
 
     nodes: IndexArray
@@ -92,6 +93,7 @@ class DirectorTriangles:
     shears: FloatArray
     areas: FloatArray
     axes: FloatArray
+    damping: FloatArray
     _places: FloatArray
     _points: _Geometry
     _middles: _Geometry
@@ -106,6 +108,7 @@ class DirectorTriangles:
         shear: FloatArray,
         sections: IndexArray | None = None,
         directions: FloatArray | None = None,
+        damping: FloatArray | None = None,
     ) -> Self:
         """Triangles free of stress at the given frames.
 
@@ -117,6 +120,7 @@ class DirectorTriangles:
             shear: matrices (2, 2) or (s, 2, 2).
             sections: number of the stiffness of each triangle (m,); None for the first.
             directions: whose projection e1 is, (m, 3); None for the direction of edge 2.
+            damping: stiffness-proportional damping, s, (m,); None for none.
 
         Raises:
             ValueError: A direction is normal to its triangle.
@@ -133,7 +137,7 @@ class DirectorTriangles:
         return cls(
             nodes, own, starts, numbers, stiffness, shear.reshape(-1, 2, 2),
             _plane_stiffness(points, D), _shear_stiffness(middles, D, across),
-            points.areas.sum(1), mean, places, points, middles,
+            points.areas.sum(1), mean, np.zeros(len(nodes)) if damping is None else damping, places, points, middles,
         )  # fmt: skip
 
     def strains(self, frames: FloatArray) -> FloatArray:
@@ -141,12 +145,11 @@ class DirectorTriangles:
         at_points, at_middles = self._strains(frames)
         return np.concatenate([at_points.mean(1), at_middles.mean(1)], 1)
 
-    def resultants(self, frames: FloatArray) -> FloatArray:
-        """Mean forces n_11, n_22, n_12 (N/m), moments m_11, m_22, m_12 (N), shear forces (N/m).
+    def stresses(self, strains: FloatArray) -> FloatArray:
+        """Forces n_11, n_22, n_12 (N/m), moments m_11, m_22, m_12 (N), shear forces (N/m).
 
-        Shape (m, 8).
+        Shape (m, 8), for strains (m, 8).
         """
-        strains = self.strains(frames)
         plane = np.einsum("mij,mj->mi", self.stiffness[self.sections], strains[:, :6])
         across = np.einsum("mij,mj->mi", self.shear[self.sections], strains[:, 6:])
         return np.concatenate([plane, across], 1)
@@ -179,6 +182,12 @@ class DirectorTriangles:
         strain_rates_into(frames, steps, self.nodes, self.directors, rates)
         return rates
 
+    def weighted(self, strains: FloatArray) -> FloatArray:
+        """Stresses (m, 24) of covariant strains (m, 24), times the areas that they stand for."""
+        plane = np.einsum("mpij,mpj->mpi", self.planes, strains[:, :18].reshape(-1, 3, 6))
+        shear = np.einsum("mij,mj->mi", self.shears, strains[:, 18:])
+        return np.concatenate([plane.reshape(-1, 18), shear], 1)
+
     def add_forces(
         self,
         frames: FloatArray,
@@ -188,13 +197,8 @@ class DirectorTriangles:
     ) -> None:
         """Add ``scale`` times the internal forces and moments, N and N m, to the residual (n, 6).
 
-        They are in the axes of the nodes. Corners get no moments.
-
-        Args:
-            frames: of the nodes.
-            residual: (n, 6).
-            scale: factor.
-            starts: taken in place of :attr:`starts`.
+        They are in the axes of the nodes. Corners get no moments. ``starts`` (m, 24) are taken in
+        place of :attr:`starts`, less what rates or assumptions add to the strains.
         """
         add_forces(frames, *self._data(starts), scale, residual)
 
@@ -202,22 +206,29 @@ class DirectorTriangles:
         self,
         frames: FloatArray,
         tangents: FloatArray,
-        scale: float = 1.0,
+        factors: tuple[float, float] = (1.0, 0.0),
         starts: FloatArray | None = None,
         first: int = 0,
     ) -> None:
-        """Write ``scale`` times the derivatives of the internal forces, (r, 36, 36).
+        """Write derivatives of the internal forces, (r, 36, 36).
 
-        These are of the r triangles from ``first`` on, by local twists of their nodes, node by
-        node. Rows and columns of turns of the corners are zero.
+        They are those by local twists of the nodes times the first of the factors, plus those by
+        local velocities times the second, but for how strain rates change as triangles turn, of the
+        r triangles from ``first`` on. Rows and columns of turns of the corners are zero.
         """
-        tangents_into(frames, *self._data(starts), scale, first, tangents)
+        data = self._data(starts)
+        tangents_into(frames, *data, np.array(factors), self.damping, first, tangents)
 
     def add_action(
-        self, frames: FloatArray, steps: FloatArray, residual: FloatArray, scale: float = 1.0
+        self,
+        frames: FloatArray,
+        steps: FloatArray,
+        residual: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0),
+        starts: FloatArray | None = None,
     ) -> None:
-        """Add ``scale`` times the tangents applied to local twists (n, 6) to the residual."""
-        add_action(frames, steps, *self._data(None), scale, residual)
+        """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 6) both."""
+        add_action(frames, steps, *self._data(starts), np.array(factors), self.damping, residual)
 
     def masses(self, density: FloatArray) -> FloatArray:
         """Consistent masses (m, 6, 6), kg, constant with translations in inertial axes.
@@ -228,6 +239,16 @@ class DirectorTriangles:
         lengths = np.linalg.norm(_area_vectors(self._places), axis=2) * _WEIGHTS
         masses: FloatArray = np.einsum("m,mp,pi,pj->mij", density, lengths, _SHAPES, _SHAPES)
         return masses
+
+    def lumped_masses(self, density: FloatArray) -> FloatArray:
+        """Diagonal masses (m, 6, 6), kg, in the proportions of the consistent diagonal.
+
+        Hinton, Rock, Zienkiewicz, Earthq. Eng. Struct. Dyn. 4 (1976) 245-249.
+        """
+        consistent = self.masses(density)
+        diagonal = np.einsum("mii->mi", consistent).copy()
+        diagonal *= (consistent.sum((1, 2)) / diagonal.sum(1))[:, None]
+        return diagonal[:, :, None] * np.eye(6)
 
     def rods(self, inertia: FloatArray) -> FloatArray:
         """Inertia of the directors (m, 3, 3, 3), kg m^2, in the axes of their frames.

@@ -46,7 +46,9 @@ class DirectorNodes:
     held: BoolArray
 
 
-def director_nodes(surface: SurfaceMesh, rows: IntArray, kink: float = KINK) -> DirectorNodes:
+def director_nodes(
+    surface: SurfaceMesh, rows: IntArray, planes: FloatArray | None = None, kink: float = KINK
+) -> DirectorNodes:
     """Place the nodes of director shells.
 
     The middle of an edge is where ``surface.midpoints`` has it; elsewhere it is off the chord such
@@ -57,6 +59,8 @@ def director_nodes(surface: SurfaceMesh, rows: IntArray, kink: float = KINK) -> 
     Args:
         surface: the mesh.
         rows: triangles of the director shells, (t,).
+        planes: unit normals of planes of symmetry at edges, in which directors are, zero at others,
+            (t, 3, 3).
         kink: angle between normals beyond which surfaces are not smooth, rad.
 
     Raises:
@@ -81,6 +85,9 @@ def director_nodes(surface: SurfaceMesh, rows: IntArray, kink: float = KINK) -> 
     )
     places = np.concatenate([surface.points[corners], middles])
     normals = _edge_normals(surface, rows, places[nodes])
+    if planes is not None:
+        normals -= np.einsum("tka,tka->tk", normals, planes)[..., None] * planes
+        normals /= np.linalg.norm(normals, axis=2)[..., None]
     directors, parallel = _smoothed(number, normals.reshape(-1, 3), len(edges), np.cos(kink))
     first = np.zeros((len(edges), 3))
     first[number[::-1]] = directors[::-1]
