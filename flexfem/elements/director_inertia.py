@@ -12,7 +12,7 @@ from flexfem.core.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
 from flexfem.elements.nurbs_inertia import accelerations_into, add_products, nodal_tangent
 from flexfem.lie.compiled import kernel
 
-__all__ = ["add_blocks", "add_inertia_blocks", "add_motion"]
+__all__ = ["add_blocks", "add_inertia_blocks", "add_motion", "add_turns"]
 
 
 @kernel
@@ -108,3 +108,21 @@ def add_motion(
             for a in range(3):
                 j = 3 + 3 * a
                 motion[ANGULAR + a] += H[j] * spin[0] + H[j + 1] * spin[1] + H[j + 2] * spin[2]
+
+
+@kernel
+def add_turns(
+    cells: IndexArray, start: FloatArray, frames: FloatArray, sums: FloatArray
+) -> None:
+    """Add how nodes amid edges have turned since the start to the corners nearby (n, 9)."""
+    for m in range(len(cells)):
+        for k in range(3):
+            H, G = frames[cells[m, 3 + k]], start[cells[m, 3 + k]]
+            for i in range(3):
+                if i == k:
+                    continue
+                to = sums[cells[m, i]]
+                for a in range(3):
+                    for b in range(3):
+                        for c in range(3):
+                            to[3 * a + b] += H[3 + 3 * a + c] * G[3 + 3 * b + c]

@@ -11,7 +11,12 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.elements.director_inertia import add_blocks, add_inertia_blocks, add_motion
+from flexfem.elements.director_inertia import (
+    add_blocks,
+    add_inertia_blocks,
+    add_motion,
+    add_turns,
+)
 from flexfem.elements.director_shell import DirectorTriangles
 from flexfem.elements.nurbs_inertia import (
     add_inertia,
@@ -19,6 +24,7 @@ from flexfem.elements.nurbs_inertia import (
     step_changes,
     step_rates,
 )
+from flexfem.elements.shell_nodes import turn_nodes
 
 __all__ = ["DirectorCells", "DirectorShells"]
 
@@ -58,6 +64,7 @@ class DirectorShells:
     """
 
     law_owner: str | None = None
+    chained = False
 
     def __init__(self, cells: DirectorCells, block: FrameBlock) -> None:
         """Prepare pairs of nodes and masses.
@@ -77,6 +84,10 @@ class DirectorShells:
         at = np.searchsorted(self._nodes, nodes[:, 3:])
         np.add.at(self._lumps[:, 3:, 3:], at, self._rods)
         self._pairs(len(block.frames))
+        # axes in which a corner is held stay what they are, others turn with it
+        self._fixed = np.zeros(len(block.frames), dtype=np.bool_)
+        if block.held is not None:
+            self._fixed = block.held[:, :3].any(axis=1)
 
     def _pairs(self, count: int) -> None:
         """Number the pairs of nodes that triangles couple."""
@@ -88,6 +99,13 @@ class DirectorShells:
         self._diagonal = np.searchsorted(known, own)
         self._index = np.searchsorted(known, keys).astype(np.int32)
         self._pair_masses = np.bincount(self._index.ravel(), self._masses.ravel(), len(known))
+
+    @property
+    def facets(self) -> tuple[IntArray, IntArray]:
+        """Nodes of the four flat triangles that each consists of in pictures, and which it is."""
+        parts = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
+        nodes = self.triangles.nodes.astype(np.int64)
+        return nodes[:, parts].reshape(-1, 3), np.repeat(np.arange(len(nodes)), 4)
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
@@ -170,7 +188,19 @@ class DirectorShells:
         self.assumed = None
 
     def accept(self, block: FrameBlock) -> None:
-        """Nothing is remembered."""
+        """Turn the axes of corners as the directors around them have turned (collective)."""
+        from dolfinx import la
+
+        vector = la.vector(block.index_map, 9)
+        sums = vector.array.reshape(-1, 9)
+        add_turns(self.triangles.nodes, block.start_frames, block.frames, sums)
+        if block.has_ghosts:
+            vector.scatter_reverse(la.InsertMode.add)
+            vector.scatter_forward()
+        turn_nodes(
+            sums, block.start_frames, self._fixed, block.frames0, block.frames, block.velocity,
+            block.acceleration,
+        )  # fmt: skip
 
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None
