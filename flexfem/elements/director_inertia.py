@@ -111,9 +111,7 @@ def add_motion(
 
 
 @kernel
-def add_turns(
-    cells: IndexArray, start: FloatArray, frames: FloatArray, sums: FloatArray
-) -> None:
+def add_turns(cells: IndexArray, start: FloatArray, frames: FloatArray, sums: FloatArray) -> None:
     """Add how nodes amid edges have turned since the start to the corners nearby (n, 9)."""
     for m in range(len(cells)):
         for k in range(3):

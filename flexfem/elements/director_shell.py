@@ -2,8 +2,8 @@
 """Director triangles: energy, internal forces, tangents and masses from frames of their nodes.
 
 The energy is that of ``forms.director_shell``: quadratic positions, and one director in the middle
-of each edge, which a frame there carries. Differentiated by hand, a tangent costs a fraction of what
-the generated code of the form takes; the form is what the loops are compared with.
+of each edge, which a frame there carries. Differentiated by hand, a tangent costs a fraction of
+what the generated code of the form takes; the form is what the loops are compared with.
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,9 @@ from typing import Self
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.elements.director_loops import (
-    add_action,
-    add_forces,
-    strain_rates_into,
-    strains_into,
-    tangents_into,
-)
+from flexfem.elements.director_loops import add_forces, strain_rates_into, strains_into
 from flexfem.elements.director_tables import MIDDLES, POINTS, REDUCTION, slopes
+from flexfem.elements.director_tangent import add_action, tangents_into
 from flexfem.forms.director_shell import RELAXATION
 from flexfem.mesh.normals import projected
 
@@ -133,11 +128,12 @@ class DirectorTriangles:
         points, middles = (_Geometry.at(at, places, directions) for at in (POINTS, MIDDLES))
         numbers = np.zeros(len(nodes), np.int64) if sections is None else sections.astype(np.int64)
         D, across = stiffness[numbers], shear.reshape(-1, 2, 2)[numbers]
+        times = np.zeros(len(nodes)) if damping is None else damping
         mean = _Geometry.at(np.full((3, 2), 1 / 3), places, directions).axes[:, 0]
         return cls(
             nodes, own, starts, numbers, stiffness, shear.reshape(-1, 2, 2),
             _plane_stiffness(points, D), _shear_stiffness(middles, D, across),
-            points.areas.sum(1), mean, np.zeros(len(nodes)) if damping is None else damping, places, points, middles,
+            points.areas.sum(1), mean, times, places, points, middles,
         )  # fmt: skip
 
     def strains(self, frames: FloatArray) -> FloatArray:
@@ -248,7 +244,8 @@ class DirectorTriangles:
         consistent = self.masses(density)
         diagonal = np.einsum("mii->mi", consistent).copy()
         diagonal *= (consistent.sum((1, 2)) / diagonal.sum(1))[:, None]
-        return diagonal[:, :, None] * np.eye(6)
+        lumped: FloatArray = diagonal[:, :, None] * np.eye(6)
+        return lumped
 
     def rods(self, inertia: FloatArray) -> FloatArray:
         """Inertia of the directors (m, 3, 3, 3), kg m^2, in the axes of their frames.
@@ -282,7 +279,10 @@ def _plane_stiffness(points: _Geometry, stiffness: FloatArray) -> FloatArray:
     """Stiffness (m, 3, 6, 6) of covariant membrane strains and curvatures times areas."""
     maps = np.zeros((*points.areas.shape, 6, 6))
     maps[..., :3, :3] = maps[..., 3:, 3:] = points.strain_maps
-    return np.einsum("mp,mpki,mkl,mplj->mpij", points.areas, maps, stiffness, maps, optimize=True)
+    result: FloatArray = np.einsum(
+        "mp,mpki,mkl,mplj->mpij", points.areas, maps, stiffness, maps, optimize=True
+    )
+    return result
 
 
 def _shear_stiffness(middles: _Geometry, stiffness: FloatArray, shear: FloatArray) -> FloatArray:

@@ -25,8 +25,8 @@ of the form. Two things are done against locking:
   the stabilised elements of Brezzi, Fortin and Stenberg (Math. Models Methods Appl. Sci. 1 (1991)
   125-151), and linear deflections and turns have no rest, so that patch tests hold.
 
-Quadrature: the three inner points of degree 2 for membrane and bending, the middles of the edges for
-the shear, exact for flat triangles.
+Quadrature: the three inner points of degree 2 for membrane and bending, the middles of the edges
+for the shear, exact for flat triangles.
 
 All takes place on the reference triangle with corners (0, 0), (1, 0), (0, 1), edge k opposite to
 corner k.

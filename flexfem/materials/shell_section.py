@@ -177,11 +177,11 @@ class ShellSection:
         """
         blocks = []
         for name, values in (("membrane", membrane), ("bending", bending)):
-            first, second, shear = _checks.array("ShellSection", name, values, (3,)).tolist()
-            for value in (first, second, shear):
+            first, second, sheared = _checks.array("ShellSection", name, values, (3,)).tolist()
+            for value in (first, second, sheared):
                 _checks.number("ShellSection", f"{name} rigidity", value, positive=True)
             _check_ratio("ShellSection", poisson_ratio, first, second)
-            blocks.append(_orthotropic(first, second, shear, poisson_ratio))
+            blocks.append(_orthotropic(first, second, sheared, poisson_ratio))
         return cls(_joined(*blocks), mass, thickness, shear)
 
     @classmethod

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nodes of director shells: middles of curved edges, directors at the start, axes, idle unknowns."""
+"""Nodes of director shells: middles of curved edges, directors and axes at the start."""
 
 from dataclasses import dataclass
 
@@ -80,9 +80,7 @@ def director_nodes(
         known = given[rows].reshape(-1, 3)
         there = np.isfinite(known).all(1)
         middles[number[there]] = known[there]
-    nodes = np.concatenate(
-        [own.reshape(-1, 3), len(corners) + number.reshape(-1, 3)], 1
-    )
+    nodes = np.concatenate([own.reshape(-1, 3), len(corners) + number.reshape(-1, 3)], 1)
     places = np.concatenate([surface.points[corners], middles])
     normals = _edge_normals(surface, rows, places[nodes])
     if planes is not None:

@@ -162,7 +162,9 @@ class SurfaceMesh:
             {name: np.arange(len(triangles))},
             {f"{name}_{side}": pairs for side, pairs in lines.items()},
             {f"{name}_{corner}": node for corner, node in corners.items()},
-            None if surface is None else _grid_midpoints(surface, parameters, triangles, columns),
+            None
+            if surface is None
+            else surface_grid.grid_midpoints(surface, parameters, triangles, columns),
         )
 
     @classmethod
@@ -241,7 +243,9 @@ class SurfaceMesh:
             {name: rows + r for mesh, _, r in numbered for name, rows in mesh.bodies.items()},
             {name: pairs + n for mesh, n, _ in numbered for name, pairs in mesh.lines.items()},
             {name: one + n for mesh, n, _ in numbered for name, one in mesh.nodes.items()},
-            _joined_midpoints(meshes),
+            surface_grid.joined_midpoints(
+                [(mesh.midpoints, len(mesh.triangles)) for mesh in meshes]
+            ),
         )
 
     @cached_property
@@ -357,31 +361,6 @@ def _ascending(owner: str, what: str, values: npt.ArrayLike, least: int) -> Floa
             f"{_checks.show(values)}"
         )
     return result
-
-
-def _grid_midpoints(
-    surface: Callable[[FloatArray], npt.ArrayLike], parameters: FloatArray, triangles: IntArray,
-    columns: int,
-) -> FloatArray:  # fmt: skip
-    """Return the midpoints of the edges of a grid, NaN from the last column to the first."""
-    corners, column = parameters[triangles], triangles % columns
-    middles = 0.5 * (np.roll(corners, -1, axis=1) + np.roll(corners, -2, axis=1))
-    ends = np.roll(column, -1, axis=1), np.roll(column, -2, axis=1)
-    across = abs(ends[0] - ends[1]) > 1
-    found = np.array(surface(middles.reshape(-1, 2)), dtype=np.float64).reshape(-1, 3, 3)
-    found[across] = np.nan
-    return found
-
-
-def _joined_midpoints(meshes: Sequence[SurfaceMesh]) -> FloatArray | None:
-    """Return the midpoints of several meshes, one after the other."""
-    if all(mesh.midpoints is None for mesh in meshes):
-        return None
-    nothing = [np.full((len(mesh.triangles), 3, 3), np.nan) for mesh in meshes]
-    return np.concatenate([
-        none if mesh.midpoints is None else mesh.midpoints
-        for mesh, none in zip(meshes, nothing, strict=True)
-    ])  # fmt: skip
 
 
 def _named_nodes(nodes: Mapping[str, int], limit: int) -> dict[str, int]:

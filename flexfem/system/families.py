@@ -72,9 +72,7 @@ def nurbs_block(
     )
 
 
-def _distributed(
-    comm: MPI.Intracomm, owner: IntArray, touched: IntArray
-) -> tuple[IntArray, Any]:
+def _distributed(comm: MPI.Intracomm, owner: IntArray, touched: IntArray) -> tuple[IntArray, Any]:
     """Nodes of this rank, ghosts last, and their distribution (collective).
 
     Args:

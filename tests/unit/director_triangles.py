@@ -116,4 +116,5 @@ def _turning(pull):
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         blocks[:, a, 3 + b], blocks[:, a, 3 + c] = pull[:, c], -pull[:, b]
-    return sp.block_diag(list(blocks)).tocsr()
+    count = np.arange(len(pull) + 1)
+    return sp.bsr_matrix((blocks, count[:-1], count), shape=(6 * len(pull),) * 2).tocsr()

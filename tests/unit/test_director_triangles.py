@@ -84,9 +84,7 @@ def test_strain_rates_are_differences_of_the_strains():
     direction = np.random.default_rng(5).normal(size=(len(frames), 6))
     slope = differences(made.changes, frames, direction)
     # as above
-    np.testing.assert_allclose(
-        made.rates(frames, direction), slope, atol=1e-9 * abs(slope).max()
-    )
+    np.testing.assert_allclose(made.rates(frames, direction), slope, atol=1e-9 * abs(slope).max())
 
 
 def test_loops_equal_the_assembled_form():
@@ -103,10 +101,10 @@ def test_loops_equal_the_assembled_form():
     spaces = [dolfinx.fem.functionspace(mesh, element) for element in (P, Q)]
     # which of our nodes the degrees of freedom are, by their parameters
     at = [parameters, parameters[corners:]]
-    order = [
-        np.array([np.argmin(abs(own[:, :2] - x[:2]).sum(1)) for x in space.tabulate_dof_coordinates()])
-        for own, space in zip(at, spaces, strict=True)
-    ]  # fmt: skip
+    order = []
+    for own, space in zip(at, spaces, strict=True):
+        dofs = space.tabulate_dof_coordinates()
+        order.append(abs(own[:, None, :2] - dofs[None, :, :2]).sum(2).argmin(0))
     directors = np.zeros((len(frames), 3))
     d0 = np.zeros((len(frames), 3))
     d0[made.nodes[:, 3:]] = made.directors
@@ -188,7 +186,7 @@ def test_free_shell_has_no_resultant_and_six_rigid_motions():
 def test_patches_of_constant_strain(pattern):
     """Stretched and bent at the boundary, a flat plate of any mesh takes the same everywhere."""
     parameters, triangles = rectangle((4, 3), pattern)
-    places, nodes, edges = quadratic(parameters, triangles)
+    places, nodes, _ = quadratic(parameters, triangles)
     frames, corners = upright(places), len(parameters)
     stiffness = isotropic(0.1)
     made = DirectorTriangles.build(
