@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Director shells in models: motion of free shells, held edges, loads, damping, refusals."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
@@ -32,8 +34,10 @@ def free_roof(**options):
 
 @pytest.mark.parametrize("mass", ["lumped", "consistent"])
 def test_free_flight_keeps_momenta(mass):
-    outcome = ff.simulate(free_roof(mass=mass), ff.RunOptions(dt=2e-3, t_end=0.1))
+    outcome = ff.simulate(free_roof(mass=mass), ff.RunOptions(dt=2e-3, t_end=0.1, split_above=6))
     assert outcome.status == "ok"
+    if MPI.COMM_WORLD.rank > 0:
+        return
     history = outcome.history
     for name in "pl":
         values = np.column_stack([history[f"motion_{name}{axis}"] for axis in "xyz"])
@@ -62,7 +66,9 @@ def cantilever(force, damping=0.0):
 
 def test_cantilever_with_large_rotations():
     """Sze, Liu, Lo 2004, at a quarter of the largest load."""
-    outcome = ff.solve_static(cantilever(1.0), ff.StaticOptions(load_steps=2))
+    outcome = ff.solve_static(cantilever(1.0), ff.StaticOptions(load_steps=2, split_above=8))
+    if MPI.COMM_WORLD.rank > 0:
+        return
     tip = [outcome.history[f"tip_{a}"][-1] for a in "xz"]
     # measured within 0.5 % with the force at the corners; a hinged root turns freely
     np.testing.assert_allclose([tip[0] - 10.0, tip[1]], [-0.563, 3.015], rtol=0.01)
@@ -73,7 +79,7 @@ def test_shells_of_two_elements_are_refused():
     model = ff.Model("mixed", surface=ff.SurfaceMesh.join(meshes))
     section = ff.ShellSection.isotropic(0.1, STEEL)
     model.add(ff.Shell("a", section), ff.Shell("b", section, element="director"))
-    with pytest.raises(ValueError, match='Shell "b".*all shells of a model have the same'):
+    with pytest.raises(ValueError, match=r'Shell "b".*all shells of a model have the same'):
         ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=1e-3))
 
 
