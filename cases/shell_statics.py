@@ -29,7 +29,7 @@ History: ``A``, ``B``, ``C``: the displacements above, those of a benchmark only
 Expected at t = 1 (Sze, Liu, Lo, Finite Elem. Anal. Des. 40 (2004) 1551-1569): cantilever 6.698,
 3.286; annulus 13.891, 17.528; hemisphere 4.067, 8.178; pinched 83.102, 34.272. Run:
 ``mpirun -n 2 python cases/shell_statics.py --benchmark hemisphere``, then
-``python postprocess/render.py results/shell_statics``.
+``python postprocess/render.py results/shell_statics --colour displacement``.
 """
 
 import re

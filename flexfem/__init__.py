@@ -87,6 +87,7 @@ _MODULES = {
     "MomentumProbe": "model.measured",
     "ReactionProbe": "model.measured",
     "StrainProbe": "model.measured",
+    "ShellStrainProbe": "model.measured",
     "Model": "model.model",
     "Spherical": "joints.spherical",
     "Sliding": "joints.sliding",

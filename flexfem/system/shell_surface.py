@@ -205,9 +205,12 @@ def _across(
     The triangles beside the line of a curved shell are those of a chord: their plane is not that of
     the shell at the line.
     """
-    around = mesh.topology.neighbours[triangle]
-    beside = np.repeat(triangle, 3)[around.ravel() >= 0], around[around >= 0]
-    cosines = np.einsum("mi,mi->m", mesh.normals[beside[0]], mesh.normals[beside[1]])
+    neighbours = mesh.topology.neighbours
+    # the next triangle may be the other half of a flat rectangle
+    around = neighbours[neighbours[triangle]].reshape(len(triangle), -1)
+    around[np.repeat(neighbours[triangle] < 0, 3, axis=1)] = -1
+    beside, other = np.repeat(triangle, 9)[around.ravel() >= 0], around[around >= 0]
+    cosines = np.einsum("mi,mi->m", mesh.normals[beside], mesh.normals[other])
     if (cosines < 1.0 - _RIGHT).any():
         raise ValueError(
             f'{owner}: edges: line "{line}" is straight and the shell curved there, which leaves '
