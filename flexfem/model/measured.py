@@ -251,9 +251,13 @@ class ShellStrainProbe(AnyProbe):
 
     def check(self, model: "Model") -> None:
         """See :meth:`AnyProbe.check`."""
-        if not isinstance(model.get(self.shell), Shell):
+        owner, shell = f'ShellStrainProbe "{self.name}"', model.get(self.shell)
+        if not isinstance(shell, Shell):
+            raise ValueError(f'{owner}: {model!r} has no shell "{self.shell}"')
+        if shell.element != "rotation_free":
             raise ValueError(
-                f'ShellStrainProbe "{self.name}": {model!r} has no shell "{self.shell}"'
+                f'{owner}: Shell "{self.shell}" must have the element "rotation_free", '
+                f'not "{shell.element}"'
             )
 
     def nodes(self, model: "Model") -> IntArray:
