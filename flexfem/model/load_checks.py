@@ -23,7 +23,7 @@ def check_load(model: Model, load: Load) -> None:
 
     Raises:
         ValueError: There is no such beam, shell or line, the shell has directors, or a load
-            along a beam or with the axes of a marker is on a shell, whose nodes have positions only.
+            along a beam or with the axes of a marker is on a shell, whose nodes have none.
     """
     owner = f'{type(load).__name__} "{load.name}"'
     for name in load.beams:
