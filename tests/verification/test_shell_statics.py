@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Statics of shells: published values on coarse meshes, planes of symmetry, ranks, equilibrium."""
+"""Statics of shells: published or refined values on coarse meshes, planes of symmetry, ranks, equilibrium."""
 
 from mpi4py import MPI
 
@@ -23,7 +23,7 @@ from tests.verification.sze import BENCHMARKS, solve
         ("roof", "8x8", 0.015),
     ],
 )
-def test_published_values(benchmark, mesh, tolerance):
+def test_reference_values(benchmark, mesh, tolerance):
     row = solve(benchmark, mesh)
     for name, reference in BENCHMARKS[benchmark].references.items():
         assert row.values[name] == pytest.approx(reference, rel=tolerance), name
