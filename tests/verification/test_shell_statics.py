@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Statics of shells: published or refined values on coarse meshes, planes of symmetry, ranks, equilibrium."""
+"""Statics of shells: published or refined values on coarse meshes, ranks, equilibrium."""
 
 from mpi4py import MPI
 
