@@ -40,8 +40,16 @@ class Load:
         return ()
 
     @property
+    def shells(self) -> tuple[str, ...]:
+        """Names of the shells on which the load acts."""
+        return ()
+
+    @property
     def wrench(self) -> tuple[FloatArray, FloatArray]:
-        """Force and moment at each marker (N, N m), or along each beam (N/m, N), shapes (3,)."""
+        """Force and moment at each marker (N, N m), or along each beam (N/m, N), shapes (3,).
+
+        On shells forces per length (N/m) or area (N/m^2).
+        """
         raise NotImplementedError
 
     def factor(self, t: float) -> float:

@@ -29,8 +29,8 @@ class RotationFreeTriangles:
     """Triangles with patches of equally many nodes on this rank.
 
     Positions are those of all local nodes, (n, 3). ``offsets`` are ``Patches.offsets`` of the
-    present tangents of clamped edges, (m, 3, 3); without them, those of the start. ``velocities``
-    (n, 3) matter where there is damping, which adds its time times the strain rates to the strains.
+    present tangents of clamped edges, (m, 3, 3); without them, those of the start. ``added`` is
+    what damping and assumed stresses make of the strains, see :meth:`added`.
 
     Attributes:
         patches: maps of the triangles, p nodes each.
@@ -88,6 +88,27 @@ class RotationFreeTriangles:
         strain_rates_into(points, velocities, *self._maps(None)[:4], rates)
         return rates
 
+    def added(
+        self,
+        points: FloatArray,
+        velocities: FloatArray | None = None,
+        assumed: FloatArray | None = None,
+    ) -> FloatArray:
+        """What is added to the strains before stresses are taken of them, (m, 6) or nothing.
+
+        Args:
+            points: present positions (n, 3).
+            velocities: of the nodes (n, 3); strain rates count with the time of the damping.
+            assumed: strains (m, 6) that stand for the present ones.
+        """
+        added = _NOTHING
+        if velocities is not None and self.damping.any():
+            added = self.damping[:, None] * self.strain_rates(points, velocities)
+        if assumed is not None:
+            change = assumed - self.strains(points)
+            added = added + change if len(added) else change
+        return added
+
     def stresses(self, strains: FloatArray) -> FloatArray:
         """Forces n_11, n_22, n_12 (N/m) and moments m_11, m_22, m_12 (N) for strains (m, 6)."""
         stresses: FloatArray = np.einsum("mij,mj->mi", self.stiffness[self.sections], strains)
@@ -108,11 +129,10 @@ class RotationFreeTriangles:
         residual: FloatArray,
         scale: float = 1.0,
         offsets: FloatArray | None = None,
-        velocities: FloatArray | None = None,
+        added: FloatArray = _NOTHING,
     ) -> None:
         """Add ``scale`` times the internal forces, N, to the residual (n, 3)."""
-        material = self._material(points, velocities)
-        add_forces(points, *self._maps(offsets), *material, scale, residual)
+        add_forces(points, *self._maps(offsets), *self._material(), added, scale, residual)
 
     def tangents_into(
         self,
@@ -120,7 +140,7 @@ class RotationFreeTriangles:
         tangents: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0),
         offsets: FloatArray | None = None,
-        velocities: FloatArray | None = None,
+        added: FloatArray = _NOTHING,
         first: int = 0,
     ) -> None:
         """Write derivatives of the internal forces, N/m, (r, 3 p, 3 p).
@@ -132,9 +152,10 @@ class RotationFreeTriangles:
         Rows and columns are the components of the positions of ``patches.nodes``, node by node;
         those of missing nodes are zero. A node may occur twice among twelve.
         """
-        material, numbers = self._material(points, velocities), np.array(factors)
-        maps = self._maps(offsets)
-        tangents_into(points, *maps, *material, numbers, self.damping, first, tangents)
+        maps, numbers = self._maps(offsets), np.array(factors)
+        tangents_into(
+            points, *maps, *self._material(), added, numbers, self.damping, first, tangents
+        )
 
     def add_action(
         self,
@@ -142,12 +163,11 @@ class RotationFreeTriangles:
         steps: FloatArray,
         residual: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0),
-        velocities: FloatArray | None = None,
+        added: FloatArray = _NOTHING,
     ) -> None:
         """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 3) both."""
-        material, numbers = self._material(points, velocities), np.array(factors)
-        maps = self._maps(None)
-        add_action(points, *maps, *material, numbers, self.damping, steps, residual)
+        maps, numbers = self._maps(None), np.array(factors)
+        add_action(points, *maps, *self._material(), added, numbers, self.damping, steps, residual)
 
     def add_masses(self, density: FloatArray, masses: FloatArray) -> None:
         """Add the masses of nodes, a third of each triangle, kg, to (n,).
@@ -164,11 +184,6 @@ class RotationFreeTriangles:
         patches = self.patches
         return patches.nodes, patches.gradients, patches.curvatures, present, self.starts
 
-    def _material(
-        self, points: FloatArray, velocities: FloatArray | None
-    ) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-        """Areas, sections, stiffness, and what strain rates add to the strains."""
-        added = _NOTHING
-        if velocities is not None and self.damping.any():
-            added = self.damping[:, None] * self.strain_rates(points, velocities)
-        return self.patches.areas, self.sections, self.stiffness, added
+    def _material(self) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Areas, sections, stiffness."""
+        return self.patches.areas, self.sections, self.stiffness

@@ -94,6 +94,9 @@ class RotationFreeShells:
         # axes in which a node is held stay what they are
         fixed = np.zeros(count, dtype=np.bool_)
         self._fixed = fixed if block.held is None else block.held.any(axis=1)
+        # strains whose stresses the tangent takes, None for the present ones; the residual, too
+        self._assumed: list[FloatArray] | None = None
+        self._assumed_forces = False
         self.viscous = any(bool(g.triangles.damping.any()) for g in groups)
 
     def _pairs(self, count: int) -> None:
@@ -133,8 +136,10 @@ class RotationFreeShells:
         positions_into(block.frames, points)
         velocities = self._velocities(block)
         forces[:] = 0.0
-        for group in self.groups:
-            group.triangles.add_forces(points, forces, velocities=velocities)
+        taken = self._taken() if self._assumed_forces else len(self.groups) * [None]
+        for group, assumed in zip(self.groups, taken, strict=True):
+            triangles = group.triangles
+            triangles.add_forces(points, forces, added=triangles.added(points, velocities, assumed))
         if self._consistent.any():
             inertial_into(block.frames, block.acceleration, self._vectors)
             mass = np.where(self._consistent, self._mass, 0.0)
@@ -153,14 +158,13 @@ class RotationFreeShells:
         positions_into(block.frames, self._points)
         velocities = self._velocities(block)
         factors = scale * float(shifts[2]), scale * float(shifts[0])
-        for group, index in zip(self.groups, self._index, strict=True):
+        for group, index, assumed in zip(self.groups, self._index, self._taken(), strict=True):
             width = 3 * index.shape[1]
             matrices = np.empty((_CHUNK, width, width))
+            added = group.triangles.added(self._points, velocities, assumed)
             for first in range(0, len(index), _CHUNK):
                 part = matrices[: len(index) - first]
-                group.triangles.tangents_into(
-                    self._points, part, factors, velocities=velocities, first=first
-                )
+                group.triangles.tangents_into(self._points, part, factors, added=added, first=first)
                 add_blocks(part, index, first, blocks)
             mass = np.where(group.consistent, group.mass, 0.0)
             if mass.any():
@@ -180,8 +184,10 @@ class RotationFreeShells:
         forces[:] = 0.0
         factors = float(shifts[2]), float(shifts[0])
         if any(factors):
-            for group in self.groups:
-                group.triangles.add_action(points, steps, forces, factors, velocities)
+            for group, assumed in zip(self.groups, self._taken(), strict=True):
+                triangles = group.triangles
+                added = triangles.added(points, velocities, assumed)
+                triangles.add_action(points, steps, forces, factors, added)
         mass = float(shifts[1])
         if self._consistent.any():
             own = np.where(self._consistent, mass * self._mass, 0.0)
@@ -192,14 +198,32 @@ class RotationFreeShells:
             self.masses, block.frames, block.step, still, scale * mass, block.residual
         )
 
+    def _taken(self) -> Sequence[FloatArray | None]:
+        """Strains of each group whose stresses the tangent takes."""
+        return len(self.groups) * [None] if self._assumed is None else self._assumed
+
     def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """The tangent is always exact."""
+        """Continue the strains linearly along steps of the nodes.
+
+        Newton's method for the mixed form, in which stresses are unknowns: large rotations then
+        leave no membrane stress of second order in the tangent (Magisano, Leonetti, Garcea, Int.
+        J. Numer. Methods Eng. 109 (2017) 1237-1262).
+        """
+        positions_into(frames, self._points)
+        inertial_into(frames, steps, self._vectors)
+        self._assumed = [
+            group.triangles.strains(self._points)
+            + group.triangles.strain_rates(self._points, self._vectors)
+            for group in self.groups
+        ]
 
     def assume_forces(self, assumed: bool) -> None:
-        """The tangent is always exact."""
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        self._assumed_forces = assumed
 
     def exact(self) -> None:
-        """The tangent is always exact."""
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        self._assumed = None
 
     def accept(self, block: FrameBlock) -> None:
         """Turn the axes of the nodes with the shell (collective)."""

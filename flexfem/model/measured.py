@@ -5,7 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+import numpy.typing as npt
+
 from flexfem import _checks
+from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.probe import AnyProbe, check_columns, strings
@@ -15,9 +19,11 @@ from flexfem.model.shell import Shell
 if TYPE_CHECKING:
     from flexfem.model.model import Model
 
-__all__ = ["EnergyProbe", "MomentumProbe", "ReactionProbe", "StrainProbe"]
+__all__ = ["EnergyProbe", "MomentumProbe", "ReactionProbe", "ShellStrainProbe", "StrainProbe"]
 
 _STRAINS = [f"gamma{i}" for i in "123"] + [f"kappa{i}" for i in "123"]
+_SHELL_STRAINS = [f"{what}{i}" for what in ("eps", "kappa") for i in ("11", "22", "12")]
+_SHELL_RESULTANTS = [f"{what}{i}" for what in "nm" for i in ("11", "22", "12")]
 _RESULTANTS = [f"n{i}" for i in "123"] + [f"m{i}" for i in "123"]
 
 
@@ -189,6 +195,10 @@ class StrainProbe(AnyProbe):
     def check(self, model: "Model") -> None:
         """See :meth:`AnyProbe.check`."""
         beam = model.get(self.beam)
+        if isinstance(beam, Shell):
+            raise ValueError(
+                f'StrainProbe "{self.name}": "{self.beam}" is a shell, which takes ShellStrainProbe'
+            )
         if not isinstance(beam, Beam):
             raise ValueError(f'StrainProbe "{self.name}": {model!r} has no beam "{self.beam}"')
         if beam.formulation == "se3":
@@ -206,3 +216,55 @@ class StrainProbe(AnyProbe):
             return beam_cell(model.mesh, beam, self.fraction)
         except ValueError as error:
             raise ValueError(f"{owner}: {error}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class ShellStrainProbe(AnyProbe):
+    """Strains and stress resultants of a shell in one triangle, in its material axes.
+
+    Columns: membrane strains name_eps11, _eps22 and _eps12, the last one twice the shear strain;
+    curvatures (1/m) relative to the shape at the start name_kappa11, _kappa22 and _kappa12, the
+    last one twice the twist; forces per length (N/m) name_n11, _n22, _n12 and moments per length
+    (N) name_m11, _m22, _m12 without what damping adds.
+
+    Attributes:
+        name: Unique name in the model.
+        shell: Name of the shell.
+        position: The triangle is that whose centroid is nearest at the start, shape (3,), m.
+    """
+
+    name: str
+    shell: str
+    position: npt.ArrayLike
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            TypeError: A name is no string, or the position does not consist of numbers.
+            ValueError: An empty name, or a position of another shape or not finite.
+        """
+        _assign_columns(self, _SHELL_STRAINS + _SHELL_RESULTANTS)
+        owner = _checks.named(self, self.name)
+        _checks.text(owner, "shell", self.shell)
+        _checks.assign(self, position=_checks.vector(owner, "position", self.position))
+
+    def check(self, model: "Model") -> None:
+        """See :meth:`AnyProbe.check`."""
+        owner, shell = f'ShellStrainProbe "{self.name}"', model.get(self.shell)
+        if not isinstance(shell, Shell):
+            raise ValueError(f'{owner}: {model!r} has no shell "{self.shell}"')
+        if shell.element != "rotation_free":
+            raise ValueError(
+                f'{owner}: Shell "{self.shell}" must have the element "rotation_free", '
+                f'not "{shell.element}"'
+            )
+
+    def nodes(self, model: "Model") -> IntArray:
+        """Return the mesh nodes (3,) of the triangle."""
+        mesh, body = model.surface, model[self.shell].body
+        assert mesh is not None  # checked by validate()
+        triangles = mesh.triangles[mesh.bodies[body]]
+        away = mesh.points[triangles].mean(axis=1) - np.asarray(self.position)
+        nearest: IntArray = triangles[np.argmin((away**2).sum(axis=1))]
+        return nearest

@@ -19,7 +19,7 @@ _ZERO = (0.0, 0.0, 0.0)
 #: Formulations of shells.
 SHELL_ELEMENTS = ("rotation_free", "director")
 #: What can hold along an edge.
-EDGES = ("clamped", "hinged", "symmetric")
+EDGES = ("clamped", "hinged", "symmetric", "symmetric x", "symmetric y", "symmetric z")
 #: How mass is distributed over the nodes.
 MASSES = ("lumped", "consistent")
 
@@ -41,7 +41,9 @@ class Shell:
             shells of a model have the same.
         edges: What holds along lines of the mesh, by the line's name: "clamped" keeps positions
             and slopes, "hinged" positions only, "symmetric" keeps the positions in the plane of
-            the line, and the shell at right angles to it. Others are free.
+            the line, and the shell at right angles to it. Others are free. The plane of a straight
+            line on a curved shell must be given by its normal: "symmetric x", "symmetric y" or
+            "symmetric z".
         fixed: Directions in which lines or named nodes are held, some of "xyz", by their name.
         direction: Approximate direction of the material axis e1 in inertial axes: a vector, or a
             function of points (n, 3) that returns vectors (n, 3); None for that of the first side

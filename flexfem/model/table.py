@@ -70,7 +70,7 @@ def _details(model: Model, thing: Any) -> str:
     if hasattr(thing, "mass"):
         place = thing.marker if hasattr(thing, "marker") else f"at {_numbers(thing.position)}"
         return f"{thing.mass:.4g} kg, {place}"
-    return ", ".join(str(place) for place in (*thing.markers, *thing.beams))
+    return ", ".join(str(place) for place in (*thing.markers, *thing.beams, *thing.shells))
 
 
 def _shell(model: Model, shell: Shell) -> str:

@@ -23,6 +23,7 @@ from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam
 from flexfem.model.event import Event
+from flexfem.model.load_checks import check_load
 from flexfem.model.place import Place
 from flexfem.model.shell import Shell
 
@@ -50,9 +51,7 @@ def validate(model: Model) -> None:
         if joint.partner is not None and joint.partner not in model.joints:
             raise ValueError(f'{_owner(joint)}: {model!r} has no joint "{joint.partner.name}"')
     for load in model.loads:
-        for name in load.beams:
-            if not isinstance(model.get(name), Beam):
-                raise ValueError(f'{_owner(load)}: {model!r} has no beam "{name}"')
+        check_load(model, load)
     for event in model.events:
         for name in event.joints:
             _check_joint(model, _owner(event), name)

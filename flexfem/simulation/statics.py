@@ -193,17 +193,11 @@ class _Run:
         path, before = self.path, self._beyond() if self._options.stop_column != _NONE else 0.0
         self._largest = max(self._largest, h)
         smallest = self._largest * 0.5**_HALVINGS
-        while (status := path.attempt(h)) is not Status.OK and h > smallest:
+        status, end, critical = self._tried(h, before)
+        while status not in (Status.OK, Status.LEFT) and h > smallest:
             self._rejected += 1
             h *= self.equilibrium.cut
-        if status is not Status.OK:
-            path.return_to_base()
-            return status, h, True
-        status, end = self._end(h, before)
-        critical = None
-        if status is Status.OK:
-            status, critical = path.critical_point()
-        status = self._checked(status)
+            status, end, critical = self._tried(h, before)
         if status is not Status.OK:
             path.return_to_base()
             return status, h, True
@@ -212,6 +206,15 @@ class _Run:
             self._critical.append(critical)
             status = self._branch_off(critical)
         return status, h, end and critical is None
+
+    def _tried(self, h: float, before: float) -> tuple[Status, bool, CriticalPoint | None]:
+        """Try one step, to the end of the run or the first critical point if these come first."""
+        status, end, critical = self.path.attempt(h), False, None
+        if status is Status.OK:
+            status, end = self._end(h, before)
+        if status is Status.OK:
+            status, critical = self.path.critical_point()
+        return self._checked(status), end, critical
 
     def _checked(self, status: Status) -> Status:
         """Status of a trial state, in which a slider may have left its carrier."""

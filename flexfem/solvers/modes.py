@@ -60,6 +60,7 @@ class Pencil:
         """The problem at the state of the last evaluation (collective)."""
         matrices = linearization.matrices()
         K, C, M = matrices.stiffness, matrices.damping, matrices.mass
+        _hold(linearization, matrices)
         damped = C.norm(PETSc.NormType.FROBENIUS) > 0.0
         transposed = K.copy()
         transposed.transpose()
@@ -78,6 +79,27 @@ class Pencil:
     def shift(self) -> float:
         """Distance from zero at which the problem is inverted, 1/s."""
         return _SHIFT * self.fastest * (100.0 if self.damped else 1.0)
+
+
+def _hold(linearization: Linearization, matrices: Matrices) -> None:
+    """Give unknowns that are held no mass: their frequencies are infinite, as those of rows."""
+    masks = [
+        np.zeros(p.block.sizes[0], dtype=np.bool_)
+        if p.block.held is None
+        else p.block.held[: p.block.owned].ravel()
+        for p in linearization.system.parts
+    ]
+    if all(p.block.held is None for p in linearization.system.parts):
+        return
+    held = np.concatenate([np.empty(0, dtype=np.bool_), *masks])
+    for matrix, value in (
+        (matrices.stiffness, 1.0),
+        (matrices.damping, 0.0),
+        (matrices.mass, 0.0),
+    ):
+        diagonal = matrix.getDiagonal()
+        diagonal.getArray()[: len(held)][held] = value
+        matrix.setDiagonal(diagonal)
 
 
 def _spring_diagonal(linearization: Linearization, K: PETSc.Mat) -> FloatArray:

@@ -8,6 +8,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.family import ElementFamily
+from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
 from flexfem.model.bodies import PointMass, RigidBody
@@ -17,11 +18,13 @@ from flexfem.system.constraints import Constraints
 from flexfem.system.contact_surfaces import contact_surfaces
 from flexfem.system.contacts import Contacts
 from flexfem.system.families import director_block, nurbs_block, se3_block, shell_block
+from flexfem.system.inner_forces import InnerForces
 from flexfem.system.interface import Interface
 from flexfem.system.line_loads import by_degree
 from flexfem.system.node_loads import NodeForces, NodeMasses
 from flexfem.system.placed_loads import line_forces, node_forces
 from flexfem.system.placement import BEAMS, KINDS, NURBS, RIGID, SHELLS, Placement, place
+from flexfem.system.shell_loads import pressures, shell_forces
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
@@ -86,12 +89,18 @@ def _part(
 ) -> BlockPart:  # fmt: skip
     """A block with what acts on its nodes of this rank."""
     node_body = serial.bodies(kind, block.node_ids)
+    forces, inside = node_forces(serial, kind, block), list[InnerForces]()
+    if kind == NURBS:
+        inside += by_degree(line_forces(serial, block), node_body)
+    elif isinstance(elements, RotationFreeShells):
+        forces += shell_forces(serial, block)
+        inside += pressures(serial, elements.corners, elements.body)
     return BlockPart(
         kind=kind,
         block=block,
         masses=_masses(serial, kind, block),
-        forces=NodeForces(node_forces(serial, kind, block)),
-        line_forces=by_degree(line_forces(serial, block) if kind == NURBS else [], node_body),
+        forces=NodeForces(forces),
+        line_forces=inside,
         elements=elements,
         owner=serial.owner(kind),
         node_body=node_body,

@@ -10,17 +10,24 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.elements.nurbs_beam import NurbsBeams
+from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
 from flexfem.model.contact import ContactProbe
-from flexfem.model.measured import EnergyProbe, MomentumProbe, ReactionProbe, StrainProbe
+from flexfem.model.measured import (
+    EnergyProbe,
+    MomentumProbe,
+    ReactionProbe,
+    ShellStrainProbe,
+    StrainProbe,
+)
 from flexfem.model.place import element_at_fraction
 from flexfem.model.probe import AnyProbe
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
 from flexfem.system.energies import EnergyMeter, refresh_rows
 from flexfem.system.momenta import MomentumMeter
-from flexfem.system.placement import BEAMS, NURBS
+from flexfem.system.placement import BEAMS, NURBS, SHELLS
 from flexfem.system.system import System
 
 __all__ = ["Gauge", "create_gauge"]
@@ -127,6 +134,27 @@ class _StrainGauge:
         return values
 
 
+class _ShellStrainGauge:
+    """Strains and resultants of one triangle of a shell, on the rank that owns it."""
+
+    def __init__(self, system: System, serial: Assembly, probe: ShellStrainProbe) -> None:
+        self._part = next(part for part in system.parts if part.kind == SHELLS)
+        shells, ids = self._part.elements, self._part.block.node_ids
+        assert isinstance(shells, RotationFreeShells)
+        self._shells = shells
+        corners = np.sort(ids[shells.corners], axis=1).reshape(-1, 3)
+        wanted = np.sort(probe.nodes(serial.model))
+        # shells may share nodes and edges, not triangles
+        self._cells = np.flatnonzero((corners == wanted).all(axis=1))
+
+    def update(self) -> FloatArray:
+        if not len(self._cells):
+            return np.zeros(12)
+        both = self._shells.resultants(self._part.block.frames, self._cells)
+        values: FloatArray = np.concatenate(both, axis=1)[0]
+        return values
+
+
 def create_gauge(probe: AnyProbe, system: System, serial: Assembly) -> Gauge | None:
     """Gauge of a probe (collective), None for functions of markers."""
     match probe:
@@ -138,6 +166,8 @@ def create_gauge(probe: AnyProbe, system: System, serial: Assembly) -> Gauge | N
             return MomentumMeter(system, serial.model, probe.bodies)
         case ReactionProbe():
             return _ReactionGauge(system, probe)
+        case ShellStrainProbe():
+            return _ShellStrainGauge(system, serial, probe)
         case StrainProbe():
             if serial.model[probe.beam].formulation == "nurbs":
                 return _CurveStrainGauge(system, serial, probe)

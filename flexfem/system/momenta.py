@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core import motion
 from flexfem.model.model import Model
-from flexfem.system.line_loads import LineForces
+from flexfem.system.inner_forces import InnerForces
 from flexfem.system.node_loads import NodeForces
 from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS
 from flexfem.system.system import System
@@ -60,7 +60,7 @@ class ChosenBodies:
         # the ground's slot is -1, the last one
         self.sides: BoolArray = np.array([*of_slot, True])[system.constraints.term_slots]
 
-    def loads(self, part: int) -> list[tuple[NodeForces | LineForces, BoolArray]]:
+    def loads(self, part: int) -> list[tuple[NodeForces | InnerForces, BoolArray]]:
         """Forces on a part, and which of them act on chosen bodies."""
         forces = self._parts[part]
         inside = zip(forces.line_forces, self.line_forces[part], strict=True)

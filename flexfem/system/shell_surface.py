@@ -136,10 +136,10 @@ def _edges(
     owner = f'Shell "{shell.name}"'
     for line, rule in shell.edges.items():
         triangle, side = _sides(mesh, shell, line)
-        rules[triangle, side] = _RULES[rule]
+        rules[triangle, side] = _RULES[rule.split()[0]]
         nodes = np.unique(mesh.lines[line])
-        if rule == "symmetric":
-            normal = _plane(mesh, owner, line, triangle, side)
+        if rule.startswith("symmetric"):
+            normal = _plane(mesh, owner, line, rule, triangle, side)
             normals[triangle, side] = normal
             held.add(owner, nodes, normal)
         else:
@@ -173,22 +173,51 @@ def _sides(mesh: SurfaceMesh, shell: Shell, line: str) -> tuple[IntArray, IntArr
 
 
 def _plane(
-    mesh: SurfaceMesh, owner: str, line: str, triangle: IntArray, side: IntArray
+    mesh: SurfaceMesh, owner: str, line: str, rule: str, triangle: IntArray, side: IntArray
 ) -> FloatArray:
     """Unit normal of the plane of symmetry that a line lies in."""
     ends = [mesh.points[mesh.triangles[triangle, (side + k) % 3]] for k in (1, 2)]
-    outwards = np.cross(ends[1] - ends[0], mesh.normals[triangle]).mean(axis=0)
     points = np.unique(np.concatenate(ends), axis=0)
     offsets = points - points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(offsets, full_matrices=True)
-    if len(sizes) > 1 and sizes[1] > _FLAT * sizes[0]:
+    if rule != "symmetric":
+        normal: FloatArray = np.eye(3)["xyz".index(rule[-1])]
+    elif sizes[1:].any() and sizes[1] > _FLAT * sizes[0]:
         normal = axes[2]
-        if np.abs(offsets @ normal).max() > _FLAT * sizes[0]:
-            raise ValueError(
-                f'{owner}: edges: line "{line}" is symmetric but does not lie in a plane'
-            )
     else:
-        normal = outwards - (outwards @ axes[0]) * axes[0]
+        normal = _across(mesh, owner, line, triangle, np.stack(ends, axis=1), axes[0])
+    if np.abs(offsets @ normal).max() > _FLAT * sizes[0]:
+        where = f"a plane normal to {rule[-1]}" if rule != "symmetric" else "a plane"
+        raise ValueError(f'{owner}: edges: line "{line}" is symmetric but does not lie in {where}')
+    return normal
+
+
+def _across(
+    mesh: SurfaceMesh,
+    owner: str,
+    line: str,
+    triangle: IntArray,
+    ends: FloatArray,
+    along: FloatArray,
+) -> FloatArray:
+    """Unit normal of the plane through a straight line at right angles to a shell that is flat.
+
+    The triangles beside the line of a curved shell are those of a chord: their plane is not that of
+    the shell at the line.
+    """
+    neighbours = mesh.topology.neighbours
+    # the next triangle may be the other half of a flat rectangle
+    around = neighbours[neighbours[triangle]].reshape(len(triangle), -1)
+    around[np.repeat(neighbours[triangle] < 0, 3, axis=1)] = -1
+    beside, other = np.repeat(triangle, 9)[around.ravel() >= 0], around[around >= 0]
+    cosines = np.einsum("mi,mi->m", mesh.normals[beside], mesh.normals[other])
+    if (cosines < 1.0 - _RIGHT).any():
+        raise ValueError(
+            f'{owner}: edges: line "{line}" is straight and the shell curved there, which leaves '
+            'its plane open: give "symmetric x", "symmetric y" or "symmetric z"'
+        )
+    outwards = np.cross(ends[:, 1] - ends[:, 0], mesh.normals[triangle]).mean(axis=0)
+    normal = outwards - (outwards @ along) * along
     result: FloatArray = normal / np.linalg.norm(normal)
     return result
 

@@ -22,8 +22,8 @@ from flexfem.core.state import Numbering, State
 from flexfem.elements.family import ElementFamily
 from flexfem.system.constraints import Constraints
 from flexfem.system.contacts import Contacts
+from flexfem.system.inner_forces import InnerForces
 from flexfem.system.interface import Interface
-from flexfem.system.line_loads import LineForces
 from flexfem.system.mechanics import EndPoint, Mechanics
 from flexfem.system.node_loads import NodeForces, NodeMasses
 
@@ -95,7 +95,7 @@ class BlockPart:
     block: FrameBlock
     masses: NodeMasses
     forces: NodeForces
-    line_forces: list[LineForces]
+    line_forces: list[InnerForces]
     elements: ElementFamily | None
     owner: str
     node_body: IntArray

@@ -167,6 +167,21 @@ def sliding() -> ff.Model:
     return model
 
 
+def sheet() -> ff.Model:
+    """A hinged sheet that swings down, under pressure, with damping and energies."""
+    mesh = ff.SurfaceMesh.rectangle("sheet", (1.0, 0.4), (5, 2))
+    section = ff.ShellSection.isotropic(2e-3, ff.Material(2e9, 0.3, 7800.0))
+    model = ff.Model("sheet", surface=mesh)
+    model.add(
+        ff.Shell("sheet", section, edges={"sheet_left": "hinged"}, damping=1e-4),
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Pressure("wind", "sheet", 20.0, amplitude=lambda t: np.sin(40.0 * t)),
+        ff.PositionProbe("tip", ff.Marker("sheet", "sheet_top_right")),
+        ff.EnergyProbe(),
+    )
+    return model
+
+
 MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "slider_crank": (
         lambda: load_case("slider_crank").build(elements=3),
@@ -180,6 +195,7 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "bouncing": (bouncing, {"dt": 0.01, "t_end": 0.36, "adaptive": True, "error_tolerance": 1e-4}),
     "curved": (curved, {"dt": 2e-3, "t_end": 0.036, "split_above": 1, "tolerance": 1e-9}),
     "sliding": (sliding, {"dt": 4e-3, "t_end": 0.144, "split_above": 2, "tolerance": 1e-9}),
+    "sheet": (sheet, {"dt": 2e-3, "t_end": 0.072, "split_above": 1, "tolerance": 1e-9}),
     "energy": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "energy_momentum"}),
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Statics of thin shells with large rotations: benchmarks of Sze, Liu and Lo (2004).
+
+``--benchmark`` chooses one, ``--mesh 60x10`` the cells along its two parameters; each cell is cut
+into two triangles. Any consistent units; the load factor t is 1 under the largest load.
+
+- cantilever: strip 10 x 1, thickness 0.1, E = 1.2e6, nu = 0, force 4 across its end.
+  A: deflection of the end, B: its shift towards the clamp.
+- annulus: ring from radius 6 to 10, slit open, thickness 0.03, E = 21e6, nu = 0; one side of the
+  slit is clamped, 0.8 per length lifts the other. A, B: its inner and outer corner.
+- hemisphere: radius 10, thickness 0.04, E = 6.825e7, nu = 0.3, with a hole of 18 degrees; four
+  radial forces of 400 at the equator, in turns out- and inwards; a quarter is computed.
+  A, B: radial displacements of the outward and the inward one.
+- pullout: cylinder with open ends, radius 4.953, length 10.35, thickness 0.094, E = 10.5e6,
+  nu = 0.3125, pulled apart by two forces of 40000 at its middle; an eighth is computed.
+  A: under the force, B, C: of the sides inwards, in the middle and at the ends.
+- pinched: cylinder with diaphragms at its ends, radius 100, length 200, thickness 1, E = 3e4,
+  nu = 0.3, pinched by two forces of 12000; an eighth is computed. A: under the force inwards,
+  B: of the sides outwards.
+- roof: cylindrical roof, radius 2540, 0.2 rad wide, 508 long, thickness 12.7, E = 3102.75,
+  nu = 0.3, hinged along its straight edges, force 3000 on its middle; a quarter is computed, along
+  its path through the snap. A: under the force. thin_roof: the same with a thickness of 6.35.
+
+Load steps search stable equilibria (``--stabilise``): coarse meshes buckle locally, and the real
+shell may snap.
+
+History: ``A``, ``B``, ``C``: the displacements above, those of a benchmark only.
+
+Expected at t = 1 (Sze, Liu, Lo, Finite Elem. Anal. Des. 40 (2004) 1551-1569): cantilever 6.698,
+3.286; annulus 13.891, 17.528; hemisphere 4.067, 8.178; pinched 83.102, 34.272. Run:
+``mpirun -n 2 python cases/shell_statics.py --benchmark hemisphere``, then
+``python postprocess/render.py results/shell_statics --colour displacement``.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Mapping
+from math import pi
+
+import numpy as np
+import numpy.typing as npt
+
+import flexfem as ff
+
+Points = npt.NDArray[np.float64]
+Surface = Callable[[Points], Points]
+
+
+def shell(
+    name: str, cells: tuple[int, int], ranges: tuple[tuple[float, float], tuple[float, float]],
+    surface: Surface | None, thickness: float, elasticity: tuple[float, float], element: str,
+    edges: Mapping[str, str], fixed: Mapping[str, str] | None = None,
+) -> ff.Model:  # fmt: skip
+    """Model of a shell over a rectangle of two parameters, held along named sides."""
+    u, v = (np.linspace(*r, n + 1) for r, n in zip(ranges, cells, strict=True))
+    mesh = ff.SurfaceMesh.grid("shell", u, v, surface)
+    section = ff.ShellSection.isotropic(thickness, ff.Material(*elasticity, density=1.0))
+    model = ff.Model(name, surface=mesh)
+    rules = {f"shell_{side}": rule for side, rule in edges.items()}
+    more = {f"shell_{side}": axes for side, axes in (fixed or {}).items()}
+    model.add(ff.Shell("shell", section, element=element, edges=rules, fixed=more))
+    return model
+
+
+def corner(name: str) -> ff.Marker:
+    """Marker at a corner of the parameters."""
+    return ff.Marker("shell", f"shell_{name}")
+
+
+def watch(model: ff.Model, column: str, place: str, direction: tuple[float, float, float]) -> None:
+    """Record the displacement of a corner along a direction."""
+    assert model.surface is not None
+    start = model.surface.points[model.surface.nodes[f"shell_{place}"]]
+    model.add(
+        ff.Probe(
+            column,
+            corner(place),
+            (column,),
+            lambda t, at: (float(np.dot(at.position - start, direction)),),
+        )
+    )
+
+
+def cylinder(radius: float) -> Surface:
+    """Cylinder along Y by its angle from Z and its length."""
+
+    def surface(p: Points) -> Points:
+        return np.column_stack([radius * np.sin(p[:, 0]), p[:, 1], radius * np.cos(p[:, 0])])
+
+    return surface
+
+
+def cantilever(cells: tuple[int, int], element: str) -> ff.Model:
+    """Strip under a force across its end."""
+    model = shell("cantilever", cells, ((0.0, 10.0), (0.0, 1.0)), None, 0.1, (1.2e6, 0.0), element,
+                  {"left": "clamped"})  # fmt: skip
+    model.add(ff.EdgeLoad("load", "shell", "shell_right", (0.0, 0.0, 4.0)))
+    watch(model, "A", "bottom_right", (0.0, 0.0, 1.0))
+    watch(model, "B", "bottom_right", (-1.0, 0.0, 0.0))
+    return model
+
+
+def annulus(cells: tuple[int, int], element: str) -> ff.Model:
+    """Slit ring, lifted at one side of the slit."""
+
+    def surface(p: Points) -> Points:
+        angle, radius = p.T
+        return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle])
+
+    model = shell("annulus", cells, ((0.0, 2.0 * pi), (6.0, 10.0)), surface, 0.03, (21e6, 0.0),
+                  element, {"left": "clamped"})  # fmt: skip
+    model.add(ff.EdgeLoad("load", "shell", "shell_right", (0.0, 0.0, 0.8)))
+    watch(model, "A", "bottom_right", (0.0, 0.0, 1.0))
+    watch(model, "B", "top_right", (0.0, 0.0, 1.0))
+    return model
+
+
+def hemisphere(cells: tuple[int, int], element: str) -> ff.Model:
+    """Quarter of a hemisphere with a hole under radial forces."""
+
+    def surface(p: Points) -> Points:
+        f, t = p.T
+        return 10.0 * np.column_stack([np.cos(t) * np.cos(f), np.cos(t) * np.sin(f), np.sin(t)])
+
+    model = shell("hemisphere", cells, ((0.0, pi / 2), (0.0, 0.4 * pi)), surface, 0.04,
+                  (6.825e7, 0.3), element, {"left": "symmetric y", "right": "symmetric x"},
+                  {"bottom_left": "z"})  # fmt: skip
+    model.add(
+        ff.PointForce("pull", corner("bottom_left"), (200.0, 0.0, 0.0)),
+        ff.PointForce("push", corner("bottom_right"), (0.0, -200.0, 0.0)),
+    )
+    watch(model, "A", "bottom_left", (1.0, 0.0, 0.0))
+    watch(model, "B", "bottom_right", (0.0, -1.0, 0.0))
+    return model
+
+
+#: Planes of symmetry of an eighth of a cylinder.
+EIGHTH = {"left": "symmetric x", "right": "symmetric z", "bottom": "symmetric y"}
+
+
+def pullout(cells: tuple[int, int], element: str) -> ff.Model:
+    """Eighth of a cylinder with open ends, pulled apart."""
+    model = shell("pullout", cells, ((0.0, pi / 2), (0.0, 5.175)), cylinder(4.953), 0.094,
+                  (10.5e6, 0.3125), element, EIGHTH)  # fmt: skip
+    model.add(ff.PointForce("load", corner("bottom_left"), (0.0, 0.0, 1e4)))
+    watch(model, "A", "bottom_left", (0.0, 0.0, 1.0))
+    watch(model, "B", "bottom_right", (-1.0, 0.0, 0.0))
+    watch(model, "C", "top_right", (-1.0, 0.0, 0.0))
+    return model
+
+
+def pinched(cells: tuple[int, int], element: str) -> ff.Model:
+    """Eighth of a cylinder with diaphragms, pinched."""
+    model = shell("pinched", cells, ((0.0, pi / 2), (0.0, 100.0)), cylinder(100.0), 1.0,
+                  (3e4, 0.3), element, EIGHTH, {"top": "xz"})  # fmt: skip
+    model.add(ff.PointForce("load", corner("bottom_left"), (0.0, 0.0, -3e3)))
+    watch(model, "A", "bottom_left", (0.0, 0.0, -1.0))
+    watch(model, "B", "bottom_right", (1.0, 0.0, 0.0))
+    return model
+
+
+def roof(cells: tuple[int, int], element: str, thickness: float = 12.7) -> ff.Model:
+    """Quarter of a hinged cylindrical roof."""
+    edges = {"left": "symmetric x", "right": "hinged", "bottom": "symmetric y"}
+    model = shell("roof", cells, ((0.0, 0.1), (0.0, 254.0)), cylinder(2540.0), thickness,
+                  (3102.75, 0.3), element, edges)  # fmt: skip
+    model.add(ff.PointForce("load", corner("bottom_left"), (0.0, 0.0, -750.0)))
+    watch(model, "A", "bottom_left", (0.0, 0.0, -1.0))
+    return model
+
+
+def thin_roof(cells: tuple[int, int], element: str) -> ff.Model:
+    """The roof with half the thickness."""
+    return roof(cells, element, 6.35)
+
+
+BENCHMARKS: dict[str, Callable[[tuple[int, int], str], ff.Model]] = {
+    "cantilever": cantilever,
+    "annulus": annulus,
+    "hemisphere": hemisphere,
+    "pullout": pullout,
+    "pinched": pinched,
+    "roof": roof,
+    "thin_roof": thin_roof,
+}
+_PATH = {"arc_length": 0.05, "stabilise": False, "stop_column": "A"}
+
+
+def build(*, benchmark: str, mesh: str, element: str) -> ff.Model:
+    """Model of a benchmark on a mesh such as "60x10"."""
+    found = re.fullmatch(r"([1-9]\d*)x([1-9]\d*)", mesh)
+    if found is None:
+        raise ValueError(f"shell_statics: mesh must be two numbers of cells like 60x10, got {mesh}")
+    return BENCHMARKS[benchmark]((int(found[1]), int(found[2])), element)
+
+
+CASE = ff.Case(
+    name="shell_statics",
+    summary="thin shells with large rotations, statics (Sze, Liu, Lo 2004)",
+    description=__doc__,
+    build=build,
+    options=(
+        ff.Option("benchmark", str, "annulus", "which one", choices=tuple(BENCHMARKS)),
+        ff.Option("mesh", str, "60x10", "cells along the two parameters"),
+        ff.Option("element", str, "rotation_free", "formulation", choices=("rotation_free",)),
+    ),
+    analysis=ff.STATICS,
+    stabilise=True,
+    presets={
+        "benchmark": {
+            "cantilever": {"mesh": "32x2", "load_steps": 5},
+            "hemisphere": {"mesh": "24x24"},
+            "pullout": {"mesh": "36x24", "load_steps": 20},
+            "pinched": {"mesh": "60x60", "load_steps": 20},
+            "roof": {"mesh": "16x16", "stop_value": 30.0, **_PATH},
+            "thin_roof": {"mesh": "16x16", "stop_value": 30.0, **_PATH},
+        }
+    },
+    smoke={"benchmark": "cantilever", "mesh": "6x1", "load_steps": 2, "t_end": 0.2},
+    results=lambda history: {name: float(history[name][-1]) for name in "ABC" if name in history},
+)
+
+if __name__ == "__main__":
+    sys.exit(ff.main(CASE))

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What dead forces spread over a shell or along a line of it have in common."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.load import NOTHING, Load
+
+if TYPE_CHECKING:
+    from flexfem.mesh.surface_mesh import SurfaceMesh
+
+__all__ = ["ShellLoad", "summed"]
+
+
+class ShellLoad(Load):
+    """Load on a shell: a dead force per length or area at the start.
+
+    Attributes:
+        name: Unique name in the model.
+        shell: Name of the shell.
+        force: In inertial axes, shape (3,), per metre or square metre.
+        amplitude: Factor as a function of time, None for the constant 1.
+    """
+
+    shell: str
+    force: FloatArray
+    follower = False
+
+    @property
+    def shells(self) -> tuple[str, ...]:
+        """See :attr:`flexfem.core.load.Load.shells`."""
+        return (self.shell,)
+
+    @property
+    def wrench(self) -> tuple[FloatArray, FloatArray]:
+        """See :attr:`flexfem.core.load.Load.wrench`."""
+        return self.force, NOTHING
+
+    def check(self, mesh: SurfaceMesh, body: str) -> None:
+        """Check what the load needs of its shell's body in the mesh.
+
+        Raises:
+            ValueError: It is not there; the message begins with the load.
+        """
+
+    def shares(self, mesh: SurfaceMesh, body: str) -> tuple[IntArray, FloatArray]:
+        """Return nodes, ascending, and the length or area at the start that each carries.
+
+        They are the integrals of the nodes' shape functions, which makes the work of the forces
+        exact for the linear positions of triangles.
+        """
+        raise NotImplementedError
+
+
+def summed(nodes: IntArray, measure: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the nodes of elements, ascending, with equal shares of the elements' sizes.
+
+    Args:
+        nodes: Shape (m, k).
+        measure: Lengths or areas, shape (m,).
+    """
+    count = nodes.shape[1]
+    unique, inverse = np.unique(nodes, return_inverse=True)
+    return unique, np.bincount(inverse.ravel(), np.repeat(measure / count, count))

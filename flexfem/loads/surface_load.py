@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Force per area of a shell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.load import Amplitude
+from flexfem.loads.shell_load import ShellLoad, summed
+
+if TYPE_CHECKING:
+    from flexfem.mesh.surface_mesh import SurfaceMesh
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SurfaceLoad(ShellLoad):
+    """Uniform dead force per area at the start on a whole shell.
+
+    Attributes:
+        name: Unique name in the model.
+        shell: Name of the shell.
+        force: In inertial axes, shape (3,), N/m^2.
+        amplitude: Factor as a function of time, None for the constant 1.
+    """
+
+    name: str
+    shell: str
+    force: FloatArray
+    amplitude: Amplitude | None
+
+    def __init__(
+        self,
+        name: str,
+        shell: str,
+        force_per_area: npt.ArrayLike,
+        *,
+        amplitude: Amplitude | None = None,
+    ) -> None:
+        """Create the load.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: An argument has the wrong shape or is not finite.
+        """
+        _checks.assign(self, name=name, shell=shell, amplitude=amplitude)
+        owner = self._check()
+        _checks.text(owner, "shell", shell)
+        _checks.assign(self, force=_checks.vector(owner, "force_per_area", force_per_area))
+
+    def shares(self, mesh: SurfaceMesh, body: str) -> tuple[IntArray, FloatArray]:
+        """See :meth:`flexfem.loads.shell_load.ShellLoad.shares`."""
+        rows = mesh.bodies[body]
+        return summed(mesh.triangles[rows], mesh.areas[rows])
