@@ -69,6 +69,7 @@ _MODULES = {
     "Marker": "core.marker",
     "Carrier": "core.marker",
     "ShellLine": "core.marker",
+    "SurfaceMarker": "core.marker",
     "SlidingMarker": "core.marker",
     "Ground": "core.marker",
     "Probe": "model.probe",

@@ -14,6 +14,9 @@ from flexfem.core.pose import Pose
 #: Words that name the ends of a line instead of a physical point group.
 LINE_ENDS = ("start", "end")
 
+#: Round-off of a sum of weights.
+_ONE = 1e-12
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class Marker:
@@ -115,7 +118,10 @@ class ShellLine(Marker):
 
 
 class SurfaceMarker(Marker):
-    """Place on a shell between nodes given by their numbers; its axes at the start are inertial.
+    """Place on an edge or in a triangle of a shell, for joints; inertial axes at the start.
+
+    It stays at its place between the nodes. Where a joint needs axes, they are those of the
+    triangle, of one at the edge or node.
 
     Attributes:
         nodes: One node, two of an edge or three of a triangle, by their numbers in the mesh.
@@ -132,9 +138,28 @@ class SurfaceMarker(Marker):
         weights: Sequence[float],
         offset: npt.ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
-        """Create the marker; the offset is in inertial axes at the start, metres."""
+        """Create the marker; the offset is in inertial axes at the start, metres.
+
+        Raises:
+            TypeError: Nodes or weights are no numbers.
+            ValueError: Not one to three nodes with a weight each, or weights that are negative or
+                do not add up to one.
+        """
         super().__init__(body, None, offset)
-        _checks.assign(self, nodes=tuple(nodes), weights=tuple(weights))
+        owner = f'SurfaceMarker on "{body}"'
+        parts = _checks.array(owner, "weights", weights, (-1,))
+        places = _checks.indices(owner, "nodes", nodes, np.iinfo(np.int64).max, 1)
+        if places.ndim != 1 or not 1 <= len(set(places.tolist())) == len(parts) <= 3:
+            raise ValueError(
+                f"{owner}: needs one to three nodes with a weight each, got {_checks.show(nodes)} "
+                f"and {_checks.show(weights)}"
+            )
+        if (parts < 0.0).any() or abs(parts.sum() - 1.0) > _ONE:
+            raise ValueError(
+                f"{owner}: weights must not be negative and add up to one, got "
+                f"{_checks.show(weights)}"
+            )
+        _checks.assign(self, nodes=tuple(places.tolist()), weights=tuple(parts.tolist()))
 
     def __str__(self) -> str:
         """Return body and nodes, for tables and messages."""

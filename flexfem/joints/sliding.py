@@ -24,7 +24,11 @@ class Sliding(Joint):
 
     The lines of NURBS beams of degree 2 and more are smooth. Those of SE(3) beams turn at a node by
     the difference of the shear strains on both sides, the shear force's jump over GA (1e-3 rad in a
-    thin rubber beam): a slider that passes at speed gets an impulse of that size.
+    thin rubber beam): a slider that passes at speed gets an impulse of that size, its momentum
+    times this angle. NURBS beams of degree 2 are the choice for wires and cables: a weight of 5 N
+    on a rubber cable with 30 N of tension meets corners of 0.011 rad on SE(3) elements, none on
+    NURBS elements; in a steel wire, whose corners are negligible, its path over coarse elements
+    is ten times smoother.
 
     Attributes:
         a: ``Carrier`` with the name of the beam.

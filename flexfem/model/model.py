@@ -9,7 +9,7 @@ from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
-from flexfem.core.marker import Carrier, Marker, Observed, ShellLine
+from flexfem.core.marker import Carrier, Marker, Observed, ShellLine, SurfaceMarker
 from flexfem.core.node_row import NodeRow
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
@@ -172,7 +172,9 @@ class Model:
         Raises:
             ValueError: The marker's body or point does not exist.
         """
-        if not isinstance(marker, Marker) or isinstance(marker, (Carrier, ShellLine)):
+        if not isinstance(marker, Marker) or isinstance(
+            marker, (Carrier, ShellLine, SurfaceMarker)
+        ):
             return None
         body = self.get(marker.body)
         if isinstance(body, RigidBody):

@@ -10,7 +10,15 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem.core.joint import Joint
-from flexfem.core.marker import Carrier, Ground, Marker, Observed, ShellLine, SlidingMarker
+from flexfem.core.marker import (
+    Carrier,
+    Ground,
+    Marker,
+    Observed,
+    ShellLine,
+    SlidingMarker,
+    SurfaceMarker,
+)
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam
@@ -200,6 +208,23 @@ def _check_line(model: Model, thing: Any, marker: Observed) -> None:
         if not (isinstance(thing, Joint) and thing.joins_lines):
             raise ValueError(f'a ShellLine ("{marker}") is for joints of lines only')
         model.node_row(marker)
+    elif isinstance(marker, SurfaceMarker):
+        if not isinstance(thing, Joint):
+            raise ValueError(f'a SurfaceMarker ("{marker}") is for joints only')
+        _check_surface(model, marker)
+
+
+def _check_surface(model: Model, marker: SurfaceMarker) -> None:
+    """Check that the nodes of a place are those of a triangle of its shell."""
+    shell = model.get(marker.body)
+    if not isinstance(shell, Shell) or model.surface is None:
+        raise ValueError(f'SurfaceMarker: {model!r} has no shell "{marker.body}"')
+    triangles = model.surface.triangles[model.surface.bodies[shell.body]]
+    if not (np.isin(triangles, marker.nodes).sum(axis=1) == len(marker.nodes)).any():
+        raise ValueError(
+            f'SurfaceMarker on "{marker.body}": it has no triangle with the nodes '
+            f"{_checks.show(marker.nodes)}"
+        )
 
 
 def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, Place | None]) -> None:
@@ -208,7 +233,7 @@ def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, Place | No
     both = "both markers" if len(joint.places) == 2 else f"{first} and {second}"
     if isinstance(a, Ground) and isinstance(b, Ground):
         raise ValueError(f"{_owner(joint)}: {both} are on the ground")
-    if isinstance(a, ShellLine) and isinstance(b, ShellLine):
+    if any(isinstance(marker, (ShellLine, SurfaceMarker)) for marker in (a, b)):
         return  # they may be on one shell
     if (
         isinstance(a, Marker)

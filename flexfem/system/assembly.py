@@ -158,7 +158,9 @@ class Assembly:
         Raises:
             ValueError: the marker is inside an element, see :meth:`place`.
         """
-        if not isinstance(marker, Marker) or isinstance(marker, (Carrier, ShellLine)):
+        if not isinstance(marker, Marker) or isinstance(
+            marker, (Carrier, ShellLine, SurfaceMarker)
+        ):
             return None
         place = self._place_of(marker)
         if place is None:

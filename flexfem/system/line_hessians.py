@@ -11,7 +11,7 @@ from flexfem.system.line_kernels import ARC, element_frames, place_markers, slid
 from flexfem.system.row_hessians import term_hessian
 from flexfem.system.row_kernels import ALONG, term, to_node
 
-__all__ = ["line_hessian"]
+__all__ = ["add_line_hessians", "line_hessian"]
 
 
 @kernel
@@ -86,6 +86,41 @@ def line_hessian(
         for j in range(xi):
             out[i, j] = work.second[i, j] + work.slide[i] * work.second[xi, j]
             out[i, j] += (work.second[i, xi] + work.slide[i] * work.second[xi, xi]) * work.slide[j]
+
+
+@kernel
+def add_line_hessians(
+    weights: FloatArray, lines: LineData, points: PointData, rows: RowData, frames: FloatArray,
+    start: FloatArray, work: Work, poses: FloatArray, places: FloatArray, first_pair: IntArray,
+    space: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add second derivatives of weighted sums of rows to the blocks of the pairs of nodes.
+
+    ``first_pair`` (n_joints,) is the first pair of each joint, which has one for any two of its
+    nodes; ``space`` (at least 36 n^2,) is work space for the Hessians. To ``out`` (p, 12, 12) the
+    block of a single node is added at its pair with the next one. The other arguments are those of
+    ``line_hessian``.
+    """
+    for c in range(points.width.size):
+        idle = True
+        for r in range(rows.first[c], rows.first[c + 1]):
+            idle = idle and weights[rows.row[r]] == 0.0
+        if idle:
+            continue
+        count, pair = points.width[c], first_pair[c]
+        H = space[: 36 * count * count].reshape(6 * count, 6 * count)
+        line_hessian(c, weights, lines, points, rows, frames, start, work, poses, places, H)
+        for a in range(count):
+            for b in range(a + 1, count):
+                for i in range(6):
+                    for j in range(6):
+                        out[pair, i, 6 + j] += H[6 * a + i, 6 * b + j]
+                        out[pair, 6 + i, j] += H[6 * b + i, 6 * a + j]
+                        if b == a + 1:
+                            out[pair, i, j] += H[6 * a + i, 6 * a + j]
+                        if b == a + 1 and b == count - 1:
+                            out[pair, 6 + i, 6 + j] += H[6 * b + i, 6 * b + j]
+                pair += 1
 
 
 @kernel

@@ -18,7 +18,7 @@ from flexfem.core.line_points import arc_length
 from flexfem.core.row import Row, RowKind
 from flexfem.core.runs import starts
 from flexfem.system.line_data import LineData, PointData, RowData, Work
-from flexfem.system.line_hessians import line_hessian
+from flexfem.system.line_hessians import add_line_hessians, line_hessian
 from flexfem.system.line_kernels import (
     add_line_wrenches,
     evaluate_lines,
@@ -68,6 +68,7 @@ class LineJoints:
             gradient=np.zeros(size),
             second=np.zeros((size, size)),
         )
+        self._space = np.zeros((6 * nodes) ** 2)
         pairs = count * (count - 1) // 2
         self._first_pair = len(table.pair_slots) - int(pairs.sum()) + np.cumsum(pairs) - pairs
         self._connect()
@@ -291,21 +292,11 @@ class LineJoints:
 
     def add_hessians(self, factor: FloatArray, out: FloatArray) -> None:
         """Add ``sum_rows factor d(gradient)`` to the blocks (12, 12) of the pairs of nodes."""
-        for c, i in enumerate(self.joints):
-            weights = factor[self._table.start[i] : self._table.start[i + 1]]
-            if not weights.any():
-                continue
-            count, at = int(self._points.width[c]), int(self._first_pair[c])
-            blocks = self._hessian(c, factor).reshape(count, 6, count, 6)
-            for a in range(count):
-                for b in range(a + 1, count):
-                    out[at, :6, 6:] += blocks[a, :, b]
-                    out[at, 6:, :6] += blocks[b, :, a]
-                    if b == a + 1:
-                        out[at, :6, :6] += blocks[a, :, a]
-                        if b == count - 1:
-                            out[at, 6:, 6:] += blocks[b, :, b]
-                    at += 1
+        if self.joints:
+            add_line_hessians(
+                factor, self._lines, self._points, self._rows, self._frames, self.accepted,
+                self._work, self._poses, self.places, self._first_pair, self._space, out,
+            )  # fmt: skip
 
     def _slots(self, c: int) -> IntArray:
         """(n,) slots of the nodes of the c-th of the joints, as its rows' terms hold them."""

@@ -63,6 +63,14 @@ CASES: dict[str, tuple[Callable[[], ff.Model], list[object], str]] = {
         _model, [ff.PositionProbe("j", NEAR)],
         'PositionProbe "j": a ShellLine ("near:near_right") is for joints of lines only',
     ),
+    "no edge": (
+        _model, [ff.Spherical("j", ff.SurfaceMarker("near", (0, 8), (0.5, 0.5)), HUB)],
+        'Spherical "j": SurfaceMarker on "near": it has no triangle with the nodes (0, 8)',
+    ),
+    "place of a load": (
+        _model, [ff.PointForce("j", ff.SurfaceMarker("near", (0,), (1.0,)), (1, 0, 0))],
+        'PointForce "j": a SurfaceMarker ("near:0") is for joints only',
+    ),
     "same line": (
         _model, [ff.HingeLine("j", NEAR, NEAR)],
         "share node 2, where they are hinged without a joint",
@@ -90,3 +98,17 @@ def test_one_line(name):
     with pytest.raises(ValueError, match=re.escape(message)) as raised:
         Simulation(model, ff.RunOptions(dt=1e-3, t_end=1e-3, quiet=True))
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("nodes", "weights", "message"),
+    [
+        ((0, 1), (0.5,), "needs one to three nodes with a weight each"),
+        ((0, 0), (0.5, 0.5), "needs one to three nodes with a weight each"),
+        ((0, 1), (0.5, 0.6), r"add up to one, got \(0.5, 0.6\)"),
+        ((0, 1), (1.5, -0.5), "must not be negative"),
+    ],
+)
+def test_places(nodes, weights, message):
+    with pytest.raises(ValueError, match=f'SurfaceMarker on "near": .*{message}'):
+        ff.SurfaceMarker("near", nodes, weights)

@@ -181,6 +181,44 @@ def test_clamped_line():
     assert errors[1] < 0.6 * errors[0]
 
 
+def test_revolute_in_a_triangle():
+    """A body on a pin inside a triangle turns with it: its axis stays in the triangle's axes."""
+    model = ff.Model("pin", surface=_grid("first", 0.0, (2, 2)))
+    nodes, weights = (4, 5, 8), (0.3, 0.5, 0.2)
+    x = np.array(weights) @ model.surface.points[list(nodes)]
+    axis = np.array([0.6, -0.3, 0.8]) / math.sqrt(1.09)
+    corners = [ff.Marker("first", tuple(model.surface.points[n].tolist())) for n in nodes]
+    hub = ff.Marker("hub")
+    model.add(
+        ff.Shell("first", SECTION, angular_velocity=(3, 1, 0)),
+        ff.RigidBody("hub", 0.5, (0.01, 0.02, 0.03), position=x),
+        ff.Revolute("pin", ff.SurfaceMarker("first", nodes, weights), hub, axis=axis),
+        ff.Probe(
+            "frames", [*corners, hub], ("gap", "cosine"),
+            lambda t, a, b, c, h: _on_triangle(np.array(weights), axis, x, (a, b, c), h),
+        ),
+        ff.EnergyProbe("energy"),
+    )  # fmt: skip
+    found = _run(model, dt=2e-3, t_end=0.2)
+    assert found.status == "ok"
+    if COMM.rank == 0:
+        h = found.history
+        # what the iterations leave; another triangle's axes turn by 0.1 and more against these
+        assert h["gap"].max() < 1e-9
+        np.testing.assert_allclose(h["cosine"], 1.0, atol=1e-10)
+        assert np.abs(h["energy_balance"]).max() < 0.01 * h["energy_kinetic"].max()
+
+
+def _on_triangle(weights, axis, start, corners, hub) -> list[float]:
+    """Gap to a place in a triangle of the plane z = 0, and cosine to an axis in its axes."""
+    a, b, c = (corner.position for corner in corners)
+    e1, n = (b - a) / np.linalg.norm(b - a), np.cross(b - a, c - a)
+    n /= np.linalg.norm(n)
+    turned = np.stack([e1, np.cross(n, e1), n], axis=1) @ axis  # e1 is along x at the start
+    gap = np.linalg.norm(weights @ np.array([a, b, c]) - hub.position)
+    return [float(gap), float(turned @ hub.rotation @ axis)]
+
+
 def test_hinge_at_a_held_line():
     """A strip hangs down from the fixed edge of another one."""
     mesh = ff.SurfaceMesh.join([_grid("first", 0.0, (2, 2)), _grid("second", 1.0, (4, 2))])
