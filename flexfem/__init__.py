@@ -11,7 +11,6 @@ so that building a model, and ``--help``, import neither DOLFINx nor PETSc nor n
 
 Notation, the same in all modules (SI units throughout):
 
-=================  ================================================================================
 H = (x, R)         frame: position x in inertial components, R (3x3) maps from the frame to them
 H <- H exp(w)      increments act from the right, in the frame's own axes
 w = (u, theta)     increment of a frame: translation first, rotation second
@@ -29,7 +28,6 @@ A                  iteration matrix of a step: M, C and K combined, scaled by be
 beta h^2           scale of all equations of a step; their multipliers are beta h^2 lambda
 t                  time, or the load factor in statics
 h, rho_inf         time step; spectral radius of an integrator at infinite frequency
-=================  ================================================================================
 """
 
 import sys
@@ -59,6 +57,11 @@ _MODULES = {
     "Beam": "model.bodies",
     "Shell": "model.shell",
     "SHELL_ELEMENTS": "model.shell",
+    "Contact": "model.contact",
+    "ContactProbe": "model.contact",
+    "RigidCylinder": "model.contact",
+    "RigidPlane": "model.contact",
+    "RigidSphere": "model.contact",
     "ShellSection": "materials.shell_section",
     "Ply": "materials.shell_section",
     "RigidBody": "model.bodies",

@@ -21,7 +21,7 @@ LAYERS = [
     {"core"},
     {"joints", "loads"},
     {"model"},
-    {"elements", "bodies"},
+    {"elements", "bodies", "contact"},
     {"system"},
     {"solvers", "io"},
     {"integrators"},
@@ -32,6 +32,7 @@ LAYERS = [
 STRANGERS = {
     "elements",
     "bodies",
+    "contact",
     "joints",
     "loads",
 }  # on two lines, yet know nothing of each other

@@ -16,6 +16,7 @@ from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.contact import Contact
 from flexfem.model.event import Event
 from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
@@ -31,6 +32,7 @@ _LISTS: tuple[tuple[type, str], ...] = (
     (PointMass, "point_masses"),
     (Joint, "joints"),
     (Load, "loads"),
+    (Contact, "contacts"),
     (Event, "events"),
     (AnyProbe, "probes"),
 )
@@ -50,6 +52,7 @@ class Model:
         point_masses: Point masses in the order they were added.
         joints: Joints in the order they were added.
         loads: Loads in the order they were added.
+        contacts: Contacts in the order they were added.
         probes: Probes in the order they were added.
         events: Events in the order they were added.
         released: Names of joints that are open at the start.
@@ -81,6 +84,7 @@ class Model:
         self.point_masses: list[PointMass] = []
         self.joints: list[Joint] = []
         self.loads: list[Load] = []
+        self.contacts: list[Contact] = []
         self.events: list[Event] = []
         self.released: list[str] = []
         self.probes: list[AnyProbe] = []
@@ -94,7 +98,7 @@ class Model:
     def add(self, *things: Any) -> None: ...
 
     def add(self, *things: Any) -> Any:
-        """Add bodies, joints, loads, probes, events or gravity.
+        """Add bodies, joints, loads, contacts, probes, events or gravity.
 
         Args:
             *things: What to add, in any order; references by name are checked by `validate`.
@@ -123,8 +127,8 @@ class Model:
         attribute = next((name for kind, name in _LISTS if isinstance(thing, kind)), None)
         if attribute is None:
             raise TypeError(
-                f"{self!r}: only bodies, joints, loads, probes, events and gravity can be added, "
-                f"got {_checks.show(thing)}"
+                f"{self!r}: only bodies, joints, loads, contacts, probes, events and gravity "
+                f"can be added, got {_checks.show(thing)}"
             )
         if thing.name in self._named:
             other = type(self._named[thing.name]).__name__

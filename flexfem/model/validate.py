@@ -61,6 +61,8 @@ def validate(model: Model) -> None:
                 raise ValueError(f'{_owner(event)}: stops after "{name}", which is no event')
     for name in model.released:
         _check_joint(model, f"{model!r}: release", name)
+    for contact in model.contacts:
+        contact.check(model)
     for probe in model.probes:
         probe.check(model)
     _check_columns(model)

@@ -21,6 +21,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.row import LawKind
 from flexfem.la.nest import CoordinateMatrix, block_indices
@@ -68,7 +69,14 @@ class Linearization:
     """
 
     def __init__(self, system: System) -> None:
-        """Number the unknowns and create the pattern (collective)."""
+        """Number the unknowns and create the pattern (collective).
+
+        Raises:
+            InputError: the model has contacts, whose stiffness depends on who touches.
+        """
+        for contacts in system.contacts:
+            name = contacts.groups[0].surfaces.contact.name
+            raise InputError(f'Contact "{name}": linearised equations do not know contact')
         self.system = system
         rows, comm = system.constraints, system.comm
         self.unknowns = sum(p.block.sizes[0] for p in system.parts)

@@ -22,7 +22,7 @@ from flexfem.la.nest import (
 )
 from flexfem.system.system import BlockPart, Shifts, System
 
-__all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values"]
+__all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with_contacts"]
 
 
 #: Stiffness of unknowns that are held, with a mass of 1 kg: their frequency is above all others.
@@ -41,6 +41,7 @@ class TangentSolver:
         """Create patterns of all blocks (collective)."""
         self.system = system
         sliding = system.constraints.lines.sliding
+        self._totals: list[PETSc.Mat] = []  # blocks with contacts
         self._sliding: bool = system.comm.allreduce(sliding, op=MPI.LOR)
         self._create()
 
@@ -122,7 +123,23 @@ class TangentSolver:
         if rows.size_global:
             own = rows.compliance[rows.owned_rows], rows.coupling[self._coupled()]
             self._grid[count][count].assemble(-np.concatenate(own))
+        if system.contacts:
+            self._add_contacts(shifts)
         self.matrix.assemble()
+
+    def _add_contacts(self, shifts: Shifts) -> None:
+        """Make the nest anew with the present contacts, whose pattern changes (collective)."""
+        mats = [[entry.mat for entry in line] for line in self._grid]
+        self._ksp.reset()
+        self.matrix.destroy()
+        for old in self._totals:
+            old.destroy()
+        self._totals = []
+        for i, part in enumerate(self.system.parts):
+            if part.contacts is not None:
+                mats[i][i] = with_contacts(part, mats[i][i], shifts)
+                self._totals.append(mats[i][i])
+        self.matrix = create_nest_matrix(mats, self.system.comm)
 
     def diagonals(self) -> list[FloatArray]:
         """(n_owned, width) diagonals of the blocks' own matrices as assembled last."""
@@ -188,6 +205,20 @@ class TangentSolver:
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), with the last factors."""
         return self.solve([p.block.owned_residual for p in self.system.parts], values)
+
+
+def with_contacts(part: BlockPart, matrix: PETSc.Mat, shifts: Shifts) -> PETSc.Mat:
+    """A part's own matrix with its contacts at the state evaluated last (collective)."""
+    assert part.contacts is not None
+    scale = shifts.scale * shifts.stiffness
+    rows, columns, values = part.contacts.entries(scale)
+    block = part.block
+    own = CoordinateMatrix(block.comm, block.sizes, block.sizes, rows, columns)
+    own.assemble(values)
+    total = matrix.copy()
+    total.axpy(1.0, own.mat, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    own.mat.destroy()
+    return total
 
 
 def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:

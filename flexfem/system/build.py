@@ -14,6 +14,8 @@ from flexfem.model.bodies import PointMass, RigidBody
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import JointEnds, connect, joint_ends
 from flexfem.system.constraints import Constraints
+from flexfem.system.contact_surfaces import contact_surfaces
+from flexfem.system.contacts import Contacts
 from flexfem.system.families import nurbs_block, se3_block, shell_block
 from flexfem.system.interface import Interface
 from flexfem.system.line_loads import by_degree
@@ -43,6 +45,9 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     _check_laws(serial)
     for mass in model.point_masses:
         _check_node(serial, mass)
+    described = []
+    if serial.surface is not None:
+        described = contact_surfaces(serial.surface, model.contacts)
     blocks: list[FrameBlock | None] = [None for _ in KINDS]
     families: dict[int, ElementFamily] = {}
     if model.beams_of("se3"):
@@ -62,6 +67,11 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         for kind, block in enumerate(blocks)
         if block is not None
     ]
+    if serial.surface is not None and model.contacts:
+        part = next(part for part in parts if part.kind == SHELLS)
+        part.contacts = Contacts(
+            comm, described, part.block, serial.surface.held, placement.triangles
+        )
     bodies, clusters = (
         np.array([of(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64)
         for of in (serial.bodies, serial.clusters)

@@ -93,6 +93,8 @@ class EnergyMeter:
         """
         self._system = system
         self._chosen = ChosenBodies(system, model, bodies)
+        self._whole = bodies is None
+        self._lost = sum(contacts.lost for contacts in system.contacts)
         rows, sides = system.constraints, self._chosen.sides
         # rows that also act on a body left out
         crossing = np.bincount(rows.row_of_term, ~sides.all(axis=1), rows.size) > 0.0
@@ -117,7 +119,7 @@ class EnergyMeter:
         refresh_rows(system)
         before, self._state = self._state, self._read()
         self._work += _work(before, self._state, h) + self._drive(before, self._state, h)
-        self._dissipation += self._loss(before, self._state, h)
+        self._dissipation += self._loss(before, self._state, h) + self._contact_loss()
         self._let_gravity_grow()
         stored = self._stored()
         balance = float(stored.sum()) - self._work + self._dissipation - self._initial
@@ -165,6 +167,8 @@ class EnergyMeter:
         for part, cells in zip(system.parts, chosen.cells, strict=True):
             if part.elements is not None:
                 strain += float(part.elements.energies(part.block.frames) @ cells)
+        if self._whole:
+            strain += sum(contacts.energy for contacts in system.contacts)
         way = state[motion.FIRST : motion.LINEAR] - self._start
         weight = self._growth - float(system.gravity @ way)
         return np.array([state[motion.KINETIC], strain, weight])
@@ -196,6 +200,11 @@ class EnergyMeter:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", np.concatenate(weights), stress, rate))
         return total
+
+    def _contact_loss(self) -> float:
+        """Energy that contacts have lost since the last call, those of all bodies only."""
+        before, self._lost = self._lost, sum(contacts.lost for contacts in self._system.contacts)
+        return self._lost - before if self._whole else 0.0
 
     def _mean_force(self, before: _State, after: _State) -> FloatArray:
         """(r,) mean forces of all rows over a step."""

@@ -30,6 +30,7 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
     model = serial.model
     parts: dict[str, Any] = {
         "beams": model.beams,
+        "contacts": model.contacts,
         "events": (model.events, model.released),
         "gravity": model.gravity,
         "joints": model.joints,

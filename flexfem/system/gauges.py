@@ -12,6 +12,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.elements.nurbs_beam import NurbsBeams
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
+from flexfem.model.contact import ContactProbe
 from flexfem.model.measured import EnergyProbe, MomentumProbe, ReactionProbe, StrainProbe
 from flexfem.model.place import element_at_fraction
 from flexfem.model.probe import AnyProbe
@@ -84,6 +85,16 @@ class _CurveStrainGauge:
         return values
 
 
+class _ContactGauge:
+    """Penetration and forces of a contact."""
+
+    def __init__(self, system: System, probe: ContactProbe) -> None:
+        self._system, self._name = system, probe.contact
+
+    def update(self) -> FloatArray:
+        return self._system.contacts[0].measure(self._name)
+
+
 def _cell(beams: NurbsBeams, nodes: IntArray) -> int:
     """Number of the cell with the given local nodes."""
     first = 0
@@ -119,6 +130,8 @@ class _StrainGauge:
 def create_gauge(probe: AnyProbe, system: System, serial: Assembly) -> Gauge | None:
     """Gauge of a probe (collective), None for functions of markers."""
     match probe:
+        case ContactProbe():
+            return _ContactGauge(system, probe)
         case EnergyProbe():
             return EnergyMeter(system, serial.model, probe.bodies)
         case MomentumProbe():

@@ -21,6 +21,7 @@ from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State
 from flexfem.elements.family import ElementFamily
 from flexfem.system.constraints import Constraints
+from flexfem.system.contacts import Contacts
 from flexfem.system.interface import Interface
 from flexfem.system.line_loads import LineForces
 from flexfem.system.mechanics import EndPoint, Mechanics
@@ -87,6 +88,7 @@ class BlockPart:
         node_body: (n,) number of the body that each node belongs to.
         node_cluster: (n,) number of its cluster: bodies that share nodes are one matrix.
         slots: (n_slots,) local node of each interface slot that this rank owns in it, else -1.
+        contacts: of its nodes, None without any.
     """
 
     kind: int
@@ -99,6 +101,7 @@ class BlockPart:
     node_body: IntArray
     node_cluster: IntArray
     slots: IntArray
+    contacts: Contacts | None = None
 
     def clusters(self) -> tuple[IntArray, IntArray, IntArray]:
         """Clusters with nodes of this rank, their owned nodes in order, and where each starts."""
@@ -136,6 +139,8 @@ class BlockPart:
             self.masses.add_residual(self.block, gravity, scale)
         if len(self.forces.nodes):
             self.forces.add_residual(self.block, factors, scale)
+        if self.contacts is not None:
+            self.contacts.add_residual(scale)
 
 
 class System:
@@ -181,6 +186,11 @@ class System:
         self.prediction = Prediction.VELOCITY
 
     @property
+    def contacts(self) -> list[Contacts]:
+        """Contacts of all blocks."""
+        return [part.contacts for part in self.parts if part.contacts is not None]
+
+    @property
     def unknowns(self) -> int:
         """Number of unknowns of all blocks on all ranks, multipliers left out."""
         return sum(p.block.sizes[1] for p in self.parts)
@@ -201,6 +211,8 @@ class System:
         for i, load in enumerate(self._loads):
             self._factors[i] = load.factor(t)
         self.constraints.set_time(t)
+        for contacts in self.contacts:
+            contacts.time = t
 
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step in every block; see ``frame_kernels.predict``."""
@@ -210,6 +222,8 @@ class System:
     def evaluate(self, shifts: Shifts) -> None:
         """Residuals of blocks and constraints at the trial state (collective)."""
         self.counters.residual_evaluations += 1
+        for contacts in self.contacts:
+            contacts.prepare(shifts.acceleration)
         self.mechanics.evaluate(self, shifts)
         self.add_constraint_forces(self.constraints.multipliers)
 
@@ -255,6 +269,8 @@ class System:
             ):
                 action = np.einsum("kij,kj->ki", matrices, block.step[nodes])
                 np.add.at(block.residual, nodes, factor * action)
+            if part.contacts is not None and shifts.stiffness:
+                part.contacts.add_action(factor * shifts.scale * shifts.stiffness)
 
     def correct(self, sign: float) -> float:
         """Apply the blocks' steps; largest entry on this rank."""
@@ -276,6 +292,8 @@ class System:
         for part in self.parts:
             if part.elements is not None:
                 part.elements.accept(part.block)
+        for contacts in self.contacts:
+            contacts.accept()
         self.interface.update()
         self.constraints.accept()
 
@@ -301,17 +319,23 @@ class System:
     def numberings(self) -> dict[str, Numbering]:
         """Of the nodes of every block and of the rows, by the names in :meth:`state`."""
         blocks = {part.block.name: part.block.numbering() for part in self.parts}
-        return {**blocks, **self.constraints.numberings()}
+        own: dict[str, Numbering] = {}
+        for contacts in self.contacts:
+            own |= contacts.numberings()
+        return {**blocks, **self.constraints.numberings(), **own}
 
     def state(self) -> State:
-        """Accepted state of blocks and rows, time and counters."""
+        """Accepted state of blocks, rows and contacts, time and counters (collective)."""
         values = {
             "time": np.array([self.time]),
             "prediction": np.array([float(self.prediction)]),
             "counters": np.array(astuple(self.counters), dtype=np.float64),
         }
         blocks = {part.block.name: part.block.state() for part in self.parts}
-        return State(values, blocks) | self.constraints.state()
+        state = State(values, blocks) | self.constraints.state()
+        for contacts in self.contacts:
+            state |= contacts.state()
+        return state
 
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned (collective)."""
@@ -321,4 +345,6 @@ class System:
         for part in self.parts:
             part.block.restore(state.rows[part.block.name])
         self.constraints.restore(state)
+        for contacts in self.contacts:
+            contacts.restore(state)
         self.interface.update()

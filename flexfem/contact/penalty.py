@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Energy, forces and tangents of contacts between nodes and triangles.
+
+A contact with the gap g < 0 stores ``k g^2 / 2``. With ``r = p - sum w_i x_i`` at fixed area
+coordinates, the normal n and an orthonormal basis e_c of the plane across it,
+
+    dg = n . dr,   d2g = sum_c (-2 A_c B_c - s B_c^2 + kappa_c A_c^2),
+    A_c = e_c . dr,   B_c = sum_i D_ci n . dx_i,
+
+s the distance. B_c says how the normal turns about the other direction as the nodes move. Along a
+face or an edge kappa = 0; across an edge and at a node, where the distance is that to a line or a
+point, B = 0 and kappa = 1 / s. These are the second derivatives of the distance of a point to the
+closest point that slides: the tangent is exact and symmetric.
+"""
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.lie.compiled import inlined, kernel
+
+__all__ = ["add_actions", "add_forces", "blocks_into", "energy"]
+
+
+@kernel
+def energy(count: int, ends: IntArray, contacts: FloatArray, stiffness: FloatArray) -> float:
+    """Energy stored by all contacts, J."""
+    total = 0.0
+    for c in range(count):
+        total += 0.5 * stiffness[ends[c, 0]] * contacts[c, 3] ** 2
+    return total
+
+
+@kernel
+def add_forces(
+    count: int, slaves: IntArray, triangles: IntArray, ends: IntArray, contacts: FloatArray,
+    stiffness: FloatArray, scale: float, residual: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``scale`` times the derivative of the energy to the residual of all nodes (n, 3)."""
+    for c in range(count):
+        i, t = ends[c]
+        force = scale * stiffness[i] * contacts[c, 3]
+        for a in range(3):
+            f = force * contacts[c, 5 + a]
+            residual[slaves[i], a] += f
+            for k in range(3):
+                residual[triangles[t, k], a] -= contacts[c, k] * f
+
+
+@inlined
+def _changes(
+    contact: FloatArray, slave: int, triangle: IntArray, steps: FloatArray, change: FloatArray
+) -> None:
+    """Write n . dr, A_1, A_2, B_1, B_2 (5,)."""
+    change[:] = 0.0
+    for a in range(3):
+        dr = steps[slave, a]
+        for k in range(3):
+            dx = steps[triangle[k], a]
+            dr -= contact[k] * dx
+            change[3] += contact[14 + k] * contact[5 + a] * dx
+            change[4] += contact[17 + k] * contact[5 + a] * dx
+        change[0] += contact[5 + a] * dr
+        change[1] += contact[8 + a] * dr
+        change[2] += contact[11 + a] * dr
+
+
+@kernel
+def add_actions(
+    count: int, slaves: IntArray, triangles: IntArray, ends: IntArray, contacts: FloatArray,
+    stiffness: FloatArray, scale: float, steps: FloatArray, residual: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``scale`` times the tangent applied to steps of all nodes (n, 3) to the residual."""
+    change = np.empty(5)
+    for c in range(count):
+        i, t = ends[c]
+        contact, slave, triangle = contacts[c], slaves[i], triangles[t]
+        _changes(contact, slave, triangle, steps, change)
+        k, g, s = scale * stiffness[i], contact[3], contact[4]
+        # dual to n . dr, to A_c (along e_c), and to B_c
+        a0 = k * change[0]
+        a1 = k * g * (contact[20] * change[1] - change[3])
+        a2 = k * g * (contact[21] * change[2] - change[4])
+        b1, b2 = -k * g * (change[1] + s * change[3]), -k * g * (change[2] + s * change[4])
+        for a in range(3):
+            f = a0 * contact[5 + a] + a1 * contact[8 + a] + a2 * contact[11 + a]
+            residual[slave, a] += f
+            for j in range(3):
+                turned = (contact[14 + j] * b1 + contact[17 + j] * b2) * contact[5 + a]
+                residual[triangle[j], a] += turned - contact[j] * f
+
+
+@kernel
+def blocks_into(
+    count: int, slaves: IntArray, triangles: IntArray, ends: IntArray, contacts: FloatArray,
+    stiffness: FloatArray, scale: float, nodes: IntArray, blocks: FloatArray,
+) -> None:  # fmt: skip
+    """Write the nodes (c, 4), slave first, and ``scale`` times the tangents (c, 12, 12)."""
+    u = np.empty(4)
+    for c in range(count):
+        i, t = ends[c]
+        contact, n, s = contacts[c], contacts[c, 5:8], contacts[c, 4]
+        nodes[c, 0], nodes[c, 1:], u[0], u[1:] = slaves[i], triangles[t], 1.0, -contact[:3]
+        k, kg = scale * stiffness[i], scale * stiffness[i] * contact[3]
+        for p in range(4):
+            for q in range(4):
+                for a in range(3):
+                    for b in range(3):
+                        value = k * u[p] * u[q] * n[a] * n[b]
+                        for d in range(2):
+                            e = contact[8 + 3 * d : 11 + 3 * d]
+                            dp = contact[13 + 3 * d + p] if p > 0 else 0.0
+                            dq = contact[13 + 3 * d + q] if q > 0 else 0.0
+                            mixed = u[p] * dq * e[a] * n[b] + dp * u[q] * n[a] * e[b]
+                            bent = contact[20 + d] * u[p] * u[q] * e[a] * e[b]
+                            value += kg * (bent - mixed - s * dp * dq * n[a] * n[b])
+                        blocks[c, 3 * p + a, 3 * q + b] = value

@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nodes against rigid surfaces of simple shapes.
+
+All is done in the axes of the surface, in which a node is at ``q = R^T (p - x)`` and the force on
+it depends on q alone. The distance s has the gradient n, and its second derivative is
+``kappa_1 e e^T + kappa_2 f f^T`` with e, f, n orthonormal.
+"""
+
+from enum import IntEnum
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.lie.compiled import inlined, kernel
+
+__all__ = [
+    "RIGID_FIELDS",
+    "ShapeKind",
+    "add_rigid_actions",
+    "add_rigid_forces",
+    "distances_into",
+    "find_rigid_contacts",
+    "rigid_blocks_into",
+    "rigid_energy",
+]
+
+#: Numbers of a contact: gap (0), normal (1), directions (4), curvatures (10), place (12).
+RIGID_FIELDS = 15
+
+
+class ShapeKind(IntEnum):
+    """Shapes of rigid surfaces; their side is the one that nodes are kept on.
+
+    A plane is z = 0 with z >= 0 free; spheres and cylinders have their centre at the origin and
+    their axis along z. ``CYLINDER`` and ``TUBE`` have no ends when their length is infinite; a
+    ``CYLINDER`` of finite length is closed by flat ends, a ``TUBE`` of finite length is open and
+    acts between its ends only.
+    """
+
+    PLANE = 0
+    SPHERE = 1
+    HOLLOW_SPHERE = 2
+    CYLINDER = 3
+    TUBE = 4
+
+
+_PLANE, _SPHERE, _HOLLOW = int(ShapeKind.PLANE), int(ShapeKind.SPHERE), int(ShapeKind.HOLLOW_SPHERE)
+_TUBE = int(ShapeKind.TUBE)
+#: Distance from a centre or an axis, in radii, where there is no normal.
+_CENTRE = 1e-12
+
+
+@inlined
+def _put(contact: FloatArray, n0: float, n1: float, n2: float) -> None:
+    """Write a normal."""
+    contact[1], contact[2], contact[3] = n0, n1, n2
+
+
+@inlined
+def _round(contact: FloatArray, x: float, y: float, size: float, sign: float) -> None:
+    """Normal and curvature of a lateral surface: e around the axis, f along it."""
+    _put(contact, sign * x / size, sign * y / size, 0.0)
+    contact[4], contact[5], contact[6] = -y / size, x / size, 0.0
+    contact[7], contact[8], contact[9] = 0.0, 0.0, 1.0
+    contact[10], contact[11] = sign / size, 0.0
+
+
+@inlined
+def _flat(contact: FloatArray, sign: float) -> None:
+    _put(contact, 0.0, 0.0, sign)
+    contact[4:12] = 0.0
+    contact[4] = contact[8] = 1.0
+
+
+@inlined
+def _sphere(q: FloatArray, radius: float, sign: float, contact: FloatArray) -> float:
+    """Distance to a sphere."""
+    size = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
+    if size < _CENTRE * radius:
+        _flat(contact, 1.0)
+        return float(sign * (size - radius))
+    n, e, f = contact[1:4], contact[4:7], contact[7:10]
+    k = 0 if abs(q[0]) < 0.6 * size else 1
+    length = 0.0
+    for a in range(3):
+        n[a] = sign * q[a] / size
+    for a in range(3):
+        e[a] = (1.0 if a == k else 0.0) - n[k] * n[a]
+        length += e[a] * e[a]
+    for a in range(3):
+        e[a] /= np.sqrt(length)
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        f[a] = n[b] * e[c] - n[c] * e[b]
+    contact[10] = contact[11] = sign / size
+    return float(sign * (size - radius))
+
+
+@inlined
+def _closed(q: FloatArray, size: float, radius: float, half: float, contact: FloatArray) -> float:
+    """Distance to a solid cylinder of finite length; ``size`` is that from the axis."""
+    end = 1.0 if q[2] >= 0.0 else -1.0
+    above, beside = end * q[2] - half, size - radius
+    if above <= 0.0 and beside >= above:
+        _round(contact, q[0], q[1], size, 1.0)
+        return beside
+    if beside <= 0.0:
+        _flat(contact, end)
+        return float(above)
+    s = np.sqrt(above * above + beside * beside)
+    x, y, radial, axial = q[0] / size, q[1] / size, beside / s, end * above / s
+    _put(contact, radial * x, radial * y, axial)
+    contact[4], contact[5], contact[6] = -y, x, 0.0
+    contact[7], contact[8], contact[9] = -axial * x, -axial * y, radial
+    contact[10], contact[11] = radial / size, 1.0 / s
+    return float(s)
+
+
+@inlined
+def _distance(q: FloatArray, kind: int, radius: float, length: float, contact: FloatArray) -> float:
+    """Distance of a place in the surface's axes; writes normal, directions and curvatures."""
+    if kind == _PLANE:
+        _flat(contact, 1.0)
+        return float(q[2])
+    if kind in (_SPHERE, _HOLLOW):
+        return _sphere(q, radius, 1.0 if kind == _SPHERE else -1.0, contact)
+    size = np.sqrt(q[0] * q[0] + q[1] * q[1])
+    if size < _CENTRE * radius:
+        size = _CENTRE * radius
+    if kind == _TUBE:
+        if abs(q[2]) > 0.5 * length:
+            return np.inf
+        _round(contact, q[0], q[1], size, -1.0)
+        return float(radius - size)
+    if length < np.inf:
+        return _closed(q, size, radius, 0.5 * length, contact)
+    _round(contact, q[0], q[1], size, 1.0)
+    return float(size - radius)
+
+
+@inlined
+def _local(frame: FloatArray, p: FloatArray, q: FloatArray) -> None:
+    """Write a place in the axes of a frame."""
+    for a in range(3):
+        q[a] = 0.0
+        for b in range(3):
+            q[a] += frame[3 + 3 * b + a] * (p[b] - frame[b])
+
+
+@kernel
+def distances_into(
+    points: FloatArray, frame: FloatArray, kind: int, radius: float, length: float,
+    distances: FloatArray,
+) -> None:  # fmt: skip
+    """Write the distances (n,) of points (n, 3) from a surface."""
+    contact, q = np.empty(RIGID_FIELDS), np.empty(3)
+    for i in range(len(points)):
+        _local(frame, points[i], q)
+        distances[i] = _distance(q, kind, radius, length, contact)
+
+
+@kernel
+def find_rigid_contacts(
+    points: FloatArray, slaves: IntArray, offsets: FloatArray, frame: FloatArray, kind: int,
+    radius: float, length: float, ends: IntArray, contacts: FloatArray,
+) -> int:  # fmt: skip
+    """Write slaves (c,) and numbers (c, ``RIGID_FIELDS``) of all contacts; returns how many.
+
+    Args:
+        points: Positions, shape (n, 3), metres.
+        slaves: Their nodes, shape (s,).
+        offsets: Distance at which each slave touches, shape (s,), metres.
+        frame: Of the surface, shape (12,).
+        kind: A ``ShapeKind``.
+        radius: Metres.
+        length: Along the axis, metres, or infinite.
+        ends: Numbers of the slaves, shape (s,).
+        contacts: Shape (s, RIGID_FIELDS).
+    """
+    found = 0
+    for i in range(len(slaves)):
+        contact = contacts[found]
+        q = contact[12:15]
+        _local(frame, points[slaves[i]], q)
+        gap = _distance(q, kind, radius, length, contact) - offsets[i]
+        if gap < 0.0:
+            contact[0], ends[found] = gap, i
+            found += 1
+    return found
+
+
+@kernel
+def rigid_energy(count: int, ends: IntArray, contacts: FloatArray, stiffness: FloatArray) -> float:
+    """Energy stored by all contacts, J."""
+    total = 0.0
+    for c in range(count):
+        total += 0.5 * stiffness[ends[c]] * contacts[c, 0] ** 2
+    return total
+
+
+@inlined
+def _turned(frame: FloatArray, v: FloatArray, a: int) -> float:
+    """Component a in inertial axes of a vector in those of a frame."""
+    return float(frame[3 + 3 * a] * v[0] + frame[4 + 3 * a] * v[1] + frame[5 + 3 * a] * v[2])
+
+
+@kernel
+def add_rigid_forces(
+    count: int, slaves: IntArray, ends: IntArray, contacts: FloatArray, stiffness: FloatArray,
+    frame: FloatArray, scale: float, residual: FloatArray, wrench: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``scale`` times the derivative of the energy.
+
+    The residual (n, 3) is that of all nodes, in inertial axes; the wrench (6,), force and moment,
+    that of the surface's frame, in its axes.
+    """
+    f = np.empty(3)
+    for c in range(count):
+        i, contact = ends[c], contacts[c]
+        force, q = scale * stiffness[i] * contact[0], contact[12:15]
+        for a in range(3):
+            f[a] = force * contact[1 + a]
+        for a in range(3):
+            residual[slaves[i], a] += _turned(frame, f, a)
+            wrench[a] -= f[a]
+            wrench[3 + a] -= q[(a + 1) % 3] * f[(a + 2) % 3] - q[(a + 2) % 3] * f[(a + 1) % 3]
+
+
+@inlined
+def _stiff(contact: FloatArray, k: float, dq: FloatArray, df: FloatArray) -> None:
+    """Write the change (3,) of the force on the node for a change of its place."""
+    normal = e = f = 0.0
+    for a in range(3):
+        normal += contact[1 + a] * dq[a]
+        e += contact[4 + a] * dq[a]
+        f += contact[7 + a] * dq[a]
+    e, f = e * contact[10] * contact[0], f * contact[11] * contact[0]
+    for a in range(3):
+        df[a] = k * (normal * contact[1 + a] + e * contact[4 + a] + f * contact[7 + a])
+
+
+@inlined
+def _change(
+    contact: FloatArray, k: float, frame: FloatArray, step: FloatArray, twist: FloatArray,
+    change: FloatArray,
+) -> None:  # fmt: skip
+    """Write the change of the node's force (inertial axes) and of the frame's wrench, (9,)."""
+    q, n, dq, df = contact[12:15], contact[1:4], np.empty(3), np.empty(3)
+    turn, force = twist[3:], k * contact[0]
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        dq[a] = q[b] * turn[c] - q[c] * turn[b] - twist[a]
+        for d in range(3):
+            dq[a] += frame[3 + 3 * d + a] * step[d]
+    _stiff(contact, k, dq, df)
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        change[3 + a] = -df[a]
+        change[6 + a] = -force * (dq[b] * n[c] - dq[c] * n[b]) - (q[b] * df[c] - q[c] * df[b])
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        dq[a] = df[a] + force * (turn[b] * n[c] - turn[c] * n[b])
+    for a in range(3):
+        change[a] = _turned(frame, dq, a)
+
+
+@kernel
+def add_rigid_actions(
+    count: int, slaves: IntArray, ends: IntArray, contacts: FloatArray, stiffness: FloatArray,
+    frame: FloatArray, scale: float, steps: FloatArray, twist: FloatArray, residual: FloatArray,
+    wrench: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``scale`` times the tangent applied to steps of nodes (n, 3) and the frame's twist."""
+    change = np.empty(9)
+    for c in range(count):
+        i = ends[c]
+        _change(contacts[c], scale * stiffness[i], frame, steps[slaves[i]], twist, change)
+        for a in range(3):
+            residual[slaves[i], a] += change[a]
+        for a in range(6):
+            wrench[a] += change[3 + a]
+
+
+@kernel
+def rigid_blocks_into(
+    count: int, ends: IntArray, contacts: FloatArray, stiffness: FloatArray, frame: FloatArray,
+    scale: float, blocks: FloatArray,
+) -> None:  # fmt: skip
+    """Write ``scale`` times the tangents (c, 9, 9): node, then twist of the frame."""
+    step, change = np.zeros(9), np.empty(9)
+    for c in range(count):
+        k = scale * stiffness[ends[c]]
+        for b in range(9):
+            step[b] = 1.0
+            _change(contacts[c], k, frame, step[:3], step[3:], change)
+            step[b] = 0.0
+            for a in range(9):
+                blocks[c, a, b] = change[a]

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact of shells in models and systems, on any number of ranks."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.analyses.dynamics import RunOptions
+from flexfem.core.status import Status
+from flexfem.simulation.stepping import Simulation
+from flexfem.solvers.linearization import Linearization
+from flexfem.system.probes import ProbeRecorder
+
+THICK = 1e-3
+SECTION = ff.ShellSection.isotropic(THICK, ff.Material(2e8, 0.3, 1000.0))
+
+
+def sheet(name, nodes, size, at, tilt=0.0):
+    u = np.linspace(-0.5, 0.5, nodes) * size
+
+    def place(p):
+        return np.c_[p[:, 0] + at[0], p[:, 1] + at[1], at[2] + tilt * p[:, 0]]
+
+    return ff.SurfaceMesh.grid(name, u, u, place)
+
+
+def impact(*, low=(0.0, 0.0, 0.0), tilt=0.0, speed=(0.0, 0.0, -1.0), masters="low", **options):
+    """A sheet that flies onto another one."""
+    meshes = [sheet("low", 8, 0.3, low), sheet("up", 7, 0.2, (0.013, 0.021, 1.5e-3), tilt)]
+    model = ff.Model("impact", surface=ff.SurfaceMesh.join(meshes))
+    model.add(ff.Shell("low", SECTION), ff.Shell("up", SECTION, velocity=speed))
+    model.add(ff.Contact("hit", "up", masters, **options))
+    model.add(ff.MomentumProbe("momentum"), ff.EnergyProbe(), ff.ContactProbe("touch", "hit"))
+    return model
+
+
+def moved(model, steps, comm=None, dt=2e-4, **options):
+    """Simulation after some steps, and columns of the history (first rank)."""
+    options.setdefault("split_above", 20)
+    settings = RunOptions(dt=dt, t_end=1.0, rho_inf=0.9, **options)
+    simulation = Simulation(model, settings, comm)
+    recorder = ProbeRecorder(simulation.system, simulation.serial, depth=1000)
+    recorder.record(0.0)
+    for _ in range(steps):
+        assert simulation.advance(dt) is Status.OK
+        recorder.record(simulation.system.time)
+    rows = [values for _, values in recorder.flush()]
+    columns = np.array(rows).reshape(-1, len(recorder.columns)).T
+    return simulation, dict(zip(recorder.columns, columns, strict=True))
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_same_motion_on_any_number_of_ranks(friction):
+    model = impact(friction=friction, speed=(0.5, 0.2, -1.0))
+    _, history = moved(model, 20, tolerance=1e-10)
+    _, alone = moved(model, 20, MPI.COMM_SELF, tolerance=1e-10)
+    if MPI.COMM_WORLD.rank == 0:
+        assert alone["touch_penetration"].max() > 1e-5
+        for name, values in alone.items():
+            # rounding: measured 1e-12; a triangle of another rank left out changes 1e-1
+            scale = max(abs(values).max(), 1e-3)
+            np.testing.assert_allclose(history[name], values, atol=1e-9 * scale, err_msg=name)
+
+
+@pytest.mark.three_ranks
+def test_tangents_are_the_derivative_of_the_forces():
+    simulation, _ = moved(impact(friction=0.3, damping=1e-4, speed=(0.5, 0.2, -1.0)), 12)
+    part = simulation.system.parts[0]
+    block, contacts = part.block, part.contacts
+    contacts.time += 1e-4
+    rng = np.random.default_rng(0)
+    step = np.zeros((len(block.frames), 6))
+    step[:, :3] = rng.normal(size=(block.size_global, 3))[block.node_ids]
+    start = block.frames.copy()
+
+    def forces(h):
+        R = start[:, 3:].reshape(-1, 3, 3)
+        block.frames[:, :3] = start[:, :3] + h * np.einsum("nij,nj->ni", R, step[:, :3])
+        block.residual[:] = 0.0
+        contacts.add_residual(1.0)
+        return block.residual[: block.owned, :3].copy()
+
+    h = 1e-8
+    expected = (forces(h) - forces(-h)) / (2 * h)
+    forces(0.0)
+    block.step[:], block.residual[:] = step, 0.0
+    contacts.add_action(1.0)
+    action = block.residual[: block.owned, :3]
+    largest = block.comm.allreduce(abs(expected).max(initial=0.0), op=MPI.MAX)
+    assert largest > 0.0
+    # measured 1e-8; without the forces from other ranks 1e-1
+    np.testing.assert_allclose(action, expected, atol=1e-6 * largest)
+    rows, columns, values = contacts.entries(1.0)
+    every, product = np.zeros((2, 3 * block.size_global))
+    own = (3 * block.global_ids[: block.owned, None] + np.arange(3)).ravel()
+    every[own] = step[: block.owned, :3].ravel()
+    every = block.comm.allreduce(every)
+    np.add.at(product, rows, values * every[columns])
+    product = block.comm.allreduce(product)[own].reshape(-1, 3)
+    # the same numbers in another order
+    np.testing.assert_allclose(product, action, atol=1e-12 * largest)
+
+
+def test_impact_keeps_the_momenta_and_loses_what_is_reported():
+    _, history = moved(impact(stiffness=1e6), 40, tolerance=1e-11)
+    if MPI.COMM_WORLD.rank:
+        return
+    assert history["touch_penetration"].max() > 0.3 * THICK
+    assert history["touch_fz"].max() == pytest.approx(history["touch_normal"].max(), rel=1e-3)
+    momentum = np.stack([history[f"momentum_p{a}"] for a in "xyz"])
+    start = abs(momentum[:, 0]).max()
+    # measured 1e-9, of Newton's tolerance; forces on one side alone would reverse it
+    np.testing.assert_allclose(momentum - momentum[:, :1], 0, atol=1e-7 * start)
+    spin = np.stack([history[f"momentum_l{a}"] for a in "xyz"])
+    # angular momentum is kept to the scheme's order; measured 1e-5
+    np.testing.assert_allclose(spin - spin[:, :1], 0, atol=1e-3 * abs(spin).max())
+    kinetic = history["energy_kinetic"]
+    assert kinetic.min() < 0.9 * kinetic[0]
+    # contacts that last ten steps lose 1 % to the scheme's damping; without stored energy 10 %
+    assert abs(history["energy_balance"]).max() < 0.03 * kinetic[0]
+
+
+@pytest.mark.serial
+def test_policies_find_the_same_motion():
+    ends = []
+    for policy in ("updated", "frozen"):
+        model = impact(friction=0.2, speed=(0.5, 0.2, -1.0))
+        simulation, _ = moved(model, 15, iteration_matrix=policy, tolerance=1e-11)
+        ends.append(simulation.system.parts[0].block.frames[:, :3].copy())
+        counters = simulation.system.counters
+        if policy == "frozen":
+            # measured 1 and 3.1 a step: contact does not ask for new factors
+            assert counters.factorizations == 1
+            assert counters.newton_iterations < 15 * 8
+    # Newton's tolerance; measured 1e-12
+    np.testing.assert_allclose(*ends, atol=1e-9)
+
+
+@pytest.mark.serial
+def test_sheet_at_rest_on_a_plane_weighs_what_it_does():
+    model = ff.Model("rest", surface=sheet("sheet", 5, 0.1, (0, 0, THICK / 2 - 1e-6)))
+    model.add(ff.Shell("sheet", SECTION), ff.Gravity((0, 0, -10.0)))
+    plane = ff.RigidPlane(ff.Ground((0, 0, 0)))
+    model.add(ff.Contact("floor", "sheet", surfaces=plane, stiffness=1e6, damping=2e-3))
+    model.add(ff.ContactProbe("touch", "floor"))
+    _, history = moved(model, 150)
+    # weight 0.1 N on 0.01 m^2, pressure 10 Pa
+    assert history["touch_fz"][-1] == pytest.approx(0.1, rel=1e-3)
+    assert history["touch_penetration"][-1] == pytest.approx(1e-5, rel=1e-3)
+
+
+@pytest.mark.serial
+def test_fast_sheet_does_not_get_through():
+    model = impact(speed=(0.0, 0.0, -20.0))  # 4 mm a step, four times the thickness
+    simulation, _ = moved(model, 15)
+    block = simulation.system.parts[0].block
+    up = simulation.serial.surface.body_of_node[block.node_ids] == 1
+    # the lower sheet is hit and goes ahead
+    assert block.frames[up, 2].min() > block.frames[~up, 2].min()
+    assert simulation.system.contacts[0].measure("hit")[0] < 2e-3
+
+
+@pytest.mark.serial
+def test_restart_goes_on_as_before():
+    model = impact(friction=0.3, stiffness=1e6, speed=(0.5, 0.2, -1.0))
+    whole, _ = moved(model, 16, tolerance=1e-11)
+    first, _ = moved(model, 10, tolerance=1e-11)
+    state = first.system.state()
+    assert first.system.contacts[0].groups[0].triangles[0].held.pulls.any()
+    second, _ = moved(model, 0, tolerance=1e-11)
+    second.system.restore(state)
+    contacts, again = first.system.contacts[0], second.system.contacts[0]
+    for before, after in zip(contacts.groups[0].triangles, again.groups[0].triangles, strict=True):
+        held, same = before.held, after.held
+        np.testing.assert_array_equal(same.slaves, held.slaves)
+        # copies
+        np.testing.assert_array_equal(same.pulls, held.pulls)
+        np.testing.assert_array_equal(same.pushes, held.pushes)
+    for one in (first, second):
+        for _ in range(6):
+            assert one.advance(2e-4) is Status.OK
+    ends = [s.system.parts[0].block.frames[:, :3] for s in (whole, first, second)]
+    np.testing.assert_array_equal(ends[0], ends[1])
+    # the same equations from the same state; friction forgotten gives 1e-6
+    np.testing.assert_allclose(ends[2], ends[0], atol=1e-10)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"low": (0, 0, 1.2e-3)}, 'Contact "hit": at the start Shell "up" penetrates .*0.0007 m'),
+        ({"tilt": 0.1}, 'Contact "hit": at the start Shell "up" goes through Shell "low"'),
+        ({"masters": "none"}, 'Contact "hit": Model "impact" has no shell "none"'),
+        ({"friction": -1.0}, 'Contact "hit": friction must not be negative'),
+        ({"masters": ()}, 'Contact "hit": it needs slaves, and masters or surfaces'),
+        ({"masters": ("up", "low")}, 'Contact "hit": masters must be others than the slaves'),
+        ({"skin": 0.0}, 'Contact "hit": skin must be positive'),
+        (
+            {"surfaces": ff.RigidSphere(ff.Ground((0, 0, 0)), 0.05)},
+            'Contact "hit": at the start Shell "up" penetrates a rigid sphere by 0.0',
+        ),
+    ],
+)
+def test_bad_input(options, message):
+    with pytest.raises(ValueError, match=message):
+        moved(impact(**options), 0)
+
+
+@pytest.mark.serial
+def test_linearised_equations_refuse_contact():
+    simulation, _ = moved(impact(), 0)
+    with pytest.raises(ValueError, match='Contact "hit": linearised equations do not know'):
+        Linearization(simulation.system)
