@@ -30,7 +30,9 @@ class ClampedLine(HingeLine):
     are held by others already, as of two that share their third node, are left out.
 
     The triangles at the line do not bend: what is lost is the bending of one row of them, which
-    vanishes in proportion to their size.
+    vanishes nearly in proportion to their size where a mesh is refined in both directions. With two
+    cells across a strip and ever more along it, the error of its deflection does not vanish: it was
+    0.8 % at the finest mesh and growing.
     """
 
     def parts(self, lines: Sequence[NodeRow | None]) -> Sequence[Joint]:

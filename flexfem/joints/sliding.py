@@ -26,9 +26,9 @@ class Sliding(Joint):
     the difference of the shear strains on both sides, the shear force's jump over GA (1e-3 rad in a
     thin rubber beam): a slider that passes at speed gets an impulse of that size, its momentum
     times this angle. NURBS beams of degree 2 are the choice for wires and cables: a weight of 5 N
-    on a rubber cable with 30 N of tension meets corners of 0.011 rad on SE(3) elements, none on
-    NURBS elements; in a steel wire, whose corners are negligible, its path over coarse elements
-    is ten times smoother.
+    moved slowly along a rubber cable with 30 N of tension meets corners of 0.011 rad on SE(3)
+    elements, none on NURBS elements; in a steel wire, whose corners are negligible, its path over
+    coarse elements is ten times smoother.
 
     Attributes:
         a: ``Carrier`` with the name of the beam.

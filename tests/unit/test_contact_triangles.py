@@ -124,7 +124,7 @@ def test_uniform_pressure_passes_between_different_meshes():
     sign = np.where(np.arange(len(points)) < lower, 1, -1)
     pressure = sign * residual[:, 2] / areas
     gap = 0.001
-    # one pass alone gives the right pressure on one side by its definition, on the other to 20 %
+    # measured -19 % to +13 %; one pass alone is exact on one side, on the other off by -38 to +27 %
     assert 1e3 * gap * 0.8 < pressure[inner].min() <= pressure[inner].max() < 1e3 * gap * 1.2
     np.testing.assert_allclose(residual[:, :2], 0, atol=1e-15)
     total = residual[lower:, 2].sum()
