@@ -67,8 +67,9 @@ def shells(nodes: tuple[int, int], element: str) -> ff.Model:
         edges = {"strip_1_left": "clamped"} if name == "strip_1" else {}
         model.add(ff.Shell(name, section, element=element, edges=edges))
     for i in (1, 2):
-        lines = ff.ShellLine(f"strip_{i}", f"strip_{i}_right"), ff.ShellLine(
-            f"strip_{i + 1}", f"strip_{i + 1}_left"
+        lines = (
+            ff.ShellLine(f"strip_{i}", f"strip_{i}_right"),
+            ff.ShellLine(f"strip_{i + 1}", f"strip_{i + 1}_left"),
         )
         model.add(ff.HingeLine(f"hinge_{i}", *lines))
     return model
