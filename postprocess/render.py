@@ -151,7 +151,7 @@ def survey(instants: list[Instant], field: str) -> tuple[np.ndarray, tuple[float
         raise RenderError(f"{instants[0].folder}: empty or infinite geometry")
     if flexible and not values:
         known = ", ".join(sorted(names - {"TimeValue"}))
-        raise RenderError(f"no field '{field}' on beams and shells, there are: {known} and components")
+        raise RenderError(f"no field '{field}' on beams or shells; they have {known} and components")
     smallest, largest = min(values, default=0.0), max(values, default=1.0)
     if smallest < -1e-9 * abs(largest):
         largest = max(-smallest, largest)
@@ -233,7 +233,7 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
 
 
 def draw_flexible(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) -> Any:
-    """Add beams or shells coloured by the field; returns the actor, or None where the field is missing."""
+    """Add beams or shells coloured by the field; returns the actor, None without the field."""
     colours = scalars(mesh, scene.field)
     if colours is None:
         plotter.add_mesh(mesh, color="#4878a8", **style)
