@@ -9,11 +9,12 @@ the last one hangs on a rigid beam, which the mast lifts along Z: the speed rise
 by ``--stretch`` of its length at the end and held there. No gravity.
 
 Two guide wires of steel (2 mm, E = 210e9 N/m^2, nu = 0.25, rho = 7850 kg/m^3) stand at y = 0, 0.3 m
-from the sides of the panels, clamped at the bottom and pulled up by 10 N (``--wire-tension``) at
-the top, 0.2 m above the deployed blanket. The hinges that lie at y = 0 in the folded blanket, every
+from the sides of the panels, clamped 0.2 m below the container and pulled up by 10 N
+(``--wire-tension``) 0.2 m above the deployed blanket. The hinges that lie at y = 0 in the folded blanket, every
 second one, slide along both wires through grommets; the others lie 0.45 m away and have none.
 
-The folded panels touch: contact of all of them with one another (``--no-contact`` leaves it out).
+The folded panels touch: contact of all of them with one another and with the floor of the
+container, a pitch below them (``--no-contact`` leaves it out).
 ``--mesh`` counts nodes of a panel along its short and long side.
 
 History: ``lift`` of the beam, m; ``mast_force_fx, mast_force_fy, mast_force_fz, mast_force_mx,
@@ -40,7 +41,7 @@ import flexfem as ff
 
 SHORT, LONG, THICKNESS = 0.45, 2.4, 0.8e-3
 PANEL = ff.Material(8e9, 0.3, 2314.8)
-WIRE, DIAMETER, INSET, ABOVE = ff.Material(210e9, 0.25, 7850.0), 2e-3, 0.3, 0.2
+WIRE, DIAMETER, INSET, BEYOND = ff.Material(210e9, 0.25, 7850.0), 2e-3, 0.3, 0.2
 SPEED, RAMP = 0.1, 2.0
 Z = (0.0, 0.0, 1.0)
 SIDES = {"left": INSET, "right": LONG - INSET}
@@ -98,10 +99,10 @@ class Lift:
 
 def add_wires(model: ff.Model, panels: int, elements: int, tension: float) -> None:
     """Guide wires with the grommets that slide on them."""
-    section, top = ff.Section.circle(DIAMETER, WIRE), panels * SHORT + ABOVE
+    section, top = ff.Section.circle(DIAMETER, WIRE), panels * SHORT + BEYOND
     pull = ff.SmoothStep(0.0, RAMP)
     for side, x in SIDES.items():
-        wire, ends = f"wire_{side}", ((x, 0.0, 0.0), (x, 0.0, top))
+        wire, ends = f"wire_{side}", ((x, 0.0, -BEYOND), (x, 0.0, top))
         curve = ff.NurbsCurve.line(*ends, elements=elements)
         start, end = ff.Marker(wire, "start"), ff.Marker(wire, "end")
         model.add(
@@ -117,7 +118,7 @@ def add_wires(model: ff.Model, panels: int, elements: int, tension: float) -> No
 
 def build(
     *, panels: int, mesh: str, element: str, pitch: float, stretch: float, wire_elements: int,
-    wire_tension: float, contact: bool,
+    wire_tension: float, contact: bool, stiffness: float,
 ) -> ff.Model:  # fmt: skip
     """Model of a folded blanket."""
     if pitch >= 0.5 * SHORT:
@@ -143,7 +144,11 @@ def build(
     )  # fmt: skip
     add_wires(model, panels, wire_elements, wire_tension)
     if contact:
-        model.add(ff.Contact("panels", names, names), ff.ContactProbe("contact", "panels"))
+        floor = ff.RigidPlane(ff.Ground((0.0, 0.0, -pitch)))
+        model.add(
+            ff.Contact("panels", names, names, floor, stiffness=stiffness),
+            ff.ContactProbe("contact", "panels"),
+        )
     model.add(
         ff.Probe(
             "lift", ff.Marker("beam"), ("lift",), lambda t, s: s.position[2:] - panels * pitch
@@ -200,6 +205,7 @@ CASE = ff.Case(
         ff.Option("wire_elements", int, 40, "elements of a guide wire", minimum=1),
         ff.Option("wire_tension", float, 10.0, "force at its top", unit="N", minimum=0.0),
         ff.Option("contact", bool, True, "contact of the panels"),
+        ff.Option("stiffness", float, 1e5, "of contact", unit="N/m^3", above=0.0),
     ),
     dt=0.01,
     t_end=92.0,
