@@ -46,7 +46,7 @@ __version__ = "0.1.0"
 _MODULES = {
     "Material": "materials.material",
     "Section": "materials.section",
-    "BeamLaw": "materials.beam_law",
+    "BeamLaw": "materials.section_law",
     "LineMesh": "mesh.line_mesh",
     "read_mesh": "mesh.line_mesh",
     "SurfaceMesh": "mesh.surface_mesh",

@@ -151,7 +151,7 @@ def survey(instants: list[Instant], field: str) -> tuple[np.ndarray, tuple[float
         raise RenderError(f"{instants[0].folder}: empty or infinite geometry")
     if flexible and not values:
         known = ", ".join(sorted(names - {"TimeValue"}))
-        raise RenderError(f"no field '{field}' on beams or shells; they have {known} and components")
+        raise RenderError(f"no field '{field}' on beams or shells, which have {known}")
     smallest, largest = min(values, default=0.0), max(values, default=1.0)
     if smallest < -1e-9 * abs(largest):
         largest = max(-smallest, largest)

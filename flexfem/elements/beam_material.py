@@ -12,9 +12,9 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.elements.beam_loops import law_values, linear_resultants
 from flexfem.forms.beam_law import LawExpressions, law_expressions, law_form
 from flexfem.la.kernel import Kernel, compile_kernel
-from flexfem.materials.beam_law import BeamLaw
 from flexfem.materials.matrices import check_definite
 from flexfem.materials.section import Section
+from flexfem.materials.section_law import SectionLaw
 
 __all__ = ["LawMaterial", "LinearMaterial", "Material", "grouped", "materials", "symmetric"]
 
@@ -164,7 +164,7 @@ class LawMaterial:
             return np.zeros_like(strain)
         return np.ascontiguousarray(self._values(strain, rate, sections)[:, 43:49])
 
-    def _check(self, laws: Sequence[BeamLaw], owners: Sequence[str]) -> None:
+    def _check(self, laws: Sequence[SectionLaw], owners: Sequence[str]) -> None:
         rest = np.zeros((len(laws), 6))
         values = self._values(rest, rest, np.arange(len(laws)))
         for law, owner, row in zip(laws, owners, values, strict=True):

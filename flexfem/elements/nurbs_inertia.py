@@ -19,9 +19,12 @@ from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel
 
 __all__ = [
+    "accelerations_into",
     "add_inertia",
     "add_inertia_action",
     "add_inertia_tangent",
+    "add_products",
+    "nodal_tangent",
     "step_changes",
     "step_rates",
 ]
@@ -77,7 +80,7 @@ def _add(out: FloatArray, at: int, scale: float, v: Triple) -> None:
 
 
 @inlined
-def _accelerations(
+def accelerations_into(
     nodes: IntArray, gravity: FloatArray, frames: FloatArray, velocity: FloatArray,
     acceleration: FloatArray, b: FloatArray,
 ) -> None:  # fmt: skip
@@ -89,7 +92,7 @@ def _accelerations(
 
 
 @inlined
-def _multiply(cells: IndexArray, masses: FloatArray, b: FloatArray, force: FloatArray) -> None:
+def add_products(cells: IndexArray, masses: FloatArray, b: FloatArray, force: FloatArray) -> None:
     """Add the consistent masses (m, k, k) times accelerations (n, 3) to forces (n, 3)."""
     count, k = cells.shape
     for c in range(count):
@@ -193,8 +196,8 @@ def add_inertia(
 ) -> None:  # fmt: skip
     """Add ``scale`` times inertia forces less weights to ``residual`` (n, 6)."""
     b, force, work = np.zeros((len(frames), 3)), np.zeros((len(frames), 3)), np.empty(6)
-    _accelerations(nodes, gravity, frames, velocity, acceleration, b)
-    _multiply(cells, masses, b, force)
+    accelerations_into(nodes, gravity, frames, velocity, acceleration, b)
+    add_products(cells, masses, b, force)
     for u, node in enumerate(nodes):
         H = frames[node]
         _add(residual[node], 0, scale, _turned_back(H, triple(force[node], 0)))
@@ -216,15 +219,15 @@ def add_inertia_action(
     """
     b, force, work = np.zeros((len(frames), 3)), np.zeros((len(frames), 3)), np.empty(6)
     db, change = np.zeros((len(frames), 3)), np.zeros((len(frames), 3))
-    _accelerations(nodes, gravity, frames, velocity, acceleration, b)
-    _multiply(cells, masses, b, force)
+    accelerations_into(nodes, gravity, frames, velocity, acceleration, b)
+    add_products(cells, masses, b, force)
     for node in nodes:
         turn = triple(steps[node], 3)
         moved = _acceleration_change(
             frames[node], velocity[node], acceleration[node], turn, dv[node], dw[node]
         )
         db[node, 0], db[node, 1], db[node, 2] = moved
-    _multiply(cells, masses, db, change)
+    add_products(cells, masses, db, change)
     for u, node in enumerate(nodes):
         H, turn = frames[node], triple(steps[node], 3)
         local = _turned_back(H, triple(force[node], 0))
@@ -237,7 +240,7 @@ def add_inertia_action(
 
 
 @kernel
-def _nodal_tangent(
+def nodal_tangent(
     nodes: IntArray, lumps: FloatArray, gravity: FloatArray, frames: FloatArray,
     velocity: FloatArray, acceleration: FloatArray, by_v: FloatArray, by_w: FloatArray,
     force: FloatArray, stiffness: float, moved: FloatArray, own: FloatArray,
@@ -277,9 +280,9 @@ def add_inertia_tangent(
     n, k = len(frames), cells.shape[1]
     b, force, width = np.zeros((n, 3)), np.zeros((n, 3)), 6 * cells.shape[1]
     moved, own = np.zeros((n, 3, 6)), np.zeros((len(nodes), 6, 6))
-    _accelerations(nodes, gravity, frames, velocity, acceleration, b)
-    _multiply(cells, masses, b, force)
-    _nodal_tangent(
+    accelerations_into(nodes, gravity, frames, velocity, acceleration, b)
+    add_products(cells, masses, b, force)
+    nodal_tangent(
         nodes, lumps, gravity, frames, velocity, acceleration, by_v, by_w, force, stiffness, moved,
         own,
     )  # fmt: skip

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Beam laws as UFL expressions.
 
-The functions of a ``BeamLaw`` are called once with symbols for strain, strain rate and parameters
-that are the same for all laws of a process. Laws that say the same thing are then equal, whichever
-functions and values they come from, and share their forms and kernels.
+The functions of a ``SectionLaw`` are called once with symbols for strain, strain rate and
+parameters that are the same for all laws of a process. Laws that say the same thing are then equal,
+whichever functions and values they come from, and share their forms and kernels.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from flexfem._checks import show
 from flexfem.forms.lie import Expr
-from flexfem.materials.beam_law import BeamLaw
+from flexfem.materials.section_law import SectionLaw
 
 __all__ = [
     "LawExpressions",
@@ -121,7 +121,7 @@ class LawExpressions:
         return ufl.diff(ufl.replace(potential, mapping), values[which])
 
 
-def law_expressions(law: BeamLaw) -> LawExpressions:
+def law_expressions(law: SectionLaw) -> LawExpressions:
     """Call the functions of a law and check what they return.
 
     Raises:
@@ -147,7 +147,7 @@ def law_expressions(law: BeamLaw) -> LawExpressions:
     return LawExpressions(energy, dissipation, len(law.parameters))
 
 
-def _called(law: BeamLaw, what: str, function: Any, arguments: tuple[Any, ...]) -> Expr:
+def _called(law: SectionLaw, what: str, function: Any, arguments: tuple[Any, ...]) -> Expr:
     """Value of a law's function, checked to be a scalar of its arguments alone."""
     try:
         value = function(*arguments)
@@ -169,7 +169,7 @@ def _called(law: BeamLaw, what: str, function: Any, arguments: tuple[Any, ...]) 
     return value
 
 
-def _check_terminals(law: BeamLaw, what: str, value: Expr, arguments: tuple[Any, ...]) -> None:
+def _check_terminals(law: SectionLaw, what: str, value: Expr, arguments: tuple[Any, ...]) -> None:
     """Check that an expression consists of the symbols of a law and numbers."""
     symbols = {a for a in arguments if isinstance(a, Coefficient)}
     if law.parameters:

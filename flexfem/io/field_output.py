@@ -7,6 +7,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.director_shells import DirectorShells
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.io.beam_fields import BeamFields, BeamWriter
@@ -73,18 +74,24 @@ class FieldOutput:
         self._joints.write(time, step, _joint_fields(self._system))
 
     def _shell_fields(self, part: BlockPart) -> ShellFields:
-        assert isinstance(part.elements, RotationFreeShells)
+        elements = part.elements
+        assert isinstance(elements, (RotationFreeShells, DirectorShells))
+        if isinstance(elements, DirectorShells):
+            cells, of = elements.facets
+        else:
+            cells, of = elements.corners.astype(np.int64), np.arange(len(elements.body))
         position, _, velocity, _ = _motion(part.block)
-        strain, resultant = part.elements.resultants(part.block.frames)
+        strain, resultant = elements.resultants(part.block.frames)
+        body = elements.body[of]
         return ShellFields(
             position=position,
             displacement=position - se3.position(part.block.start_frames),
             velocity=velocity,
-            cells=part.elements.corners.astype(np.int64),
-            body=part.elements.body,
-            strain=strain,
-            resultant=resultant,
-            thickness=self._thickness[part.elements.body],
+            cells=cells,
+            body=body,
+            strain=strain[of],
+            resultant=resultant[of],
+            thickness=self._thickness[body],
         )
 
     def close(self) -> None:

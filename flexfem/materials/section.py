@@ -26,9 +26,9 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.materials import constants
-from flexfem.materials.beam_law import BeamLaw
 from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite, check_inertia_form
+from flexfem.materials.section_law import BeamLaw
 
 
 @dataclass(frozen=True, eq=False, init=False)

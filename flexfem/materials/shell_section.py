@@ -6,7 +6,8 @@ which the nodes lie on.
 
 Strain order: membrane eps11, eps22, 2 eps12, then curvatures kappa11, kappa22, 2 kappa12; the
 strain at z is eps + z kappa. The stiffness `[[A, B], [B^T, D]]` maps them to forces n11, n22, n12
-and moments m11, m22, m12 per length.
+and moments m11, m22, m12 per length. Thin shells have no other strains; those with a director also
+shear across their thickness, gamma1 and gamma2, which the shear stiffness maps to q1 and q2.
 """
 
 from collections.abc import Sequence
@@ -22,6 +23,10 @@ from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite
 
 __all__ = ["Ply", "ShellSection"]
+
+#: Part of the shear stiffness that the parabola of stresses over a homogeneous thickness leaves
+#: (Reissner 1945).
+_SHEAR_FACTOR = 5.0 / 6.0
 
 
 @dataclass(frozen=True)
@@ -82,26 +87,45 @@ class ShellSection:
     Attributes:
         stiffness: Maps strains to forces and moments per length, shape (6, 6); N/m, N, N m.
         mass: Mass per area, kg/m^2.
-        thickness: m, of pictures and of contact.
+        thickness: m, of pictures, of contact and of rotary inertia.
+        shear: Maps shear strains across the thickness to forces per length, shape (2, 2), N/m.
     """
 
     stiffness: FloatArray
     mass: float
     thickness: float
+    shear: FloatArray
 
-    def __init__(self, stiffness: npt.ArrayLike, mass: float, thickness: float) -> None:
+    def __init__(
+        self,
+        stiffness: npt.ArrayLike,
+        mass: float,
+        thickness: float,
+        shear: npt.ArrayLike | None = None,
+    ) -> None:
         """Create a section from its matrix; the other constructors are for common laws.
+
+        Args:
+            stiffness: as the attribute.
+            mass: as the attribute.
+            thickness: as the attribute.
+            shear: as the attribute; None for 5/6 of the stiffness of the membrane in shear along
+                both axes, which is right for a homogeneous isotropic plate.
 
         Raises:
             TypeError: An argument does not consist of numbers.
-            ValueError: The stiffness is not symmetric and positive definite, the mass negative,
+            ValueError: A stiffness is not symmetric and positive definite, the mass negative,
                 the thickness not positive, or an argument has the wrong shape or is not finite.
         """
         matrix = _checks.array("ShellSection", "stiffness", stiffness, (6, 6))
         check_definite("ShellSection", "stiffness", matrix, semidefinite=False)
+        given = _SHEAR_FACTOR * matrix[2, 2] * np.eye(2) if shear is None else shear
+        across = _checks.array("ShellSection", "shear", given, (2, 2))
+        check_definite("ShellSection", "shear", across, semidefinite=False)
         _checks.assign(
             self,
             stiffness=matrix,
+            shear=across,
             mass=_checks.number("ShellSection", "mass", mass, nonnegative=True),
             thickness=_checks.number("ShellSection", "thickness", thickness, positive=True),
         )
@@ -109,6 +133,8 @@ class ShellSection:
     @classmethod
     def isotropic(cls, thickness: float, material: Material) -> Self:
         """Create a homogeneous plate; the reference surface is its middle surface.
+
+        Its shear stiffness is 5/6 G h.
 
         Args:
             thickness: m.
@@ -132,6 +158,7 @@ class ShellSection:
         poisson_ratio: float,
         mass: float,
         thickness: float,
+        shear: npt.ArrayLike | None = None,
     ) -> Self:
         """Create a section from rigidities along e1 and e2, of a fabric for example.
 
@@ -142,6 +169,7 @@ class ShellSection:
             poisson_ratio: contraction along e2 under tension along e1, also of bending.
             mass: per area, kg/m^2.
             thickness: m.
+            shear: as for the class itself.
 
         Raises:
             TypeError: An argument does not consist of numbers.
@@ -149,20 +177,24 @@ class ShellSection:
         """
         blocks = []
         for name, values in (("membrane", membrane), ("bending", bending)):
-            first, second, shear = _checks.array("ShellSection", name, values, (3,)).tolist()
-            for value in (first, second, shear):
+            first, second, sheared = _checks.array("ShellSection", name, values, (3,)).tolist()
+            for value in (first, second, sheared):
                 _checks.number("ShellSection", f"{name} rigidity", value, positive=True)
             _check_ratio("ShellSection", poisson_ratio, first, second)
-            blocks.append(_orthotropic(first, second, shear, poisson_ratio))
-        return cls(_joined(*blocks), mass, thickness)
+            blocks.append(_orthotropic(first, second, sheared, poisson_ratio))
+        return cls(_joined(*blocks), mass, thickness, shear)
 
     @classmethod
-    def laminate(cls, plies: Sequence[Ply], offset: float = 0.0) -> Self:
+    def laminate(
+        cls, plies: Sequence[Ply], offset: float = 0.0, shear: npt.ArrayLike | None = None
+    ) -> Self:
         """Create a laminate by classical lamination theory.
 
         Args:
             plies: from the lowest to the highest, along e3.
             offset: of the middle of the laminate from the reference surface, along e3, m.
+            shear: as for the class itself; None for 5/6 of the sum of the plies' shear moduli times
+                their thicknesses, as if they sheared across the thickness as in the plane.
 
         Raises:
             TypeError: A ply is none, or the offset is no number.
@@ -173,6 +205,9 @@ class ShellSection:
             raise ValueError("ShellSection: plies must hold at least one ply, got none")
         for ply in plies:
             _checks.instance("ShellSection", "ply", ply, Ply)
+        if shear is None:
+            sheared = sum(ply.shear_modulus * ply.thickness for ply in plies)
+            shear = _SHEAR_FACTOR * sheared * np.eye(2)
         heights = np.array([ply.thickness for ply in plies])
         total = float(heights.sum())
         top = np.cumsum(heights) - 0.5 * total + shift
@@ -182,7 +217,7 @@ class ShellSection:
             for n in (1, 2, 3)
         )
         mass = sum(ply.thickness * ply.density for ply in plies)
-        return cls(_joined(np.asarray(A), np.asarray(D), np.asarray(B)), mass, total)
+        return cls(_joined(np.asarray(A), np.asarray(D), np.asarray(B)), mass, total, shear)
 
 
 def _check_ratio(owner: str, ratio: float, first: float, second: float) -> None:

@@ -1,11 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Triangles of a grid whose rectangles are all cut along the same diagonal."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
+import numpy.typing as npt
 
-from flexfem._types import IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 
-__all__ = ["grid_corners", "grid_lines", "grid_triangles"]
+__all__ = [
+    "grid_corners",
+    "grid_lines",
+    "grid_midpoints",
+    "grid_triangles",
+    "joined_midpoints",
+    "turned_midpoints",
+]
 
 
 def grid_triangles(columns: int, rows: int, *, closed: bool, diagonal: str) -> IntArray:
@@ -47,3 +57,39 @@ def grid_corners(columns: int, rows: int) -> dict[str, int]:
         "top_left": last,
         "top_right": last + columns - 1,
     }
+
+
+def turned_midpoints(midpoints: FloatArray | None, turned: BoolArray) -> FloatArray | None:
+    """Return the midpoints of edges (m, 3, 3) with those of triangles (a, b, c) made (a, c, b)."""
+    if midpoints is None:
+        return None
+    result = np.array(midpoints)
+    result[turned] = result[turned][:, [0, 2, 1]]
+    result.flags.writeable = False
+    return result
+
+
+def grid_midpoints(
+    surface: Callable[[FloatArray], npt.ArrayLike], parameters: FloatArray, triangles: IntArray,
+    columns: int,
+) -> FloatArray:  # fmt: skip
+    """Return the midpoints of the edges of a grid, NaN from the last column to the first."""
+    corners, column = parameters[triangles], triangles % columns
+    middles = 0.5 * (np.roll(corners, -1, axis=1) + np.roll(corners, -2, axis=1))
+    ends = np.roll(column, -1, axis=1), np.roll(column, -2, axis=1)
+    across = abs(ends[0] - ends[1]) > 1
+    found = np.array(surface(middles.reshape(-1, 2)), dtype=np.float64).reshape(-1, 3, 3)
+    found[across] = np.nan
+    return found
+
+
+def joined_midpoints(
+    meshes: Sequence[tuple[FloatArray | None, int]],
+) -> FloatArray | None:
+    """Return the midpoints of several meshes one after the other, each with its triangles."""
+    if all(midpoints is None for midpoints, _ in meshes):
+        return None
+    return np.concatenate([
+        np.full((count, 3, 3), np.nan) if midpoints is None else midpoints
+        for midpoints, count in meshes
+    ])  # fmt: skip

@@ -39,6 +39,8 @@ class SurfaceMesh:
         lines: Node pairs along edges, shape (k, 2), by the line's name.
         nodes: Node index by name.
         topology: Edges and neighbours.
+        midpoints: Where the middles of the curved edges opposite to the nodes of each triangle
+            are, shape (m, 3, 3), metres, NaN where that is not known; None when none is known.
     """
 
     points: FloatArray
@@ -48,6 +50,7 @@ class SurfaceMesh:
     lines: Mapping[str, IntArray]
     nodes: Mapping[str, int]
     topology: SurfaceTopology
+    midpoints: FloatArray | None
 
     def __init__(
         self,
@@ -56,6 +59,7 @@ class SurfaceMesh:
         bodies: Mapping[str, npt.ArrayLike],
         lines: Mapping[str, npt.ArrayLike] | None = None,
         nodes: Mapping[str, int] | None = None,
+        midpoints: FloatArray | None = None,
     ) -> None:
         """Create a mesh.
 
@@ -66,6 +70,7 @@ class SurfaceMesh:
             bodies: Triangles of each body.
             lines: Node pairs of named lines, shape (k, 2), each an edge of a triangle.
             nodes: Named nodes.
+            midpoints: As the attribute, of the triangles as given.
 
         Raises:
             TypeError: An argument does not consist of numbers of the right kind.
@@ -83,6 +88,7 @@ class SurfaceMesh:
             surface_checks.body_rows(name, found, len(rows)) for name, found in bodies.items()
         )
         body = surface_checks.body_numbers(groups, len(rows))
+        given = rows
         rows, sides = surface_checks.oriented(xyz, rows, body, list(groups))
         topology = surface_topology.surface_topology(rows, sides)
         keys = np.sort(edge_keys(topology.edges, len(xyz)))
@@ -99,6 +105,7 @@ class SurfaceMesh:
             lines=MappingProxyType({k: _checks.freeze(v, np.int64) for k, v in pairs.items()}),
             nodes=MappingProxyType(_named_nodes(nodes or {}, len(xyz))),
             topology=topology,
+            midpoints=surface_grid.turned_midpoints(midpoints, (rows != given).any(axis=1)),
         )
 
     @classmethod
@@ -155,6 +162,9 @@ class SurfaceMesh:
             {name: np.arange(len(triangles))},
             {f"{name}_{side}": pairs for side, pairs in lines.items()},
             {f"{name}_{corner}": node for corner, node in corners.items()},
+            None
+            if surface is None
+            else surface_grid.grid_midpoints(surface, parameters, triangles, columns),
         )
 
     @classmethod
@@ -233,6 +243,9 @@ class SurfaceMesh:
             {name: rows + r for mesh, _, r in numbered for name, rows in mesh.bodies.items()},
             {name: pairs + n for mesh, n, _ in numbered for name, pairs in mesh.lines.items()},
             {name: one + n for mesh, n, _ in numbered for name, one in mesh.nodes.items()},
+            surface_grid.joined_midpoints(
+                [(mesh.midpoints, len(mesh.triangles)) for mesh in meshes]
+            ),
         )
 
     @cached_property

@@ -17,7 +17,7 @@ __all__ = ["EDGES", "MASSES", "SHELL_ELEMENTS", "Shell"]
 _ZERO = (0.0, 0.0, 0.0)
 
 #: Formulations of shells.
-SHELL_ELEMENTS = ("rotation_free",)
+SHELL_ELEMENTS = ("rotation_free", "director")
 #: What can hold along an edge.
 EDGES = ("clamped", "hinged", "symmetric")
 #: How mass is distributed over the nodes.
@@ -28,13 +28,17 @@ MASSES = ("lumped", "consistent")
 class Shell:
     """Shell on a body of the model's surface mesh.
 
-    Shells whose bodies share nodes are hinged there: they share positions, not slopes.
+    Shells whose bodies share nodes are hinged there: they share positions, not slopes. Those with
+    directors turn as one at shared edges.
 
     Attributes:
         name: Unique name in the model.
         section: Stiffness and mass.
         body: Name of the body in the surface mesh.
-        element: Formulation: "rotation_free" for triangles with nodal positions alone.
+        element: Formulation: "rotation_free" for triangles with nodal positions alone, "director"
+            for quadratic triangles with directors amid their edges, which shear across their
+            thickness, turn as one where edges are shared, also at kinks, and do on any mesh. All
+            shells of a model have the same.
         edges: What holds along lines of the mesh, by the line's name: "clamped" keeps positions
             and slopes, "hinged" positions only, "symmetric" keeps the positions in the plane of
             the line, and the shell at right angles to it. Others are free.

@@ -101,7 +101,13 @@ def _check_shells(model: Model) -> None:
     if model.surface is None:
         raise ValueError(f"{model!r} has shells but no mesh, give Model(surface=...)")
     users: dict[str, Shell] = {}
+    first = model.shells[0] if model.shells else None
     for shell in model.shells:
+        if first is not None and shell.element != first.element:
+            raise ValueError(
+                f'{_owner(shell)}: element "{shell.element}", but {_owner(first)} has '
+                f'"{first.element}": all shells of a model have the same'
+            )
         if shell.body not in model.surface.bodies:
             known = _checks.show(", ".join(model.surface.bodies), 200)
             raise ValueError(

@@ -190,7 +190,11 @@ class Equilibrium:
         self.loading.set(0.0)
         system.evaluate(self.shifts)
         self.tangent.assemble(self.shifts)
-        diagonals = [abs(d) for d in self.tangent.diagonals()]
+        # what is held has a stiffness of no meaning
+        diagonals = [
+            p.block.hold(abs(d))
+            for p, d in zip(system.parts, self.tangent.diagonals(), strict=True)
+        ]
         springs = stiffness_of_row[~damper & (law != LawKind.RIGID)]
         largest = np.array([
             max((float(d[:, :3].max(initial=0.0)) for d in diagonals), default=0.0),

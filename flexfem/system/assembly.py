@@ -28,10 +28,10 @@ from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.model import Model
 from flexfem.model.place import Place
 from flexfem.model.shell import Shell
+from flexfem.system.director_surface import shell_surface
 from flexfem.system.lines import ElementPlace, Line, LinePoint, se3_line
 from flexfem.system.nurbs_lines import NurbsLines, initial_velocities
 from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS, NodeKey
-from flexfem.system.shell_surface import ShellSurface
 from flexfem.system.surface_places import SurfacePlace
 
 __all__ = ["Assembly"]
@@ -60,7 +60,7 @@ class Assembly:
         if beams := model.beams_of("se3"):
             self._beams(beams)
         self.curves = NurbsLines.of(model) if model.beams_of("nurbs") else None
-        self.surface = ShellSurface.of(model) if model.shells else None
+        self.surface = shell_surface(model) if model.shells else None
         self.rigid_frames = np.array(
             [se3.frame(b.position, b.rotation) for b in model.rigid_bodies]
         ).reshape(-1, 12)

@@ -16,7 +16,7 @@ from flexfem.system.connect import JointEnds, connect, joint_ends
 from flexfem.system.constraints import Constraints
 from flexfem.system.contact_surfaces import contact_surfaces
 from flexfem.system.contacts import Contacts
-from flexfem.system.families import nurbs_block, se3_block, shell_block
+from flexfem.system.families import director_block, nurbs_block, se3_block, shell_block
 from flexfem.system.interface import Interface
 from flexfem.system.line_loads import by_degree
 from flexfem.system.node_loads import NodeForces, NodeMasses
@@ -55,7 +55,8 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     if serial.curves is not None:
         blocks[NURBS], families[NURBS] = nurbs_block(serial, comm, placement)
     if serial.surface is not None:
-        blocks[SHELLS], families[SHELLS] = shell_block(serial, comm, placement)
+        shells = shell_block if serial.surface.directors is None else director_block
+        blocks[SHELLS], families[SHELLS] = shells(serial, comm, placement)
     if model.rigid_bodies:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
     interface, joints = connect(serial.joints, ends, comm, placement, blocks)

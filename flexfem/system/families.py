@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from itertools import groupby
+from typing import Any
 
 from mpi4py import MPI
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from flexfem._types import IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.director_shells import DirectorShells
 from flexfem.elements.nurbs_beam import NurbsBeams, NurbsCells
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import BeamCells, SE3Beams
@@ -18,11 +20,12 @@ from flexfem.mesh.beam_mesh import create_beam_mesh
 from flexfem.mesh.shell_mesh import create_shell_mesh
 from flexfem.model.bodies import Beam
 from flexfem.system.assembly import Assembly
+from flexfem.system.director_surface import director_cells
 from flexfem.system.nurbs_lines import NurbsLines
 from flexfem.system.placement import Placement
 from flexfem.system.shell_cells import shell_cells
 
-__all__ = ["nurbs_block", "se3_block", "shell_block"]
+__all__ = ["director_block", "nurbs_block", "se3_block", "shell_block"]
 
 #: of the messages that set up the exchange of ghosts
 _TAG = 1201
@@ -52,23 +55,13 @@ def nurbs_block(
     serial: Assembly, comm: MPI.Intracomm, placement: Placement
 ) -> tuple[FrameBlock, NurbsBeams]:
     """Control points and elements of all NURBS beams."""
-    from dolfinx.common import IndexMap
-
     curves = serial.curves
     assert curves is not None
     ranks = placement.cells_of(curves.beams)
     owner = _owners_of_nodes(curves, ranks)
-    order = np.argsort(owner, kind="stable")
-    number = np.empty(len(owner), dtype=np.int64)
-    number[order] = np.arange(len(owner))
     chosen = [np.flatnonzero(rank == comm.rank) for rank in ranks]
     touched = [curves.nodes(b)[cells].ravel() for b, cells in enumerate(chosen)]
-    mine = np.flatnonzero(owner == comm.rank)
-    ghosts = np.setdiff1d(np.concatenate(touched), mine)
-    ids = np.concatenate([mine, ghosts]).astype(np.int64)
-    index_map = IndexMap(
-        comm, len(mine), number[ghosts].astype(np.int64), owner[ghosts].astype(np.int32), _TAG
-    )
+    ids, index_map = _distributed(comm, owner, np.concatenate(touched))
     frames = curves.frames[ids]
     block = FrameBlock(
         "nurbs_beams", comm, frames, curves.velocities[ids], ids, index_map, inertial=True
@@ -77,6 +70,27 @@ def nurbs_block(
     return block, NurbsBeams(
         comm, data, curves.sections, _owners(curves.beams, curves.sections), frames
     )
+
+
+def _distributed(comm: MPI.Intracomm, owner: IntArray, touched: IntArray) -> tuple[IntArray, Any]:
+    """Nodes of this rank, ghosts last, and their distribution (collective).
+
+    Args:
+        comm: communicator.
+        owner: rank of every node.
+        touched: nodes that the elements of this rank have, any number of times.
+    """
+    from dolfinx.common import IndexMap
+
+    number = np.empty(len(owner), dtype=np.int64)
+    number[np.argsort(owner, kind="stable")] = np.arange(len(owner))
+    mine = np.flatnonzero(owner == comm.rank)
+    ghosts = np.setdiff1d(touched, mine)
+    ids = np.concatenate([mine, ghosts]).astype(np.int64)
+    index_map = IndexMap(
+        comm, len(mine), number[ghosts].astype(np.int64), owner[ghosts].astype(np.int32), _TAG
+    )
+    return ids, index_map
 
 
 def _owners_of_nodes(curves: NurbsLines, ranks: Sequence[IntArray]) -> IntArray:
@@ -134,3 +148,22 @@ def shell_block(
         for averaged in np.unique(surface.averaged)
     ]
     return block, RotationFreeShells(groups, block)
+
+
+def director_block(
+    serial: Assembly, comm: MPI.Intracomm, placement: Placement
+) -> tuple[FrameBlock, DirectorShells]:
+    """Nodes and triangles of all director shells."""
+    surface = serial.surface
+    assert surface is not None
+    assert surface.directors is not None
+    nodes, ranks = surface.directors.nodes, placement.triangles
+    owner = np.full(len(surface.frames), np.iinfo(np.int64).max)
+    np.minimum.at(owner, nodes.ravel(), np.repeat(ranks, 6))
+    own = np.flatnonzero(ranks == comm.rank)
+    ids, index_map = _distributed(comm, owner, nodes[own].ravel())
+    block = FrameBlock(
+        "shells", comm, surface.frames[ids], surface.velocities[ids], ids, index_map,
+        inertial=True, held=surface.held[ids],
+    )  # fmt: skip
+    return block, DirectorShells(director_cells(surface, own, block.local_index), block)

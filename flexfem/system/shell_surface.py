@@ -11,6 +11,7 @@ from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie import se3
 from flexfem.materials.shell_section import ShellSection
+from flexfem.mesh.director_nodes import DirectorNodes
 from flexfem.mesh.patch_checks import moment_imbalance, moment_sums
 from flexfem.mesh.patches import EdgeRule, curvature_patches
 from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -38,7 +39,8 @@ _RIGHT = 1e-6
 class ShellSurface:
     """All shells of a model, the same on every rank.
 
-    Nodes and triangles are those of the surface mesh.
+    Nodes and triangles are those of the surface mesh. With directors the nodes amid its edges
+    follow, see ``director_surface``.
 
     Attributes:
         mesh: the mesh.
@@ -50,10 +52,11 @@ class ShellSurface:
         normals: (m, 3, 3) normals of planes of symmetry at edges, else zero.
         averaged: (m,) whether slopes are averaged.
         frames: (n, 12) nodes; axes are inertial but where a node is held along others.
-        held: (n, 3) directions of these axes in which nodes are held.
+        held: (n, 3) directions of these axes in which nodes are held; (n, 6) with directors.
         velocities: (n, 6) at the start, in these axes.
         body_of_node: (n,) first shell that has the node.
         cluster_of_node: (n,) number of its cluster of shells that share nodes.
+        directors: nodes and directors, None for shells without.
     """
 
     mesh: SurfaceMesh
@@ -70,6 +73,7 @@ class ShellSurface:
     velocities: FloatArray
     body_of_node: IntArray
     cluster_of_node: IntArray
+    directors: DirectorNodes | None = None
 
     @classmethod
     def of(cls, model: Model) -> Self:
@@ -191,6 +195,8 @@ def _plane(
 
 def _averaged(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> bool:
     """Whether a shell's slopes are averaged: as it says, or as its mesh needs."""
+    if shell.element == "director":
+        return False
     if shell.averaged is not None:
         return shell.averaged
     number = np.full(len(mesh.points), -1)

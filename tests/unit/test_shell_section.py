@@ -114,3 +114,15 @@ def test_bad_input(make, message):
     with pytest.raises((TypeError, ValueError), match=message) as raised:
         make()
     assert "\n" not in str(raised.value)
+
+
+def test_shear_across_the_thickness():
+    plate = ShellSection.isotropic(0.1, Material(2.6, 0.3, 1.0))
+    # 5/6 G h; without the factor it is 20 % more
+    np.testing.assert_allclose(plate.shear, 5 / 6 * 0.1 * np.eye(2), rtol=1e-14)
+    laminate = ShellSection.laminate([_ply(30.0), _ply(90.0)])
+    np.testing.assert_allclose(laminate.shear, 5 / 6 * 5e9 * 2e-3 * np.eye(2), rtol=1e-14)
+    given = ShellSection.laminate([_ply(30.0)], shear=[[2.0, 0.5], [0.5, 3.0]])
+    np.testing.assert_array_equal(given.shear, [[2.0, 0.5], [0.5, 3.0]])
+    with pytest.raises(ValueError, match="shear must be positive definite"):
+        ShellSection(np.eye(6), 1.0, 0.1, [[1.0, 2.0], [2.0, 1.0]])

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The user's own law of a beam section: an energy, and a dissipation where it is viscous.
+"""The user's own law of a section: an energy, and a dissipation where it is viscous.
 
-Strains are in the order (gamma1, gamma2, gamma3, kappa1, kappa2, kappa3) of
-``flexfem.materials.section``, measured from the initial shape, in section axes. With the energy
-``phi`` and the dissipation potential ``psi`` the stress resultants are (Rayleigh 1873)
+Strains are measured from the initial shape, in section axes: in the order (gamma1, gamma2, gamma3,
+kappa1, kappa2, kappa3) of ``flexfem.materials.section`` in beams, and in the order (eps11, eps22,
+2 eps12, kappa11, kappa22, 2 kappa12) of ``flexfem.materials.shell_section`` in shells. With the
+energy ``phi`` and the dissipation potential ``psi`` the stress resultants are (Rayleigh 1873)
 
-``(N, Q2, Q3, T, M2, M3) = d phi / d strain + d psi / d strain_rate``.
+``(N, Q2, Q3, T, M2, M3) = d phi / d strain + d psi / d strain_rate``
+
+in beams, and (n11, n22, n12, m11, m22, m12) in shells.
 
 A potential instead of a viscous stress: both halves of a law are then one scalar, the damping
 matrix is symmetric, and that damping takes energy out can be checked.
@@ -19,22 +22,22 @@ from typing import Any, Self
 
 from flexfem import _checks
 
-__all__ = ["BeamLaw"]
+__all__ = ["BeamLaw", "SectionLaw", "ShellLaw"]
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class BeamLaw:
-    """Constitutive law of a beam section, written in UFL.
+class SectionLaw:
+    """Constitutive law of a section, written in UFL; base of those of beams and shells.
 
     The functions are called when a system is built, with UFL vectors of six components and an
     object with the parameters as attributes, and return a UFL scalar of these alone. Laws that
     differ in the values of parameters only share their compiled code.
 
     Attributes:
-        energy: ``energy(strain, p)``, the strain energy per length, J/m.
+        energy: ``energy(strain, p)``, the strain energy per length, J/m, or area, J/m^2.
         dissipation: ``dissipation(strain, strain_rate, p)``, the dissipation potential per length,
-            W/m: half the dissipated power where the viscous stress is linear in the rate. None for
-            none.
+            W/m, or area, W/m^2: half the dissipated power where the viscous stress is linear in the
+            rate. None for none.
         parameters: Values of the parameters by name.
         allow_unstable: Whether the stiffness at zero strain need not be positive definite, as in a
             beam that snaps between two shapes or a cable without bending stiffness.
@@ -61,7 +64,7 @@ class BeamLaw:
         """
         if not callable(energy):
             raise TypeError(
-                "BeamLaw: energy must be a function of strain and parameters, got "
+                f"{type(self).__name__}: energy must be a function of strain and parameters, got "
                 f"{_checks.show(energy)}"
             )
         _checks.assign(self, energy=energy)
@@ -79,7 +82,8 @@ class BeamLaw:
     @property
     def owner(self) -> str:
         """Class and quoted name of the energy function, as messages begin."""
-        return f'BeamLaw "{getattr(self.energy, "__name__", type(self.energy).__name__)}"'
+        name = getattr(self.energy, "__name__", type(self.energy).__name__)
+        return f'{type(self).__name__} "{name}"'
 
     def with_parameters(self, **changes: float) -> Self:
         """Create the same law with other values of some parameters.
@@ -98,6 +102,14 @@ class BeamLaw:
             parameters={**self.parameters, **changes},
             allow_unstable=self.allow_unstable,
         )
+
+
+class BeamLaw(SectionLaw):
+    """Law of a beam section; see :class:`SectionLaw`."""
+
+
+class ShellLaw(SectionLaw):
+    """Law of a shell section; see :class:`SectionLaw`."""
 
 
 def _values(owner: str, parameters: object) -> Mapping[str, float]:

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled loops over pairs of nodes of director shells: matrices, inertia, momenta.
+
+The inertia is that of ``nurbs_inertia``: masses ``m_IJ`` that move with the inertial velocities of
+the nodes, constant, and rods that turn with the directors, lumped in the middles of the edges.
+"""
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
+from flexfem.elements.nurbs_inertia import accelerations_into, add_products, nodal_tangent
+from flexfem.lie.compiled import kernel
+
+__all__ = ["add_blocks", "add_inertia_blocks", "add_motion", "add_turns"]
+
+
+@kernel
+def add_blocks(tangents: FloatArray, index: IndexArray, first: int, blocks: FloatArray) -> None:
+    """Add matrices (r, 36, 36) to those (k, 6, 6) of pairs of nodes.
+
+    ``index`` (m, 6, 6) are the numbers of the pairs; that of the first matrix is at ``first``.
+    Corners do not turn.
+    """
+    for m in range(len(tangents)):
+        K, at = tangents[m], index[first + m]
+        for i in range(6):
+            for j in range(6):
+                to = blocks[at[i, j]]
+                for a in range(3 if i < 3 else 6):
+                    for b in range(3 if j < 3 else 6):
+                        to[a, b] += K[6 * i + a, 6 * j + b]
+
+
+@kernel
+def add_inertia_blocks(
+    nodes: IntArray, cells: IndexArray, masses: FloatArray, lumps: FloatArray, gravity: FloatArray,
+    pairs: FloatArray, rows: IntArray, columns: IntArray, diagonal: IntArray, frames: FloatArray,
+    velocity: FloatArray, acceleration: FloatArray, by_v: FloatArray, by_w: FloatArray,
+    stiffness: float, scale: float, blocks: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``scale`` times the derivatives of inertia forces less weights to blocks (k, 6, 6).
+
+    See ``nurbs_inertia.add_inertia_tangent``; here masses (k,) are summed up for pairs of nodes
+    before.
+    """
+    n = len(frames)
+    b, force = np.zeros((n, 3)), np.zeros((n, 3))
+    moved, own = np.zeros((n, 3, 6)), np.zeros((len(nodes), 6, 6))
+    accelerations_into(nodes, gravity, frames, velocity, acceleration, b)
+    add_products(cells, masses, b, force)
+    nodal_tangent(
+        nodes, lumps, gravity, frames, velocity, acceleration, by_v, by_w, force, stiffness, moved,
+        own,
+    )  # fmt: skip
+    for k in range(len(rows)):
+        mass = scale * pairs[k]
+        if mass == 0.0:
+            continue
+        H, P = frames[rows[k]], moved[columns[k]]
+        for i in range(3):
+            for j in range(6):
+                turned = H[3 + i] * P[0, j] + H[6 + i] * P[1, j] + H[9 + i] * P[2, j]
+                blocks[k, i, j] += mass * turned
+    for u in range(len(nodes)):
+        to = blocks[diagonal[nodes[u]]]
+        for i in range(6):
+            for j in range(6):
+                to[i, j] += scale * own[u, i, j]
+
+
+@kernel
+def add_motion(
+    cells: IndexArray, masses: FloatArray, rods: FloatArray, chosen: BoolArray, frames: FloatArray,
+    velocity: FloatArray, motion: FloatArray,
+) -> None:  # fmt: skip
+    """Add energy and momenta of chosen triangles (m,), see ``flexfem.core.motion``."""
+    v, p, x, spin = np.empty((6, 3)), np.empty(3), np.empty(3), np.empty(3)
+    for m in range(len(cells)):
+        if not chosen[m]:
+            continue
+        for i in range(6):
+            H, w = frames[cells[m, i]], velocity[cells[m, i]]
+            for a in range(3):
+                j = 3 + 3 * a
+                v[i, a] = H[j] * w[0] + H[j + 1] * w[1] + H[j + 2] * w[2]
+        for i in range(6):
+            p[:], x[:] = 0.0, 0.0
+            for j in range(6):
+                motion[MASS] += masses[m, i, j]
+                for a in range(3):
+                    p[a] += masses[m, i, j] * v[j, a]
+                    x[a] += masses[m, i, j] * frames[cells[m, j], a]
+            H = frames[cells[m, i]]
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                motion[KINETIC] += 0.5 * v[i, a] * p[a]
+                motion[FIRST + a] += x[a]
+                motion[LINEAR + a] += p[a]
+                motion[ANGULAR + a] += H[b] * p[c] - H[c] * p[b]
+        for k in range(3):
+            H, w = frames[cells[m, 3 + k]], velocity[cells[m, 3 + k]]
+            for a in range(3):
+                spin[a] = 0.0
+                for b in range(3):
+                    spin[a] += rods[m, k, a, b] * w[3 + b]
+                motion[KINETIC] += 0.5 * w[3 + a] * spin[a]
+            for a in range(3):
+                j = 3 + 3 * a
+                motion[ANGULAR + a] += H[j] * spin[0] + H[j + 1] * spin[1] + H[j + 2] * spin[2]
+
+
+@kernel
+def add_turns(cells: IndexArray, start: FloatArray, frames: FloatArray, sums: FloatArray) -> None:
+    """Add how nodes amid edges have turned since the start to the corners nearby (n, 9)."""
+    for m in range(len(cells)):
+        for k in range(3):
+            H, G = frames[cells[m, 3 + k]], start[cells[m, 3 + k]]
+            for i in range(3):
+                if i == k:
+                    continue
+                to = sums[cells[m, i]]
+                for a in range(3):
+                    for b in range(3):
+                        for c in range(3):
+                            to[3 * a + b] += H[3 + 3 * a + c] * G[3 + 3 * b + c]

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The family of director shells: all of them on one triangle mesh with nodes amid its edges.
+
+The matrices of the triangles are summed up for pairs of nodes at once, as in
+``rotation_free_shells``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.director_inertia import (
+    add_blocks,
+    add_inertia_blocks,
+    add_motion,
+    add_turns,
+)
+from flexfem.elements.director_shell import DirectorTriangles
+from flexfem.elements.nurbs_inertia import (
+    add_inertia,
+    add_inertia_action,
+    step_changes,
+    step_rates,
+)
+from flexfem.elements.shell_nodes import turn_nodes
+
+__all__ = ["DirectorCells", "DirectorShells"]
+
+#: Triangles whose matrices are computed at a time: they stay in the cache.
+_CHUNK = 64
+
+
+@dataclass(frozen=True)
+class DirectorCells:
+    """Triangles of this rank.
+
+    Attributes:
+        triangles: their mechanics.
+        body: number of the shell, (m,).
+        masses: kg, (m, 6, 6).
+        rods: inertia of the directors in the axes of their nodes, kg m^2, (m, 3, 3, 3).
+    """
+
+    triangles: DirectorTriangles
+    body: IntArray
+    masses: FloatArray
+    rods: FloatArray
+
+
+class DirectorShells:
+    """Residual, tangent and stress resultants of all director shells of this rank.
+
+    Attributes:
+        triangles: their mechanics.
+        body: (m,) number of the shell.
+        assumed: (m, 24) changes of strains whose stress the tangent takes in place of the present
+            one; None for the exact tangent.
+        assumed_forces: the residual takes that stress, too.
+
+    The methods of :class:`flexfem.elements.family.ElementFamily` are described there. A step with
+    damping neglects in the tangent how strain rates change as triangles turn.
+    """
+
+    law_owner: str | None = None
+    chained = False
+
+    def __init__(self, cells: DirectorCells, block: FrameBlock) -> None:
+        """Prepare pairs of nodes and masses.
+
+        Args:
+            cells: the triangles that this rank owns.
+            block: their nodes.
+        """
+        self.triangles, self.body = cells.triangles, cells.body
+        self._masses, self._rods = cells.masses, cells.rods
+        self.assumed: FloatArray | None = None
+        self.assumed_forces = False
+        self.viscous = bool(self.triangles.damping.any())
+        nodes = self.triangles.nodes
+        self._nodes: IntArray = np.unique(nodes).astype(np.int64)
+        self._lumps = np.zeros((len(self._nodes), 6, 6))
+        at = np.searchsorted(self._nodes, nodes[:, 3:])
+        np.add.at(self._lumps[:, 3:, 3:], at, self._rods)
+        self._pairs(len(block.frames))
+        # axes in which a corner is held stay what they are, others turn with it
+        self._fixed = np.zeros(len(block.frames), dtype=np.bool_)
+        if block.held is not None:
+            self._fixed = block.held[:, :3].any(axis=1)
+
+    def _pairs(self, count: int) -> None:
+        """Number the pairs of nodes that triangles couple."""
+        nodes = self.triangles.nodes.astype(np.int64)
+        keys = nodes[:, :, np.newaxis] * count + nodes[:, np.newaxis]
+        own = np.arange(count) * (count + 1)
+        known = np.unique(np.concatenate([own, keys.ravel()]))
+        self._rows, self._columns = known // count, known % count
+        self._diagonal = np.searchsorted(known, own)
+        self._index = np.searchsorted(known, keys).astype(np.int32)
+        self._pair_masses = np.bincount(self._index.ravel(), self._masses.ravel(), len(known))
+
+    @property
+    def facets(self) -> tuple[IntArray, IntArray]:
+        """Nodes of the four flat triangles that each consists of in pictures, and which it is."""
+        parts = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
+        nodes = self.triangles.nodes.astype(np.int64)
+        return nodes[:, parts].reshape(-1, 3), np.repeat(np.arange(len(nodes)), 4)
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [(self._rows[:, np.newaxis], self._columns[:, np.newaxis])]
+
+    def _starts(self, block: FrameBlock, assumed: bool) -> FloatArray:
+        """Strains at the start, less what rates and assumptions add to the present ones."""
+        triangles, starts = self.triangles, self.triangles.starts
+        if self.viscous:
+            rates = triangles.rates(block.frames, block.velocity)
+            starts = starts - triangles.damping[:, np.newaxis] * rates
+        if assumed and self.assumed is not None:
+            starts = starts + triangles.changes(block.frames) - self.assumed
+        return starts
+
+    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        starts = self._starts(block, self.assumed_forces)
+        self.triangles.add_forces(block.frames, block.residual, scale, starts)
+        add_inertia(
+            self._nodes, self.triangles.nodes, self._masses, self._lumps, gravity, block.frames,
+            block.velocity, block.acceleration, scale, block.residual,
+        )  # fmt: skip
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        blocks = np.zeros((len(self._rows), 6, 6))
+        factors = scale * float(shifts[2]), scale * float(shifts[0])
+        if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
+            starts = self._starts(block, True)
+            matrices = np.empty((_CHUNK, 36, 36))
+            for first in range(0, len(self._index), _CHUNK):
+                part = matrices[: len(self._index) - first]
+                self.triangles.tangents_into(block.frames, part, factors, starts, first)
+                add_blocks(part, self._index, first, blocks)
+        by_v, by_w = np.empty((2, len(block.frames), 6, 6))
+        step_rates(
+            self._nodes, block.inertial_rates(shifts) and not local, block.increment,
+            block.velocity, block.acceleration, shifts, by_v, by_w,
+        )  # fmt: skip
+        add_inertia_blocks(
+            self._nodes, self.triangles.nodes, self._masses, self._lumps, gravity,
+            self._pair_masses, self._rows, self._columns, self._diagonal, block.frames,
+            block.velocity, block.acceleration, by_v, by_w, shifts[2], scale, blocks,
+        )  # fmt: skip
+        return blocks.ravel()
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
+    ) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        steps, dv, dw = np.empty((3, len(block.frames), 6))
+        step_changes(
+            self._nodes, block.inertial_rates(shifts), block.increment, block.velocity,
+            block.acceleration, shifts, block.step, steps, dv, dw,
+        )  # fmt: skip
+        factors = scale * float(shifts[2]), scale * float(shifts[0])
+        if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
+            starts = self._starts(block, True)
+            self.triangles.add_action(block.frames, block.step, block.residual, factors, starts)
+        add_inertia_action(
+            self._nodes, self.triangles.nodes, self._masses, self._lumps, gravity, block.frames,
+            block.velocity, block.acceleration, steps, dv, dw, scale, block.residual,
+        )  # fmt: skip
+
+    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
+        """Let the tangent take strains continued linearly along local twists of the nodes."""
+        self.assumed = self.triangles.changes(frames) + self.triangles.rates(frames, steps)
+
+    def assume_forces(self, assumed: bool) -> None:
+        """Let the residual take the stresses of those strains, too, or not."""
+        self.assumed_forces = assumed
+
+    def exact(self) -> None:
+        """Let the tangent take the present stresses again."""
+        self.assumed = None
+
+    def accept(self, block: FrameBlock) -> None:
+        """Turn the axes of corners as the directors around them have turned (collective)."""
+        from dolfinx import la
+
+        vector = la.vector(block.index_map, 9)
+        sums = vector.array.reshape(-1, 9)
+        add_turns(self.triangles.nodes, block.start_frames, block.frames, sums)
+        if block.has_ghosts:
+            vector.scatter_reverse(la.InsertMode.add)
+            vector.scatter_forward()
+        turn_nodes(
+            sums, block.start_frames, self._fixed, block.frames0, block.frames, block.velocity,
+            block.acceleration,
+        )  # fmt: skip
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.elements.family.ElementFamily`; the shear is left out."""
+        strains = self.triangles.strains(frames)
+        both = strains[:, :6], self.triangles.stresses(strains)[:, :6]
+        return both if chosen is None else (both[0][chosen], both[1][chosen])
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        energies: FloatArray = self.triangles.energies(frames)[:, 3]
+        return energies
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.elements.family.ElementFamily`.
+
+        Strains are covariant, and stresses are those of the areas of their points.
+        """
+        rates = self.triangles.rates(block.frames, block.velocity)
+        damped = self.triangles.damping[:, np.newaxis] * rates
+        return self.triangles.weighted(damped).reshape(-1, 6), rates.reshape(-1, 6)
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        count = len(self.triangles.areas)
+        return np.repeat(np.arange(count), 4), np.ones(4 * count)
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        add_motion(
+            self.triangles.nodes, self._masses, self._rods, chosen, block.frames, block.velocity,
+            motion,
+        )  # fmt: skip
