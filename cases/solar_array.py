@@ -10,8 +10,9 @@ by ``--stretch`` of its length at the end and held there. No gravity.
 
 Two guide wires of steel (2 mm, E = 210e9 N/m^2, nu = 0.25, rho = 7850 kg/m^3) stand at y = 0, 0.3 m
 from the sides of the panels, clamped 0.2 m below the container and pulled up by 10 N
-(``--wire-tension``) 0.2 m above the deployed blanket. The hinges that lie at y = 0 in the folded blanket, every
-second one, slide along both wires through grommets; the others lie 0.45 m away and have none.
+(``--wire-tension``) 0.2 m above the deployed blanket. The hinges that lie at y = 0 in the folded
+blanket, every second one, slide along both wires through grommets; the others lie 0.45 m away and
+have none.
 
 The folded panels touch: contact of all of them with one another and with the floor of the
 container, a pitch below them (``--no-contact`` leaves it out).
