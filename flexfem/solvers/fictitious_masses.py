@@ -9,6 +9,8 @@ every unknown near its own limit (Underwood, in: Computational Methods for Trans
 
 from __future__ import annotations
 
+from math import sqrt
+
 from mpi4py import MPI
 
 import numpy as np
@@ -67,7 +69,7 @@ def physical_masses(tangent: TangentSolver) -> list[FloatArray]:
 
 
 def _springs(system: System) -> list[FloatArray]:
-    """Sums of the stiffness of springs and stops over the rows of every block."""
+    """Sums of the stiffness of springs, stops and contacts over the rows of every block."""
     rows = system.constraints
     kind, stiffness = rows.elastic[:, 0], rows.elastic[:, 1]
     elastic = (kind == LawKind.SPRING) | (kind == LawKind.LIMIT)
@@ -81,5 +83,8 @@ def _springs(system: System) -> list[FloatArray]:
         term, side = np.nonzero(local >= 0)
         added = factor[rows.row_of_term[term], np.newaxis] * sizes[term, side]
         np.add.at(out, local[term, side], added)
+        if part.contacts is not None:
+            # a unit normal has a sum of at most sqrt(3) with the entries of another one
+            out[:, :3] += sqrt(3.0) * part.contacts.nearby()[:, np.newaxis]
         every.append(out[:, :width])
     return every

@@ -26,6 +26,7 @@ from flexfem.solvers.fictitious_masses import REST, fictitious_masses, physical_
 from flexfem.solvers.relaxation_kernels import SUMS, drive, largest_into, measure, move
 from flexfem.solvers.row_projection import RowProjection
 from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.contacts import ContactGroup
 
 __all__ = ["Progression", "Relaxation", "Scheme"]
 
@@ -111,6 +112,9 @@ class Relaxation:
             part.block.velocity[:] = part.block.acceleration[:] = 0.0
             part.block.take()
         self.system.constraints.multipliers[:] = 0.0
+        self._touching = [c for c in self.system.contacts if any(_remembers(g) for g in c.groups)]
+        for contacts in self.system.contacts:
+            contacts.prepare(0.0)
         self._projection = RowProjection(self.system)
         self._physical = physical_masses(tangent) if scheme.physical else None
         if fresh:
@@ -137,6 +141,8 @@ class Relaxation:
         for part, mass, inverse in zip(system.parts, masses, self._inverse, strict=True):
             np.divide(1.0, mass, out=inverse)
             part.block.hold(inverse)
+        for contacts in system.contacts:
+            contacts.accept()
         self.renewals += 1
         self._started, self._evaluated = True, False
 
@@ -214,6 +220,8 @@ class Relaxation:
             block = part.block
             block.spread_step()
             move(block.frames, block.step, block.width)
+        for contacts in self._touching:
+            contacts.accept()
 
     def evaluate(self) -> bool:
         """Measure how far it has come; False where forces are not finite (collective).
@@ -279,3 +287,8 @@ class Relaxation:
             {"pseudo_velocity": v, "previous_residual": r, "inverse_mass": w}
             for v, r, w in zip(self._velocity, self._previous, self._inverse, strict=True)
         ]
+
+
+def _remembers(group: ContactGroup) -> bool:
+    """Whether a contact depends on the states passed through: lists of candidates, friction."""
+    return bool(group.triangles) or group.surfaces.contact.friction > 0.0

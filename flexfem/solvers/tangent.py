@@ -153,8 +153,8 @@ class TangentSolver:
         every = []
         for i, part in enumerate(self.system.parts):
             total = np.zeros(part.block.sizes[0])
-            for entry in self._grid[i][: len(self.system.parts)]:
-                start, _, values = entry.mat.getValuesCSR()
+            for j in range(len(self.system.parts)):
+                start, _, values = self.matrix.getNestSubMatrix(i, j).getValuesCSR()
                 sums = np.append(0.0, np.cumsum(np.abs(values)))
                 total += sums[start[1:]] - sums[start[:-1]]
             every.append(total.reshape(-1, part.block.width))
