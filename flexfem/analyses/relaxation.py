@@ -46,7 +46,7 @@ _OPTIONS = (
     Option(
         "least_mass",
         float,
-        0.05,
+        0.2,
         "smallest mass of a node among its directions, relative to the largest; 1: all the same",
         above=0,
         maximum=1,
@@ -54,7 +54,7 @@ _OPTIONS = (
     Option(
         "margin", float, 1.2, "masses relative to those that are stable for sure", minimum=0.5
     ),
-    Option("renew_every", int, 50, "masses are computed anew every N-th iteration", minimum=1),
+    Option("renew_every", int, 100, "masses are computed anew every N-th iteration", minimum=1),
     Option("at_time", float, 0.0, "time at which loads and drives are taken", unit="s"),
     Option(
         "record_every", int, 20, "rows of the history, and tests of convergence, in iterations",

@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.row import LawKind
 from flexfem.solvers.tangent import TangentSolver
@@ -43,7 +44,10 @@ def fictitious_masses(
     sums = [own + more for own, more in zip(tangent.row_sums(), _springs(system), strict=True)]
     needed = [total / limit for total in sums]
     if physical is not None:
-        ratios = [float((n / m).max(initial=0.0)) for n, m in zip(needed, physical, strict=True)]
+        ratios = [
+            float((n[n > 0.0] / m[n > 0.0]).max(initial=0.0))
+            for n, m in zip(needed, physical, strict=True)
+        ]
         factor = system.comm.allreduce(max(ratios, default=0.0), op=MPI.MAX)
         return [factor * m for m in physical]
     largest = np.zeros(2)
@@ -63,9 +67,18 @@ def fictitious_masses(
 
 
 def physical_masses(tangent: TangentSolver) -> list[FloatArray]:
-    """Diagonals (n_owned, width) of the mass matrices of all blocks (collective)."""
+    """Diagonals (n_owned, width) of the mass matrices of all blocks (collective).
+
+    Raises:
+        InputError: a node has no mass; a body of its block is named.
+    """
+    system = tangent.system
     tangent.assemble(MASS)
-    return [np.array(diagonal) for diagonal in tangent.diagonals()]
+    every = [np.array(diagonal) for diagonal in tangent.diagonals()]
+    for part, masses in zip(system.parts, every, strict=True):
+        if system.comm.allreduce(bool((masses <= 0.0).any()), op=MPI.LOR):
+            raise InputError(f"{part.owner}: it has nodes without mass, which cannot be scaled")
+    return every
 
 
 def _springs(system: System) -> list[FloatArray]:
@@ -86,5 +99,5 @@ def _springs(system: System) -> list[FloatArray]:
         if part.contacts is not None:
             # a unit normal has a sum of at most sqrt(3) with the entries of another one
             out[:, :3] += sqrt(3.0) * part.contacts.nearby()[:, np.newaxis]
-        every.append(out[:, :width])
+        every.append(part.block.hold(out[:, :width]))
     return every

@@ -23,7 +23,14 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.state import State
 from flexfem.solvers.fictitious_masses import REST, fictitious_masses, physical_masses
-from flexfem.solvers.relaxation_kernels import SUMS, drive, largest_into, measure, move
+from flexfem.solvers.relaxation_kernels import (
+    SUMS,
+    drive,
+    largest_into,
+    measure,
+    measure_way,
+    move,
+)
 from flexfem.solvers.row_projection import RowProjection
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.contacts import ContactGroup
@@ -34,6 +41,8 @@ __all__ = ["Progression", "Relaxation", "Scheme"]
 _STABLE = 4.0
 #: Rayleigh's quotient above which masses are too small.
 _FAST = 1.0
+#: Rayleigh's quotient below which damping does not fall.
+_SLOWEST = 1e-6
 #: Largest viscous damping.
 _MOST = 1.9
 
@@ -96,7 +105,7 @@ class Relaxation:
             fresh: choose masses; False if :meth:`restore` follows.
         """
         self.system, self._tangent, self._size, self._scheme = tangent.system, tangent, size, scheme
-        self.iteration = self.renewals = 0
+        self.iteration = self.renewals = self.stops = 0
         self._at_time = at_time
         self.progress = Progression()
         parts = self.system.parts
@@ -104,6 +113,9 @@ class Relaxation:
         self._velocity = [np.zeros(shape) for shape in shapes]
         self._previous = [np.zeros(shape) for shape in shapes]
         self._inverse = [np.zeros(shape) for shape in shapes]
+        # residuals where masses were computed, and sum of the steps since
+        self._first_residual = [np.zeros(shape) for shape in shapes]
+        self._way = [np.zeros(shape) for shape in shapes]
         self._sums = np.zeros(SUMS)
         self._quotient = self._energy = 0.0  # Rayleigh's, and before the last step
         self._applied = self._first = 0.0  # norms of the applied forces and of the first residual
@@ -179,23 +191,46 @@ class Relaxation:
 
     def advance(self) -> bool:
         """Evaluate and take one step; False where forces are not finite (collective)."""
-        if self.iteration and self.iteration % self._scheme.renew == 0:
-            self.renew()
         if not (self._evaluated or self._evaluate()):
             return False
         work, twice = self._sums[:2].tolist()
-        if not self._started and twice > 0.0:
-            self._quotient = max(work / twice, 0.0)
-            if self._quotient > _FAST:
-                self.renew()
-                if not self._evaluate():
-                    return False
-                twice = float(self._sums[1])
+        fast = not self._started and work > _FAST * twice
+        if fast or (self.iteration and self.iteration % self._scheme.renew == 0):
+            if fast:  # what swings too fast would soon grow without bounds
+                for velocity in self._velocity:
+                    velocity[:] = 0.0
+                self.stops += 1
+            else:
+                self._quotient = self._rayleigh()
+            self.renew()
+            if not self._evaluate():
+                return False
+            twice = float(self._sums[1])
+        if self._started:
+            for part, first, way in zip(
+                self.system.parts, self._first_residual, self._way, strict=True
+            ):
+                first[:] = part.block.owned_residual
+                way[:] = 0.0
         keep, push = self._factors(0.5 * twice)
         self._started = self._evaluated = False
         self._step(keep, push)
         self.iteration += 1
         return True
+
+    def _rayleigh(self) -> float:
+        """Rayleigh's quotient of the way since masses were computed (collective).
+
+        Over many steps what swings quickly cancels: the quotient is that of the slow motion, which
+        viscous damping is for.
+        """
+        sums = np.zeros(2)
+        for part, first, way, inverse in zip(
+            self.system.parts, self._first_residual, self._way, self._inverse, strict=True
+        ):
+            measure_way(part.block.residual, first, way, inverse, sums)
+        self.system.comm.Allreduce(MPI.IN_PLACE, sums)
+        return max(float(sums[0] / sums[1]), 0.0) if sums[1] > 0.0 else 0.0
 
     def _factors(self, energy: float) -> tuple[float, float]:
         """Factors of the old velocity and of the residual's push."""
@@ -207,7 +242,7 @@ class Relaxation:
             return 1.0, 1.0
         if energy == 0.0:
             return 0.0, 0.5
-        damping = min(2.0 * sqrt(self._quotient), _MOST)
+        damping = min(2.0 * sqrt(max(self._quotient, _SLOWEST)), _MOST)
         return (2.0 - damping) / (2.0 + damping), 2.0 / (2.0 + damping)
 
     def _step(self, keep: float, push: float) -> None:
@@ -220,6 +255,8 @@ class Relaxation:
             block = part.block
             block.spread_step()
             move(block.frames, block.step, block.width)
+        for way, velocity in zip(self._way, self._velocity, strict=True):
+            np.add(way, velocity, out=way)
         for contacts in self._touching:
             contacts.accept()
 
@@ -284,8 +321,21 @@ class Relaxation:
     def _own(self) -> list[dict[str, FloatArray]]:
         """Arrays (n_owned, width) of every block."""
         return [
-            {"pseudo_velocity": v, "previous_residual": r, "inverse_mass": w}
-            for v, r, w in zip(self._velocity, self._previous, self._inverse, strict=True)
+            {
+                "pseudo_velocity": v,
+                "previous_residual": r,
+                "inverse_mass": w,
+                "first_residual": first,
+                "way": way,
+            }
+            for v, r, w, first, way in zip(
+                self._velocity,
+                self._previous,
+                self._inverse,
+                self._first_residual,
+                self._way,
+                strict=True,
+            )
         ]
 
 

@@ -7,7 +7,7 @@ from flexfem._types import FloatArray
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import retract_into
 
-__all__ = ["SUMS", "drive", "largest_into", "measure", "move"]
+__all__ = ["SUMS", "drive", "largest_into", "measure", "measure_way", "move"]
 
 #: Sums of :func:`measure`: work of the change of the residual along the last step (0), twice the
 #: kinetic energy (1), squares of residual forces (2) and moments (3).
@@ -49,6 +49,27 @@ def drive(
         for k in range(inverse.shape[1]):
             velocity[i, k] = keep * velocity[i, k] - push * inverse[i, k] * residual[i, k]
             step[i, k] = velocity[i, k]
+
+
+@kernel
+def measure_way(
+    residual: FloatArray, first: FloatArray, way: FloatArray, inverse: FloatArray,
+    sums: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``way . (residual - first)`` and ``way . M way`` to ``sums`` (2,).
+
+    Args:
+        residual: (n, 6) or more rows, of which the first n count.
+        first: (n, width) residual where the way begins.
+        way: (n, width) sum of the steps since.
+        inverse: (n, width) inverse masses, zero where an unknown is held.
+        sums: (2,).
+    """
+    for i in range(inverse.shape[0]):
+        for k in range(inverse.shape[1]):
+            if inverse[i, k] > 0.0:
+                sums[0] += way[i, k] * (residual[i, k] - first[i, k])
+                sums[1] += way[i, k] * way[i, k] / inverse[i, k]
 
 
 @kernel

@@ -149,15 +149,18 @@ class TangentSolver:
         ]
 
     def row_sums(self) -> list[FloatArray]:
-        """(n_owned, width) sums of the sizes of the entries in each row, multipliers left out."""
+        """(n_owned, width) sums of the sizes of the entries in each row, multipliers left out.
+
+        They are zero where unknowns are held.
+        """
         every = []
         for i, part in enumerate(self.system.parts):
             total = np.zeros(part.block.sizes[0])
             for j in range(len(self.system.parts)):
                 start, _, values = self.matrix.getNestSubMatrix(i, j).getValuesCSR()
-                sums = np.append(0.0, np.cumsum(np.abs(values)))
-                total += sums[start[1:]] - sums[start[:-1]]
-            every.append(total.reshape(-1, part.block.width))
+                row = np.repeat(np.arange(len(total)), np.diff(start))
+                total += np.bincount(row, np.abs(values), minlength=len(total))
+            every.append(part.block.hold(total.reshape(-1, part.block.width)))
         return every
 
     def add_at_nodes(self, values: list[FloatArray]) -> None:
