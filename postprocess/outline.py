@@ -6,7 +6,7 @@ Reads the last instant of the ParaView series of shells in a result folder:
 
     python postprocess/outline.py results/draping
 
-A fold is where the outline is farther from its middle than to both sides by more than a tenth of
+A fold is where the outline is farther from its middle than to both sides by more than a twentieth of
 its mean radius. Symmetry is the root mean square distance, relative to the mean radius, of the
 outline from itself turned by 180 degrees and, apart, mirrored at both diagonals.
 """
@@ -27,7 +27,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 #: Depth of a valley between two folds, relative to the mean radius.
-DEPTH = 0.1
+DEPTH = 0.05
 
 
 def last_grid(folder: Path) -> Any:

@@ -152,16 +152,16 @@ def test_measure_is_the_part_of_the_load_out_of_balance() -> None:
 
 
 @pytest.mark.parametrize("damping", ["viscous", "kinetic"])
-def test_going_on_from_a_checkpoint(damping: str, tmp_path: Path) -> None:
+def test_going_on_from_a_checkpoint(damping: str, shared_tmp_path: Path) -> None:
     options = {"damping": damping, "record_every": 10, "every": 1000}
     whole = relax(cantilever(), tolerance=1e-5, step_tolerance=1e-4, **options)
     part = ff.RelaxationOptions(
-        **options, quiet=True, max_iterations=130, checkpoint_every=130, output=tmp_path
+        **options, quiet=True, max_iterations=130, checkpoint_every=130, output=shared_tmp_path
     )
     ff.relax(cantilever(), part)
     outcome = relax(
-        cantilever(), tolerance=1e-5, step_tolerance=1e-4, output=tmp_path,
-        restart=tmp_path / "checkpoint_000130.h5", **options,
+        cantilever(), tolerance=1e-5, step_tolerance=1e-4, output=shared_tmp_path,
+        restart=shared_tmp_path / "checkpoint_000130.h5", **options,
     )  # fmt: skip
     assert outcome.summary["restarted_at_step"] == 130
     # forgotten velocities, masses or multipliers change the number of iterations
@@ -169,7 +169,7 @@ def test_going_on_from_a_checkpoint(damping: str, tmp_path: Path) -> None:
     if whole.history:
         for name, values in whole.history.items():
             np.testing.assert_allclose(outcome.history[name], values, rtol=1e-6, atol=1e-9)
-        summary = json.loads((tmp_path / "summary.json").read_text())
+        summary = json.loads((shared_tmp_path / "summary.json").read_text())
         assert summary["status"] == "ok"
 
 
