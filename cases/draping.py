@@ -126,7 +126,7 @@ CASE = ff.Case(
     ),
     analysis=ff.RELAXATION,
     tolerance=1e-3,
-    smoke={"mesh": "4x4", "contact_stiffness": 1e4, "tolerance": 0.1, "step_tolerance": 0.1},
+    smoke={"mesh": "9x9", "tolerance": 0.1, "step_tolerance": 0.1},
     results=results,
 )
 
