@@ -7,8 +7,8 @@ Reads the last instant of the ParaView series of shells in a result folder:
     python postprocess/outline.py results/draping
 
 A fold is where the outline is farther from its middle than to both sides by more than a
-twentieth of its mean radius. Symmetry is the root mean square distance, relative to the mean radius, of the
-outline from itself turned by 180 degrees and, apart, mirrored at both diagonals.
+twentieth of its mean radius. Symmetry is the root mean square distance, relative to the mean
+radius, of the outline from itself turned by 180 degrees and, apart, mirrored at both diagonals.
 """
 
 from __future__ import annotations
