@@ -26,7 +26,7 @@ r                  residual: r_inertial + r_internal - r_external + G^T lambda =
 M, C, K            mass, damping and stiffness matrices: derivatives of r
 A                  iteration matrix of a step: M, C and K combined, scaled by beta h^2
 beta h^2           scale of all equations of a step; their multipliers are beta h^2 lambda
-t                  time, or the load factor in statics
+t                  time, or the load factor in statics, iterations of a relaxation
 h, rho_inf         time step; spectral radius of an integrator at infinite frequency
 """
 
@@ -138,12 +138,15 @@ _MODULES = {
     "CampbellOptions": "analyses.modes",
     "LinearOptions": "analyses.modes",
     "StaticOptions": "analyses.statics",
+    "RelaxationOptions": "analyses.relaxation",
+    "RELAXATION": "analyses.relaxation",
     "MODES": "analyses.modes",
     "CAMPBELL": "analyses.modes",
     "STATICS": "analyses.statics",
     "Outcome": "simulation.outcome",
     "simulate": "simulation.dynamics",
     "solve_static": "simulation.statics",
+    "relax": "simulation.relaxation",
     "find_modes": "simulation.modes",
     "sweep_spin": "simulation.campbell",
     "linearize": "simulation.linear_model",

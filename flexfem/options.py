@@ -165,6 +165,8 @@ class Settings:
     """
 
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
+    #: Options that a run that goes on from a checkpoint may not change.
+    RESTART_AGREES: ClassVar[tuple[str, ...]] = ()
 
     output: Path | None = None
     quiet: bool = False

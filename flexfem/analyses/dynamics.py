@@ -127,6 +127,7 @@ class RunOptions(Settings):
     """
 
     OPTIONS = _RUN_OPTIONS
+    RESTART_AGREES = ("dt", "integrator", "rho_inf", "redundant_constraints", "start")
 
     dt: float
     t_end: float

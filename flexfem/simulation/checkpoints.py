@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 import flexfem
 from flexfem.analyses.dynamics import RunOptions
+from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.core.state import Numbering, State
 from flexfem.io.checkpoint import Checkpoint, remove_files, write_checkpoint
 from flexfem.simulation.time_grid import TimeGrid
@@ -22,8 +23,6 @@ from flexfem.system.system import System
 
 __all__ = ["Checkpoints", "Restart"]
 
-#: Options that a restart may not change.
-_AGREE = ("dt", "integrator", "rho_inf", "redundant_constraints", "start")
 _NAME = re.compile(r"checkpoint_\d{6,}\.h5|\.checkpoint_\d{6,}\.h5\.tmp")
 #: Files of one run that are kept.
 _KEEP = 2
@@ -49,7 +48,7 @@ class Restart:
         state: what the file holds, after :meth:`restore`.
     """
 
-    def __init__(self, options: RunOptions, comm: MPI.Intracomm) -> None:
+    def __init__(self, options: RunOptions | RelaxationOptions, comm: MPI.Intracomm) -> None:
         """Check the file named by the options (collective).
 
         Raises:
@@ -63,18 +62,25 @@ class Restart:
             raise file.refuse(
                 f"was written by flexfem {header['flexfem']}, this is {flexfem.__version__}"
             )
-        for name in _AGREE:
+        for name in options.RESTART_AGREES:
             then, now = header["options"].get(name), getattr(options, name)
             if then != now:
                 raise file.refuse(f"was written with {name} = {then}, not {now}")
         self.grid = TimeGrid(*header["grid"])
         self.step: int = header["step"]
-        if self.grid.steps(options.t_end) <= self.step:
-            reached = self.grid.time(self.step)
-            raise file.refuse(
-                f"is at t = {reached:g} s already, t_end = {options.t_end:g} s leaves nothing to do"
-            )
+        self._check_end(options)
         self.state = State()
+
+    def _check_end(self, options: RunOptions | RelaxationOptions) -> None:
+        """Refuse a run that has come to its end already."""
+        if isinstance(options, RelaxationOptions):
+            end, over = f"max_iterations = {options.max_iterations}", options.max_iterations
+            reached = f"iteration {self.step}"
+        else:
+            end, over = f"t_end = {options.t_end:g} s", self.grid.steps(options.t_end)
+            reached = f"t = {self.grid.time(self.step):g} s"
+        if over <= self.step:
+            raise self._file.refuse(f"is at {reached} already, {end} leaves nothing to do")
 
     def check(self, serial: Assembly) -> None:
         """Compare the model with the one that was run (collective).
@@ -107,8 +113,8 @@ class Checkpoints:
     """Writes the checkpoints of one run; the last two are kept."""
 
     def __init__(
-        self, simulation: _Stateful, serial: Assembly, options: RunOptions, grid: TimeGrid,
-        restart: Restart | None,
+        self, simulation: _Stateful, serial: Assembly,
+        options: RunOptions | RelaxationOptions, grid: TimeGrid, restart: Restart | None,
     ) -> None:  # fmt: skip
         """Note what all checkpoints of the run have in common.
 
@@ -123,7 +129,7 @@ class Checkpoints:
         self._numberings: dict[str, Numbering] = {}
         self._header = {
             "flexfem": flexfem.__version__,
-            "options": {name: getattr(options, name) for name in _AGREE},
+            "options": {name: getattr(options, name) for name in options.RESTART_AGREES},
             "grid": (grid.span, grid.count),
         }
         self._kept = [] if restart is None else [restart.path.absolute()]

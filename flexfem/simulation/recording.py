@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a run leaves: history, ParaView fields, progress."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flexfem._checks import InputError
@@ -27,7 +29,7 @@ class Recorder:
 
     def __init__(
         self, system: System, serial: Assembly, settings: Settings, every: int, end: float,
-        *, resume: State | None = None, unit: str = "s",
+        *, resume: State | None = None, unit: str = "s", measures: Sequence[str] = (),
     ) -> None:  # fmt: skip
         """Open the files (collective).
 
@@ -40,13 +42,20 @@ class Recorder:
             resume: what :meth:`state` returned where an earlier run is continued: its records up
                 to there are kept. None begins anew.
             unit: of ``end``; empty for a load factor.
+            measures: columns that come with each record, before those of the probes.
 
         Raises:
-            InputError: what the earlier run left cannot be continued; it is left as it was.
+            InputError: a probe has a column of these names, or what the earlier run left cannot be
+                continued; it is left as it was.
         """
         self._system, self._every = system, every
         self._probes = ProbeRecorder(system, serial)
-        self._angles = AngleColumns(self._probes.columns, self._probes.unwrap)
+        self._columns = [*measures, *self._probes.columns]
+        taken = [name for name in measures if name in self._probes.columns]
+        if taken:
+            raise InputError(f"column '{taken[0]}' of a probe: the analysis has one of this name")
+        self._measures: list[FloatArray] = []  # of the records not yet flushed
+        self._angles = AngleColumns(self._columns, self._probes.unwrap)
         self._rows: list[FloatArray] = []
         self._time = 0.0  # of the last record
         self._table = self._fields = None
@@ -56,7 +65,7 @@ class Recorder:
             # an InputError leaves everything as it was: the table is cut last
             self._fields = FieldOutput(settings.output, system, serial, start)
             self._table = HistoryWriter(
-                settings.output / "history.csv", self._probes.columns, system.comm, resume=start
+                settings.output / "history.csv", self._columns, system.comm, resume=start
             )
         if resume is not None:
             self._probes.restore(resume.values["sums"])
@@ -85,11 +94,11 @@ class Recorder:
             self._rows = [row]
         raise_together(comm, error)
 
-    def record(self, step: int, last: bool = False) -> None:
-        """Note the accepted state of a step."""
+    def record(self, step: int, last: bool = False, measures: FloatArray | None = None) -> None:
+        """Note the accepted state of a step, and the measures that come with it."""
         system = self._system
         self._time = system.time
-        self._probes.record(system.time)
+        self._keep(measures)
         due = step % self._every == 0 or last
         if due or self._probes.full:  # the table is never behind the fields
             self._flush()
@@ -101,7 +110,7 @@ class Recorder:
     def record_between(self) -> None:
         """Note the accepted state of a part of a step in the history."""
         self._time = self._system.time
-        self._probes.record(self._system.time)
+        self._keep(None)
         if self._probes.full:
             self._flush()
 
@@ -136,9 +145,14 @@ class Recorder:
         row = self._rows[-1] if self._rows else np.empty(0)
         return State({"history": row, "sums": self._probes.state()})
 
+    def _keep(self, measures: FloatArray | None) -> None:
+        self._probes.record(self._system.time)
+        self._measures.append(np.empty(0) if measures is None else measures)
+
     def _flush(self) -> None:
-        for t, values in self._probes.flush():
-            row = self._angles.unwrap(values)
+        own, self._measures = self._measures, []
+        for (t, values), measures in zip(self._probes.flush(), own, strict=False):
+            row = self._angles.unwrap(np.concatenate([measures, values]))
             self._rows.append(np.concatenate([[t], row]))
             if self._table is not None:
                 self._table.write(t, row)
@@ -157,4 +171,4 @@ class Recorder:
         if not self._rows:
             return {}
         table = np.array(self._rows)
-        return dict(zip(["t", *self._probes.columns], table.T.copy(), strict=True))
+        return dict(zip(["t", *self._columns], table.T.copy(), strict=True))

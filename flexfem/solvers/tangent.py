@@ -148,6 +148,21 @@ class TangentSolver:
             for i, part in enumerate(self.system.parts)
         ]
 
+    def row_sums(self) -> list[FloatArray]:
+        """(n_owned, width) sums of the sizes of the entries in each row, multipliers left out.
+
+        They are zero where unknowns are held.
+        """
+        every = []
+        for i, part in enumerate(self.system.parts):
+            total = np.zeros(part.block.sizes[0])
+            for j in range(len(self.system.parts)):
+                start, _, values = self.matrix.getNestSubMatrix(i, j).getValuesCSR()
+                row = np.repeat(np.arange(len(total)), np.diff(start))
+                total += np.bincount(row, np.abs(values), minlength=len(total))
+            every.append(part.block.hold(total.reshape(-1, part.block.width)))
+        return every
+
     def add_at_nodes(self, values: list[FloatArray]) -> None:
         """Add (n_owned, width, width) at the nodes of each block until it is assembled again."""
         for i, (part, value) in enumerate(zip(self.system.parts, values, strict=True)):

@@ -330,6 +330,31 @@ class Contacts:
         """Rows of a contact's slaves among the nodes of the block."""
         return self._block.owned_index(made.slaves.nodes)
 
+    def nearby(self) -> FloatArray:
+        """Stiffness (n_owned,) of contacts at nodes that are closed or may close soon (collective).
+
+        Those are nodes within the skin of a rigid surface, or with candidates.
+        """
+        self._read()
+        self._forces[:] = 0.0
+        total = self._forces[:, 0]
+        for group in self.groups:
+            for rigid, (_, frame) in zip(group.rigid, group.surfaces.rigid, strict=True):
+                close = rigid.distances(self._points, frame) < group.surfaces.skin
+                total[rigid.slaves.nodes[close]] += rigid.slaves.stiffness[close]
+            for made in group.triangles:
+                rows, slaves = made.rows, made.slaves
+                row = np.repeat(np.arange(len(slaves.nodes)), np.diff(rows.starts))
+                most = np.zeros(len(total))
+                most[slaves.nodes[row]] = slaves.stiffness[row]
+                corners = made.masters.triangles[rows.values]
+                np.maximum.at(most, corners, slaves.stiffness[row][:, np.newaxis])
+                total += most
+        if self._exchange is not None:
+            self._exchange.add_back(self._forces)
+        found: FloatArray = total[self._own].copy()
+        return found
+
     @property
     def energy(self) -> float:
         """Energy stored by the contacts of this rank, J (collective)."""

@@ -11,7 +11,8 @@ import flexfem as ff
 pytestmark = pytest.mark.serial
 
 NUMERICAL = {
-    "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize", "LinearModel",
+    "relax", "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize",
+    "LinearModel",
 }  # fmt: skip
 
 

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Square piece of fabric that drapes over a rigid sphere, by dynamic relaxation.
+
+The sheet, 0.3 x 0.3 m, starts flat and touches the top of a sphere of diameter 0.1 m, centre at the
+origin, with its middle; weight along -Z. Fabric (Zhou, Sze 2011; Xie, Sze, Zhou 2015): rigidities
+along warp and weft 1095.84 and 744.31 N/m, in shear 40.964 N/m, in bending 8.134e-6 and 6.174e-6
+N m, in twist 2.646e-6 N m, Poisson's ratio 0.01, thickness 0.593 mm, 320.4 kg/m^3; warp along X
+turned by ``--warp-angle``. ``--mesh`` counts nodes along the sides.
+
+A flat sheet could stay symmetric for ever; that triangles are cut along one diagonal, and heights
+of the nodes that are off at random by ``--imperfection`` thicknesses, decide where folds begin.
+Contact pushes with ``--contact-stiffness`` times the penetration, per area; with
+``--self-contact`` the sheet touches itself as well.
+
+History: ``residual, largest_step, pseudo_energy`` of the relaxation, ``corner_*_z`` heights of the
+corners and ``middle_*_z`` of the middles of the sides, m; ``contact_penetration`` (m),
+``contact_fz`` (N); ``energy_strain``, ``energy_gravity`` (J).
+
+Expected: the force of the contact is the weight, 0.1677 N, within 1 %; penetration below 2 % of the
+thickness. Run: ``python cases/draping.py --mesh 61x61``, then
+``python postprocess/outline.py results/draping``: outline seen from above, and folds.
+"""
+
+import sys
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+import flexfem as ff
+
+SIDE, RADIUS, THICKNESS, DENSITY, GRAVITY = 0.3, 0.05, 0.593e-3, 320.4, 9.81
+MEMBRANE = (1095.84, 744.31, 40.964)
+BENDING = (8.134e-6, 6.174e-6, 2.646e-6)
+WEIGHT = SIDE * SIDE * THICKNESS * DENSITY * GRAVITY
+Points = npt.NDArray[np.float64]
+
+
+def sheet(nodes: tuple[int, int], diagonal: str, imperfection: float, seed: int) -> ff.SurfaceMesh:
+    """Flat grid above the sphere, heights off by up to ``imperfection`` (m) upwards."""
+    random = np.random.default_rng(seed)
+
+    def surface(parameters: Points) -> Points:
+        heights = RADIUS + 0.5 * THICKNESS + imperfection * random.random(len(parameters))
+        return np.column_stack([parameters, heights])
+
+    along = [np.linspace(-0.5 * SIDE, 0.5 * SIDE, count) for count in nodes]
+    return ff.SurfaceMesh.grid("sheet", *along, surface, diagonal=diagonal)
+
+
+def build(
+    *, mesh: str, element: str, diagonal: str, warp_angle: float, friction: float,
+    contact_stiffness: float, self_contact: bool, imperfection: float, seed: int,
+) -> ff.Model:  # fmt: skip
+    """Model with a number of nodes such as "61x61"."""
+    nodes = ff.grid_nodes(mesh)
+    surface = sheet(nodes, diagonal, imperfection * THICKNESS, seed)
+    section = ff.ShellSection.orthotropic(MEMBRANE, BENDING, 0.01, DENSITY * THICKNESS, THICKNESS)
+    angle = np.radians(warp_angle)
+    model = ff.Model("draping", surface=surface)
+    model.add(
+        ff.Gravity((0.0, 0.0, -GRAVITY)),
+        ff.Shell(
+            "sheet", section, element=element, direction=(np.cos(angle), np.sin(angle), 0.0)
+        ),
+        ff.Contact(
+            "support", "sheet", surfaces=ff.RigidSphere(ff.Ground(), RADIUS),
+            stiffness=contact_stiffness, friction=friction,
+        ),
+    )  # fmt: skip
+    if self_contact:
+        model.add(ff.Contact("folds", "sheet", "sheet", stiffness=contact_stiffness))
+    half, top = 0.5 * SIDE, RADIUS + 0.5 * THICKNESS
+    places = {
+        f"{kind}_{name}": (half * x, half * y, top)
+        for kind, name, x, y in (
+            ("corner", "bottom_left", -1, -1), ("corner", "bottom_right", 1, -1),
+            ("corner", "top_right", 1, 1), ("corner", "top_left", -1, 1),
+            ("middle", "bottom", 0, -1), ("middle", "right", 1, 0), ("middle", "top", 0, 1),
+            ("middle", "left", -1, 0),
+        )
+    }  # fmt: skip
+    for name, place in places.items():
+        model.add(
+            ff.Probe(name, ff.Marker("sheet", place), (f"{name}_z",), lambda t, s: s.position[2:])
+        )
+    model.add(ff.ContactProbe("contact", "support"), ff.EnergyProbe())
+    return model
+
+
+def results(history: Mapping[str, Points]) -> dict[str, float]:
+    """Balance of forces, penetration, lowest and highest corners and middles."""
+    end = {name: float(values[-1]) for name, values in history.items()}
+    corners = [value for name, value in end.items() if name.startswith("corner_")]
+    middles = [value for name, value in end.items() if name.startswith("middle_")]
+    return {
+        "contact_force_over_weight": end["contact_fz"] / WEIGHT,
+        "penetration_over_thickness": end["contact_penetration"] / THICKNESS,
+        "lowest_corner": min(corners),
+        "highest_corner": max(corners),
+        "lowest_middle": min(middles),
+        "highest_middle": max(middles),
+        "potential_energy": end["energy_strain"] + end["energy_gravity"],
+    }
+
+
+CASE = ff.Case(
+    name="draping",
+    summary="square fabric over a sphere: folds, contact, dynamic relaxation",
+    description=__doc__,
+    build=build,
+    options=(
+        ff.GridOption("mesh", "61x61", "nodes along the sides"),
+        ff.Option("element", str, "rotation_free", "formulation", choices=ff.SHELL_ELEMENTS),
+        ff.Option("diagonal", str, "right", "which way cells are cut", choices=("right", "left")),
+        ff.Option("warp_angle", float, 0.0, "angle of the warp to X", unit="deg"),
+        ff.Option("friction", float, 0.0, "Coulomb's coefficient on the sphere", minimum=0.0),
+        ff.Option(
+            "contact_stiffness", float, 5e7, "force per penetration and area", unit="N/m^3", above=0
+        ),
+        ff.Option("self_contact", bool, False, "the sheet touches itself as well"),
+        ff.Option(
+            "imperfection", float, 0.01, "random heights of the nodes, in thicknesses", minimum=0.0
+        ),
+        ff.Option("seed", int, 0, "of the random heights", minimum=0),
+    ),
+    analysis=ff.RELAXATION,
+    tolerance=1e-3,
+    smoke={"mesh": "9x9", "tolerance": 0.1, "step_tolerance": 0.1},
+    results=results,
+)
+
+if __name__ == "__main__":
+    sys.exit(ff.main(CASE))

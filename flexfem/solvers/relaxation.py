@@ -1,0 +1,344 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Dynamic relaxation: equilibrium as the end of a damped motion in a time of its own.
+
+Steps have the unit size, ``v <- keep v - push M^-1 r`` and ``q <- q exp(v)``, with diagonal masses
+that have nothing to do with those of the model. No matrix is factorised, save the small one
+``G M^-1 G^T`` of the rigid rows of joints, by which the steps are projected onto the constraints.
+
+Damping is viscous, ``c = 2 sqrt(lambda)`` with Rayleigh's quotient lambda of the motion at hand
+(Underwood, in: Computational Methods for Transient Analysis, 1983; Papadrakakis, Comput. Methods
+Appl. Mech. Eng. 25, 1981), or kinetic: all is stopped at each peak of the kinetic energy (Cundall,
+1976; Barnes, Int. J. Space Struct. 14, 1999).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite, sqrt
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.state import State
+from flexfem.solvers.fictitious_masses import REST, fictitious_masses, physical_masses
+from flexfem.solvers.relaxation_kernels import (
+    SUMS,
+    drive,
+    largest_into,
+    measure,
+    measure_way,
+    move,
+)
+from flexfem.solvers.row_projection import RowProjection
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.contacts import ContactGroup
+
+__all__ = ["Progression", "Relaxation", "Scheme"]
+
+#: Largest eigenvalue of an unstable step of central differences.
+_STABLE = 4.0
+#: Rayleigh's quotient above which masses are too small.
+_FAST = 1.0
+#: Rayleigh's quotient below which damping does not fall.
+_SLOWEST = 1e-6
+#: Largest viscous damping.
+_MOST = 1.9
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How masses and damping are chosen.
+
+    Attributes:
+        kinetic: damping is kinetic, not viscous.
+        margin: masses relative to the smallest that are stable for sure.
+        least: smallest mass of a node relative to its largest, for translations and rotations.
+        physical: masses of the model times one factor.
+        renew: iterations after which masses are computed anew.
+    """
+
+    kinetic: bool = False
+    margin: float = 1.2
+    least: float = 1.0
+    physical: bool = False
+    renew: int = 100
+
+
+@dataclass(frozen=True)
+class Progression:
+    """How far a relaxation has come.
+
+    Attributes:
+        residual: root of the sum of squares of the forces that are not balanced, relative to that
+            of the applied ones; moments count divided by the size of the model.
+        step: largest translation of the last step relative to the size, or rotation (rad).
+        energy: kinetic energy of the fictitious motion, J.
+    """
+
+    residual: float = inf
+    step: float = inf
+    energy: float = 0.0
+
+
+class Relaxation:
+    """A system on its way to equilibrium.
+
+    Attributes:
+        iteration: number of steps taken.
+        renewals: how often masses were computed.
+        progress: at the last evaluation.
+    """
+
+    def __init__(
+        self, tangent: TangentSolver, size: float, scheme: Scheme, *, at_time: float = 0.0,
+        fresh: bool = True,
+    ) -> None:  # fmt: skip
+        """Put all nodes to rest (collective).
+
+        Args:
+            tangent: of the system, which is at its start.
+            size: of the model, m.
+            scheme: masses and damping.
+            at_time: at which loads and drives are taken, s.
+            fresh: choose masses; False if :meth:`restore` follows.
+        """
+        self.system, self._tangent, self._size, self._scheme = tangent.system, tangent, size, scheme
+        self.iteration = self.renewals = self.stops = 0
+        self._at_time = at_time
+        self.progress = Progression()
+        parts = self.system.parts
+        shapes = [(p.block.owned, p.block.width) for p in parts]
+        self._velocity = [np.zeros(shape) for shape in shapes]
+        self._previous = [np.zeros(shape) for shape in shapes]
+        self._inverse = [np.zeros(shape) for shape in shapes]
+        # residuals where masses were computed, and sum of the steps since
+        self._first_residual = [np.zeros(shape) for shape in shapes]
+        self._way = [np.zeros(shape) for shape in shapes]
+        self._sums = np.zeros(SUMS)
+        self._quotient = self._energy = 0.0  # Rayleigh's, and before the last step
+        self._applied = self._first = 0.0  # norms of the applied forces and of the first residual
+        self._started = self._evaluated = False  # since masses or positions are what they are
+        for part in parts:
+            part.block.velocity[:] = part.block.acceleration[:] = 0.0
+            part.block.take()
+        self.system.constraints.multipliers[:] = 0.0
+        self._touching = [c for c in self.system.contacts if any(_remembers(g) for g in c.groups)]
+        for contacts in self.system.contacts:
+            contacts.prepare(0.0)
+        self._projection = RowProjection(self.system)
+        self._physical = physical_masses(tangent) if scheme.physical else None
+        if fresh:
+            self.renew()
+
+    def renew(self) -> None:
+        """Masses for the present stiffness; axes of nodes turn with the shells (collective)."""
+        system = self.system
+        for part, velocity in zip(system.parts, self._velocity, strict=True):
+            block = part.block
+            block.take()
+            if part.elements is not None:
+                block.velocity[: block.owned, : block.width] = velocity
+                part.elements.accept(block)
+                velocity[:] = block.velocity[: block.owned, : block.width]
+                block.velocity[:] = 0.0
+        system.interface.update()
+        system.constraints.accept()
+        self._applied = self._forces()
+        system.evaluate(REST)
+        masses = fictitious_masses(
+            self._tangent, _STABLE / self._scheme.margin, self._scheme.least, self._physical
+        )
+        for part, mass, inverse in zip(system.parts, masses, self._inverse, strict=True):
+            np.divide(1.0, mass, out=inverse)
+            part.block.hold(inverse)
+        for contacts in system.contacts:
+            contacts.accept()
+        self.renewals += 1
+        self._started, self._evaluated = True, False
+
+    def _forces(self) -> float:
+        """Root of the sum of squares of all applied forces; 0 if there are none (collective)."""
+        system, squares = self.system, np.zeros(2)
+        nothing = np.zeros(3), np.zeros_like(system.factors)
+        for part in system.parts:
+            block = part.block
+            part.add_residual(system.gravity, system.factors, 1.0)
+            loads = block.owned_residual.copy()
+            part.add_residual(*nothing, 1.0)
+            loads -= block.owned_residual
+            block.hold(loads)
+            squares += (loads[:, :3] ** 2).sum(), (loads[:, 3:] ** 2).sum()
+        system.comm.Allreduce(MPI.IN_PLACE, squares)
+        return sqrt(squares[0] + squares[1] / self._size**2)
+
+    def _evaluate(self) -> bool:
+        """Residual at the present positions and sums over it; False if not finite (collective)."""
+        system, sums = self.system, self._sums
+        system.counters.residual_evaluations += 1
+        system.mechanics.evaluate(system, REST)
+        self._projection.add_forces()
+        sums[:] = 0.0
+        for part, previous, velocity, inverse in zip(
+            system.parts, self._previous, self._velocity, self._inverse, strict=True
+        ):
+            measure(part.block.residual, previous, velocity, inverse, sums)
+        if system.comm.size > 1:
+            system.comm.Allreduce(MPI.IN_PLACE, sums)
+        self._evaluated = True
+        return isfinite(sums.sum())
+
+    def advance(self) -> bool:
+        """Evaluate and take one step; False where forces are not finite (collective)."""
+        if not (self._evaluated or self._evaluate()):
+            return False
+        work, twice = self._sums[:2].tolist()
+        fast = not self._started and work > _FAST * twice
+        if fast or (self.iteration and self.iteration % self._scheme.renew == 0):
+            if fast:  # what swings too fast would soon grow without bounds
+                for velocity in self._velocity:
+                    velocity[:] = 0.0
+                self.stops += 1
+            else:
+                self._quotient = self._rayleigh()
+            self.renew()
+            if not self._evaluate():
+                return False
+            twice = float(self._sums[1])
+        if self._started:
+            for part, first, way in zip(
+                self.system.parts, self._first_residual, self._way, strict=True
+            ):
+                first[:] = part.block.owned_residual
+                way[:] = 0.0
+        keep, push = self._factors(0.5 * twice)
+        self._started = self._evaluated = False
+        self._step(keep, push)
+        self.iteration += 1
+        return True
+
+    def _rayleigh(self) -> float:
+        """Rayleigh's quotient of the way since masses were computed (collective).
+
+        Over many steps what swings quickly cancels: the quotient is that of the slow motion, which
+        viscous damping is for.
+        """
+        sums = np.zeros(2)
+        for part, first, way, inverse in zip(
+            self.system.parts, self._first_residual, self._way, self._inverse, strict=True
+        ):
+            measure_way(part.block.residual, first, way, inverse, sums)
+        self.system.comm.Allreduce(MPI.IN_PLACE, sums)
+        return max(float(sums[0] / sums[1]), 0.0) if sums[1] > 0.0 else 0.0
+
+    def _factors(self, energy: float) -> tuple[float, float]:
+        """Factors of the old velocity and of the residual's push."""
+        if self._scheme.kinetic:
+            peak, self._energy = energy < self._energy, energy
+            if peak or energy == 0.0:
+                self._energy = 0.0
+                return 0.0, 0.5
+            return 1.0, 1.0
+        if energy == 0.0:
+            return 0.0, 0.5
+        damping = min(2.0 * sqrt(max(self._quotient, _SLOWEST)), _MOST)
+        return (2.0 - damping) / (2.0 + damping), 2.0 / (2.0 + damping)
+
+    def _step(self, keep: float, push: float) -> None:
+        """Move all nodes."""
+        parts = self.system.parts
+        for part, velocity, inverse in zip(parts, self._velocity, self._inverse, strict=True):
+            drive(part.block.residual, inverse, keep, push, velocity, part.block.step)
+        self._projection.project(self._inverse, self._velocity, push)
+        for part in parts:
+            block = part.block
+            block.spread_step()
+            move(block.frames, block.step, block.width)
+        for way, velocity in zip(self._way, self._velocity, strict=True):
+            np.add(way, velocity, out=way)
+        for contacts in self._touching:
+            contacts.accept()
+
+    def evaluate(self) -> bool:
+        """Measure how far it has come; False where forces are not finite (collective).
+
+        The next step does not evaluate again.
+        """
+        finite = self._evaluated or self._evaluate()
+        _, twice, forces, moments = self._sums.tolist()
+        largest = np.zeros(2)
+        for velocity in self._velocity:
+            largest_into(velocity, largest)
+        self.system.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+        norm = sqrt(forces + moments / self._size**2) if finite else inf
+        if self._first == 0.0:
+            self._first = norm
+        step = max(float(largest[0]) / self._size, float(largest[1]))
+        self.progress = Progression(norm / (self._applied or self._first or 1.0), step, 0.5 * twice)
+        return finite
+
+    def settle(self) -> None:
+        """Accept the present positions, for whatever records them (collective)."""
+        system, rows = self.system, self.system.constraints
+        for part in system.parts:
+            part.block.take()
+        rows.forces[:] = rows.multipliers
+        system.interface.update()
+        rows.accept()
+        system.time = float(self.iteration)
+
+    def state(self) -> State:
+        """All that the next steps depend on; positions as accepted last."""
+        numbers = [
+            self.iteration, self.renewals, self._quotient, self._energy, self._applied, self._first,
+            self._started,
+        ]  # fmt: skip
+        values = {"relaxing": np.array(numbers, dtype=np.float64)}
+        rows = {}
+        for part, own in zip(self.system.parts, self._own(), strict=True):
+            block = part.block
+            padded = {name: np.zeros((len(block.frames), block.width)) for name in own}
+            for name, array in own.items():
+                padded[name][: block.owned] = array
+            rows[block.name] = padded
+        return self.system.state() | State(values, rows)
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned (collective)."""
+        system = self.system
+        system.restore(state)
+        system.set_time(self._at_time)
+        system.constraints.multipliers[:] = system.constraints.forces
+        for part, own in zip(system.parts, self._own(), strict=True):
+            for name, array in own.items():
+                array[:] = state.rows[part.block.name][name][: part.block.owned]
+        numbers = state.values["relaxing"].tolist()
+        self.iteration, self.renewals = int(numbers[0]), int(numbers[1])
+        self._quotient, self._energy, self._applied, self._first = numbers[2:6]
+        self._started, self._evaluated = bool(numbers[6]), False
+
+    def _own(self) -> list[dict[str, FloatArray]]:
+        """Arrays (n_owned, width) of every block."""
+        return [
+            {
+                "pseudo_velocity": v,
+                "previous_residual": r,
+                "inverse_mass": w,
+                "first_residual": first,
+                "way": way,
+            }
+            for v, r, w, first, way in zip(
+                self._velocity,
+                self._previous,
+                self._inverse,
+                self._first_residual,
+                self._way,
+                strict=True,
+            )
+        ]
+
+
+def _remembers(group: ContactGroup) -> bool:
+    """Whether a contact depends on the states passed through: lists of candidates, friction."""
+    return bool(group.triangles) or group.surfaces.contact.friction > 0.0

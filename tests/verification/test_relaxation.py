@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Dynamic relaxation against Newton's method, closed forms and one another."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+
+
+def cantilever(*more: Any) -> ff.Model:
+    """Cantilever of length 1 under a large oblique force at its end."""
+    points = np.linspace(0.0, 1.0, 5)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.stack([np.arange(4), np.arange(1, 5)], axis=1)
+    model = ff.Model("cantilever", mesh=ff.LineMesh(points, cells, {"beam": np.arange(4)}))
+    stiffness = (1e5, 1e5, 1e5, 80.0, 100.0, 120.0)
+    tip = ff.Marker("beam", "end")
+    model.add(
+        ff.Beam("beam", ff.Section.general(stiffness, (1.0,) * 6), orientation=(0.0, 1.0, 0.0)),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("beam", "start")),
+        ff.PointForce("force", tip, (20.0, 60.0, 150.0)),
+        ff.PositionProbe("tip", tip),
+        ff.ReactionProbe("hold", "clamp"),
+        *more,
+    )
+    return model
+
+
+def plate(load: float = -9.81, **fixed: Any) -> ff.Model:
+    """Thin square plate under its weight, clamped all around, with large deflections."""
+    grid = np.linspace(0.0, 1.0, 9)
+    mesh = ff.SurfaceMesh.grid("plate", grid, grid)
+    model = ff.Model("plate", surface=mesh)
+    section = ff.ShellSection.isotropic(0.01, ff.Material(1e8, 0.3, 1000.0))
+    edges = dict.fromkeys(mesh.lines, "clamped")
+    model.add(
+        ff.Shell("plate", section, edges=edges),
+        ff.Gravity((0.0, 0.0, load)),
+        ff.PositionProbe("middle", ff.Marker("plate", (0.5, 0.5, 0.0))),
+    )
+    return model
+
+
+def relax(model: ff.Model, **options: Any) -> ff.Outcome:
+    defaults = {"tolerance": 1e-8, "step_tolerance": 1e-8, "quiet": True, "record_every": 20}
+    outcome = ff.relax(model, ff.RelaxationOptions(**(defaults | options)))
+    assert outcome.status == "ok", outcome.status
+    return outcome
+
+
+def ends(outcome: ff.Outcome, *columns: str) -> np.ndarray:
+    return np.array([outcome.history[name][-1] for name in columns])
+
+
+TIP = ("tip_x", "tip_y", "tip_z")
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("damping", ["viscous", "kinetic"])
+def test_cantilever_is_that_of_newtons_method(damping: str) -> None:
+    static = ff.solve_static(cantilever(), ff.StaticOptions(quiet=True))
+    outcome = relax(cantilever(), damping=damping)
+    assert outcome.summary["factorizations"] == 0
+    if outcome.history:
+        assert static.history["tip_z"][-1] > 0.3
+        # rotations that are not moved along local twists end elsewhere by 1e-2
+        np.testing.assert_allclose(ends(outcome, *TIP), ends(static, *TIP), atol=2e-7)
+        names = [name for name in outcome.history if name.startswith("hold_")]
+        assert len(names) == 6
+        # a projection whose multipliers are not those of the rows is off by the whole force
+        np.testing.assert_allclose(ends(outcome, *names), ends(static, *names), atol=2e-4)
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("masses", ["stiffness", "scaled"])
+def test_clamped_plate_is_that_of_newtons_method(masses: str) -> None:
+    static = ff.solve_static(plate(), ff.StaticOptions(quiet=True))
+    outcome = relax(plate(), masses=masses)
+    if outcome.history:
+        depth = -static.history["middle_z"][-1]
+        assert depth > 0.005  # half the thickness: membrane forces count
+        # masses that are not stable never come below the tolerance; wrong held nodes give 1e-3
+        assert abs(outcome.history["middle_z"][-1] + depth) < 1e-8
+
+
+@pytest.mark.serial
+def test_springs_push_and_dampers_do_not() -> None:
+    tip = ff.Marker("beam", "end")
+    spring = ff.SpringDamper(
+        "spring", ff.Ground((1.0, 1.0, 0.0)), tip, stiffness=200.0, damping=50.0
+    )
+    static = ff.solve_static(cantilever(spring), ff.StaticOptions(quiet=True))
+    outcome = relax(cantilever(spring))
+    free = relax(cantilever())
+    assert np.abs(ends(free, *TIP) - ends(static, *TIP)).max() > 0.01
+    # a force at the wrong end, or with the wrong sign, moves the tip by as much as the spring
+    np.testing.assert_allclose(ends(outcome, *TIP), ends(static, *TIP), atol=2e-7)
+
+
+@pytest.mark.serial
+def test_hanging_strip_is_a_catenary() -> None:
+    """A strip without bending stiffness to speak of, inextensible, hangs between two rows."""
+    span, length, cells = 0.8, 1.0, 24
+    x = np.linspace(0.0, 1.0, cells + 1)
+    slack = [0.0, 1.0]
+    # half of a square wave's worth of slack: a parabola with the length of the strip
+    for _ in range(60):
+        rise = 0.5 * sum(slack)
+        curve = np.column_stack([span * x, 0.0 * x, -4.0 * rise * x * (1.0 - x)])
+        long = np.linalg.norm(np.diff(curve, axis=0), axis=1).sum() > length
+        slack[int(long)] = rise
+
+    def surface(parameters: np.ndarray) -> np.ndarray:
+        u, v = parameters.T
+        arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1)))
+        along = [np.interp(u * length, arc, curve[:, k]) for k in (0, 2)]
+        return np.column_stack([along[0], v, along[1]])
+
+    mesh = ff.SurfaceMesh.grid("strip", x, [0.0, 0.02, 0.04], surface)
+    model = ff.Model("strip", surface=mesh)
+    section = ff.ShellSection.orthotropic(
+        (1e3, 1e3, 400.0), (1e-8, 1e-8, 1e-8), 0.0, mass=0.2, thickness=1e-3
+    )
+    model.add(
+        ff.Shell("strip", section, fixed={"strip_left": "xyz", "strip_right": "xyz"}),
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.PositionProbe("lowest", ff.Marker("strip", (0.5 * span, 0.02, -0.27))),
+    )
+    outcome = relax(model, tolerance=1e-5, step_tolerance=1e-7)
+    # sag of a catenary: length = 2 a sinh(span / 2a), sag = a (cosh(span / 2a) - 1)
+    low, high = 0.05, 10.0
+    for _ in range(100):
+        a = 0.5 * (low + high)
+        low, high = (a, high) if 2.0 * a * np.sinh(0.5 * span / a) > length else (low, a)
+    sag = a * (np.cosh(0.5 * span / a) - 1.0)
+    # the parabola that it starts as is deeper by 1 %; a wrong load per length by more
+    assert outcome.history["lowest_z"][-1] == pytest.approx(-sag, rel=2e-3)
+
+
+def test_measure_is_the_part_of_the_load_out_of_balance() -> None:
+    """At the start, flat and stress-free, nothing balances the weight."""
+    outcome = ff.relax(plate(), ff.RelaxationOptions(quiet=True, max_iterations=20))
+    assert outcome.status.startswith("not in equilibrium after 20 iterations")
+    if outcome.history:
+        # one that forgets held nodes, or counts moments as forces, is not one
+        assert outcome.history["residual"][0] == pytest.approx(1.0, abs=1e-12)
+        assert outcome.history["largest_step"][0] == 0.0
+        assert list(outcome.history["t"]) == [0.0, 20.0]
+
+
+@pytest.mark.parametrize("damping", ["viscous", "kinetic"])
+def test_going_on_from_a_checkpoint(damping: str, shared_tmp_path: Path) -> None:
+    options = {"damping": damping, "record_every": 10, "every": 1000}
+    whole = relax(cantilever(), tolerance=1e-5, step_tolerance=1e-4, **options)
+    part = ff.RelaxationOptions(
+        **options, quiet=True, max_iterations=130, checkpoint_every=130, output=shared_tmp_path
+    )
+    ff.relax(cantilever(), part)
+    outcome = relax(
+        cantilever(), tolerance=1e-5, step_tolerance=1e-4, output=shared_tmp_path,
+        restart=shared_tmp_path / "checkpoint_000130.h5", **options,
+    )  # fmt: skip
+    assert outcome.summary["restarted_at_step"] == 130
+    # forgotten velocities, masses or multipliers change the number of iterations
+    assert outcome.summary["steps"] == whole.summary["steps"]
+    if whole.history:
+        for name, values in whole.history.items():
+            np.testing.assert_allclose(outcome.history[name], values, rtol=1e-6, atol=1e-9)
+        summary = json.loads((shared_tmp_path / "summary.json").read_text())
+        assert summary["status"] == "ok"
+
+
+def sheet(**contact: Any) -> ff.Model:
+    """A small sheet on a sphere, hanging down on all sides; it cannot slide off."""
+    grid = np.linspace(-0.5, 0.5, 7)
+    mesh = ff.SurfaceMesh.grid("sheet", grid, grid)
+    model = ff.Model("sheet", surface=mesh)
+    section = ff.ShellSection.orthotropic(
+        (1e3, 1e3, 300.0), (0.5, 0.5, 0.2), 0.0, mass=1.0, thickness=0.01
+    )
+    corners = [name for name in mesh.nodes if name.startswith("sheet_")]
+    sphere = ff.RigidSphere(ff.Ground((0.0, 0.0, -0.305)), 0.3)
+    model.add(
+        ff.Shell("sheet", section, fixed=dict.fromkeys(corners, "xy")),
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Contact("support", "sheet", surfaces=sphere, stiffness=1e5, **contact),
+        ff.ContactProbe("contact", "support"),
+        ff.PositionProbe("corner", ff.Marker("sheet", "sheet_top_right")),
+    )
+    return model
+
+
+@pytest.mark.three_ranks
+def test_contact_carries_the_weight() -> None:
+    outcome = relax(sheet(), tolerance=1e-6, step_tolerance=1e-7)
+    if outcome.history:
+        assert outcome.history["corner_z"][-1] < -0.05
+        # a contact left out of the masses makes the step unstable; one without it lets it fall
+        assert outcome.history["contact_fz"][-1] == pytest.approx(9.81, rel=1e-5)
+        assert 0.0 < outcome.history["contact_penetration"][-1] < 0.005
+
+
+def test_both_dampings_find_the_same_equilibrium() -> None:
+    """Two paths end in one place."""
+    one = relax(sheet(), tolerance=1e-6, step_tolerance=1e-7)
+    other = relax(sheet(), tolerance=1e-6, step_tolerance=1e-7, damping="kinetic")
+    if one.history:
+        # another fold, or a saddle left by the other damping, changes heights by 1e-3
+        assert one.history["corner_z"][-1] == pytest.approx(other.history["corner_z"][-1], abs=1e-5)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"tolerance": 0.0}, "tolerance must be a finite number > 0"),
+        ({"step_tolerance": -1.0}, "step_tolerance must be"),
+        ({"damping": "critical"}, "damping must be one of viscous, kinetic"),
+        ({"masses": "unit"}, "masses must be one of stiffness, scaled"),
+        ({"least_mass": 2.0}, "least_mass must be"),
+        ({"margin": 0.1}, "margin must be"),
+        ({"record_every": 30}, "every 1000 is no multiple of record_every 30"),
+        ({"checkpoint_every": 7}, "checkpoint_every 7 is no multiple of record_every 20"),
+    ],
+)
+def test_bad_options(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match="RelaxationOptions: " + message):
+        ff.RelaxationOptions(**values)
+
+
+@pytest.mark.serial
+def test_other_mistakes(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="relax: options"):
+        ff.relax(plate(), ff.StaticOptions(quiet=True))  # type: ignore[arg-type]
+    taken = cantilever(
+        ff.Probe("p", ff.Marker("beam", "end"), ("residual",), lambda t, s: s.position[:1])
+    )
+    with pytest.raises(ValueError, match="column 'residual' of a probe"):
+        ff.relax(taken, ff.RelaxationOptions(quiet=True))
+    options = ff.RelaxationOptions(quiet=True, max_iterations=20, output=tmp_path)
+    ff.relax(plate(), options)
+    file = tmp_path / "checkpoint_000020.h5"
+    again = ff.RelaxationOptions(quiet=True, max_iterations=20, output=tmp_path, restart=file)
+    with pytest.raises(ValueError, match="is at iteration 20 already, max_iterations = 20"):
+        ff.relax(plate(), again)
+    other = ff.RelaxationOptions(quiet=True, margin=2.0, output=tmp_path, restart=file)
+    with pytest.raises(ValueError, match=r"was written with margin = 1\.2, not 2"):
+        ff.relax(plate(), other)
+
+
+@pytest.mark.serial
+def test_loads_that_are_not_finite_end_the_run() -> None:
+    model = plate()
+    model.add(
+        ff.PointForce(
+            "bad", ff.Marker("plate", (0.5, 0.5, 0.0)), (0.0, 0.0, 1.0), amplitude=lambda t: np.nan
+        )
+    )
+    outcome = ff.relax(model, ff.RelaxationOptions(quiet=True))
+    assert outcome.status == 'PointForce "bad": the amplitude is not finite after 0 iterations'
