@@ -64,6 +64,7 @@ _MODULES = {
     "RigidSphere": "model.contact",
     "ShellSection": "materials.shell_section",
     "Ply": "materials.shell_section",
+    "ShellLaw": "materials.section_law",
     "RigidBody": "model.bodies",
     "PointMass": "model.bodies",
     "Box": "model.bodies",

@@ -9,18 +9,15 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.elements.beam_loops import law_values, linear_resultants
-from flexfem.forms.beam_law import LawExpressions, law_expressions, law_form
-from flexfem.la.kernel import Kernel, compile_kernel
-from flexfem.materials.matrices import check_definite
+from flexfem.elements.beam_loops import linear_resultants
+from flexfem.elements.law_values import LawValues
+from flexfem.forms.beam_law import LawExpressions, law_expressions
 from flexfem.materials.section import Section
-from flexfem.materials.section_law import SectionLaw
+from flexfem.materials.shell_section import ShellSection
 
 __all__ = ["LawMaterial", "LinearMaterial", "Material", "grouped", "materials", "symmetric"]
 
 _UPPER = np.triu_indices(6)
-#: Viscous stress at rest that still counts as round-off, relative to the viscosity.
-_AT_REST = 1e-12
 
 
 class Material(Protocol):
@@ -50,7 +47,9 @@ class Material(Protocol):
         ...
 
 
-def grouped(sections: Sequence[Section]) -> Mapping[LawExpressions | None, list[int]]:
+def grouped(
+    sections: Sequence[Section | ShellSection],
+) -> Mapping[LawExpressions | None, list[int]]:
     """Numbers of the sections that share kernels, by their law; None stands for the linear one.
 
     Raises:
@@ -138,22 +137,13 @@ class LawMaterial:
             ValueError: the law cannot be compiled, or is not usable at zero strain; on all ranks.
         """
         laws = [s.law for s in sections if s.law is not None]
-        self._parameters = np.array([list(p.parameters.values()) for p in laws])
-        self._size = law_form(law).size
-        self._kernel = _compile(comm, law, f"{owners[0]}: {laws[0].owner}")
-        self._check(laws, owners)
+        self._law = LawValues(comm, law, laws, owners)
         self.law, self.damped, self.viscous = law, False, law.dissipation is not None
-        self.data = _data(sections, self._parameters)
-
-    def _values(self, strain: FloatArray, rate: FloatArray, sections: IntArray) -> FloatArray:
-        values = np.empty((len(strain), self._size))
-        kernel = self._kernel
-        law_values(kernel.address, kernel.offsets, strain, rate, sections, self._parameters, values)
-        return values
+        self.data = _data(sections, self._law.parameters)
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
         """See :class:`Material`."""
-        values = self._values(strain, np.zeros_like(strain), sections)
+        values = self._law.at(strain, np.zeros_like(strain), sections)
         return np.ascontiguousarray(values[:, 1:7]), values[:, 0]
 
     def viscous_stress(
@@ -162,50 +152,4 @@ class LawMaterial:
         """See :class:`Material`; laws have their own dissipation instead of a damping."""
         if not self.viscous:
             return np.zeros_like(strain)
-        return np.ascontiguousarray(self._values(strain, rate, sections)[:, 43:49])
-
-    def _check(self, laws: Sequence[SectionLaw], owners: Sequence[str]) -> None:
-        rest = np.zeros((len(laws), 6))
-        values = self._values(rest, rest, np.arange(len(laws)))
-        for law, owner, row in zip(laws, owners, values, strict=True):
-            where = f"{owner}: {law.owner}"
-            _check_energy(where, row, law.allow_unstable)
-            if law.dissipation is not None:
-                _check_dissipation(where, row[43:49], row[49:].reshape(6, 6))
-
-
-def _compile(comm: MPI.Intracomm, law: LawExpressions, owner: str) -> Kernel:
-    """Compile a law by itself: what the compiler does not understand fails here."""
-    form = law_form(law)
-    try:
-        return compile_kernel(comm, form.form, form.coefficients)
-    except Exception as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{owner}: cannot be compiled: {reason[:200]}") from error
-
-
-def _check_energy(owner: str, values: FloatArray, allow_unstable: bool) -> None:
-    """Check energy, stress and stiffness at zero strain."""
-    for what, part in (
-        ("energy", values[:1]), ("stress", values[1:7]), ("stiffness", values[7:43])
-    ):  # fmt: skip
-        if not np.isfinite(part).all():
-            bad = part[~np.isfinite(part)][0]
-            raise ValueError(f"{owner}: {what} at zero strain must be finite, got {bad:g}")
-    if not allow_unstable:
-        what = "stiffness at zero strain (unless allow_unstable=True)"
-        check_definite(owner, what, values[7:43].reshape(6, 6), semidefinite=False)
-
-
-def _check_dissipation(owner: str, stress: FloatArray, viscosity: FloatArray) -> None:
-    """Check that a beam at rest is under no viscous stress and that slow motion loses energy."""
-    if not (np.isfinite(stress).all() and np.isfinite(viscosity).all()):
-        raise ValueError(
-            f"{owner}: viscous stress and viscosity at zero strain and rate must be finite, got "
-            f"{stress.tolist()} and a matrix with the sum {viscosity.sum():g}"
-        )
-    if np.abs(stress).max() > _AT_REST * np.abs(viscosity).max():
-        raise ValueError(
-            f"{owner}: the viscous stress of a beam at rest must be zero, got {stress.tolist()}"
-        )
-    check_definite(owner, "viscosity at zero strain and rate", viscosity, semidefinite=True)
+        return np.ascontiguousarray(self._law.at(strain, rate, sections)[:, 43:49])

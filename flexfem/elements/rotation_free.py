@@ -12,11 +12,13 @@ from typing import Self
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.elements.beam_loops import linear_resultants
+from flexfem.elements.law_values import LawValues
 from flexfem.elements.rotation_free_loops import add_forces, strain_rates_into, strains_into
 from flexfem.elements.rotation_free_tangent import add_action, tangents_into
 from flexfem.mesh.patches import Patches
 
-__all__ = ["RotationFreeTriangles"]
+__all__ = ["Response", "RotationFreeTriangles"]
 
 _NOTHING = np.zeros((0, 6))
 
@@ -25,12 +27,27 @@ type _Maps = tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
+class Response:
+    """Stresses and stiffness of triangles, as the compiled loops take them.
+
+    Attributes:
+        sections: (m,) which stiffness a triangle has.
+        stiffness: (s, 6, 6) derivatives of the stresses by the strains.
+        stresses: (m, 6) stresses; none where they are the stiffness times the present strains.
+    """
+
+    sections: IntArray
+    stiffness: FloatArray
+    stresses: FloatArray
+
+
+@dataclass(frozen=True)
 class RotationFreeTriangles:
     """Triangles with patches of equally many nodes on this rank.
 
     Positions are those of all local nodes, (n, 3). ``offsets`` are ``Patches.offsets`` of the
-    present tangents of clamped edges, (m, 3, 3); without them, those of the start. ``added`` is
-    what damping and assumed stresses make of the strains, see :meth:`added`.
+    present tangents of clamped edges, (m, 3, 3); without them, those of the start. ``response`` is
+    what :meth:`response` returns; without it, that of the linear law without damping.
 
     Attributes:
         patches: maps of the triangles, p nodes each.
@@ -40,6 +57,7 @@ class RotationFreeTriangles:
             N m, (s, 6, 6).
         offsets: ``Patches.offsets`` at the start, 1/m, (m, 3, 3).
         damping: stiffness-proportional damping, s, (m,).
+        law: a law of the user, which takes the place of the stiffness; None for the linear one.
     """
 
     patches: Patches
@@ -48,6 +66,7 @@ class RotationFreeTriangles:
     stiffness: FloatArray
     offsets: FloatArray
     damping: FloatArray
+    law: LawValues | None = None
 
     @classmethod
     def build(
@@ -57,6 +76,7 @@ class RotationFreeTriangles:
         stiffness: FloatArray,
         sections: IndexArray | None = None,
         damping: FloatArray | None = None,
+        law: LawValues | None = None,
     ) -> Self:
         """Triangles free of stress at the given positions.
 
@@ -66,6 +86,7 @@ class RotationFreeTriangles:
             stiffness: matrices (6, 6) or (s, 6, 6).
             sections: number of the stiffness of each triangle (m,); None for the first.
             damping: stiffness-proportional damping, s, (m,); None for none.
+            law: a law of the user instead of the stiffness; sections are its own then.
         """
         count = len(patches.areas)
         offsets, strains = patches.offsets(), np.empty((count, 6))
@@ -74,7 +95,7 @@ class RotationFreeTriangles:
         numbers = np.zeros(count, np.int64) if sections is None else sections.astype(np.int64)
         times = np.zeros(count) if damping is None else damping
         starts = strains[:, 3:].copy()
-        return cls(patches, starts, numbers, stiffness.reshape(-1, 6, 6), offsets, times)
+        return cls(patches, starts, numbers, stiffness.reshape(-1, 6, 6), offsets, times, law)
 
     def strains(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
         """Strains (m, 6): eps_11, eps_22, gamma_12, kappa_11, kappa_22, 2 kappa_12."""
@@ -88,40 +109,75 @@ class RotationFreeTriangles:
         strain_rates_into(points, velocities, *self._maps(None)[:4], rates)
         return rates
 
-    def added(
+    def response(
         self,
         points: FloatArray,
         velocities: FloatArray | None = None,
         assumed: FloatArray | None = None,
-    ) -> FloatArray:
-        """What is added to the strains before stresses are taken of them, (m, 6) or nothing.
+        rate: float = 0.0,
+    ) -> Response:
+        """Stresses and stiffness at given positions (n, 3).
 
         Args:
             points: present positions (n, 3).
-            velocities: of the nodes (n, 3); strain rates count with the time of the damping.
+            velocities: of the nodes (n, 3); None where strain rates do not count.
             assumed: strains (m, 6) that stand for the present ones.
+            rate: change of strain rates with strains, 1/s, that the stiffness of a law of the user
+                takes in.
         """
-        added = _NOTHING
-        if velocities is not None and self.damping.any():
-            added = self.damping[:, None] * self.strain_rates(points, velocities)
-        if assumed is not None:
-            change = assumed - self.strains(points)
-            added = added + change if len(added) else change
-        return added
+        damped = velocities is not None and bool(self.damping.any())
+        if self.law is None and assumed is None and not damped:
+            return Response(self.sections, self.stiffness, _NOTHING)
+        strains = self.strains(points) if assumed is None else assumed
+        rates = _NOTHING if velocities is None else self.strain_rates(points, velocities)
+        if self.law is None:
+            if damped:
+                strains = strains + self.damping[:, None] * rates
+            return Response(self.sections, self.stiffness, self.stresses(strains))
+        moving = rates if len(rates) else np.zeros_like(strains)
+        values = self.law.at(strains, moving, self.sections)
+        stresses, stiffness = values[:, 1:7], values[:, 7:43]
+        if self.law.viscous:
+            stresses = stresses + values[:, 43:49]
+            stiffness = stiffness + rate * values[:, 49:85]
+        matrices = np.ascontiguousarray(stiffness).reshape(-1, 6, 6)
+        return Response(np.arange(len(strains)), matrices, np.ascontiguousarray(stresses))
 
     def stresses(self, strains: FloatArray) -> FloatArray:
         """Forces n_11, n_22, n_12 (N/m) and moments m_11, m_22, m_12 (N) for strains (m, 6)."""
-        stresses: FloatArray = np.einsum("mij,mj->mi", self.stiffness[self.sections], strains)
+        if self.law is not None:
+            return self.law.at(strains, np.zeros_like(strains), self.sections)[:, 1:7]
+        stresses = np.empty_like(strains)
+        linear_resultants(strains, self.sections, self.stiffness, stresses)
         return stresses
 
+    def viscous_stresses(self, strains: FloatArray, rates: FloatArray) -> FloatArray:
+        """Part of the stresses (m, 6) that strain rates (m, 6) make."""
+        if self.law is None:
+            return self.stresses(self.damping[:, None] * rates)
+        if not self.law.viscous:
+            return np.zeros_like(rates)
+        return self.law.at(strains, rates, self.sections)[:, 43:49]
+
+    @property
+    def viscous(self) -> bool:
+        """Whether strain rates count."""
+        return bool(self.damping.any()) or (self.law is not None and self.law.viscous)
+
     def energies(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
-        """Strain energies of the membrane, of bending and of both together, J, (m, 3)."""
+        """Strain energies of the membrane alone, of bending alone and of both, J, (m, 3)."""
         strains = self.strains(points, offsets)
-        D = self.stiffness[self.sections] * self.patches.areas[:, None, None]
-        membrane = np.einsum("mi,mij,mj->m", strains[:, :3], D[:, :3, :3], strains[:, :3]) / 2
-        bending = np.einsum("mi,mij,mj->m", strains[:, 3:], D[:, 3:, 3:], strains[:, 3:]) / 2
-        total = np.einsum("mi,mij,mj->m", strains, D, strains) / 2
-        return np.stack([membrane, bending, total], 1)
+        membrane, bending = strains.copy(), strains.copy()
+        membrane[:, 3:], bending[:, :3] = 0.0, 0.0
+        densities = [self._densities(part) for part in (membrane, bending, strains)]
+        return np.stack(densities, 1) * self.patches.areas[:, None]
+
+    def _densities(self, strains: FloatArray) -> FloatArray:
+        """Energies per area (m,), J/m^2."""
+        if self.law is not None:
+            return self.law.at(strains, np.zeros_like(strains), self.sections)[:, 0]
+        densities: FloatArray = 0.5 * (strains * self.stresses(strains)).sum(axis=1)
+        return densities
 
     def add_forces(
         self,
@@ -129,10 +185,10 @@ class RotationFreeTriangles:
         residual: FloatArray,
         scale: float = 1.0,
         offsets: FloatArray | None = None,
-        added: FloatArray = _NOTHING,
+        response: Response | None = None,
     ) -> None:
         """Add ``scale`` times the internal forces, N, to the residual (n, 3)."""
-        add_forces(points, *self._maps(offsets), *self._material(), added, scale, residual)
+        add_forces(points, *self._maps(offsets), *self._material(response), scale, residual)
 
     def tangents_into(
         self,
@@ -140,7 +196,7 @@ class RotationFreeTriangles:
         tangents: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0),
         offsets: FloatArray | None = None,
-        added: FloatArray = _NOTHING,
+        response: Response | None = None,
         first: int = 0,
     ) -> None:
         """Write derivatives of the internal forces, N/m, (r, 3 p, 3 p).
@@ -154,7 +210,7 @@ class RotationFreeTriangles:
         """
         maps, numbers = self._maps(offsets), np.array(factors)
         tangents_into(
-            points, *maps, *self._material(), added, numbers, self.damping, first, tangents
+            points, *maps, *self._material(response), numbers, self.damping, first, tangents
         )
 
     def add_action(
@@ -163,11 +219,12 @@ class RotationFreeTriangles:
         steps: FloatArray,
         residual: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0),
-        added: FloatArray = _NOTHING,
+        response: Response | None = None,
     ) -> None:
         """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 3) both."""
         maps, numbers = self._maps(None), np.array(factors)
-        add_action(points, *maps, *self._material(), added, numbers, self.damping, steps, residual)
+        material = self._material(response)
+        add_action(points, *maps, *material, numbers, self.damping, steps, residual)
 
     def add_masses(self, density: FloatArray, masses: FloatArray) -> None:
         """Add the masses of nodes, a third of each triangle, kg, to (n,).
@@ -184,6 +241,9 @@ class RotationFreeTriangles:
         patches = self.patches
         return patches.nodes, patches.gradients, patches.curvatures, present, self.starts
 
-    def _material(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Areas, sections, stiffness."""
-        return self.patches.areas, self.sections, self.stiffness
+    def _material(
+        self, response: Response | None
+    ) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+        """Areas, sections, stiffness, given stresses."""
+        own = Response(self.sections, self.stiffness, _NOTHING) if response is None else response
+        return self.patches.areas, own.sections, own.stiffness, own.stresses

@@ -20,7 +20,6 @@ from flexfem.lie.compiled import inlined, kernel
 
 __all__ = [
     "add_forces",
-    "add_viscous",
     "along_axes",
     "dual_into",
     "present_axes",
@@ -87,18 +86,15 @@ def strain_into(local: FloatArray, start: FloatArray, strain: FloatArray) -> Non
 
 
 @inlined
-def add_viscous(added: FloatArray, m: int, strain: FloatArray) -> None:
-    """Add those strains that rates count for, if there are any (m, 6)."""
-    if len(added):
-        for i in range(6):
-            strain[i] += added[m, i]
-
-
-@inlined
-def stress_into(D: FloatArray, area: float, strain: FloatArray, stress: FloatArray) -> None:
-    """Write the stress resultants (6,) times the area."""
+def stress_into(
+    D: FloatArray, given: FloatArray, m: int, area: float, strain: FloatArray, stress: FloatArray
+) -> None:
+    """Write the stress resultants (6,) times the area: those given (m, 6), if there are any."""
     for i in range(6):
         stress[i] = 0.0
+        if len(given):
+            stress[i] = area * given[m, i]
+            continue
         for j in range(6):
             stress[i] += area * D[i, j] * strain[j]
 
@@ -168,11 +164,11 @@ def _forces(
 def add_forces(
     points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
     offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, added: FloatArray, scale: float, residual: FloatArray,
+    stiffness: FloatArray, given: FloatArray, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the internal forces to the residual (n, 3).
 
-    ``added`` (m, 6) is what rates add to the strains, empty without damping.
+    ``given`` are stress resultants (m, 6) that take the place of stiffness times strain, or none.
     """
     w, axes, local = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3))
     strain, stress, p, forces = np.empty(6), np.empty(6), np.empty((2, 2)), np.empty((2, 3))
@@ -180,8 +176,7 @@ def add_forces(
         vectors_into(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
         present_axes(w, axes, local)
         strain_into(local, starts[m], strain)
-        add_viscous(added, m, strain)
-        stress_into(stiffness[sections[m]], scale * areas[m], strain, stress)
+        stress_into(stiffness[sections[m]], given, m, scale * areas[m], strain, stress)
         dual_into(local, p)
         _forces(local, p, stress, axes, forces)
         for i in range(nodes.shape[1]):

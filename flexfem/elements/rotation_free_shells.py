@@ -97,7 +97,7 @@ class RotationFreeShells:
         # strains whose stresses the tangent takes, None for the present ones; the residual, too
         self._assumed: list[FloatArray] | None = None
         self._assumed_forces = False
-        self.viscous = any(bool(g.triangles.damping.any()) for g in groups)
+        self.viscous = any(g.triangles.viscous for g in groups)
 
     def _pairs(self, count: int) -> None:
         """Number the pairs of nodes that patches or masses couple."""
@@ -139,7 +139,8 @@ class RotationFreeShells:
         taken = self._taken() if self._assumed_forces else len(self.groups) * [None]
         for group, assumed in zip(self.groups, taken, strict=True):
             triangles = group.triangles
-            triangles.add_forces(points, forces, added=triangles.added(points, velocities, assumed))
+            response = triangles.response(points, velocities, assumed)
+            triangles.add_forces(points, forces, response=response)
         if self._consistent.any():
             inertial_into(block.frames, block.acceleration, self._vectors)
             mass = np.where(self._consistent, self._mass, 0.0)
@@ -158,13 +159,16 @@ class RotationFreeShells:
         positions_into(block.frames, self._points)
         velocities = self._velocities(block)
         factors = scale * float(shifts[2]), scale * float(shifts[0])
+        rate = _rate(shifts)
         for group, index, assumed in zip(self.groups, self._index, self._taken(), strict=True):
             width = 3 * index.shape[1]
             matrices = np.empty((_CHUNK, width, width))
-            added = group.triangles.added(self._points, velocities, assumed)
+            response = group.triangles.response(self._points, velocities, assumed, rate)
             for first in range(0, len(index), _CHUNK):
                 part = matrices[: len(index) - first]
-                group.triangles.tangents_into(self._points, part, factors, added=added, first=first)
+                group.triangles.tangents_into(
+                    self._points, part, factors, response=response, first=first
+                )
                 add_blocks(part, index, first, blocks)
             mass = np.where(group.consistent, group.mass, 0.0)
             if mass.any():
@@ -182,12 +186,12 @@ class RotationFreeShells:
         inertial_into(block.frames, block.step, steps)
         velocities = self._velocities(block)
         forces[:] = 0.0
-        factors = float(shifts[2]), float(shifts[0])
+        factors, rate = (float(shifts[2]), float(shifts[0])), _rate(shifts)
         if any(factors):
             for group, assumed in zip(self.groups, self._taken(), strict=True):
                 triangles = group.triangles
-                added = triangles.added(points, velocities, assumed)
-                triangles.add_action(points, steps, forces, factors, added)
+                response = triangles.response(points, velocities, assumed, rate)
+                triangles.add_action(points, steps, forces, factors, response)
         mass = float(shifts[1])
         if self._consistent.any():
             own = np.where(self._consistent, mass * self._mass, 0.0)
@@ -270,7 +274,7 @@ class RotationFreeShells:
         inertial_into(block.frames, block.velocity, self._vectors)
         rates = [g.triangles.strain_rates(self._points, self._vectors) for g in self.groups]
         stresses = [
-            g.triangles.stresses(g.triangles.damping[:, np.newaxis] * rate)
+            g.triangles.viscous_stresses(g.triangles.strains(self._points), rate)
             for g, rate in zip(self.groups, rates, strict=True)
         ]
         nothing = np.empty((0, 6))
@@ -288,6 +292,11 @@ class RotationFreeShells:
         add_motion(
             self.corners, self._mass, self._consistent, chosen, self._points, self._vectors, motion
         )
+
+
+def _rate(shifts: FloatArray) -> float:
+    """Change of velocities with positions, 1/s; zero where no stiffness is asked for."""
+    return float(shifts[0] / shifts[2]) if shifts[2] != 0.0 else 0.0
 
 
 def _lumped(block: FrameBlock, corners: IndexArray, mass: FloatArray) -> FloatArray:

@@ -8,7 +8,6 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.elements.rotation_free_loops import (
-    add_viscous,
     along_axes,
     dual_into,
     present_axes,
@@ -187,7 +186,7 @@ def _put_all(
 def _second(
     m: int, points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
     offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, added: FloatArray, factors: FloatArray, damping: FloatArray,
+    stiffness: FloatArray, given: FloatArray, factors: FloatArray, damping: FloatArray,
     w: FloatArray, axes: FloatArray, local: FloatArray, strain: FloatArray, stress: FloatArray,
     p: FloatArray, c: FloatArray, flat: FloatArray, bent: FloatArray, mixed: FloatArray,
 ) -> None:  # fmt: skip
@@ -198,9 +197,8 @@ def _second(
     vectors_into(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
     present_axes(w, axes, local)
     strain_into(local, starts[m], strain)
-    add_viscous(added, m, strain)
     D, area = stiffness[sections[m]], areas[m]
-    stress_into(D, factors[0] * area, strain, stress)
+    stress_into(D, given, m, factors[0] * area, strain, stress)
     dual_into(local, p)
     area *= factors[0] + damping[m] * factors[1]
     _membrane(local, stress, D, area, flat)
@@ -212,7 +210,7 @@ def _second(
 def tangents_into(
     points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
     offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, added: FloatArray, factors: FloatArray, damping: FloatArray, first: int,
+    stiffness: FloatArray, given: FloatArray, factors: FloatArray, damping: FloatArray, first: int,
     tangents: FloatArray,
 ) -> None:  # fmt: skip
     """Write the derivatives of the forces, (r, 3 p, 3 p), of r triangles.
@@ -230,7 +228,7 @@ def tangents_into(
     for m in range(first, first + len(tangents)):
         _second(
             m, points, nodes, gradients, curvatures, offsets, starts, areas, sections, stiffness,
-            added, factors, damping, w, axes, local, strain, stress, p, c, flat, bent, mixed,
+            given, factors, damping, w, axes, local, strain, stress, p, c, flat, bent, mixed,
         )  # fmt: skip
         W[:2, :3], W[2:] = gradients[m], curvatures[m]
         _product(W, bent, True, T, normal)
@@ -243,7 +241,7 @@ def tangents_into(
 def add_action(
     points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
     offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, added: FloatArray, factors: FloatArray, damping: FloatArray,
+    stiffness: FloatArray, given: FloatArray, factors: FloatArray, damping: FloatArray,
     steps: FloatArray, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add the derivatives of the forces, as in ``tangents_into``, times steps (n, 3)."""
@@ -254,7 +252,7 @@ def add_action(
     for m in range(len(nodes)):
         _second(
             m, points, nodes, gradients, curvatures, offsets, starts, areas, sections, stiffness,
-            added, factors, damping, w, axes, local, strain, stress, p, c, flat, bent, mixed,
+            given, factors, damping, w, axes, local, strain, stress, p, c, flat, bent, mixed,
         )  # fmt: skip
         vectors_into(steps, nodes[m], gradients[m], curvatures[m], still, w)
         along_axes(w, axes, change)

@@ -21,6 +21,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite
+from flexfem.materials.section_law import ShellLaw
 
 __all__ = ["Ply", "ShellSection"]
 
@@ -89,12 +90,14 @@ class ShellSection:
         mass: Mass per area, kg/m^2.
         thickness: m, of pictures, of contact and of rotary inertia.
         shear: Maps shear strains across the thickness to forces per length, shape (2, 2), N/m.
+        law: The section's own law, which takes the place of the stiffness; None for the linear one.
     """
 
     stiffness: FloatArray
     mass: float
     thickness: float
     shear: FloatArray
+    law: ShellLaw | None
 
     def __init__(
         self,
@@ -102,6 +105,7 @@ class ShellSection:
         mass: float,
         thickness: float,
         shear: npt.ArrayLike | None = None,
+        law: ShellLaw | None = None,
     ) -> None:
         """Create a section from its matrix; the other constructors are for common laws.
 
@@ -111,12 +115,16 @@ class ShellSection:
             thickness: as the attribute.
             shear: as the attribute; None for 5/6 of the stiffness of the membrane in shear along
                 both axes, which is right for a homogeneous isotropic plate.
+            law: as the attribute; the stiffness is that for small strains then, of which free edges
+                and the automatic stiffness of contact are made.
 
         Raises:
             TypeError: An argument does not consist of numbers.
             ValueError: A stiffness is not symmetric and positive definite, the mass negative,
                 the thickness not positive, or an argument has the wrong shape or is not finite.
         """
+        if law is not None:
+            _checks.instance("ShellSection", "law", law, ShellLaw)
         matrix = _checks.array("ShellSection", "stiffness", stiffness, (6, 6))
         check_definite("ShellSection", "stiffness", matrix, semidefinite=False)
         given = _SHEAR_FACTOR * matrix[2, 2] * np.eye(2) if shear is None else shear
@@ -126,9 +134,18 @@ class ShellSection:
             self,
             stiffness=matrix,
             shear=across,
+            law=law,
             mass=_checks.number("ShellSection", "mass", mass, nonnegative=True),
             thickness=_checks.number("ShellSection", "thickness", thickness, positive=True),
         )
+
+    def with_law(self, law: ShellLaw) -> Self:
+        """Create the same section with a law of its own.
+
+        Raises:
+            TypeError: The law is no ShellLaw.
+        """
+        return type(self)(self.stiffness, self.mass, self.thickness, self.shear, law)
 
     @classmethod
     def isotropic(cls, thickness: float, material: Material) -> Self:

@@ -11,7 +11,8 @@ from flexfem.elements.family import ElementFamily
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
-from flexfem.model.bodies import PointMass, RigidBody
+from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import JointEnds, connect, joint_ends
 from flexfem.system.constraints import Constraints
@@ -120,20 +121,23 @@ def _joint_ends(serial: Assembly) -> list[JointEnds]:
 
 
 def _check_laws(serial: Assembly) -> None:
-    """Raise for laws of beams whose functions fail, and for damping of what has no stiffness."""
-    for beam in serial.model.beams:
-        law = beam.section.law
+    """Raise for laws of sections whose functions fail, and for damping of what has no stiffness."""
+    bodies: list[Beam | Shell] = [*serial.model.beams, *serial.model.shells]
+    for body in bodies:
+        law, owner = body.section.law, f'{type(body).__name__} "{body.name}"'
         if law is None:
             continue
         try:
             law_expressions(law)
         except ValueError as error:
-            raise ValueError(f'Beam "{beam.name}": {error}') from None
-        if beam.damping > 0.0:
+            raise ValueError(f"{owner}: {error}") from None
+        if body.damping > 0.0:
             raise ValueError(
-                f'Beam "{beam.name}": damping {beam.damping:g} s is proportional to a stiffness, '
-                f"give the dissipation of its {law.owner} instead"
+                f"{owner}: damping {body.damping:g} s is proportional to a stiffness, give the "
+                f"dissipation of its {law.owner} instead"
             )
+        if isinstance(body, Shell) and body.element == "director":
+            raise ValueError(f"{owner}: {law.owner} needs the element rotation_free, got director")
 
 
 def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) -> FrameBlock:

@@ -23,7 +23,7 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.director_surface import director_cells
 from flexfem.system.nurbs_lines import NurbsLines
 from flexfem.system.placement import Placement
-from flexfem.system.shell_cells import shell_cells
+from flexfem.system.shell_cells import shell_cells, shell_laws
 
 __all__ = ["director_block", "nurbs_block", "se3_block", "shell_block"]
 
@@ -144,9 +144,12 @@ def shell_block(
     )  # fmt: skip
     own = np.sort(mesh.cell_ids[: mesh.owned])
     groups = [
-        shell_cells(surface, own[surface.averaged[own] == averaged], averaged, mesh.local)
-        for averaged in np.unique(surface.averaged)
-    ]
+        shell_cells(surface, rows[surface.averaged[rows] == averaged], averaged, numbers, law,
+                    mesh.local)
+        for numbers, law in shell_laws(comm, surface)
+        for rows in [own[np.isin(surface.section[own], numbers)]]
+        for averaged in np.unique(surface.averaged[np.isin(surface.section, numbers)])
+    ]  # fmt: skip
     return block, RotationFreeShells(groups, block)
 
 

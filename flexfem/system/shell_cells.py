@@ -4,26 +4,51 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+from mpi4py import MPI
+
 import numpy as np
 
 from flexfem._types import IndexArray, IntArray
+from flexfem.elements.beam_material import grouped
+from flexfem.elements.law_values import LawValues
 from flexfem.elements.rotation_free import RotationFreeTriangles
 from flexfem.elements.rotation_free_shells import ShellCells
 from flexfem.mesh.patches import curvature_patches
 from flexfem.system.shell_surface import ShellSurface
 
-__all__ = ["shell_cells"]
+__all__ = ["shell_cells", "shell_laws"]
+
+
+def shell_laws(
+    comm: MPI.Intracomm, surface: ShellSurface
+) -> list[tuple[list[int], LawValues | None]]:
+    """Numbers of the sections that share a law, and the law, None for the linear one (collective).
+
+    Raises:
+        ValueError: a law is not usable; on all ranks.
+    """
+    first = {id(shell.section): f'Shell "{shell.name}"' for shell in reversed(surface.shells)}
+    found: list[tuple[list[int], LawValues | None]] = []
+    for law, numbers in grouped(surface.sections).items():
+        sections = [surface.sections[i] for i in numbers]
+        laws = [section.law for section in sections if section.law is not None]
+        owners = [first[id(section)] for section in sections]
+        found.append((numbers, None if law is None else LawValues(comm, law, laws, owners)))
+    return found
 
 
 def shell_cells(
-    surface: ShellSurface, own: IntArray, averaged: bool, local: Callable[[IntArray], IndexArray]
-) -> ShellCells:
-    """Triangles with patches of one kind.
+    surface: ShellSurface, own: IntArray, averaged: bool, numbers: list[int],
+    law: LawValues | None, local: Callable[[IntArray], IndexArray],
+) -> ShellCells:  # fmt: skip
+    """Triangles with patches of one kind and one law.
 
     Args:
         surface: all shells.
         own: numbers of the triangles.
         averaged: whether their slopes are averaged, with those of their neighbours.
+        numbers: of their sections, in the order of the law's parameters.
+        law: of these sections, None for the linear one.
         local: numbers of nodes on this rank for those in the mesh.
     """
     topology, points = surface.mesh.topology, surface.mesh.points
@@ -51,7 +76,12 @@ def shell_cells(
     ).first(len(own))
     damping = np.array([shell.damping for shell in surface.shells])[surface.body[own]]
     triangles = RotationFreeTriangles.build(
-        patches, points, stiffness, surface.section[own], damping
+        patches,
+        points,
+        stiffness[numbers],
+        np.searchsorted(numbers, surface.section[own]),
+        damping,
+        law,
     )
     there = patches.nodes >= 0
     nodes = np.full(patches.nodes.shape, -1, dtype=np.int32)
