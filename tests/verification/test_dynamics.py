@@ -185,7 +185,7 @@ def test_flying_spaghetti(dt):
     # translations integrated on SE(3) are off by 0.028 at the longer step, an element with local
     # interpolation of the velocities by 0.05 at any step
     assert max(errors) <= 0.015
-    cells, lengths = simulation.system.parts[0].beams.data.cells, 0.25
+    cells, lengths = simulation.system.parts[0].elements.data.cells, 0.25
     centre = 0.1 * lengths * block.frames[cells, :3].mean(axis=1).sum(axis=0)
     # impulse 50 of the force from 0 to 5, centred at 2.5, on the mass 10: exact. On SE(3) the
     # momentum of translating nodes turns by the error of the scheme: 0.02 at the longer step
