@@ -138,14 +138,14 @@ class HeldContacts:
         rows = np.zeros((count, MOST_HELD, every.shape[1]))
         first = np.searchsorted(self.slaves, self.slaves)
         rows[self.slaves, np.arange(len(self.slaves)) - first] = every
-        return rows.reshape(count, -1)
+        return rows.reshape(count, MOST_HELD * every.shape[1])
 
     @classmethod
     def unpacked(
         cls, law: ContactLaw, rows: FloatArray, stiffness: FloatArray
     ) -> tuple[Self, FloatArray]:
         """Contacts and their further numbers from rows; the slaves have the stiffness (s,)."""
-        every = rows.reshape(len(rows), MOST_HELD, -1)
+        every = rows.reshape(len(rows), MOST_HELD, rows.shape[1] // MOST_HELD)
         slaves, place = np.nonzero(every[:, :, 0] > 0.0)
         found = every[slaves, place]
         normals, pulls = found[:, 2:5].copy(), found[:, 5:8].copy()

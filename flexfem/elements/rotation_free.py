@@ -6,7 +6,7 @@ hand, a tangent costs a fraction of what the generated code of the form takes; t
 loops are compared with.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -80,6 +80,9 @@ class RotationFreeTriangles:
     ) -> Self:
         """Triangles free of stress at the given positions.
 
+        Curvatures count against the normal, so that strains at a height z along it are those of the
+        membrane plus z times the curvatures, as sections and their laws take them.
+
         Args:
             patches: maps made of the same positions.
             points: positions at the start (n, 3), m.
@@ -89,6 +92,7 @@ class RotationFreeTriangles:
             law: a law of the user instead of the stiffness; sections are its own then.
         """
         count = len(patches.areas)
+        patches = replace(patches, curvatures=-patches.curvatures, slopes=-patches.slopes)
         offsets, strains = patches.offsets(), np.empty((count, 6))
         maps = (patches.nodes, patches.gradients, patches.curvatures)
         strains_into(points, *maps, offsets, np.zeros((count, 3)), strains)

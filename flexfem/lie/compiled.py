@@ -3,7 +3,11 @@
 
 from numba import njit
 
+from flexfem.lie.caching import install
+
 __all__ = ["inlined", "kernel"]
+
+install()
 
 #: cached on disk; division by zero gives inf or NaN as in NumPy, and no test in the loop
 kernel = njit(cache=True, error_model="numpy")

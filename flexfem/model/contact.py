@@ -44,6 +44,8 @@ class RigidSurface:
             TypeError: A value is of the wrong type.
             ValueError: A length is not positive.
         """
+        if type(self) is RigidSurface:
+            raise TypeError("RigidSurface: take a RigidPlane, RigidSphere or RigidCylinder")
         _checks.instance(type(self).__name__, "place", self.place, Ground)
 
 
@@ -152,6 +154,8 @@ class Contact:
         """
         owner = _checks.named(self, name)
         first, second = _names(owner, "slaves", slaves), _names(owner, "masters", masters)
+        if not isinstance(surfaces, RigidSurface):
+            _checks.instance(owner, "surfaces", surfaces, (list, tuple))
         rigid = (surfaces,) if isinstance(surfaces, RigidSurface) else tuple(surfaces)
         for surface in rigid:
             _checks.instance(owner, "surfaces", surface, RigidSurface)
@@ -181,8 +185,14 @@ class Contact:
             ValueError: The model has no such shell.
         """
         for name in (*self.slaves, *self.masters):
-            if not isinstance(model.get(name), Shell):
+            shell = model.get(name)
+            if not isinstance(shell, Shell):
                 raise ValueError(f'Contact "{self.name}": {model!r} has no shell "{name}"')
+            if shell.element == "director":
+                raise ValueError(
+                    f'Contact "{self.name}": Shell "{name}": contact needs the element '
+                    "rotation_free, got director"
+                )
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,6 +233,8 @@ class ContactProbe(AnyProbe):
 
 def _names(owner: str, what: str, names: str | Sequence[str]) -> tuple[str, ...]:
     """Return checked names, each there once."""
+    if not isinstance(names, str):
+        _checks.instance(owner, what, names, (list, tuple))
     several = (names,) if isinstance(names, str) else tuple(names)
     for name in several:
         _checks.text(owner, what, name)

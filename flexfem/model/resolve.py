@@ -50,7 +50,7 @@ def shell_node(mesh: SurfaceMesh, shell: Shell, marker: Marker) -> int:
     if marker.offset.any():
         raise ValueError(f"{owner}: a shell has no offsets, got {marker.offset.tolist()}")
     if isinstance(point, tuple):
-        return mesh.closest_node(point, shell.body)
+        return _near_node(mesh, shell, owner, point)
     nodes = mesh.body_nodes(shell.body)
     if not isinstance(point, str) or mesh.nodes.get(point, -1) not in nodes:
         own = set(nodes.tolist())
@@ -60,6 +60,23 @@ def shell_node(mesh: SurfaceMesh, shell: Shell, marker: Marker) -> int:
             f"{_checks.show(point)}; its nodes are {_checks.show(known, 200)}"
         )
     return mesh.nodes[point]
+
+
+def _near_node(
+    mesh: SurfaceMesh, shell: Shell, owner: str, point: tuple[float, float, float]
+) -> int:
+    """Return the node of a shell closest to a position, no farther than a neighbour of it is."""
+    node = mesh.closest_node(point, shell.body)
+    triangles = mesh.triangles[mesh.body_rows(shell.body)]
+    around = mesh.points[triangles[(triangles == node).any(axis=1)]]
+    reach = float(np.linalg.norm(around - mesh.points[node], axis=2).max())
+    gap = float(np.linalg.norm(mesh.points[node] - np.array(point)))
+    if gap > reach:
+        raise ValueError(
+            f"{owner}: the nearest node to {_checks.show(list(point))} is {gap:.4g} m away, more "
+            f"than its own neighbours are, {reach:.4g} m"
+        )
+    return node
 
 
 def curve_place(model: "Model", beam: Beam, marker: Marker) -> Place:

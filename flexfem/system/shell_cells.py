@@ -89,7 +89,7 @@ def shell_cells(
     consistent = np.array([shell.mass == "consistent" for shell in surface.shells])
     density = np.array([section.mass for section in surface.sections])
     return ShellCells(
-        triangles=replace(triangles, patches=replace(patches, nodes=nodes)),
+        triangles=replace(triangles, patches=replace(triangles.patches, nodes=nodes)),
         body=surface.body[own],
         mass=density[surface.section[own]] * patches.areas,
         consistent=consistent[surface.body[own]],
