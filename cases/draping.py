@@ -12,9 +12,12 @@ of the nodes that are off at random by ``--imperfection`` thicknesses, decide wh
 Contact pushes with ``--contact-stiffness`` times the penetration, per area; with
 ``--self-contact`` the sheet touches itself as well.
 
-History: ``residual, largest_step, pseudo_energy`` of the relaxation, ``corner_*_z`` heights of the
-corners and ``middle_*_z`` of the middles of the sides, m; ``contact_penetration`` (m),
-``contact_fz`` (N); ``energy_strain``, ``energy_gravity`` (J).
+History: ``residual, largest_step, pseudo_energy`` of the relaxation; heights of the corners
+``corner_bottom_left_z, corner_bottom_right_z, corner_top_right_z, corner_top_left_z`` and of the
+middles of the sides ``middle_bottom_z, middle_right_z, middle_top_z, middle_left_z``, m;
+``contact_penetration`` (m), force of the sphere ``contact_fx, contact_fy, contact_fz,
+contact_normal`` (N); ``energy_kinetic, energy_strain, energy_gravity, energy_work,
+energy_dissipation, energy_balance`` (J).
 
 Expected: the force of the contact is the weight, 0.1677 N, within 1 %; penetration below 2 % of the
 thickness. Run: ``python cases/draping.py --mesh 61x61``, then
