@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flexfem.contact.candidates import find_candidates, rings
-from flexfem.contact.held_contacts import ContactLaw
+from flexfem.contact.held_contacts import ContactLaw, HeldContacts
 from flexfem.contact.search import overlaps
 from flexfem.contact.start import deepest_start, first_crossing
 from flexfem.contact.triangles import Slaves, TriangleContact
@@ -324,3 +324,12 @@ def test_bad_starts_are_found():
     assert first_crossing(every, edges[:0], triangles, nothing) == (-1, -1)
     above = every + np.array([0, 0, 1.0]) * (np.arange(len(every)) >= 25)[:, None]
     assert first_crossing(above, edges, triangles, nothing) == (-1, -1)
+
+
+def test_no_slaves_on_this_rank_make_rows_of_the_width_of_others():
+    law, extra = ContactLaw(friction=0.2), np.zeros((0, 3))
+    rows = HeldContacts.none(law).packed(0, extra)
+    # checkpoints put rows of all ranks together
+    assert rows.shape == (0, HeldContacts.none(law).packed(2, extra).shape[1])
+    found, more = HeldContacts.unpacked(law, rows, np.zeros(0))
+    assert (len(found.slaves), more.shape) == (0, (0, 3))
