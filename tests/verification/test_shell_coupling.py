@@ -8,6 +8,7 @@ import flexfem as ff
 LENGTH, WIDTH, H, E, FORCE = 1.0, 0.1, 0.01, 1e9, 1e-4
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("element", ff.SHELL_ELEMENTS)
 @pytest.mark.parametrize("side", [0.5, -0.5])
 def test_offset_strip_under_a_force_at_its_end(element, side):
