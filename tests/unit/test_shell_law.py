@@ -54,8 +54,8 @@ def test_dissipation_is_damping():
     damped = _history(LINEAR, damping=1e-4)
     law = ff.ShellLaw(_isotropic, dissipation=_viscous, parameters=VALUES)
     viscous = _history(LINEAR.with_law(law))
-    lost = damped["energy_dissipation"][-1]
-    assert lost > 1e-6  # J: there is something to compare
+    if damped:  # the first rank has the history
+        assert damped["energy_dissipation"][-1] > 1e-6  # J: there is something to compare
     for column in damped:
         # without viscous stiffness in the tangent the iteration would not converge to 1e-10
         assert viscous[column] == pytest.approx(damped[column], abs=1e-8), column
