@@ -41,13 +41,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_runtest_teardown() -> None:
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """Destructors of PETSc and DOLFINx objects are collective: run them on all ranks together.
 
-    What has survived once, modules above all, is not searched again: that took most of the time.
+    What has survived once, imported modules above all, is not searched again within a file: that
+    took most of the time. What a file's fixtures held is let go at its end: MPI has about two
+    thousand communicators.
     """
     comm = _communicator()
     if comm is not None and comm.size > 1:
+        if nextitem is None or nextitem.path != item.path:
+            gc.unfreeze()
         gc.collect()
         gc.freeze()
         comm.Barrier()
