@@ -77,6 +77,8 @@ class RotationFreeShells:
             groups: the triangles that this rank owns.
             block: their nodes, at the start.
         """
+        from dolfinx import la
+
         self.groups = list(groups)
         none = np.empty(0, dtype=np.int64)
         self.corners = np.concatenate([none.reshape(0, 3), *(g.corners for g in groups)])
@@ -91,6 +93,7 @@ class RotationFreeShells:
         self._pairs(count)
         self._points, self._forces = np.empty((count, 3)), np.empty((count, 3))
         self._vectors = np.empty((count, 3))
+        self._sums = la.vector(block.index_map, 9)  # of rotations at the nodes
         # axes in which a node is held stay what they are
         fixed = np.zeros(count, dtype=np.bool_)
         self._fixed = fixed if block.held is None else block.held.any(axis=1)
@@ -231,19 +234,19 @@ class RotationFreeShells:
 
     def accept(self, block: FrameBlock) -> None:
         """Turn the axes of the nodes with the shell (collective)."""
-        from dolfinx import la
-
         positions_into(block.frames, self._points)
-        vector = la.vector(block.index_map, 9)
-        sums = vector.array.reshape(-1, 9)
+        sums = self._sums.array.reshape(-1, 9)
+        sums[:] = 0.0
         for group in self.groups:
             patches = group.triangles.patches
             add_rotations(
                 patches.nodes, patches.gradients, patches.areas, patches.axes, self._points, sums
             )
         if block.has_ghosts:
-            vector.scatter_reverse(la.InsertMode.add)
-            vector.scatter_forward()
+            from dolfinx import la
+
+            self._sums.scatter_reverse(la.InsertMode.add)
+            self._sums.scatter_forward()
         turn_nodes(
             sums, block.start_frames, self._fixed, block.frames0, block.frames, block.velocity,
             block.acceleration,
