@@ -67,12 +67,14 @@ class DirectorShells:
     chained = False
 
     def __init__(self, cells: DirectorCells, block: FrameBlock) -> None:
-        """Prepare pairs of nodes and masses.
+        """Prepare pairs of nodes and masses (collective).
 
         Args:
             cells: the triangles that this rank owns.
             block: their nodes.
         """
+        from dolfinx import la
+
         self.triangles, self.body = cells.triangles, cells.body
         self._masses, self._rods = cells.masses, cells.rods
         self.assumed: FloatArray | None = None
@@ -84,6 +86,7 @@ class DirectorShells:
         at = np.searchsorted(self._nodes, nodes[:, 3:])
         np.add.at(self._lumps[:, 3:, 3:], at, self._rods)
         self._pairs(len(block.frames))
+        self._sums = la.vector(block.index_map, 9)  # of rotations at the corners
         # axes in which a corner is held stay what they are, others turn with it
         self._fixed = np.zeros(len(block.frames), dtype=np.bool_)
         if block.held is not None:
@@ -189,14 +192,14 @@ class DirectorShells:
 
     def accept(self, block: FrameBlock) -> None:
         """Turn the axes of corners as the directors around them have turned (collective)."""
-        from dolfinx import la
-
-        vector = la.vector(block.index_map, 9)
-        sums = vector.array.reshape(-1, 9)
+        sums = self._sums.array.reshape(-1, 9)
+        sums[:] = 0.0
         add_turns(self.triangles.nodes, block.start_frames, block.frames, sums)
         if block.has_ghosts:
-            vector.scatter_reverse(la.InsertMode.add)
-            vector.scatter_forward()
+            from dolfinx import la
+
+            self._sums.scatter_reverse(la.InsertMode.add)
+            self._sums.scatter_forward()
         turn_nodes(
             sums, block.start_frames, self._fixed, block.frames0, block.frames, block.velocity,
             block.acceleration,

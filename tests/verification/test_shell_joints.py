@@ -321,8 +321,9 @@ def _grommets(formulation: str) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("formulation", ["nurbs", "se3"])
+@pytest.mark.parametrize(
+    "formulation", [pytest.param("nurbs", marks=pytest.mark.three_ranks), "se3"]
+)
 def test_grommets(formulation):
     """Many sliders on one wire, in pieces on the ranks, that pass from element to element."""
     settings = {"dt": 4e-3, "t_end": 0.08, "split_above": 4}

@@ -175,8 +175,9 @@ def _flag() -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("policy", ["auto", "frozen", "updated"])
+@pytest.mark.parametrize(
+    "policy", [pytest.param("auto", marks=pytest.mark.three_ranks), "frozen", "updated"]
+)
 def test_split_shells_and_all_policies_move_alike(policy: str) -> None:
     whole = run(_flag(), comm=MPI.COMM_SELF, t_end=0.1, iteration_matrix="updated")
     ours = run(_flag(), t_end=0.1, iteration_matrix=policy, split_above=1)
