@@ -162,8 +162,16 @@ class DirectorTriangles:
             for part in (slice(3), slice(3, 6))
         ]  # fmt: skip
         sheared = np.einsum("mi,mij,mj->m", shear, self.shears, shear) / 2
-        total = np.einsum("mpi,mpij,mpj->m", plane, self.planes, plane) / 2 + sheared
-        return np.stack([*parts, sheared, total], 1)
+        return np.stack([*parts, sheared, self._energies(changes)], 1)
+
+    def total_energies(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m,) of membrane, bending and shear together, J."""
+        return self._energies(self.changes(frames))
+
+    def _energies(self, changes: FloatArray) -> FloatArray:
+        """Strain energies (m,) for changes (m, 24) of the covariant strains, J."""
+        energies: FloatArray = 0.5 * (changes * self.weighted(changes)).sum(axis=1)
+        return energies
 
     def changes(self, frames: FloatArray) -> FloatArray:
         """Changes (m, 24) of the covariant strains since the start."""

@@ -18,13 +18,14 @@ from flexfem.elements.director_inertia import (
     add_turns,
 )
 from flexfem.elements.director_shell import DirectorTriangles
+from flexfem.elements.node_pairs import NodePairs
 from flexfem.elements.nurbs_inertia import (
     add_inertia,
     add_inertia_action,
     step_changes,
     step_rates,
 )
-from flexfem.elements.shell_nodes import turn_nodes
+from flexfem.elements.turning_axes import TurningAxes
 
 __all__ = ["DirectorCells", "DirectorShells"]
 
@@ -73,8 +74,6 @@ class DirectorShells:
             cells: the triangles that this rank owns.
             block: their nodes.
         """
-        from dolfinx import la
-
         self.triangles, self.body = cells.triangles, cells.body
         self._masses, self._rods = cells.masses, cells.rods
         self.assumed: FloatArray | None = None
@@ -85,23 +84,11 @@ class DirectorShells:
         self._lumps = np.zeros((len(self._nodes), 6, 6))
         at = np.searchsorted(self._nodes, nodes[:, 3:])
         np.add.at(self._lumps[:, 3:, 3:], at, self._rods)
-        self._pairs(len(block.frames))
-        self._sums = la.vector(block.index_map, 9)  # of rotations at the corners
-        # axes in which a corner is held stay what they are, others turn with it
-        self._fixed = np.zeros(len(block.frames), dtype=np.bool_)
-        if block.held is not None:
-            self._fixed = block.held[:, :3].any(axis=1)
-
-    def _pairs(self, count: int) -> None:
-        """Number the pairs of nodes that triangles couple."""
-        nodes = self.triangles.nodes.astype(np.int64)
-        keys = nodes[:, :, np.newaxis] * count + nodes[:, np.newaxis]
-        own = np.arange(count) * (count + 1)
-        known = np.unique(np.concatenate([own, keys.ravel()]))
-        self._rows, self._columns = known // count, known % count
-        self._diagonal = np.searchsorted(known, own)
-        self._index = np.searchsorted(known, keys).astype(np.int32)
-        self._pair_masses = np.bincount(self._index.ravel(), self._masses.ravel(), len(known))
+        self._pairs = NodePairs(len(block.frames), [nodes])
+        (self._index,) = self._pairs.index
+        count = len(self._pairs.rows)
+        self._pair_masses = np.bincount(self._index.ravel(), self._masses.ravel(), count)
+        self._axes = TurningAxes(block)
 
     @property
     def facets(self) -> tuple[IntArray, IntArray]:
@@ -113,7 +100,7 @@ class DirectorShells:
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        return [(self._rows[:, np.newaxis], self._columns[:, np.newaxis])]
+        return self._pairs.couplings
 
     def _starts(self, block: FrameBlock, assumed: bool) -> FloatArray:
         """Strains at the start, less what rates and assumptions add to the present ones."""
@@ -139,7 +126,8 @@ class DirectorShells:
         local: bool = False,
     ) -> FloatArray:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        blocks = np.zeros((len(self._rows), 6, 6))
+        pairs = self._pairs
+        blocks = np.zeros((len(pairs.rows), 6, 6))
         factors = scale * float(shifts[2]), scale * float(shifts[0])
         if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
             starts = self._starts(block, True)
@@ -155,7 +143,7 @@ class DirectorShells:
         )  # fmt: skip
         add_inertia_blocks(
             self._nodes, self.triangles.nodes, self._masses, self._lumps, gravity,
-            self._pair_masses, self._rows, self._columns, self._diagonal, block.frames,
+            self._pair_masses, pairs.rows, pairs.columns, pairs.diagonal, block.frames,
             block.velocity, block.acceleration, by_v, by_w, shifts[2], scale, blocks,
         )  # fmt: skip
         return blocks.ravel()
@@ -192,18 +180,11 @@ class DirectorShells:
 
     def accept(self, block: FrameBlock) -> None:
         """Turn the axes of corners as the directors around them have turned (collective)."""
-        sums = self._sums.array.reshape(-1, 9)
-        sums[:] = 0.0
-        add_turns(self.triangles.nodes, block.start_frames, block.frames, sums)
-        if block.has_ghosts:
-            from dolfinx import la
 
-            self._sums.scatter_reverse(la.InsertMode.add)
-            self._sums.scatter_forward()
-        turn_nodes(
-            sums, block.start_frames, self._fixed, block.frames0, block.frames, block.velocity,
-            block.acceleration,
-        )  # fmt: skip
+        def add(sums: FloatArray) -> None:
+            add_turns(self.triangles.nodes, block.start_frames, block.frames, sums)
+
+        self._axes.turn(block, add)
 
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None
@@ -215,8 +196,7 @@ class DirectorShells:
 
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        energies: FloatArray = self.triangles.energies(frames)[:, 3]
-        return energies
+        return self.triangles.total_energies(frames)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """See :class:`flexfem.elements.family.ElementFamily`.

@@ -176,6 +176,10 @@ class RotationFreeTriangles:
         densities = [self._densities(part) for part in (membrane, bending, strains)]
         return np.stack(densities, 1) * self.patches.areas[:, None]
 
+    def total_energies(self, points: FloatArray) -> FloatArray:
+        """Strain energies (m,) of membrane and bending together, J."""
+        return self._densities(self.strains(points)) * self.patches.areas
+
     def _densities(self, strains: FloatArray) -> FloatArray:
         """Energies per area (m,), J/m^2."""
         if self.law is not None:

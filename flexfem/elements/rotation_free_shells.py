@@ -12,6 +12,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.node_pairs import NodePairs
 from flexfem.elements.rotation_free import RotationFreeTriangles
 from flexfem.elements.shell_nodes import (
     add_blocks,
@@ -25,8 +26,8 @@ from flexfem.elements.shell_nodes import (
     inertial_into,
     positions_into,
     turn_blocks,
-    turn_nodes,
 )
+from flexfem.elements.turning_axes import TurningAxes
 
 __all__ = ["RotationFreeShells", "ShellCells"]
 
@@ -77,53 +78,32 @@ class RotationFreeShells:
             groups: the triangles that this rank owns.
             block: their nodes, at the start.
         """
-        from dolfinx import la
-
         self.groups = list(groups)
         none = np.empty(0, dtype=np.int64)
         self.corners = np.concatenate([none.reshape(0, 3), *(g.corners for g in groups)])
         self.body = np.concatenate([none, *(g.body for g in groups)])
         self._mass = np.concatenate([np.empty(0), *(g.mass for g in groups)])
         self._consistent = np.concatenate([np.empty(0, np.bool_), *(g.consistent for g in groups)])
+        # masses of the triangles that are not lumped, None without any on this rank
+        spread = np.where(self._consistent, self._mass, 0.0)
+        self._spread = spread if spread.any() else None
         areas = [g.triangles.patches.areas for g in groups]
         self.areas = np.concatenate([np.empty(0), *areas])
         count = len(block.frames)
-        lumped = np.where(self._consistent, 0.0, self._mass)
-        self.masses = _lumped(block, self.corners, lumped)
-        self._pairs(count)
+        self.masses = _lumped(block, self.corners, self._mass - spread)
+        self._pairs = NodePairs(count, [g.triangles.patches.nodes for g in groups])
         self._points, self._forces = np.empty((count, 3)), np.empty((count, 3))
         self._vectors = np.empty((count, 3))
-        self._sums = la.vector(block.index_map, 9)  # of rotations at the nodes
-        # axes in which a node is held stay what they are
-        fixed = np.zeros(count, dtype=np.bool_)
-        self._fixed = fixed if block.held is None else block.held.any(axis=1)
+        self._axes = TurningAxes(block)
         # strains whose stresses the tangent takes, None for the present ones; the residual, too
         self._assumed: list[FloatArray] | None = None
         self._assumed_forces = False
         self.viscous = any(g.triangles.viscous for g in groups)
 
-    def _pairs(self, count: int) -> None:
-        """Number the pairs of nodes that patches or masses couple."""
-        keys = [np.arange(count) * (count + 1)]
-        for group in self.groups:
-            nodes = group.triangles.patches.nodes.astype(np.int64)
-            pairs = nodes[:, :, np.newaxis] * count + nodes[:, np.newaxis]
-            there = (nodes[:, :, np.newaxis] >= 0) & (nodes[:, np.newaxis] >= 0)
-            keys.append(np.where(there, pairs, -1).ravel())
-        known = np.unique(np.concatenate(keys))
-        known = known[known >= 0]
-        self._rows, self._columns = known // count, known % count
-        self._diagonal = np.searchsorted(known, keys[0])
-        self._index = []
-        for group, key in zip(self.groups, keys[1:], strict=True):
-            p = group.triangles.patches.nodes.shape[1]
-            at = np.where(key >= 0, np.searchsorted(known, key), -1)
-            self._index.append(at.astype(np.int32).reshape(-1, p, p))
-
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        return [(self._rows[:, np.newaxis], self._columns[:, np.newaxis])]
+        return self._pairs.couplings
 
     def _velocities(self, block: FrameBlock) -> FloatArray | None:
         """Inertial velocities (n, 3) of the nodes where there is damping."""
@@ -144,10 +124,9 @@ class RotationFreeShells:
             triangles = group.triangles
             response = triangles.response(points, velocities, assumed)
             triangles.add_forces(points, forces, response=response)
-        if self._consistent.any():
+        if self._spread is not None:
             inertial_into(block.frames, block.acceleration, self._vectors)
-            mass = np.where(self._consistent, self._mass, 0.0)
-            add_consistent_inertia(self.corners, mass, self._vectors, gravity, forces)
+            add_consistent_inertia(self.corners, self._spread, self._vectors, gravity, forces)
         add_to_nodes(block.frames, forces, scale, block.residual)
         add_lumped_inertia(
             self.masses, block.frames, block.acceleration, gravity, scale, block.residual
@@ -158,12 +137,27 @@ class RotationFreeShells:
         local: bool = False,
     ) -> FloatArray:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        blocks = np.zeros((len(self._rows), 3, 3))
+        pairs, mass = self._pairs, scale * float(shifts[1])
+        blocks = np.zeros((len(pairs.rows), 3, 3))
+        if shifts[2] != 0.0 or shifts[0] != 0.0:
+            self._add_tangents(block, shifts, scale, blocks)
+        if self._spread is not None:
+            for group, index in zip(self.groups, pairs.index, strict=True):
+                spread = np.where(group.consistent, group.mass, 0.0)
+                add_consistent_masses(spread, index, mass, blocks)
+        turn_blocks(pairs.rows, pairs.columns, block.frames, blocks)
+        add_lumped_masses(self.masses, mass, pairs.diagonal, blocks)
+        return blocks.ravel()
+
+    def _add_tangents(
+        self, block: FrameBlock, shifts: FloatArray, scale: float, blocks: FloatArray
+    ) -> None:
+        """Add the derivatives of the internal forces to the blocks (k, 3, 3), inertial axes."""
         positions_into(block.frames, self._points)
         velocities = self._velocities(block)
-        factors = scale * float(shifts[2]), scale * float(shifts[0])
-        rate = _rate(shifts)
-        for group, index, assumed in zip(self.groups, self._index, self._taken(), strict=True):
+        factors, rate = (scale * float(shifts[2]), scale * float(shifts[0])), _rate(shifts)
+        groups = zip(self.groups, self._pairs.index, self._taken(), strict=True)
+        for group, index, assumed in groups:
             width = 3 * index.shape[1]
             matrices = np.empty((_CHUNK, width, width))
             response = group.triangles.response(self._points, velocities, assumed, rate)
@@ -173,12 +167,6 @@ class RotationFreeShells:
                     self._points, part, factors, response=response, first=first
                 )
                 add_blocks(part, index, first, blocks)
-            mass = np.where(group.consistent, group.mass, 0.0)
-            if mass.any():
-                add_consistent_masses(mass, index, scale * float(shifts[1]), blocks)
-        turn_blocks(self._rows, self._columns, block.frames, blocks)
-        add_lumped_masses(self.masses, scale * float(shifts[1]), self._diagonal, blocks)
-        return blocks.ravel()
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
@@ -196,11 +184,10 @@ class RotationFreeShells:
                 response = triangles.response(points, velocities, assumed, rate)
                 triangles.add_action(points, steps, forces, factors, response)
         mass = float(shifts[1])
-        if self._consistent.any():
-            own = np.where(self._consistent, mass * self._mass, 0.0)
-            add_consistent_inertia(self.corners, own, steps, np.zeros(3), forces)
-        add_to_nodes(block.frames, forces, scale, block.residual)
         still = np.zeros(3)
+        if self._spread is not None:
+            add_consistent_inertia(self.corners, mass * self._spread, steps, still, forces)
+        add_to_nodes(block.frames, forces, scale, block.residual)
         add_lumped_inertia(
             self.masses, block.frames, block.step, still, scale * mass, block.residual
         )
@@ -235,22 +222,15 @@ class RotationFreeShells:
     def accept(self, block: FrameBlock) -> None:
         """Turn the axes of the nodes with the shell (collective)."""
         positions_into(block.frames, self._points)
-        sums = self._sums.array.reshape(-1, 9)
-        sums[:] = 0.0
+        self._axes.turn(block, self._add_rotations)
+
+    def _add_rotations(self, sums: FloatArray) -> None:
+        """Add the rotations of the triangles, times their areas, to their nodes (n, 9)."""
         for group in self.groups:
             patches = group.triangles.patches
             add_rotations(
                 patches.nodes, patches.gradients, patches.areas, patches.axes, self._points, sums
             )
-        if block.has_ghosts:
-            from dolfinx import la
-
-            self._sums.scatter_reverse(la.InsertMode.add)
-            self._sums.scatter_forward()
-        turn_nodes(
-            sums, block.start_frames, self._fixed, block.frames0, block.frames, block.velocity,
-            block.acceleration,
-        )  # fmt: skip
 
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None
@@ -268,7 +248,7 @@ class RotationFreeShells:
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         positions_into(frames, self._points)
-        parts = [g.triangles.energies(self._points)[:, 2] for g in self.groups]
+        parts = [g.triangles.total_energies(self._points) for g in self.groups]
         return np.concatenate([np.empty(0), *parts])
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:

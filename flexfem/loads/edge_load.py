@@ -13,7 +13,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.load import Amplitude
 from flexfem.loads.shell_load import ShellLoad, summed
-from flexfem.mesh.topology import edge_keys
+from flexfem.mesh.surface_topology import sides_along
 
 if TYPE_CHECKING:
     from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -52,11 +52,8 @@ class EdgeLoad(ShellLoad):
             TypeError: An argument has the wrong type.
             ValueError: An argument has the wrong shape or is not finite.
         """
-        _checks.assign(self, name=name, shell=shell, line=line, amplitude=amplitude)
-        owner = self._check()
-        _checks.text(owner, "shell", shell)
-        _checks.text(owner, "line", line)
-        _checks.assign(self, force=_checks.vector(owner, "force_per_length", force_per_length))
+        self._assign(name, shell, "force_per_length", force_per_length, amplitude)
+        _checks.assign(self, line=_checks.text(self._check(), "line", line))
 
     def check(self, mesh: SurfaceMesh, body: str) -> None:
         """See :meth:`flexfem.loads.shell_load.ShellLoad.check`."""
@@ -64,9 +61,8 @@ class EdgeLoad(ShellLoad):
         if self.line not in mesh.lines:
             known = _checks.show(", ".join(mesh.lines) or "none", 200)
             raise ValueError(f'{owner}: line "{self.line}" is not in the mesh, which has {known}')
-        rows, count = mesh.triangles[mesh.bodies[body]], len(mesh.points)
-        own = [edge_keys(rows[:, [k, (k + 1) % 3]], count) for k in range(3)]
-        if not np.isin(edge_keys(mesh.lines[self.line], count), np.concatenate(own)).all():
+        triangles = mesh.triangles[mesh.bodies[body]]
+        if (sides_along(triangles, mesh.lines[self.line], len(mesh.points)) < 0).any():
             raise ValueError(f'{owner}: line "{self.line}" is not on Shell "{self.shell}"')
 
     def shares(self, mesh: SurfaceMesh, body: str) -> tuple[IntArray, FloatArray]:

@@ -6,9 +6,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
+from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.load import NOTHING, Load
+from flexfem.core.load import NOTHING, Amplitude, Load
 
 if TYPE_CHECKING:
     from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -29,6 +31,20 @@ class ShellLoad(Load):
     shell: str
     force: FloatArray
     follower = False
+
+    def _assign(
+        self, name: str, shell: str, what: str, value: npt.ArrayLike, amplitude: Amplitude | None
+    ) -> None:
+        """Check and store the fields; messages call the force `what`.
+
+        Raises:
+            TypeError: A field has the wrong type.
+            ValueError: The value has the wrong shape or is not finite.
+        """
+        _checks.assign(self, name=name, shell=shell, amplitude=amplitude)
+        owner = self._check()
+        _checks.text(owner, "shell", shell)
+        _checks.assign(self, force=_checks.vector(owner, what, value))
 
     @property
     def shells(self) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy.typing as npt
 
-from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.load import Amplitude
 from flexfem.loads.shell_load import ShellLoad, summed
@@ -47,10 +46,7 @@ class SurfaceLoad(ShellLoad):
             TypeError: An argument has the wrong type.
             ValueError: An argument has the wrong shape or is not finite.
         """
-        _checks.assign(self, name=name, shell=shell, amplitude=amplitude)
-        owner = self._check()
-        _checks.text(owner, "shell", shell)
-        _checks.assign(self, force=_checks.vector(owner, "force_per_area", force_per_area))
+        self._assign(name, shell, "force_per_area", force_per_area, amplitude)
 
     def shares(self, mesh: SurfaceMesh, body: str) -> tuple[IntArray, FloatArray]:
         """See :meth:`flexfem.loads.shell_load.ShellLoad.shares`."""

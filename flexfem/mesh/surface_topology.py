@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.mesh.topology import trace_lines
+from flexfem.mesh.topology import edge_keys, trace_lines
 
 __all__ = [
     "Sides",
@@ -22,6 +22,7 @@ __all__ = [
     "match_sides",
     "node_triangles",
     "side_nodes",
+    "sides_along",
     "surface_topology",
     "turned_triangles",
     "vector_areas",
@@ -96,6 +97,22 @@ def match_sides(triangles: IntArray, body: IntArray, nodes: int) -> Sides:
 def side_nodes(triangles: IntArray) -> tuple[IntArray, IntArray]:
     """Return the nodes where each side starts and ends, shapes (3 m,)."""
     return triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
+
+
+def sides_along(triangles: IntArray, pairs: IntArray, nodes: int) -> IntArray:
+    """Return the first side that lies along each pair of nodes, -1 without, shape (k,).
+
+    Args:
+        triangles: Node indices, shape (m, 3), whose sides are counted.
+        pairs: Nodes of edges in either direction, shape (k, 2).
+        nodes: Number of nodes of the mesh.
+    """
+    keys = edge_keys(np.stack(side_nodes(triangles), axis=1), nodes)
+    wanted = edge_keys(pairs, nodes)
+    order = np.argsort(keys, kind="stable")
+    at = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
+    found: IntArray = np.where(keys[order[at]] == wanted, order[at], -1)
+    return found
 
 
 def surface_topology(triangles: IntArray, sides: Sides) -> SurfaceTopology:

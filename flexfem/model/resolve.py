@@ -12,7 +12,8 @@ from flexfem.core.node_row import NodeRow
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.mesh.topology import arc_length, edge_keys
+from flexfem.mesh.surface_topology import sides_along
+from flexfem.mesh.topology import arc_length
 from flexfem.model.bodies import Beam
 from flexfem.model.place import Place, place_at_fraction, place_in
 from flexfem.model.shell import Shell
@@ -143,19 +144,15 @@ def node_row(mesh: SurfaceMesh, body: str, marker: ShellLine) -> NodeRow:
         raise ValueError(f"{owner}: {error}") from None
     rows = mesh.body_rows(body)
     triangles = mesh.triangles[rows]
-    ends = np.stack([np.roll(triangles, -1, axis=1), np.roll(triangles, -2, axis=1)], axis=2)
-    keys = edge_keys(ends.reshape(-1, 2), len(mesh.points))
-    wanted = edge_keys(np.stack([nodes[:-1], nodes[1:]], axis=1), len(mesh.points))
-    order = np.argsort(keys, kind="stable")
-    at = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
-    if (keys[order[at]] != wanted).any():
+    sides = sides_along(triangles, np.stack([nodes[:-1], nodes[1:]], axis=1), len(mesh.points))
+    if (sides < 0).any():
         raise ValueError(f'{owner}: line "{marker.line}" is not on this shell')
     return NodeRow(
         name=f'line "{marker.line}" of Shell "{marker.body}"',
         body=marker.body,
         nodes=nodes,
         points=mesh.points[nodes],
-        apexes=triangles.ravel()[order[at]],
+        apexes=triangles.ravel()[sides],
     )
 
 

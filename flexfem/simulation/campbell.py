@@ -12,11 +12,11 @@ from flexfem._types import FloatArray
 from flexfem.analyses.modes import CampbellOptions
 from flexfem.core.status import Status
 from flexfem.io.history import HistoryWriter
-from flexfem.io.summary import remove_summary, write_summary
+from flexfem.io.summary import remove_summary
 from flexfem.model.model import Model
 from flexfem.simulation.modes import modes_at
 from flexfem.simulation.operating_point import OperatingPoint
-from flexfem.simulation.outcome import Outcome, Results
+from flexfem.simulation.outcome import Outcome, Results, conclude
 from flexfem.solvers.mode_shapes import Modes
 from flexfem.solvers.tracking import follow, whirl
 
@@ -75,11 +75,7 @@ def sweep_spin(
     if point.system.comm.rank == 0 and len(speeds):
         history = {"t": np.array(speeds)} | dict(zip(columns, table.T.copy(), strict=True))
     summary = point.summary(case, reason)
-    if history and results is not None:
-        summary["results"] = dict(results(history))
-    if options.output is not None:
-        write_summary(options.output / "summary.json", summary, point.system.comm)
-    return Outcome(reason, summary, history)
+    return conclude(summary, history, results, options, point.system.comm)
 
 
 def _sweep(

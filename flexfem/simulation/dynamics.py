@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,11 @@ import numpy as np
 from flexfem import _checks
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
-from flexfem.io.summary import write_summary
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Checkpoints, Restart
-from flexfem.simulation.outcome import Outcome, Results, summary_of
+from flexfem.simulation.interruption import Agreement, interruption
+from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.stepping import HALVINGS, Simulation
@@ -88,7 +87,7 @@ class _Run:
         )  # fmt: skip
         self._checkpoints = Checkpoints(simulation, simulation.serial, options, self._grid, restart)
         self._checkpoint: Path | None = None
-        self.signal, self._flag = 0, np.zeros(1, dtype=np.int32)
+        self.signal, self._agreement = 0, Agreement(simulation.system.comm)
         self._setup: float | None = None
         self._first: float | None = None
 
@@ -122,7 +121,7 @@ class _Run:
                 if every:  # the rest of the step is made by a restart
                     self._save(step if simulation.time >= grid.time(step) else step - 1)
                 break
-            self.signal = self._agreed(signals)
+            self.signal = self._agreement.on(signals)
             if self.signal or (every and (step % every == 0 or step == count)):
                 self._save(step)
             if self.signal:
@@ -133,23 +132,11 @@ class _Run:
         """Write a checkpoint."""
         self._checkpoint = self._checkpoints.write(step, self._recorder.state())
 
-    def _agreed(self, signals: StopSignals) -> int:
-        """Number of the signal that a rank has received, 0 for none."""
-        comm, flag = self._simulation.system.comm, self._flag
-        if comm.size == 1:
-            return signals.received
-        flag[0] = signals.received
-        comm.Allreduce(MPI.IN_PLACE, flag, op=MPI.MAX)
-        return int(flag[0])
-
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at t = {self._simulation.time:.6g} s"
         self.finish(reason)
-        more = ""
-        if self._checkpoint is not None:
-            more = f", go on with --restart {shlex.quote(str(self._checkpoint))}"
-        return Interrupted(self.signal, reason + more)
+        return interruption(self.signal, reason, self._checkpoint)
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
@@ -159,12 +146,8 @@ class _Run:
         summary["restarted_at_step"] = self._start
         summary["wall_seconds_setup"] = self._setup or summary["wall_seconds"]
         summary["wall_seconds_first_step"] = self._first
-        if history and self._results is not None:
-            summary["results"] = dict(self._results(history))
-        if self._options.output is not None:
-            path = self._options.output / "summary.json"
-            write_summary(path, summary, self._simulation.system.comm)
-        return Outcome(reason, summary, history)
+        comm = self._simulation.system.comm
+        return conclude(summary, history, self._results, self._options, comm)
 
 
 def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:

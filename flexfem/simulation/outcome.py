@@ -5,10 +5,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from mpi4py import MPI
+
 from flexfem._types import FloatArray
+from flexfem.io.summary import write_summary
+from flexfem.options import Settings
 from flexfem.system.system import System
 
-__all__ = ["Outcome", "Results", "summary_of"]
+__all__ = ["Outcome", "Results", "conclude", "summary_of"]
 
 #: Headline results from the columns of the history.
 Results = Callable[[Mapping[str, FloatArray]], Mapping[str, float]]
@@ -27,6 +31,21 @@ class Outcome:
     status: str
     summary: Mapping[str, Any]
     history: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+def conclude(
+    summary: dict[str, Any], history: Mapping[str, FloatArray], results: Results | None,
+    options: Settings, comm: MPI.Intracomm,
+) -> Outcome:  # fmt: skip
+    """Add the headline results to a summary and write it, if there is a folder (collective).
+
+    The history is empty on other ranks than the first.
+    """
+    if history and results is not None:
+        summary["results"] = dict(results(history))
+    if options.output is not None:
+        write_summary(options.output / "summary.json", summary, comm)
+    return Outcome(summary["status"], summary, history)
 
 
 def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,11 @@ import numpy as np
 from flexfem import _checks
 from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.integrators.start import check_start
-from flexfem.io.summary import write_summary
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Checkpoints, Restart
-from flexfem.simulation.outcome import Outcome, Results, summary_of
+from flexfem.simulation.interruption import Agreement, interruption
+from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.setup import set_up
@@ -114,7 +113,7 @@ class _Run:
         self._finite = True
         self._setup: float | None = None
         self._iterating = 0.0
-        self.signal, self._flag = 0, np.zeros(1, dtype=np.int32)
+        self.signal, self._agreement = 0, Agreement(comm)
 
     def _elapsed(self) -> float:
         return time.perf_counter() - self._begin
@@ -136,7 +135,7 @@ class _Run:
             self._finite = self._finite and relaxation.evaluate()
             done = self._converged(relaxation.progress) or at >= options.max_iterations
             self._record(last=done or not self._finite)
-            self.signal = self._agreed(signals)
+            self.signal = self._agreement.on(signals)
             self._save_if_due(done)
             if self.signal:
                 break
@@ -161,21 +160,11 @@ class _Run:
         if self._finite and (early or (every and (done or at % every == 0))):
             self._checkpoint = self._checkpoints.write(at, self._recorder.state())
 
-    def _agreed(self, signals: StopSignals) -> int:
-        """Number of the signal that a rank has received, 0 for none."""
-        self._flag[0] = signals.received
-        if self.system.comm.size > 1:
-            self.system.comm.Allreduce(MPI.IN_PLACE, self._flag, op=MPI.MAX)
-        return int(self._flag[0])
-
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at iteration {self.relaxation.iteration}"
         self.finish(reason)
-        more = ""
-        if self._checkpoint is not None:
-            more = f", go on with --restart {shlex.quote(str(self._checkpoint))}"
-        return Interrupted(self.signal, reason + more)
+        return interruption(self.signal, reason, self._checkpoint)
 
     def reason(self) -> str:
         """The status in words."""
@@ -193,13 +182,8 @@ class _Run:
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
         self._recorder.close()
-        history = self._recorder.history()
-        summary = self._summary(reason)
-        if history and self._results is not None:
-            summary["results"] = dict(self._results(history))
-        if self._options.output is not None:
-            write_summary(self._options.output / "summary.json", summary, self.system.comm)
-        return Outcome(reason, summary, history)
+        history, summary = self._recorder.history(), self._summary(reason)
+        return conclude(summary, history, self._results, self._options, self.system.comm)
 
     def _summary(self, reason: str) -> dict[str, Any]:
         reached = self.relaxation.progress

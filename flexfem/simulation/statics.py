@@ -15,11 +15,10 @@ from flexfem._checks import InputError
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
-from flexfem.io.summary import write_summary
 from flexfem.model.model import Model
 from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import check_held, rest
-from flexfem.simulation.outcome import Outcome, Results, summary_of
+from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
 from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
@@ -294,13 +293,8 @@ class _Run:
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
         self._recorder.close()
-        history = self._recorder.history()
-        summary = self._summary(reason)
-        if history and self._results is not None:
-            summary["results"] = dict(self._results(history))
-        if self._options.output is not None:
-            write_summary(self._options.output / "summary.json", summary, self.system.comm)
-        return Outcome(reason, summary, history)
+        history, summary = self._recorder.history(), self._summary(reason)
+        return conclude(summary, history, self._results, self._options, self.system.comm)
 
     def _summary(self, reason: str) -> dict[str, Any]:
         return summary_of(self.system, self._case, reason) | {

@@ -15,7 +15,7 @@ from flexfem.mesh.director_nodes import DirectorNodes
 from flexfem.mesh.patch_checks import moment_imbalance, moment_sums
 from flexfem.mesh.patches import EdgeRule, curvature_patches
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.mesh.topology import edge_keys
+from flexfem.mesh.surface_topology import sides_along
 from flexfem.model.model import Model
 from flexfem.model.shell import Shell
 
@@ -157,19 +157,16 @@ def _edges(
 
 def _sides(mesh: SurfaceMesh, shell: Shell, line: str) -> tuple[IntArray, IntArray]:
     """Triangle and side of every edge of a line on the boundary of a shell."""
-    owner, count = f'Shell "{shell.name}"', len(mesh.points)
+    owner = f'Shell "{shell.name}"'
     if line not in mesh.lines:
         known = _checks.show(", ".join(mesh.lines) or "none", 200)
         raise ValueError(f'{owner}: edges: line "{line}" is not in the mesh, which has {known}')
     rows = mesh.bodies[shell.body]
-    triangle, side = np.nonzero(mesh.topology.neighbours[rows] < 0)
-    ends = np.stack([mesh.triangles[rows[triangle], (side + k) % 3] for k in (1, 2)], axis=1)
-    keys, wanted = edge_keys(ends, count), edge_keys(mesh.lines[line], count)
-    order = np.argsort(keys)
-    at = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
-    if not len(keys) or (keys[order[at]] != wanted).any():
+    sides = sides_along(mesh.triangles[rows], mesh.lines[line], len(mesh.points))
+    triangle, side = rows[sides // 3], sides % 3
+    if (sides < 0).any() or (mesh.topology.neighbours[triangle, side] >= 0).any():
         raise ValueError(f'{owner}: edges: line "{line}" is not on its boundary')
-    return rows[triangle[order[at]]], side[order[at]]
+    return triangle, side
 
 
 def _plane(
