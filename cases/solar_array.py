@@ -34,6 +34,7 @@ Run: ``mpirun -n 2 python cases/solar_array.py --panels 5``.
 import math
 import sys
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -50,32 +51,29 @@ Points = npt.NDArray[np.float64]
 
 
 def blanket(panels: int, nodes: tuple[int, int], pitch: float) -> ff.SurfaceMesh:
-    """Folded panels that share the nodes of their hinges; rows of nodes run along X."""
-    short, long = nodes[0] - 1, nodes[1]
-    depth = math.sqrt(SHORT**2 - pitch**2)
+    """Folded panels, bottom and top of each along X."""
+    along, depth = _along(nodes[1]), math.sqrt(SHORT**2 - pitch**2)
 
     def folded(parameters: Points) -> Points:
         x, way = parameters.T
         turn = np.abs((way + 1.0) % 2.0 - 1.0)
         return np.column_stack([x, depth * turn, pitch * way])
 
-    along, up = np.linspace(0.0, LONG, long), np.linspace(0.0, panels, panels * short + 1)
-    whole = ff.SurfaceMesh.grid("blanket", along, up, folded)
-    count = len(whole.triangles) // panels
-    row = np.arange(long)
-    hinges = {f"hinge_{i}": i * short * long + row for i in range(panels + 1)}
-    places = {
-        f"grommet_{i}_{side}": int(hinges[f"hinge_{i}"][np.argmin(np.abs(along - x))])
-        for i in range(2, panels, 2)
-        for side, x in SIDES.items()
-    }
-    return ff.SurfaceMesh(
-        whole.points,
-        whole.triangles,
-        {f"panel_{i + 1}": np.arange(i * count, (i + 1) * count) for i in range(panels)},
-        {name: np.column_stack([line[:-1], line[1:]]) for name, line in hinges.items()},
-        places,
+    return ff.SurfaceMesh.join(
+        [
+            ff.SurfaceMesh.grid(f"panel_{i + 1}", along, i + np.linspace(0, 1, nodes[0]), folded)
+            for i in range(panels)
+        ]
     )
+
+
+def _along(nodes: int) -> Points:
+    """Places of nodes along a long side: evenly spaced between the ends and the guide wires."""
+    outer = max(round(INSET / LONG * (nodes - 1)), 1)
+    if nodes <= 2 * outer + 1:
+        raise ValueError(f"mesh: too few nodes along the long side for both wires: {nodes}")
+    ends = [0, outer, nodes - 1 - outer, nodes - 1]
+    return np.interp(np.arange(nodes), ends, [0.0, INSET, LONG - INSET, LONG])
 
 
 class Lift:
@@ -98,7 +96,7 @@ class Lift:
         return SPEED * (RAMP * tau**4 * (2.5 - 3.0 * tau + tau**2) + max(t - RAMP, 0.0))
 
 
-def add_wires(model: ff.Model, panels: int, elements: int, tension: float) -> None:
+def add_wires(model: ff.Model, panels: int, pitch: float, elements: int, tension: float) -> None:
     """Guide wires with the grommets that slide on them."""
     section, top = ff.Section.circle(DIAMETER, WIRE), panels * SHORT + BEYOND
     pull = ff.SmoothStep(0.0, RAMP)
@@ -113,7 +111,7 @@ def add_wires(model: ff.Model, panels: int, elements: int, tension: float) -> No
             ff.PointForce(f"{wire}_tension", end, (0.0, 0.0, tension), amplitude=pull),
         )
         for i in range(2, panels, 2):
-            grommet = ff.Marker(f"panel_{i}", f"grommet_{i}_{side}")
+            grommet = ff.Marker(f"panel_{i}", (x, 0.0, i * pitch))
             model.add(ff.Sliding(f"grommet_{i}_{side}", ff.Carrier(wire), grommet))
 
 
@@ -129,21 +127,25 @@ def build(
     names = [f"panel_{i + 1}" for i in range(panels)]
     model = ff.Model("solar_array", surface=surface)
     for name in names:
-        edges = {"hinge_0": "hinged"} if name == "panel_1" else {}
+        edges = {"panel_1_bottom": "hinged"} if name == "panel_1" else {}
         model.add(ff.Shell(name, section, element=element, edges=edges))
-    y = surface.points[surface.lines[f"hinge_{panels}"][0, 0], 1]
+    for i, (lower, upper) in enumerate(pairwise(names)):
+        line = ff.ShellLine(lower, f"{lower}_top"), ff.ShellLine(upper, f"{upper}_bottom")
+        model.add(ff.HingeLine(f"hinge_{i + 1}", *line))
+    last = f"{names[-1]}_top"
+    y = surface.points[surface.lines[last][0, 0], 1]
     top = ff.Ground((0.5 * LONG, y, panels * pitch))
     model.add(
         ff.RigidBody("beam", 1.0, (1.0, 0.01, 1.0), position=top.position,
                      shape=ff.Cylinder(0.01, LONG)),
-        ff.HingeLine("hanger", ff.ShellLine(names[-1], f"hinge_{panels}"), ff.Marker("beam")),
+        ff.HingeLine("hanger", ff.ShellLine(names[-1], last), ff.Marker("beam")),
         ff.PrescribedTranslation(
             "mast", top, ff.Marker("beam"), axis=Z,
             displacement=Lift(panels * (SHORT * (1.0 + stretch) - pitch)),
         ),
         ff.Prismatic("guide", top, ff.Marker("beam"), axis=Z),
     )  # fmt: skip
-    add_wires(model, panels, wire_elements, wire_tension)
+    add_wires(model, panels, pitch, wire_elements, wire_tension)
     if contact:
         floor = ff.RigidPlane(ff.Ground((0.0, 0.0, -pitch)))
         model.add(
@@ -155,13 +157,13 @@ def build(
             "lift", ff.Marker("beam"), ("lift",), lambda t, s: s.position[2:] - panels * pitch
         ),
         ff.ReactionProbe("mast_force", "mast"),
-        *_probes(surface, names),
+        *_probes(surface, names, pitch),
         ff.EnergyProbe(),
     )
     return model
 
 
-def _probes(surface: ff.SurfaceMesh, names: list[str]) -> list[ff.Probe]:
+def _probes(surface: ff.SurfaceMesh, names: list[str], pitch: float) -> list[ff.Probe]:
     """Velocities of the panels, displacements of the grommets."""
     probes = []
     for name in names:
@@ -172,7 +174,7 @@ def _probes(surface: ff.SurfaceMesh, names: list[str]) -> list[ff.Probe]:
             )
         )
     for i in range(2, len(names), 2):
-        grommet = ff.Marker(f"panel_{i}", f"grommet_{i}_left")
+        grommet = ff.Marker(f"panel_{i}", (INSET, 0.0, i * pitch))
         column = f"grommet_{i}_y"
         probes.append(ff.Probe(column, grommet, (column,), lambda t, s: s.position[1:2]))
     return probes

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 History = Mapping[str, npt.NDArray[np.float64]]
 
 #: Arguments of the command line that are no numerical options.
-_RESERVED = {"output", "quiet", "smoke", "help", "restart", "checkpoint_every"}
+_RESERVED = {
+    "output", "quiet", "smoke", "help", "analysis", "restart", "state", "checkpoint_every",
+}  # fmt: skip
 
 
 class Case:
@@ -37,6 +39,7 @@ class Case:
             ``{option: {value: {name of an option: default}}}``.
         results: Headline results from the history (column name -> values over all rows).
         description: Longer text for ``--help``, usually the case file's ``__doc__``.
+        folder: Name of the results' folder: other analyses than the case's own have their own.
     """
 
     def __init__(
@@ -60,6 +63,7 @@ class Case:
             ValueError: If a name is unusable or used twice, or a value is not admissible.
         """
         self.name, self.summary, self.build = name, summary, build
+        self.folder = name
         self.options, self.analysis, self.settings = tuple(options), analysis, settings
         self.smoke, self.results, self.description = dict(smoke or {}), results, description
         self.presets = {name: dict(choices) for name, choices in (presets or {}).items()}
@@ -94,6 +98,24 @@ class Case:
             except (TypeError, ValueError) as error:
                 raise ValueError(f"Case '{self.name}': {what} value {key} {error}") from None
 
+    def under(self, analysis: Analysis) -> "Case":
+        """The same model under another analysis, all of whose options have defaults.
+
+        Raises:
+            ValueError: If an own option has the name of one of the analysis.
+        """
+        own = {option.name for option in self.options}
+        presets = {
+            name: {choice: _only(own, values) for choice, values in choices.items()}
+            for name, choices in self.presets.items()
+        }
+        case = Case(
+            self.name, self.summary, self.build, self.options, analysis=analysis,
+            smoke=_only(own, self.smoke), presets=presets, description=self.description,
+        )  # fmt: skip
+        case.folder = f"{self.name}_{analysis.name}"
+        return case
+
     def all_options(self) -> tuple[Option, ...]:
         """The case's own options followed by those of its analysis with this case's defaults."""
         common = (
@@ -118,3 +140,8 @@ class Case:
             for choice, values in choices.items()
             if name in values
         )
+
+
+def _only(names: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of these names."""
+    return {name: value for name, value in values.items() if name in names}

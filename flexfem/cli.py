@@ -19,6 +19,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import flexfem
 from flexfem import launch
 from flexfem._checks import InputError
+from flexfem.analyses.analysis import Analysis
+from flexfem.analyses.modes import MODES
+from flexfem.analyses.relaxation import RELAXATION
+from flexfem.analyses.statics import STATICS
 from flexfem.case import Case
 from flexfem.options import Option, Settings
 from flexfem.resources import load_module, shipped_files
@@ -27,6 +31,11 @@ if TYPE_CHECKING:
     from flexfem.model.model import Model
 
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
+#: Files that analyses start from.
+_FILES = {
+    "restart": "checkpoint to go on from, on any number of ranks; --t-end may be later",
+    "state": "checkpoint of a motion or relaxation of the same model, whose state is looked at",
+}
 #: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
 _PATIENCE = 0.5
 _OUTPUTS = """\
@@ -182,7 +191,7 @@ def _shipped_case(name: str) -> Path:
 
 
 def _run(case: Case, argv: Sequence[str], prog: str | None) -> int:
-    parameters, options = parse(case, argv, prog=prog)
+    case, parameters, options = parse(case, argv, prog=prog)
     model, folders = _prepare(case, parameters, options)
 
     try:
@@ -205,7 +214,7 @@ def _run(case: Case, argv: Sequence[str], prog: str | None) -> int:
 
 def parse(
     case: Case, argv: Sequence[str], *, prog: str | None = None
-) -> tuple[dict[str, Any], Settings]:
+) -> tuple[Case, dict[str, Any], Settings]:
     """Read a case's command line.
 
     Args:
@@ -214,29 +223,55 @@ def parse(
         prog: Name of the command in help and messages.
 
     Returns:
-        The keyword arguments of the case's ``build``, and the numerical options.
+        The case under the analysis that was asked for, the keyword arguments of its ``build``, and
+        the numerical options.
 
     Raises:
         UsageError: If an option is unknown or a value is not admissible.
         SystemExit: After ``--help``.
     """
-    parser = _case_parser(case, prog)
+    analyses = _analyses(case)
+    case = _chosen(case, analyses, argv)
+    parser = _case_parser(case, analyses, prog)
     given = vars(parser.parse_args(_join_negative_values(argv)))
-    output = given.pop("output", Path("results") / case.name)
-    more = {"restart": given.pop("restart")} if "restart" in given else {}
+    output = given.pop("output", Path("results") / case.folder)
+    more = {name: given.pop(name) for name in _FILES if name in given}
     quiet, smoke = given.pop("quiet"), given.pop("smoke")
+    given.pop("analysis", None)
     values = case.values(given, smoke=smoke)
     parameters = {option.name: values[option.name] for option in case.options}
     settings = case.analysis.settings
     numbers = {option.name: values[option.name] for option in settings.OPTIONS}
     try:
         _check_output(output)
-        return parameters, settings(**numbers, **more, output=output, quiet=quiet)
+        return case, parameters, settings(**numbers, **more, output=output, quiet=quiet)
     except (OSError, ValueError) as error:
         raise UsageError(str(error)) from error
 
 
-def _case_parser(case: Case, prog: str | None) -> _Parser:
+def _analyses(case: Case) -> dict[str, Analysis]:
+    """Analyses that the model of a case may undergo: its own first."""
+    return {one.name: one for one in (case.analysis, STATICS, MODES, RELAXATION)}
+
+
+def _chosen(case: Case, analyses: Mapping[str, Analysis], argv: Sequence[str]) -> Case:
+    """The case under the analysis that the arguments name.
+
+    Raises:
+        UsageError: The case has options that this analysis has as well.
+    """
+    parser = _Parser(add_help=False)
+    parser.add_argument("--analysis", nargs="?", default=case.analysis.name)
+    name = parser.parse_known_args(argv)[0].analysis
+    if name == case.analysis.name or name not in analyses:
+        return case  # an unknown name is refused with all other arguments
+    try:
+        return case.under(analyses[name])
+    except ValueError as error:
+        raise UsageError(f"argument --analysis: {error}") from error
+
+
+def _case_parser(case: Case, analyses: Mapping[str, Analysis], prog: str | None) -> _Parser:
     """A parser whose result holds only what was given, so that --smoke can set the rest."""
     parser = _Parser(
         prog=prog,
@@ -246,6 +281,11 @@ def _case_parser(case: Case, prog: str | None) -> _Parser:
     )
     own = parser.add_argument_group("this case")
     common = parser.add_argument_group("all cases")
+    common.add_argument(
+        "--analysis",
+        choices=analyses,
+        help=f"what is done with the model (default: {next(iter(analyses))})",
+    )
     for option in case.all_options():
         group = own if option in case.options else common
         _add_option(group, option, case.other_defaults(option.name))
@@ -253,15 +293,12 @@ def _case_parser(case: Case, prog: str | None) -> _Parser:
         "--output",
         type=_folder,
         metavar="DIR",
-        help=f"folder of the results (default: {Path('results') / case.name})",
+        help=f"folder of the results (default: {Path('results') / case.folder})",
     )
-    if "restart" in {field.name for field in fields(case.analysis.settings)}:
-        common.add_argument(
-            "--restart",
-            type=_file,
-            metavar="FILE",
-            help="checkpoint to go on from, on any number of ranks; --t-end may be later",
-        )
+    known = {field.name for field in fields(case.analysis.settings)}
+    for name, text in _FILES.items():
+        if name in known:
+            common.add_argument(f"--{name}", type=_file, metavar="FILE", help=text)
     common.add_argument(
         "--quiet", action="store_true", default=False, help="no progress bar, errors only"
     )

@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar
 
 from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
@@ -62,6 +63,8 @@ class StateOptions(Settings):
         centre: A point on it, m.
         time: Instant at which loads and drives are taken, s.
         split_above: Elements above which one beam may be split over ranks.
+        state: Checkpoint of a motion of the same model, whose configuration and time take the place
+            of those given; the motion itself does not count.
 
     Raises:
         TypeError: If a value has the wrong type.
@@ -76,10 +79,17 @@ class StateOptions(Settings):
     centre: str = "0,0,0"
     time: float = 0.0
     split_above: int = SPLIT_ABOVE.default
+    state: Path | None = None
 
     def __post_init__(self) -> None:
         """Check every value."""
         super().__post_init__()
+        if self.state is not None:
+            object.__setattr__(self, "state", self._path("state"))
+            if self.time != 0.0:
+                raise ValueError(
+                    f"{type(self).__name__}: a state has its own time, got time {self.time:g}"
+                )
         if not any(self.axis_vector):
             raise ValueError(f"{type(self).__name__}: axis must not be zero, got {self.axis!r}")
         self._numbers("centre", self.centre)

@@ -2,7 +2,7 @@
 """Lists of the triangles that each node may touch before it has moved far."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -107,24 +107,30 @@ def largest_move(points: FloatArray, before: FloatArray, nodes: IntArray) -> flo
     return float(np.sqrt(largest))
 
 
-def rings(triangles: IntArray, nodes: IntArray, count: int) -> Rows:
+def rings(triangles: IntArray, nodes: IntArray, count: int, joined: IntArray) -> Rows:
     """Find the nodes up to some edges away from each of some nodes, and the nodes themselves.
 
     Args:
         triangles: Node indices, shape (m, 3).
         nodes: Nodes, shape (s,).
         count: Number of edges.
+        joined: Pairs of nodes that joints hold together, shape (k, 2): no edge is between them.
     """
     from scipy.sparse import csr_array
 
-    size = int(max(triangles.max(initial=-1), nodes.max(initial=-1))) + 1
-    ends = triangles.ravel(), np.roll(triangles, 1, axis=1).ravel()
-    first = np.concatenate([*ends, np.arange(size)])
-    second = np.concatenate([*ends[::-1], np.arange(size)])
-    step = csr_array((np.ones(len(first), np.int8), (first, second)), (size, size)).astype(bool)
+    size = int(max(triangles.max(initial=-1), nodes.max(initial=-1), joined.max(initial=-1))) + 1
+
+    def both_ways(a: IntArray, b: IntArray) -> Any:
+        first = np.concatenate([a, b, np.arange(size)])
+        second = np.concatenate([b, a, np.arange(size)])
+        return csr_array((np.ones(len(first), bool), (first, second)), (size, size))
+
+    across = both_ways(joined[:, 0], joined[:, 1])
+    step = both_ways(triangles.ravel(), np.roll(triangles, 1, axis=1).ravel()) @ across
     near = csr_array(
         (np.ones(len(nodes), bool), (np.arange(len(nodes)), nodes)), (len(nodes), size)
     )
+    near = near @ across
     for _ in range(count):
         near = near @ step
     near.sort_indices()

@@ -21,66 +21,48 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.fingerprint import fingerprint
 from flexfem.system.system import System
 
-__all__ = ["Checkpoints", "Restart"]
+__all__ = ["Checkpoints", "Restart", "SavedState"]
 
 _NAME = re.compile(r"checkpoint_\d{6,}\.h5|\.checkpoint_\d{6,}\.h5\.tmp")
 #: Files of one run that are kept.
 _KEEP = 2
 
 
-class _Stateful(Protocol):
+class _Restorable(Protocol):
+    """A system, or what steps it, as seen from here."""
+
+    def restore(self, state: State) -> None: ...
+
+
+class _Stateful(_Restorable, Protocol):
     """A simulation, as seen from here."""
 
     system: System
 
     def state(self) -> State: ...
 
-    def restore(self, state: State) -> None: ...
 
-
-class Restart:
-    """A checkpoint to go on from.
+class SavedState:
+    """The state in a checkpoint.
 
     Attributes:
         path: the file.
-        grid: instants of the run that wrote it.
-        step: last completed step.
         state: what the file holds, after :meth:`restore`.
     """
 
-    def __init__(self, options: RunOptions | RelaxationOptions, comm: MPI.Intracomm) -> None:
-        """Check the file named by the options (collective).
+    def __init__(self, path: Path, comm: MPI.Intracomm) -> None:
+        """Check the file (collective).
 
         Raises:
-            InputError: it is no intact checkpoint of this version, or does not fit the options.
+            InputError: it is no intact checkpoint of this version.
         """
-        assert options.restart is not None
-        self._comm, self._file = comm, Checkpoint(options.restart, comm)
-        file, header = self._file, self._file.header
-        self.path = file.path
-        if header["flexfem"] != flexfem.__version__:
-            raise file.refuse(
-                f"was written by flexfem {header['flexfem']}, this is {flexfem.__version__}"
+        self._comm, self._file = comm, Checkpoint(path, comm)
+        self.path, self.state = self._file.path, State()
+        version = self._file.header["flexfem"]
+        if version != flexfem.__version__:
+            raise self._file.refuse(
+                f"was written by flexfem {version}, this is {flexfem.__version__}"
             )
-        for name in options.RESTART_AGREES:
-            then, now = header["options"].get(name), getattr(options, name)
-            if then != now:
-                raise file.refuse(f"was written with {name} = {then}, not {now}")
-        self.grid = TimeGrid(*header["grid"])
-        self.step: int = header["step"]
-        self._check_end(options)
-        self.state = State()
-
-    def _check_end(self, options: RunOptions | RelaxationOptions) -> None:
-        """Refuse a run that has come to its end already."""
-        if isinstance(options, RelaxationOptions):
-            end, over = f"max_iterations = {options.max_iterations}", options.max_iterations
-            reached = f"iteration {self.step}"
-        else:
-            end, over = f"t_end = {options.t_end:g} s", self.grid.steps(options.t_end)
-            reached = f"t = {self.grid.time(self.step):g} s"
-        if over <= self.step:
-            raise self._file.refuse(f"is at {reached} already, {end} leaves nothing to do")
 
     def check(self, serial: Assembly) -> None:
         """Compare the model with the one that was run (collective).
@@ -96,17 +78,54 @@ class Restart:
         if other:
             raise self._file.refuse(f"belongs to another model, other {', '.join(other)}")
 
-    def restore(self, simulation: _Stateful) -> None:
-        """Put a simulation where the checkpoint left it (collective).
+    def restore(self, target: _Restorable, system: System) -> None:
+        """Put a system, or what steps it, where the checkpoint left it (collective).
 
         Raises:
             InputError: the file lacks something.
         """
-        self.state = self._file.read(simulation.system.numberings())
+        self.state = self._file.read(system.numberings())
         try:
-            simulation.restore(self.state)
+            target.restore(self.state)
         except KeyError as error:
             raise self._file.refuse(f"does not hold {error}") from error
+
+
+class Restart(SavedState):
+    """A checkpoint to go on from.
+
+    Attributes:
+        grid: instants of the run that wrote it.
+        step: last completed step.
+    """
+
+    def __init__(self, options: RunOptions | RelaxationOptions, comm: MPI.Intracomm) -> None:
+        """Check the file named by the options (collective).
+
+        Raises:
+            InputError: it is no intact checkpoint of this version, or does not fit the options.
+        """
+        assert options.restart is not None
+        super().__init__(options.restart, comm)
+        file, header = self._file, self._file.header
+        for name in options.RESTART_AGREES:
+            then, now = header["options"].get(name), getattr(options, name)
+            if then != now:
+                raise file.refuse(f"was written with {name} = {then}, not {now}")
+        self.grid = TimeGrid(*header["grid"])
+        self.step: int = header["step"]
+        self._check_end(options)
+
+    def _check_end(self, options: RunOptions | RelaxationOptions) -> None:
+        """Refuse a run that has come to its end already."""
+        if isinstance(options, RelaxationOptions):
+            end, over = f"max_iterations = {options.max_iterations}", options.max_iterations
+            reached = f"iteration {self.step}"
+        else:
+            end, over = f"t_end = {options.t_end:g} s", self.grid.steps(options.t_end)
+            reached = f"t = {self.grid.time(self.step):g} s"
+        if over <= self.step:
+            raise self._file.refuse(f"is at {reached} already, {end} leaves nothing to do")
 
 
 class Checkpoints:

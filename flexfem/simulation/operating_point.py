@@ -16,6 +16,7 @@ from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.integrators.start import check_gaps
 from flexfem.model.model import Model
+from flexfem.simulation.checkpoints import SavedState
 from flexfem.simulation.outcome import summary_of
 from flexfem.simulation.setup import set_up
 from flexfem.solvers.linearization import Linearization
@@ -40,10 +41,13 @@ class OperatingPoint:
         """Build the system and check its constraints (collective).
 
         Raises:
-            InputError: a mistake in the model (a ValueError).
+            InputError: a mistake in the model (a ValueError), or a state that is not its own.
         """
         self._begin = time.perf_counter()
+        saved = None if options.state is None else SavedState(options.state, comm or MPI.COMM_WORLD)
         self.serial, self.system = set_up(model, comm, options.split_above)
+        if saved is not None:
+            saved.check(self.serial)
         self.options = options
         self.system.set_time(0.0)
         self.rotation(0.0)
@@ -56,6 +60,8 @@ class OperatingPoint:
         rigid = int(np.sum(rows.owned * rows.rigid))
         self.freedoms = self.system.unknowns - int(self.system.comm.allreduce(rigid))
         self.system.set_time(options.time)
+        if saved is not None:
+            saved.restore(self.system, self.system)
 
     def rotation(self, spin: float) -> Rotation:
         """The rotation of the options at a speed (rad/s)."""
@@ -69,6 +75,8 @@ class OperatingPoint:
             InputError: the model cannot rotate steadily about the axis.
         """
         rotation = self.rotation(spin)
+        if spin != 0.0 or self.options.start != "rest":
+            self._refuse_contact()
         if spin != 0.0:
             check_steadiness(self.serial.model, self.system, rotation)
         elif self.options.start == "rest":
@@ -77,6 +85,15 @@ class OperatingPoint:
             self.system.constraints.forces[:] = self.linearization.multipliers
             return status
         return find_equilibrium(self.linearization, rotation)
+
+    def _refuse_contact(self) -> None:
+        """Raise if the search for an equilibrium had to find out who touches whom."""
+        for contacts in self.system.contacts:
+            name = contacts.groups[0].surfaces.contact.name
+            raise InputError(
+                f'Contact "{name}": equilibria with contact are not searched for here, take a '
+                "state that a motion or a relaxation has reached"
+            )
 
     def check_count(self, owner: str, count: int) -> None:
         """Raise if the model has fewer modes than asked for.

@@ -100,7 +100,7 @@ class _Run:
             at_time=options.at_time, fresh=restart is None,
         )  # fmt: skip
         if restart is not None:
-            restart.restore(self.relaxation)
+            restart.restore(self.relaxation, self.relaxation.system)
         self._recorder = Recorder(
             self.system, self._serial, options, options.every, float(options.max_iterations),
             resume=None if restart is None else restart.state, unit="", measures=_COLUMNS,

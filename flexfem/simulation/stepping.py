@@ -85,7 +85,7 @@ class Simulation:
         self.observe: Callable[[], None] = _nothing
         self._error, self._limit = 0.0, _MOST_EVENTS
         if restart is not None:
-            restart.restore(self)
+            restart.restore(self, self.system)
 
     def _start(self) -> Status:
         """Bring the system to its start: as the model says, or at rest in equilibrium."""

@@ -44,7 +44,7 @@ __all__ = ["FrozenSolver"]
 _KEPT = 6
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
-_INNER, _SWEEPS = 0.02, 8
+_INNER, _SWEEPS = 0.1, 8
 #: The multipliers' system is kept within a step while iterations contract like this.
 _WELL = 0.02
 
@@ -275,20 +275,20 @@ class FrozenSolver:
 
     def _refinement(self, shifts: Shifts, solution: FloatArray) -> FloatArray:
         """Correction that the exact tangent asks for: GMRES, preconditioned by the frozen solve."""
-        count = self._sizes[-1]
+        count, hessians = self._sizes[-1], self.system.hessians()
 
         def apply(vector: FloatArray) -> FloatArray:
             self._put(vector)
             for part in self.system.parts:
                 part.block.residual[:] = 0.0
-            self.system.subtract_tangent(shifts)
+            self.system.subtract_tangent(shifts, hessians)
             self._solve(self._nothing)
             result = -self._collect()
             result[count:] += vector[count:]
             return result
 
         # the blocks hold the first solution s as their steps, and A_0 s as their residuals
-        self.system.subtract_tangent(shifts)
+        self.system.subtract_tangent(shifts, hessians)
         self._solve(self._nothing)
         residual = self._collect()
         size = self._dot(solution, solution) ** 0.5

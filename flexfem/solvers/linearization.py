@@ -21,7 +21,6 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.row import LawKind
 from flexfem.la.nest import CoordinateMatrix, block_indices
@@ -69,15 +68,10 @@ class Linearization:
     """
 
     def __init__(self, system: System) -> None:
-        """Number the unknowns and create the pattern (collective).
-
-        Raises:
-            InputError: the model has contacts, whose stiffness depends on who touches.
-        """
-        for contacts in system.contacts:
-            name = contacts.groups[0].surfaces.contact.name
-            raise InputError(f'Contact "{name}": linearised equations do not know contact')
+        """Number the unknowns and create the pattern (collective)."""
         self.system = system
+        for contacts in system.contacts:
+            contacts.prepare(0.0)
         rows, comm = system.constraints, system.comm
         self.unknowns = sum(p.block.sizes[0] for p in system.parts)
         self.size = self.unknowns + rows.owned_count
@@ -202,6 +196,7 @@ class Linearization:
         self._assemble(0, _MASS, 0.0 * turning, (nothing, nothing), 0.0 * corner)
         self._assemble(1, _VELOCITY, 0.0 * turning, (nothing, velocity), 0.0 * corner)
         self._assemble(2, _STIFFNESS, turning, (forces, position), corner)
+        stiffness = self._with_contacts(stiffness)
         if not self._moving():
             return Matrices(mass, damping, stiffness)
         self._ad.assemble(self._ad_values())
@@ -210,6 +205,18 @@ class Linearization:
         damping = damping.copy()
         damping.axpy(1.0, mass.matMult(self._ad.mat))
         return Matrices(mass, damping, stiffness)
+
+    def _with_contacts(self, stiffness: PETSc.Mat) -> PETSc.Mat:
+        """Add the contacts that are closed, whose pattern changes from state to state."""
+        for a, part in enumerate(self.system.parts):
+            if part.contacts is not None:
+                rows, columns, values = part.contacts.entries(1.0)
+                row, column = self._unknown(a, rows), self._unknown(a, columns)
+                own = CoordinateMatrix(self.system.comm, self.sizes, self.sizes, row, column)
+                own.assemble(values)
+                stiffness = stiffness.copy()
+                stiffness.axpy(1.0, own.mat)
+        return stiffness
 
     def _row_scales(self) -> tuple[FloatArray, FloatArray]:
         """Factors (r,) of the rows' equations, and 0 where a law lets no force change, else 1.

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """From a model to a system (collective)."""
 
+from itertools import combinations
+
 from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.core.marker import SurfaceMarker
 from flexfem.elements.family import ElementFamily
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.forms.beam_law import law_expressions
@@ -51,7 +54,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         _check_node(serial, mass)
     described = []
     if serial.surface is not None:
-        described = contact_surfaces(serial.surface, model.contacts)
+        described = contact_surfaces(serial.surface, model.contacts, _joined(serial))
     blocks: list[FrameBlock | None] = [None for _ in KINDS]
     families: dict[int, ElementFamily] = {}
     if model.beams_of("se3"):
@@ -108,6 +111,19 @@ def _part(
         node_cluster=serial.clusters(kind, block.node_ids),
         slots=np.where(interface.kind == kind, interface.local, -1),
     )
+
+
+def _joined(serial: Assembly) -> IntArray:
+    """Pairs (k, 2) of nodes of shells that joints of lines hold together."""
+    pairs = [
+        (a, b)
+        for joint in serial.joints
+        for first, second in combinations(joint.markers, 2)
+        if isinstance(first, SurfaceMarker) and isinstance(second, SurfaceMarker)
+        for a in first.nodes
+        for b in second.nodes
+    ]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def _joint_ends(serial: Assembly) -> list[JointEnds]:

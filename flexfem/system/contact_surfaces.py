@@ -88,8 +88,15 @@ class ContactSurfaces:
         return automatic_stiffness(*self._numbers, inertia)
 
 
-def contact_surfaces(surface: ShellSurface, contacts: Sequence[Contact]) -> list[ContactSurfaces]:
+def contact_surfaces(
+    surface: ShellSurface, contacts: Sequence[Contact], joined: IntArray
+) -> list[ContactSurfaces]:
     """Describe all contacts of a model.
+
+    Args:
+        surface: the shells.
+        contacts: the model's.
+        joined: (k, 2) pairs of nodes that joints hold together: near them nothing touches.
 
     Raises:
         ValueError: surfaces that intersect or lie too deep in each other at the start.
@@ -102,13 +109,15 @@ def contact_surfaces(surface: ShellSurface, contacts: Sequence[Contact]) -> list
         rim_bits(mesh.triangles, mesh.topology.neighbours, len(mesh.points)),
         connected_parts(mesh.topology.neighbours),
     )
-    described = [_describe(surface, contact, masters) for contact in contacts]
+    described = [_describe(surface, contact, masters, joined) for contact in contacts]
     for one in described:
-        _check_start(surface, one)
+        _check_start(surface, one, joined)
     return described
 
 
-def _describe(surface: ShellSurface, contact: Contact, masters: Masters) -> ContactSurfaces:
+def _describe(
+    surface: ShellSurface, contact: Contact, masters: Masters, joined: IntArray
+) -> ContactSurfaces:
     """One contact."""
     points, triangles = surface.mesh.points, surface.mesh.triangles
     first, second = (_triangles(surface, names) for names in (contact.slaves, contact.masters))
@@ -121,7 +130,7 @@ def _describe(surface: ShellSurface, contact: Contact, masters: Masters) -> Cont
             pairs.append((second, first, -1.0))
         for slave, master, sign in pairs:
             slaves, areas = _slaves(points, masters, slave)
-            excluded = rings(triangles, slaves.nodes, _RINGS)
+            excluded = rings(triangles, slaves.nodes, _RINGS, joined)
             share = (0.5 if both else 1.0) * areas
             passes.append(ContactPass(slaves, share, masters, master, excluded, sign))
     names = {*contact.slaves, *contact.masters}
@@ -168,12 +177,12 @@ def _shape(surface: RigidSurface) -> Shape:
     raise TypeError(f"unknown rigid surface {surface!r}")
 
 
-def _check_start(surface: ShellSurface, described: ContactSurfaces) -> None:
+def _check_start(surface: ShellSurface, described: ContactSurfaces, joined: IntArray) -> None:
     """Raise where surfaces intersect, or lie too deep in each other."""
     owner, points = f'Contact "{described.contact.name}"', surface.mesh.points
     edges = surface.mesh.topology.edges
     for one in described.passes:
-        _check_crossing(surface, owner, one, edges)
+        _check_crossing(surface, owner, one, edges, joined)
         made = TriangleContact(one.slaves, one.masters, described.skin, one.excluded)
         made.search(points, one.chosen)
         made.settle(points)
@@ -197,13 +206,15 @@ def _check_start(surface: ShellSurface, described: ContactSurfaces) -> None:
             )
 
 
-def _check_crossing(surface: ShellSurface, owner: str, one: ContactPass, edges: IntArray) -> None:
+def _check_crossing(
+    surface: ShellSurface, owner: str, one: ContactPass, edges: IntArray, joined: IntArray
+) -> None:
     """Raise where an edge of the slaves goes through a master triangle."""
     mesh = surface.mesh
     slave = np.zeros(len(mesh.points), dtype=np.bool_)
     slave[one.slaves.nodes] = True
     own = edges[slave[edges].all(axis=1)]
-    near = rings(mesh.triangles, own[:, 0], _RINGS)
+    near = rings(mesh.triangles, own[:, 0], _RINGS, joined)
     edge, triangle = first_crossing(mesh.points, own, mesh.triangles[one.chosen], near)
     if edge >= 0:
         a, b = own[edge].tolist()

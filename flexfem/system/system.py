@@ -233,16 +233,18 @@ class System:
             if len(part.slots):
                 self.constraints.add_forces(multipliers, part.slots, part.block.residual)
 
-    def subtract_tangent(self, shifts: Shifts) -> None:
+    def hessians(self) -> FloatArray:
+        """Of the joints at the trial state, for :meth:`subtract_tangent`."""
+        return self.mechanics.hessians(self, self.constraints.multipliers)
+
+    def subtract_tangent(self, shifts: Shifts, hessians: FloatArray) -> None:
         """Subtract the exact tangent's action on the blocks' steps from the residuals (collective).
 
         Residuals of ghosts must be zero.
         """
         self._add_action(shifts, -1.0)
         self.interface.update_steps()
-        rows = self.constraints
-        hessians = self.mechanics.hessians(self, rows.multipliers)
-        turning = rows.turning_forces(hessians, self.interface.steps)
+        turning = self.constraints.turning_forces(hessians, self.interface.steps)
         for part in self.parts:
             held = part.slots >= 0
             np.subtract.at(part.block.residual, part.slots[held], turning[held])

@@ -15,6 +15,9 @@ import pytest
 import flexfem as ff
 from flexfem import cli, launch
 from flexfem.analyses.dynamics import RunOptions
+from flexfem.analyses.modes import MODES, ModeOptions
+from flexfem.case import Case
+from flexfem.options import Option
 
 pytestmark = pytest.mark.serial
 
@@ -174,7 +177,7 @@ def test_defaults_reach_the_simulation(
 def test_given_values_win_over_smoke_values(own_case: Path) -> None:
     case = cli.load_case(str(own_case))
     line = "--smoke --dt 1e-4 --count 7 --length -2e-1 --damped --quiet --output a/b"
-    parameters, options = cli.parse(case, line.split())
+    _, parameters, options = cli.parse(case, line.split())
     assert parameters == {"count": 7, "length": -0.2, "shape": "round", "damped": True}
     assert options == RunOptions(dt=1e-4, t_end=2e-3, output=Path("a/b"), quiet=True)
 
@@ -184,7 +187,7 @@ def test_presets_come_with_a_choice(own_case: Path, capsys: pytest.CaptureFixtur
     case.presets = {"shape": {"square": {"dt": 2e-3, "count": 9}}}
     seen = {}
     for line in ("", "--shape square", "--shape square --dt 3e-3", "--shape square --smoke"):
-        parameters, options = cli.parse(case, line.split())
+        _, parameters, options = cli.parse(case, line.split())
         seen[line] = options.dt, parameters["count"]
     assert list(seen.values()) == [(1e-3, 4), (2e-3, 9), (3e-3, 9), (2e-3, 1)]
     with pytest.raises(SystemExit):
@@ -328,3 +331,38 @@ def test_case_declarations_are_checked(changes: dict[str, Any], part: str) -> No
 def test_run_options_refuse_wrong_types(changes: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match=f"RunOptions: {next(iter(changes))} must be"):
         RunOptions(**({"dt": 1e-3, "t_end": 1.0} | changes))
+
+
+def test_another_analysis_has_its_own_options_and_folder(own_case: Path) -> None:
+    case = cli.load_case(str(own_case))
+    chosen, parameters, options = cli.parse(
+        case, ["--analysis", "modes", "--count", "7", "--modes", "3"]
+    )
+    assert chosen.analysis is MODES
+    assert parameters["count"] == 7
+    assert options == ModeOptions(modes=3, output=Path("results/own_modes"))
+    assert cli.parse(case, ["--analysis", "dynamics"])[0] is case
+
+
+@pytest.mark.parametrize(
+    ("line", "parts"),
+    [
+        ("--analysis wave", ["--analysis", "'wave'", "'modes'"]),
+        ("--analysis", ["--analysis"]),
+        ("--analysis modes --dt 1e-3", ["--dt"]),
+        ("--state file.h5", ["--state"]),
+    ],
+)
+def test_other_analyses_that_will_not_do(
+    own_case: Path, capsys: pytest.CaptureFixture[str], line: str, parts: list[str]
+) -> None:
+    assert cli.command(["run", str(own_case), *line.split()]) == 2
+    message = one_line(capsys)
+    assert all(part in message for part in parts)
+
+
+def test_names_of_options_that_clash_with_those_of_the_analysis(own_case: Path) -> None:
+    case = cli.load_case(str(own_case))
+    clashing = Case("own", "", case.build, [Option("target", int, 1, "of it")], dt=1.0, t_end=1.0)
+    with pytest.raises(cli.UsageError, match="--analysis: Case 'own': option name 'target'"):
+        cli.parse(clashing, ["--analysis", "modes"])

@@ -10,7 +10,6 @@ import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.simulation.stepping import Simulation
-from flexfem.solvers.linearization import Linearization
 from flexfem.system.probes import ProbeRecorder
 
 THICK = 1e-3
@@ -208,10 +207,3 @@ def test_restart_goes_on_as_before():
 def test_bad_input(options, message):
     with pytest.raises(ValueError, match=message):
         moved(impact(**options), 0)
-
-
-@pytest.mark.serial
-def test_linearised_equations_refuse_contact():
-    simulation, _ = moved(impact(), 0)
-    with pytest.raises(ValueError, match='Contact "hit": linearised equations do not know'):
-        Linearization(simulation.system)

@@ -222,7 +222,7 @@ def test_walk_around_a_rim_changes_the_side():
 def test_neighbours_are_left_out_and_folds_are_found():
     points, triangles = grid(21, 5, (2.0, 0.4))
     nodes = np.arange(len(points))
-    near = rings(triangles, nodes, 2)
+    near = rings(triangles, nodes, 2, np.empty((0, 2), np.int64))
     assert set(near.values[near.starts[0] : near.starts[1]]) == {0, 1, 2, 21, 22, 23, 42, 43, 44}
     slaves = Slaves(nodes, np.full(len(nodes), 0.01), np.ones(len(nodes)))
     contact = TriangleContact(slaves, masters(points, triangles, 0.02), 0.05, near)
@@ -315,7 +315,7 @@ def test_bad_starts_are_found():
     contact.evaluate(every)
     part, node = deepest_start(contact)
     assert (part, node) == (pytest.approx(0.8), 25)
-    excluded = rings(triangles, np.arange(1), 0)
+    excluded = rings(triangles, np.arange(1), 0, np.empty((0, 2), np.int64))
     edges = np.array([[25, 27], [26, 27]])
     every = np.concatenate([every, [[0.41, 0.42, -0.1]]])
     nothing = type(excluded)(np.zeros(3, np.int64), np.zeros(0, np.int64))

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Modes about states that a motion has reached, with contact, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+
+STIFFNESS, REST, AWAY, MASS = 300.0, 0.4, 0.5, 2.0
+
+
+def slider(mass=MASS):
+    """A mass on a guide along X, pulled by a spring from a point beside the guide."""
+    model = ff.Model("slider")
+    model.add(
+        ff.RigidBody("mass", mass, (0.1, 0.1, 0.1), velocity=(1.5, 0.0, 0.0)),
+        ff.Prismatic("guide", ff.Ground(), ff.Marker("mass"), axis=(1, 0, 0)),
+        ff.SpringDamper("spring", ff.Ground((0.0, AWAY, 0.0)), ff.Marker("mass"),
+                        stiffness=STIFFNESS, rest_length=REST),
+        ff.Probe("at", ff.Marker("mass"), ("x",), lambda t, s: s.position[:1]),
+    )  # fmt: skip
+    return model
+
+
+def checkpoint(model, folder, steps, dt):
+    """The motion's last checkpoint and history."""
+    options = ff.RunOptions(
+        dt=dt, t_end=steps * dt, output=folder, checkpoint_every=steps, quiet=True
+    )
+    outcome = ff.simulate(model, options)
+    assert outcome.status == "ok"
+    return folder / f"checkpoint_{steps:06d}.h5", outcome.history
+
+
+def test_frequency_where_a_nonlinear_spring_has_been_stretched(shared_tmp_path):
+    """V = k/2 (sqrt(d^2 + x^2) - l)^2, so that the frequency depends on the place reached."""
+    folder = shared_tmp_path / "motion"
+    folder.mkdir(exist_ok=True)
+    file, history = checkpoint(slider(), folder, 40, 2e-3)
+    found = ff.find_modes(slider(), ff.ModeOptions(modes=1, state=file, quiet=True))
+    given = ff.find_modes(slider(), ff.ModeOptions(modes=1, quiet=True))
+    assert found.status == given.status == "ok"
+    if found.history:
+        for x, outcome in ((history["x"][-1], found), (0.0, given)):
+            curvature = STIFFNESS * (1.0 - REST * AWAY**2 / (AWAY**2 + x**2) ** 1.5)
+            frequency = math.sqrt(curvature / MASS) / (2.0 * math.pi)
+            # eigenvalues are found to 1e-10; the given place has 0.87 of this frequency
+            assert outcome.history["frequency"][0] == pytest.approx(frequency, rel=1e-8)
+        assert history["x"][-1] > 0.1
+
+
+def resting(height):
+    """A square sheet on a plane, without gravity."""
+    sides = np.linspace(0.0, 0.4, 4)
+    sheet = ff.ShellSection.isotropic(2e-3, ff.Material(2e9, 0.3, 1500.0))
+    model = ff.Model(
+        "resting", surface=ff.SurfaceMesh.grid("sheet", sides, sides, lambda p: lifted(p, height))
+    )
+    floor = ff.RigidPlane(ff.Ground((0.0, 0.0, -1e-3)))
+    model.add(ff.Shell("sheet", sheet), ff.Contact("floor", "sheet", surfaces=floor, stiffness=2e6))
+    return model
+
+
+def lifted(parameters, height):
+    return np.column_stack([parameters, np.full(len(parameters), height)])
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize(("height", "stiffness"), [(-1e-6, 2e6), (1e-6, 0.0)])
+def test_sheet_that_touches_a_plane_bounces_on_the_stiffness_of_contact(height, stiffness):
+    """Stiffness and mass per area are those of every node: the square frequency is k / (rho h)."""
+    found = ff.find_modes(resting(height), ff.ModeOptions(modes=6, quiet=True))
+    assert found.status == "ok"
+    if found.history:
+        squares = (2.0 * math.pi * found.history["frequency"]) ** 2
+        # rocking and lifting; without contact all six rigid motions have none
+        expected = [0.0, 0.0, 0.0, *3 * [stiffness / 3.0]]
+        assert squares == pytest.approx(expected, rel=1e-7, abs=1.0)
+
+
+@pytest.mark.serial
+def test_bad_states(tmp_path):
+    file, _ = checkpoint(slider(), tmp_path, 2, 1e-3)
+    wrong = {
+        "belongs to another model, other rigid bodies": (slider(mass=3.0), {"state": file}),
+        "none.h5.: No such file": (slider(), {"state": tmp_path / "none.h5"}),
+        "ModeOptions: a state has its own time, got time 2": (slider(), {"state": file, "time": 2}),
+        'Contact "floor": equilibria with contact': (resting(1e-6), {"start": "equilibrium"}),
+    }
+    for message, (model, options) in wrong.items():
+        with pytest.raises(ValueError, match=message):
+            ff.find_modes(model, ff.ModeOptions(modes=1, quiet=True, **options))
