@@ -70,6 +70,7 @@ class FrozenSolver:
         refine: correct every step by the exact tangent's action.
         keep_interface: the next iteration keeps the factors of the multipliers' system.
         defect: relative size of what the frozen operator missed in the last refined step.
+        exact: the last step solved the linearised equations: fresh factors would not do better.
     """
 
     def __init__(self, system: System) -> None:
@@ -78,7 +79,7 @@ class FrozenSolver:
         self.shifts: Shifts | None = None
         self._kept: dict[Shifts, _Kept] = {}
         self.refine = False
-        self.defect = 0.0
+        self.defect, self.exact = 0.0, False
         rows, face = system.constraints, system.interface
         self._slot_column = np.zeros(len(face.keys), dtype=np.int64)
         self._slot_active = np.zeros(len(face.keys), dtype=np.int64)
@@ -255,6 +256,7 @@ class FrozenSolver:
         if not (self.keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size)
         self._solve(rows.values)
+        self.exact = False
         if not self.refine:
             return True, -self._right
         solution = self._collect()
@@ -293,7 +295,10 @@ class FrozenSolver:
         residual = self._collect()
         size = self._dot(solution, solution) ** 0.5
         self.defect = self._dot(residual, residual) ** 0.5 / size if size > 0.0 else 0.0
-        return minimal_residual(apply, residual, self._dot, _INNER * size, _SWEEPS)
+        correction, self.exact = minimal_residual(
+            apply, residual, self._dot, _INNER * size, _SWEEPS
+        )
+        return correction
 
     def _dot(self, a: FloatArray, b: FloatArray) -> float:
         """Inner product of the blocks' parts over all ranks."""

@@ -16,7 +16,7 @@ def minimal_residual(
     dot: Callable[[FloatArray, FloatArray], float],
     tolerance: float,
     most: int,
-) -> FloatArray:
+) -> tuple[FloatArray, bool]:
     """Solve ``B z = residual`` from zero (Saad, Schultz 1986, with modified Gram–Schmidt).
 
     Args:
@@ -27,15 +27,18 @@ def minimal_residual(
         most: largest number of applications of B.
 
     Returns:
-        The solution; not finite where residual or operator are not, which is left to the caller.
+        The solution, not finite where residual or operator are not, which is left to the caller;
+        whether it is as accurate as asked for.
     """
     beta = dot(residual, residual) ** 0.5
     if beta <= tolerance or beta == 0.0 or not np.isfinite(beta):
-        return residual.copy()  # one sweep of the fixed point, as good as B is close to one
+        return residual.copy(), bool(
+            np.isfinite(beta)
+        )  # one sweep of the fixed point, as good as B is close to one
     basis, hessenberg = [residual / beta], np.zeros((most + 1, most))
     right = np.zeros(most + 1)
     right[0] = beta
-    weights = np.zeros(1)
+    weights, left = np.zeros(1), beta
     for k in range(most):
         vector = apply(basis[k])
         for i, other in enumerate(basis):
@@ -44,10 +47,11 @@ def minimal_residual(
         hessenberg[k + 1, k] = dot(vector, vector) ** 0.5
         system = hessenberg[: k + 2, : k + 1]
         if not np.isfinite(system).all():
-            return np.full_like(residual, np.nan)
+            return np.full_like(residual, np.nan), False
         weights = np.linalg.lstsq(system, right[: k + 2])[0]
         left = float(np.linalg.norm(right[: k + 2] - system @ weights))
         if left <= tolerance or hessenberg[k + 1, k] <= 1e-14 * beta:
             break
         basis.append(vector / hessenberg[k + 1, k])
-    return np.sum([w * v for w, v in zip(weights, basis, strict=False)], axis=0)
+    solution = np.sum([w * v for w, v in zip(weights, basis, strict=False)], axis=0)
+    return solution, left <= tolerance

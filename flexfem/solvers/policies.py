@@ -20,7 +20,9 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["AutoPolicy", "FrozenPolicy", "Policy", "UpdatedPolicy", "create_policy"]
 
-#: Contraction above which ``auto`` refreshes the factors.
+#: Contraction above which ``auto`` refreshes the factors, unless the step solved the linearised
+#: equations as it was: what contracts slowly then is Newton's method itself, where contacts open
+#: and close for example.
 _SLOW = 0.5
 #: Contraction above which steps are refined by the action of the exact tangent: ``frozen`` keeps
 #: close to the iterations of a fresh matrix, ``auto`` takes the cheaper plain steps while they do.
@@ -117,7 +119,7 @@ class FrozenPolicy:
                 return
             if contraction > self.refine:
                 frozen.refine = True
-            slow = self.slow is not None and contraction > self.slow
+            slow = self.slow is not None and contraction > self.slow and not frozen.exact
             if slow and not refreshed and size > tolerance:
                 refreshed = True
                 frozen.factor(shifts)

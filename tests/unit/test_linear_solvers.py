@@ -21,7 +21,7 @@ def test_minimal_residual_is_the_best_of_its_krylov_space(most, rng):
     size = 12
     B = np.eye(size) + 0.4 * rng.normal(size=(size, size))
     right = rng.normal(size=size)
-    found = minimal_residual(lambda v: B @ v, right.copy(), np.dot, 0.0, most)
+    found, _ = minimal_residual(lambda v: B @ v, right.copy(), np.dot, 0.0, most)
     krylov = [right]
     for _ in range(most - 1):
         krylov.append(B @ krylov[-1] / np.linalg.norm(krylov[-1]))
@@ -43,17 +43,18 @@ def test_minimal_residual_stops_at_its_tolerance(rng):
         return B @ vector
 
     tolerance = 1e-3 * np.linalg.norm(right)
-    found = minimal_residual(apply, right, np.dot, tolerance, 9)
+    found, exact = minimal_residual(apply, right, np.dot, tolerance, 9)
+    assert exact
     assert np.linalg.norm(right - B @ found) <= tolerance * (1.0 + 1e-9)
     assert len(calls) <= 6  # contraction of about 0.15 a vector
+    assert not minimal_residual(apply, right, np.dot, tolerance, 2)[1]
 
 
 def test_minimal_residual_of_the_identity_and_of_nothing(rng):
     right = rng.normal(size=5)
-    np.testing.assert_allclose(minimal_residual(np.copy, right, np.dot, 0.0, 4), right, rtol=1e-13)
-    np.testing.assert_array_equal(
-        minimal_residual(np.copy, np.zeros(5), np.dot, 0.0, 4), np.zeros(5)
-    )
+    for vector in (right, np.zeros(5)):
+        found, _ = minimal_residual(np.copy, vector, np.dot, 0.0, 4)
+        np.testing.assert_allclose(found, vector, rtol=1e-13)
 
 
 @pytest.mark.three_ranks
