@@ -32,9 +32,8 @@ def minimal_residual(
     """
     beta = dot(residual, residual) ** 0.5
     if beta <= tolerance or beta == 0.0 or not np.isfinite(beta):
-        return residual.copy(), bool(
-            np.isfinite(beta)
-        )  # one sweep of the fixed point, as good as B is close to one
+        # one sweep of the fixed point, as good as B is close to one
+        return residual.copy(), bool(np.isfinite(beta))
     basis, hessenberg = [residual / beta], np.zeros((most + 1, most))
     right = np.zeros(most + 1)
     right[0] = beta
