@@ -44,9 +44,7 @@ lint: $(STAMP) ## style, types, architecture
 
 test: lint ## lint, then all tests on 1 and 2 ranks, some on 3
 	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist worksteal
-	# in two parts: MPI has about two thousand communicators, and some live as long as the process
-	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests/unit tests/contract
-	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests/verification tests/cases
+	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
 	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
 
 verification: $(STAMP) ## all benchmarks at full meshes: writes tests/verification/TABLE.md

@@ -46,13 +46,15 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
     What has survived once, imported modules above all, is not searched again within a file: that
     took most of the time. What a file's fixtures held is let go at its end: MPI has about two
-    thousand communicators.
+    thousand communicators, and PETSc's objects hold some.
     """
     comm = _communicator()
     if comm is not None and comm.size > 1:
         if nextitem is None or nextitem.path != item.path:
             gc.unfreeze()
         gc.collect()
+        if petsc := sys.modules.get("petsc4py.PETSc"):
+            petsc.garbage_cleanup(comm)
         gc.freeze()
         comm.Barrier()
 

@@ -15,6 +15,7 @@ from flexfem.analyses.modes import StateOptions
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.integrators.start import check_gaps
+from flexfem.la.dropped import destroy_dropped
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import SavedState
 from flexfem.simulation.outcome import summary_of
@@ -74,6 +75,7 @@ class OperatingPoint:
         Raises:
             InputError: the model cannot rotate steadily about the axis.
         """
+        destroy_dropped(self.system.comm)  # matrices and solvers of other speeds
         rotation = self.rotation(spin)
         if spin != 0.0 or self.options.start != "rest":
             self._refuse_contact()

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from mpi4py import MPI
 
 from flexfem._checks import InputError
+from flexfem.la.dropped import destroy_dropped
 from flexfem.model.model import Model
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
@@ -34,6 +35,8 @@ def set_up(
         serial = Assembly(model)
         if check is not None:
             check(serial)
-        return serial, build(serial, comm or MPI.COMM_WORLD, split_above)
+        comm = comm or MPI.COMM_WORLD
+        destroy_dropped(comm)  # models that were built before
+        return serial, build(serial, comm, split_above)
     except ValueError as error:  # on every rank, the model being the same
         raise InputError(str(error)) from error

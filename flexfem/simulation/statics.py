@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -24,7 +25,7 @@ from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.setup import set_up
 from flexfem.solvers.buckling import LinearBuckling
-from flexfem.solvers.statics import Limits, settle
+from flexfem.solvers.statics import Limits, Loading, settle
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.probes import ProbeRecorder
 
@@ -83,6 +84,14 @@ def solve_static(
     return run.finish(run.reason(status))
 
 
+def _columns(probes: ProbeRecorder, loading: Loading) -> dict[str, float]:
+    """The history's columns at the trial state, on the first rank (collective)."""
+    probes.record(loading.t)
+    for _, values in probes.flush():
+        return dict(zip(probes.columns, values.tolist(), strict=True))
+    return {}
+
+
 class _Run:
     """One run from the start to the results."""
 
@@ -104,6 +113,7 @@ class _Run:
         if not options.stabilise:
             check_held(self._serial, self.equilibrium)
         self._departures = Departures(self.system, self._serial)
+        self._columns = partial(_columns, self._probes, self.equilibrium.loading)
         self._status = self._checked(settle(self.equilibrium))
         self.path = Path(
             self.equilibrium, follow=options.arc_length > 0.0, count=options.critical_points,
@@ -133,13 +143,6 @@ class _Run:
                 f"StaticOptions: stop_column '{column}' is no column of the history, which has "
                 f"{', '.join(self._probes.columns) or 'none'}"
             )
-
-    def _columns(self) -> dict[str, float]:
-        """The history's columns at the trial state, on the first rank."""
-        self._probes.record(self.equilibrium.loading.t)
-        for _, values in self._probes.flush():
-            return dict(zip(self._probes.columns, values.tolist(), strict=True))
-        return {}
 
     def _beyond(self) -> float:
         """How far the column that ends the run lies above its value at the end."""

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.solvers.tangent import part_pattern, part_values
@@ -84,6 +85,7 @@ class FlexibleBodies:
         group.compliances = np.zeros(len(group.compliances))
         self._matrix.assemble(part_values(system, part, shifts))
         width = part.block.width
+        destroy_dropped(system.comm)  # older factors
         self.factor = Factor(
             self._matrix.mat, width, not part.block.has_ghosts, chained=self._chained,
             largest=width * int(np.diff(group.node_start).max(initial=0)),

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.la.dropped import destroy_dropped
 from flexfem.solvers.tangent import TangentSolver
 
 __all__ = ["Inertia", "softest_motion"]
@@ -62,6 +63,7 @@ class Inertia:
 
     def _create(self) -> None:
         """Factorisation that is kept: MUMPS mixes up messages of one that ends with the next's."""
+        destroy_dropped(self._tangent.system.comm)  # older ones
         self._nest = self._tangent.matrix
         self._matrix = self._nest.convert("aij", PETSc.Mat())
         self._transposed = self._matrix.transpose(PETSc.Mat())

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.la.dropped import destroy_dropped
 from flexfem.la.nest import (
     CoordinateMatrix,
     block_indices,
@@ -49,6 +50,7 @@ class TangentSolver:
         """Create patterns of all blocks for the nodes that joints act on now (collective)."""
         system = self.system
         comm, rows = system.comm, system.constraints
+        destroy_dropped(comm)  # older patterns
         parts = system.parts
         self._version = rows.lines.version
         sizes = [p.block.sizes for p in parts]

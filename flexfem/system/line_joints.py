@@ -8,6 +8,7 @@ from element to element.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -47,7 +48,7 @@ class LineJoints:
 
     def __init__(self, table: RowTable, rows: Sequence[Sequence[Row]]) -> None:
         """Collect lines, markers and rows; ``rows`` are those of all joints of the table."""
-        self._table = table
+        self._table: RowTable = weakref.proxy(table)  # which holds this object
         self.joints = [i for i, joint in enumerate(table.joints) if joint.on_lines]
         self.sums = np.zeros(int(table.start[-1]))
         self.version = 0
