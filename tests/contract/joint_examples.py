@@ -181,6 +181,16 @@ EXAMPLES |= {
 }  # fmt: skip
 
 
+def interface(frames: np.ndarray, width: int = 6) -> SimpleNamespace:
+    """Nodes at rest with frames (n, 12) and so many unknowns each, as rows see them."""
+    n = len(frames)
+    return SimpleNamespace(
+        keys=[(1, k) for k in range(n)], frames=frames.copy(), velocities=np.zeros((n, 6)),
+        increments=np.zeros((n, 6)), inertial=np.zeros(n, dtype=bool), width=np.full(n, width),
+        held=np.zeros((n, 6), dtype=bool),
+    )  # fmt: skip
+
+
 class Placed:
     """One joint between nodes, one for each marker, which has an offset and axes of its own."""
 
@@ -197,11 +207,7 @@ class Placed:
         if ground:  # the first marker does not move
             offsets[0], slots[0] = frames[0], -1
         self.start, self.offsets, self.poses, self.count = nodes, offsets, poses, n
-        self.face = SimpleNamespace(
-            keys=[(1, k) for k in range(n)], frames=nodes.copy(), velocities=np.zeros((n, 6)),
-            increments=np.zeros((n, 6)), inertial=np.zeros(n, dtype=bool),
-            width=np.full(n, 6), held=np.zeros((n, 6), dtype=bool),
-        )  # fmt: skip
+        self.face = interface(nodes)
         placed = [
             PlacedJoint(
                 joint, 0, poses, tuple(slots), offsets, (None,) * n, owned=True, shared=False
@@ -262,6 +268,48 @@ class Placed:
             columns.append((sides[0] - sides[1]) / (2.0 * eps))
         face.frames[:], face.velocities[:], face.increments[:] = kept
         return np.stack(columns, axis=-1)
+
+    def differenced_hessian(self, factor: np.ndarray) -> np.ndarray:
+        """What :meth:`hessian` returns, by differences of the gradients."""
+
+        def force() -> np.ndarray:
+            self.evaluate()
+            return np.einsum("r,rij->ij", factor, self.dense(self.rows.force_jacobian)).ravel()
+
+        found = self.derivative(force)
+        self.evaluate()
+        return found
+
+    def differenced_rates(self, eps: float = 1e-5) -> np.ndarray:
+        """Derivatives (r,) of the rows' rates by time at constant local velocities."""
+        frames, sides = self.face.frames.copy(), []
+        for sign in (1.0, -1.0):
+            self.face.frames[:] = se3.retract(frames, sign * eps * self.face.velocities)
+            self.evaluate()
+            sides.append(self.rows.rates())
+        self.face.frames[:] = frames
+        self.evaluate()
+        return (sides[0] - sides[1]) / (2.0 * eps)
+
+    def nodal_forces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Forces and moments (n, 3) that the rows exert on the nodes, inertial axes."""
+        rows = self.rows
+        node = -np.einsum("r,rni->ni", rows.forces, self.dense(rows.force_jacobian))
+        R = se3.rotation(self.face.frames)
+        return tuple(np.einsum("nij,nj->ni", R, part) for part in (node[:, :3], node[:, 3:]))
+
+    def resultants(self) -> np.ndarray:
+        """Force and moment about the origin, of the forces on the nodes and of the reactions."""
+        force, moment = self.nodal_forces()
+        w, x, at = self.rows.reactions(), self.face.frames[:, :3], self.rows.poses[:, :3]
+        return np.array(
+            [
+                np.concatenate([force.sum(axis=0), (moment + np.cross(x, force)).sum(axis=0)]),
+                np.concatenate(
+                    [w[:, :3].sum(axis=0), (w[:, 3:] + np.cross(at, w[:, :3])).sum(axis=0)]
+                ),
+            ]
+        )
 
     def _follow_inertial(self, kept: list[np.ndarray], step: np.ndarray) -> None:
         """Velocities after a step where translations are integrated in inertial axes."""

@@ -2,7 +2,6 @@
 """Joints with markers on lines: on SE(3) elements with turned sections, on NURBS elements."""
 
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import Any
 
 from mpi4py import MPI
@@ -18,7 +17,7 @@ from flexfem.system.constraints import Constraints
 from flexfem.system.line_data import ON_LINE
 from flexfem.system.lines import Line, Rail, RailPoint
 from flexfem.system.row_table import PlacedJoint
-from tests.contract.joint_examples import Placed
+from tests.contract.joint_examples import Placed, interface
 
 #: Quadratic B-spline with knots 0 0 0 1 2 2 2: shape functions of both elements in powers of xi.
 QUADRATIC = np.array(
@@ -112,12 +111,7 @@ class PlacedOnLine(Placed):
                 se3.compose(se3.inverse(free), second),
             ]
         )
-        self.face = SimpleNamespace(
-            keys=[(1, k) for k in range(self.count)], frames=self.start.copy(),
-            velocities=np.zeros((self.count, 6)), increments=np.zeros((self.count, 6)),
-            inertial=np.zeros(self.count, dtype=bool), width=np.full(self.count, 6),
-            held=np.zeros((self.count, 6), dtype=bool),
-        )  # fmt: skip
+        self.face = interface(self.start)
         point = RailPoint(self._rail(), *place, slides=example.slides)
         poses = tuple(Pose(H[:3], se3.rotation(H)) for H in (first, second))
         joint = example.joint()

@@ -2,7 +2,6 @@
 """Joints with markers on triangles and edges of shells."""
 
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import Any
 
 from mpi4py import MPI
@@ -18,7 +17,7 @@ from flexfem.system.line_data import ON_LINE
 from flexfem.system.lines import Rail, RailPoint
 from flexfem.system.row_table import PlacedJoint
 from flexfem.system.surface_places import SurfacePlace, carrier_frame
-from tests.contract.joint_examples import UNIT, Placed
+from tests.contract.joint_examples import UNIT, Placed, interface
 
 CORNERS = np.array([[0.1, 0.2, -0.3], [1.4, 0.5, 0.1], [0.3, 1.2, 0.6]])
 OTHERS = np.array([[0.1, 0.2, -0.3], [-0.6, 1.1, 0.2], [-0.8, -0.4, 0.9]])
@@ -64,12 +63,7 @@ class PlacedOnSurface(Placed):
         positions = np.concatenate([CORNERS[:k], other if both else x[np.newaxis] + 0.2])
         self.start = se3.frame(positions, so3.exp(rng.normal(size=(len(positions), 3))))
         self.count = len(self.start)
-        self.face = SimpleNamespace(
-            keys=[(1, n) for n in range(self.count)], frames=self.start.copy(),
-            velocities=np.zeros((self.count, 6)), increments=np.zeros((self.count, 6)),
-            inertial=np.zeros(self.count, dtype=bool), width=np.full(self.count, 3),
-            held=np.zeros((self.count, 6), dtype=bool),
-        )  # fmt: skip
+        self.face = interface(self.start, width=3)
         poses = [Pose(p, so3.exp(rng.normal(size=3))) for p in (x, x + example.gap)]
         points, offsets = [], []
         for first, pose in zip((0, k), poses, strict=True):
