@@ -6,6 +6,7 @@ import re
 import subprocess
 import time
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -28,29 +29,28 @@ SUMMARY_KEYS = {
     "results",
 }  # fmt: skip
 POLICIES = ("auto", "frozen", "updated")
+SPLITS = ("4000", "1")
 
-# Runs every case with every iteration matrix, whole and split bodies, in one go.
-ALL_RUNS = """\
-import sys
-from itertools import product
-from pathlib import Path
+# Runs files of cases as scripts, one after the other; one argument a run: the file and its options.
+SCRIPTS = """\
+import runpy, sys
 
-import flexfem as ff
-from flexfem.cli import load_case
-
-# enough elements for a share of each of three ranks
-MORE = {"slider_crank": ["--elements", "5"], "flying_spaghetti": ["--elements", "7"],
-        "chain": ["--elements", "3"], "deployable_truss": ["--elements", "3"],
-        "sliding_beam": ["--elements", "6", "--slider-elements", "3"]}
-folder, names = Path(sys.argv[1]), sys.argv[2:]
-for name, policy, split in product(names, ("auto", "frozen", "updated"), ("1", "4000")):
-    argv = ["--smoke", "--quiet", "--every", "1000", "--iteration-matrix", policy]
-    argv += ["--split-above", split, *MORE.get(name, [])]
-    argv += ["--output", str(folder / f"{name}-{policy}-{split}")]
-    code = ff.main(load_case(name), argv)
-    if code:
-        sys.exit(f"{argv} ended with {code}")
+for line in sys.argv[1:]:
+    sys.argv = line.split("|")
+    try:
+        runpy.run_path(sys.argv[0], run_name="__main__")
+    except SystemExit as end:
+        if end.code:
+            sys.exit(f"{sys.argv} ended with {end.code}")
 """
+# Enough elements for a share of each of three ranks.
+MORE = {
+    "slider_crank": ["--elements", "5"],
+    "flying_spaghetti": ["--elements", "7"],
+    "chain": ["--elements", "3"],
+    "deployable_truss": ["--elements", "3"],
+    "sliding_beam": ["--elements", "6", "--slider-elements", "3"],
+}
 
 # A pendulum whose bob is driven along X: out of reach, or not a number, from some time on.
 FAILING = """\
@@ -99,28 +99,62 @@ def instants(pvd: Path) -> list[float]:
 
 
 @pytest.fixture(scope="module")
-def smoke(run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """Folder of a smoke run, made once."""
-    done: dict[tuple[str, int], Path] = {}
+def scripts(
+    run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[int, list[list[str]]], str]:
+    """Run cases in one process (of each rank): to start one costs more than such a run."""
 
-    def folder(case: str, ranks: int) -> Path:
-        if (case, ranks) not in done:
-            output = tmp_path_factory.mktemp(case) / "results"
-            ended = run(ranks, ROOT / "cases" / f"{case}.py", "--smoke", "--output", output)
-            assert (ended.returncode, ended.stderr) == (0, "")
-            assert ended.stdout == f"results are in {output}\n"
-            done[case, ranks] = output
-        return done[case, ranks]
+    def start(ranks: int, runs: list[list[str]]) -> str:
+        script = tmp_path_factory.mktemp("scripts") / "scripts.py"
+        script.write_text(SCRIPTS)
+        files = ("|".join([str(ROOT / "cases" / f"{case}.py"), *more]) for case, *more in runs)
+        ended = run(ranks, script, *files, timeout=600)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        return str(ended.stdout)
 
+    return start
+
+
+@pytest.fixture(scope="module")
+def histories(
+    scripts: Callable[[int, list[list[str]]], str], tmp_path_factory: pytest.TempPathFactory
+) -> dict[int, Path]:
+    """Folders of all runs on one, two and three ranks; one rank has nothing to split."""
+    folders = {ranks: tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2, 3)}
+    for ranks, folder in folders.items():
+        runs, outputs = [], []
+        for case, policy, split in product(CASES, POLICIES, SPLITS[: min(ranks, 2)]):
+            output = str(folder / f"{case}-{policy}-{split}")
+            runs.append([
+                case, "--smoke", "--iteration-matrix", policy, "--split-above", split,
+                *MORE.get(case, []), "--output", output,
+            ])  # fmt: skip
+            if policy == "auto":
+                outputs.append(output)
+            else:
+                runs[-1] += ["--quiet", "--every", "1000"]
+        printed = scripts(ranks, runs)
+        assert printed == "".join(f"results are in {output}\n" for output in outputs)
+    return folders
+
+
+@pytest.fixture(scope="module")
+def others(
+    scripts: Callable[[int, list[list[str]]], str], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Folder with short runs of the cases of other analyses."""
+    folder = tmp_path_factory.mktemp("others")
+    names = [case for case in EVERY if case not in CASES]
+    scripts(1, [[case, "--smoke", "--output", str(folder / case)] for case in names])
     return folder
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("case", CASES)
 def test_smoke_run_leaves_complete_results(
-    case: str, ranks: int, smoke: Callable[..., Path]
+    case: str, ranks: int, histories: dict[int, Path]
 ) -> None:
-    folder = smoke(case, ranks)
+    folder = histories[ranks] / f"{case}-auto-4000"
     history = read_history(folder / "history.csv")
     summary = json.loads((folder / "summary.json").read_text())
     declared = load_case(case)
@@ -145,19 +179,26 @@ def test_smoke_run_leaves_complete_results(
 
 
 @pytest.mark.parametrize("case", EVERY)
-def test_docstring_names_the_columns(case: str, smoke: Callable[..., Path]) -> None:
+def test_docstring_names_the_columns(case: str, histories: dict[int, Path], others: Path) -> None:
     text = load_case(case).description
+    folder = histories[1] / f"{case}-auto-4000" if case in CASES else others / case
     assert "History:" in text
-    for name in read_history(smoke(case, 1) / "history.csv"):
+    for name in read_history(folder / "history.csv"):
         column = re.sub(r"^(forward|backward|mode)_\d+(?=_)", "<mode>", name)
         assert column == "t" or re.search(rf"(?<!\w){column}\b", text), column
 
 
+@pytest.fixture(scope="module")
+def helps(scripts: Callable[[int, list[list[str]]], str]) -> dict[str, str]:
+    """Help of every case."""
+    texts = scripts(1, [[case, "--help"] for case in EVERY]).split("usage: ")[1:]
+    return dict(zip(EVERY, texts, strict=True))
+
+
 @pytest.mark.parametrize("case", EVERY)
-def test_help_lists_every_option(case: str, run: Callable[..., Any]) -> None:
-    ended = run(1, ROOT / "cases" / f"{case}.py", "--help", timeout=20)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    text = " ".join(ended.stdout.split())
+def test_help_lists_every_option(case: str, helps: dict[str, str]) -> None:
+    text = " ".join(helps[case].split())
+    assert text.startswith(f"{case}.py ")
     declared = load_case(case)
     for option in declared.all_options():
         unit = f"[{option.unit}] " if option.unit else ""
@@ -169,27 +210,15 @@ def test_help_lists_every_option(case: str, run: Callable[..., Any]) -> None:
         assert flag in text
 
 
-@pytest.fixture(scope="module")
-def histories(run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
-    """Folders of all runs on one, two and three ranks."""
-    folders = {ranks: tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2, 3)}
-    for ranks, folder in folders.items():
-        script = folder / "all_runs.py"
-        script.write_text(ALL_RUNS)
-        ended = run(ranks, script, folder, *CASES, timeout=600)
-        assert (ended.returncode, ended.stderr) == (0, "")
-    return folders
-
-
-@pytest.mark.parametrize("split", ["1", "4000"])
+@pytest.mark.parametrize("split", SPLITS)
 @pytest.mark.parametrize("policy", POLICIES)
 @pytest.mark.parametrize("case", CASES)
 def test_same_history_on_any_number_of_ranks(
     case: str, policy: str, split: str, histories: dict[int, Path]
 ) -> None:
-    name = f"{case}-{policy}-{split}"
-    one, *others = (read_history(folder / name / "history.csv") for folder in histories.values())
-    for other in others:
+    one = read_history(histories[1] / f"{case}-{policy}-4000" / "history.csv")
+    for ranks in (2, 3):
+        other = read_history(histories[ranks] / f"{case}-{policy}-{split}" / "history.csv")
         assert list(other) == list(one)
         for column, values in one.items():
             error = np.abs(other[column] - values).max()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexfem.cli import command
 from flexfem.io import read_history
 
 pytestmark = pytest.mark.serial
@@ -68,25 +69,40 @@ def test_diagram_is_drawn_from_files_alone(run: Callable[..., Any], tmp_path: Pa
     assert "no modes over the speed" in ended.stderr
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(
-    ("case", "arguments", "message"),
-    [
-        ("blade", ["--modes", "0"], "must be a whole number >= 1"),
-        ("blade", ["--smoke", "--modes", "500"], "modes must not exceed the 24 degrees of freedom"),
-        ("blade", ["--axis", "0,0,0"], "axis must not be zero"),
-        ("blade", ["--axis", "y", "--smoke"], 'Revolute "bearing": does not let the model turn'),
-        ("campbell", ["--spin-end", "0"], "spin_end must differ from spin 0 rad/s"),
-        ("campbell", ["--speeds", "1"], "must be a whole number >= 2"),
-        ("blade", ["--dt", "1e-3"], "unrecognized arguments"),
-    ],
-)
+MISTAKES = [
+    ("blade", ["--modes", "0"], "must be a whole number >= 1"),
+    ("blade", ["--smoke", "--modes", "500"], "modes must not exceed the 24 degrees of freedom"),
+    ("blade", ["--axis", "0,0,0"], "axis must not be zero"),
+    ("blade", ["--axis", "y", "--smoke"], 'Revolute "bearing": does not let the model turn'),
+    ("campbell", ["--spin-end", "0"], "spin_end must differ from spin 0 rad/s"),
+    ("campbell", ["--speeds", "1"], "must be a whole number >= 2"),
+    ("blade", ["--dt", "1e-3"], "unrecognized arguments"),
+]
+
+
+@pytest.mark.parametrize(("case", "arguments", "message"), MISTAKES)
 def test_mistakes_leave_nothing(
-    case: str, arguments: list[str], message: str, ranks: int, run: Callable[..., Any],
-    tmp_path: Path,
+    case: str, arguments: list[str], message: str, capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
 ) -> None:  # fmt: skip
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
     output = tmp_path / "results"
-    ended = run(ranks, ROOT / "cases" / f"{case}.py", *arguments, "--output", output)
+    assert command(["run", case, *arguments, "--output", str(output)]) == 2
+    text = capfd.readouterr().err
+    assert message in text
+    assert text.count("\n") == 1
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    ("case", "arguments", "message"), [each for each in MISTAKES if "--smoke" in each[1]]
+)
+def test_mistakes_found_by_two_ranks_leave_nothing(
+    case: str, arguments: list[str], message: str, run: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Those that take the model to find; of options every rank reads the same."""
+    output = tmp_path / "results"
+    ended = run(2, ROOT / "cases" / f"{case}.py", *arguments, "--output", output)
     assert ended.returncode == 2
     assert message in ended.stderr
     assert ended.stderr.count("\n") == 1
