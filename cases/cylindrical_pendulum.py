@@ -42,10 +42,19 @@ def segment(name: str, nodes: tuple[int, int], start: float) -> ff.SurfaceMesh:
     return ff.SurfaceMesh.grid(name, arc, axis, surface)
 
 
-def build(*, mesh: str, element: str) -> ff.Model:
-    """Model with a number of nodes such as "31x21" on each segment."""
+def segments(mesh: str, size: float) -> ff.SurfaceMesh:
+    """Both segments, of a grid or of triangles of a size (m)."""
+    if size > 0.0:
+        return ff.build_surface_mesh(
+            "cylindrical_pendulum", radius=RADIUS, length=LENGTH, size=size
+        )
     nodes = ff.grid_nodes(mesh)
-    surface = ff.SurfaceMesh.join([segment("first", nodes, 0.0), segment("second", nodes, LENGTH)])
+    return ff.SurfaceMesh.join([segment("first", nodes, 0.0), segment("second", nodes, LENGTH)])
+
+
+def build(*, mesh: str, size: float, element: str) -> ff.Model:
+    """Model with a number of nodes such as "31x21" on each segment, or with triangles of a size."""
+    surface = segments(mesh, size)
     section = ff.ShellSection.isotropic(THICKNESS, MATERIAL)
     model = ff.Model("cylindrical_pendulum", surface=surface)
     model.add(ff.Gravity((0.0, 0.0, -9.81)))
@@ -85,6 +94,14 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.GridOption("mesh", "31x21", "nodes along the arc and the axis of a segment"),
+        ff.Option(
+            "size",
+            float,
+            0.0,
+            "edges of unstructured triangles, 0: grid --mesh",
+            unit="m",
+            minimum=0,
+        ),
         ff.Option("element", str, "rotation_free", "formulation", choices=ff.SHELL_ELEMENTS),
     ),
     dt=1e-3,

@@ -20,7 +20,7 @@ container, a pitch below them (``--no-contact`` leaves it out).
 ``--mesh`` counts nodes of a panel along its short and long side.
 
 History: ``lift`` of the beam, m; ``mast_force_fx, mast_force_fy, mast_force_fz, mast_force_mx,
-mast_force_my, mast_force_mz``, what the drive does to the end of the spring, N and N m: the tension;
+mast_force_my, mast_force_mz``, what the drive does to the spring, N and N m: the tension;
 ``panel_1_vz, panel_2_vz, ...``, velocities of the middles of the panels along Z, m/s;
 ``grommet_2_y, grommet_4_y, ...``, displacements of the hinges on the first wire along Y, m;
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,

@@ -53,6 +53,7 @@ _MODULES = {
     "read_surface_mesh": "mesh.surface_mesh",
     "NurbsCurve": "mesh.nurbs",
     "build_mesh": "mesh.library",
+    "build_surface_mesh": "mesh.library",
     "Pose": "core.pose",
     "Beam": "model.bodies",
     "Shell": "model.shell",

@@ -10,14 +10,15 @@ from typing import Any
 from flexfem import _checks
 from flexfem.mesh.gmsh_reader import session
 from flexfem.mesh.line_mesh import LineMesh
+from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.resources import load_module, shipped_files
 
-#: Fills the current gmsh model with lines and named physical groups.
+#: Fills the current gmsh model with lines or triangles and named physical groups.
 Build = Callable[..., None]
 
 
 def build_mesh(name: str, **parameters: float) -> LineMesh:
-    """Build a mesh of the library.
+    """Build a mesh of lines of the library.
 
     Args:
         name: File name in the mesh folder without ".py".
@@ -28,13 +29,28 @@ def build_mesh(name: str, **parameters: float) -> LineMesh:
 
     Raises:
         TypeError: A parameter is of the wrong kind.
-        ValueError: Unknown mesh or parameter, or a value that is not positive.
+        ValueError: Unknown mesh or parameter, a value that is not positive, or no lines in the mesh.
     """
+    return _built(name, parameters, LineMesh.from_gmsh_model)
+
+
+def build_surface_mesh(name: str, **parameters: float) -> SurfaceMesh:
+    """Build a mesh of surfaces of the library; see :func:`build_mesh`.
+
+    Raises:
+        TypeError: A parameter is of the wrong kind.
+        ValueError: Unknown mesh or parameter, a value that is not positive, or no surfaces in the mesh.
+    """
+    return _built(name, parameters, SurfaceMesh.from_gmsh_model)
+
+
+def _built[Mesh](name: str, parameters: dict[str, float], read: Callable[[], Mesh]) -> Mesh:
+    """Build a mesh in a gmsh session of its own and read it."""
     build = _load(name)
     _check_parameters(name, build, parameters)
     with session(f"flexfem_{name}"):
         build(**parameters)
-        return LineMesh.from_gmsh_model()
+        return read()
 
 
 def run_script(build: Build) -> None:
@@ -68,12 +84,15 @@ def run_script(build: Build) -> None:
 
 
 def _write(name: str, build: Build, parameters: dict[str, Any], output: Path) -> None:
-    """Build a mesh and write it, after checking that it can be read as lines."""
+    """Build a mesh and write it, after checking that it can be read."""
     import gmsh
 
     with session(f"flexfem_{name}"):
         build(**parameters)
-        LineMesh.from_gmsh_model()
+        if gmsh.model.getPhysicalGroups(2):
+            SurfaceMesh.from_gmsh_model()
+        else:
+            LineMesh.from_gmsh_model()
         try:
             gmsh.write(str(output))
         except Exception as error:  # gmsh raises nothing more specific

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""How much of its own Python a call executes: loops over cells show, whatever the machine does."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import flexfem
+
+__all__ = ["executed_lines"]
+
+
+def executed_lines[T](call: Callable[[], T]) -> tuple[T, int]:
+    """What a function returns, and the number of lines of the package that it executes."""
+    count, own = 0, str(Path(flexfem.__file__).parent)
+
+    def trace(frame: FrameType, event: str, argument: Any) -> Callable[..., Any] | None:
+        nonlocal count
+        if not frame.f_code.co_filename.startswith(own):
+            return None
+        count += event == "line"
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        result = call()
+    finally:
+        sys.settrace(before)
+    return result, count
