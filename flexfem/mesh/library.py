@@ -29,7 +29,7 @@ def build_mesh(name: str, **parameters: float) -> LineMesh:
 
     Raises:
         TypeError: A parameter is of the wrong kind.
-        ValueError: Unknown mesh or parameter, a value that is not positive, or no lines in the mesh.
+        ValueError: Unknown mesh or parameter, a value that is not positive, or no lines in it.
     """
     return _built(name, parameters, LineMesh.from_gmsh_model)
 
@@ -39,7 +39,7 @@ def build_surface_mesh(name: str, **parameters: float) -> SurfaceMesh:
 
     Raises:
         TypeError: A parameter is of the wrong kind.
-        ValueError: Unknown mesh or parameter, a value that is not positive, or no surfaces in the mesh.
+        ValueError: Unknown mesh or parameter, a value that is not positive, or no surfaces in it.
     """
     return _built(name, parameters, SurfaceMesh.from_gmsh_model)
 
