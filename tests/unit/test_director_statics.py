@@ -134,7 +134,7 @@ def test_thin_plates_do_not_lock(pattern, clamped, expected):
     held[:, :2] = True
     held[rim] |= np.array([True, True, True, clamped, clamped, True])
     load = np.zeros((len(frames), 6))
-    np.add.at(load[:, 2], made.nodes[:, 3:], np.repeat(made.areas[:, None] / 3, 3, 1))
+    np.add.at(load[:, 2], made.nodes[:, 3:6], np.repeat(made.areas[:, None] / 3, 3, 1))
     free = np.flatnonzero(~held)
     K = sparse_tangent(made, frames)[free][:, free].toarray()
     deflections = np.zeros(load.shape)
