@@ -2,6 +2,7 @@
 """Geometry of director triangles at the start, and what of their mechanics follows from it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -49,7 +50,7 @@ class Geometry:
         rows = [[a * a, b * b, a * b], [c * c, d * d, c * d], [2 * a * c, 2 * b * d, a * d + b * c]]
         return np.stack([np.stack(row, -1) for row in rows], -2)
 
-    @property
+    @cached_property
     def plane_maps(self) -> FloatArray:
         """Maps (m, 3, 6, 6) from covariant membrane strains and curvatures to local ones."""
         maps = np.zeros((*self.areas.shape, 6, 6))

@@ -82,8 +82,13 @@ def test_stretch_of_a_stiffening_sheet(element):
     force = 0.2 * A * (green + 1e6 * green**3) * (1.0 + strain if element == "director" else 1.0)
     model.add(ff.EdgeLoad("pull", "sheet", "sheet_right", (force / 0.2, 0.0, 0.0)))
     model.add(ff.PositionProbe("end", ff.Marker("sheet", "sheet_top_right")))
+    model.add(ff.ShellStrainProbe("amid", "sheet", (0.5, 0.1, 0.0)))
     options = ff.StaticOptions(quiet=True, tolerance=1e-12)
     outcome = ff.solve_static(model, options)
+    # the force per length in the same axes; another's or a linear one differs by parts of it
+    assert outcome.history["amid_eps11"][-1] == pytest.approx(green, rel=1e-6)
+    resultant = A * (green + 1e6 * green**3)
+    assert outcome.history["amid_n11"][-1] == pytest.approx(resultant, rel=1e-6)
     # the linear law would give five times the strain
     assert outcome.history["end_x"][-1] == pytest.approx(1.0 + strain, abs=1e-9)
 
