@@ -45,8 +45,8 @@ __all__ = ["RELAXATION", "DirectorFields", "director_energy"]
 
 #: Factor c of the shear beyond the edge element. Square plates of thickness 1e-4, clamped and
 #: hinged, under uniform loads and forces amid them, on regular, perturbed, union-jack and crossed
-#: meshes deflect within 6 % with 8 cells a side and 1 % with 16. With 0.02 it is up to 7 % too little
-#: with 8 cells, with 0.1 up to 12 % too much, and a cylinder pinched by forces is twice as far off.
+#: meshes deflect within 6 % with 8 cells a side and 1 % with 16. With 0.02 it is up to 7 % too
+#: little with 8 cells, with 0.1 up to 12 % too much, and more on shells under forces at points.
 RELAXATION = 0.05
 
 _MIDDLES = ((0.5, 0.5), (0.0, 0.5), (0.5, 0.0))
