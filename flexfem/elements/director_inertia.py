@@ -17,19 +17,19 @@ __all__ = ["add_blocks", "add_inertia_blocks", "add_motion", "add_turns"]
 
 @kernel
 def add_blocks(tangents: FloatArray, index: IndexArray, first: int, blocks: FloatArray) -> None:
-    """Add matrices (r, 36, 36) to those (k, 6, 6) of pairs of nodes.
+    """Add matrices (r, 27, 27) to those (k, 6, 6) of pairs of nodes.
 
-    ``index`` (m, 6, 6) are the numbers of the pairs; that of the first matrix is at ``first``.
-    Corners do not turn.
+    ``index`` (m, 9, 9) are the numbers of the pairs; that of the first matrix is at ``first``.
     """
     for m in range(len(tangents)):
         K, at = tangents[m], index[first + m]
-        for i in range(6):
-            for j in range(6):
-                to = blocks[at[i, j]]
-                for a in range(3 if i < 3 else 6):
-                    for b in range(3 if j < 3 else 6):
-                        to[a, b] += K[6 * i + a, 6 * j + b]
+        for i in range(9):
+            row = 0 if i < 6 else 3
+            for j in range(9):
+                to, column = blocks[at[i, j]], 0 if j < 6 else 3
+                for a in range(3):
+                    for b in range(3):
+                        to[row + a, column + b] += K[3 * i + a, 3 * j + b]
 
 
 @kernel
@@ -74,7 +74,10 @@ def add_motion(
     cells: IndexArray, masses: FloatArray, rods: FloatArray, chosen: BoolArray, frames: FloatArray,
     velocity: FloatArray, motion: FloatArray,
 ) -> None:  # fmt: skip
-    """Add energy and momenta of chosen triangles (m,), see ``flexfem.core.motion``."""
+    """Add energy and momenta of chosen triangles (m,), see ``flexfem.core.motion``.
+
+    ``cells`` (m, 9) are their nodes, as in ``director_loops``.
+    """
     v, p, x, spin = np.empty((6, 3)), np.empty(3), np.empty(3), np.empty(3)
     for m in range(len(cells)):
         if not chosen[m]:
@@ -99,7 +102,7 @@ def add_motion(
                 motion[LINEAR + a] += p[a]
                 motion[ANGULAR + a] += H[b] * p[c] - H[c] * p[b]
         for k in range(3):
-            H, w = frames[cells[m, 3 + k]], velocity[cells[m, 3 + k]]
+            H, w = frames[cells[m, 6 + k]], velocity[cells[m, 6 + k]]
             for a in range(3):
                 spin[a] = 0.0
                 for b in range(3):
@@ -112,10 +115,10 @@ def add_motion(
 
 @kernel
 def add_turns(cells: IndexArray, start: FloatArray, frames: FloatArray, sums: FloatArray) -> None:
-    """Add how nodes amid edges have turned since the start to the corners nearby (n, 9)."""
+    """Add how nodes with directors have turned since the start to the corners nearby (n, 9)."""
     for m in range(len(cells)):
         for k in range(3):
-            H, G = frames[cells[m, 3 + k]], start[cells[m, 3 + k]]
+            H, G = frames[cells[m, 6 + k]], start[cells[m, 6 + k]]
             for i in range(3):
                 if i == k:
                     continue

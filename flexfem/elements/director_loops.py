@@ -10,9 +10,12 @@ A node moves by ``R u`` and turns by ``R <- R exp(theta)``; a director ``d = R d
 ``P theta``, the columns of ``P`` being ``R (e_a x d_0)``. Forces on nodes are in their own axes:
 ``R^T f`` and ``P^T f_d``.
 
-``nodes`` (m, 6) are those of the triangles, ``directors`` (m, 3, 3) their ``d_0``, ``planes``
-(m, 3, 6, 6) the stiffness of membrane and bending at the points and ``shears`` (m, 6, 6) that of
-the shear, times what the points weigh.
+``nodes`` (m, 9) are those of the triangles: corners, middles of the opposite edges, and the nodes
+whose frames turn the directors, which are the middles again but where a middle is held along axes
+that must not turn. ``directors`` (m, 3, 3) are their ``d_0``, ``planes`` (m, 3, 6, 6) the stiffness
+of membrane and bending at the points and ``shears`` (m, 6, 6) that of the shear, times what the
+points weigh. ``stresses`` (m, 18) are those of membrane and bending, times these weights, where
+they are not the stiffness times the strains, and (0, 18) else.
 """
 
 import numpy as np
@@ -25,6 +28,7 @@ __all__ = [
     "add_forces",
     "add_to_nodes",
     "changes_into",
+    "given_into",
     "levers_into",
     "place_into",
     "products_into",
@@ -55,7 +59,7 @@ def place_into(
         for a in range(3):
             q[i, a] = H[a] - first[a]
     for k in range(3):
-        H, e = frames[nodes[3 + k]], directors[k]
+        H, e = frames[nodes[6 + k]], directors[k]
         for a in range(3):
             d[k, a] = H[3 + 3 * a] * e[0] + H[4 + 3 * a] * e[1] + H[5 + 3 * a] * e[2]
 
@@ -66,7 +70,7 @@ def levers_into(
 ) -> None:
     """Write the maps (3, 3, 3) from turns to changes of directors."""
     for k in range(3):
-        H, e = frames[nodes[3 + k]], directors[k]
+        H, e = frames[nodes[6 + k]], directors[k]
         for a in range(3):
             r0, r1, r2 = H[3 + 3 * a], H[4 + 3 * a], H[5 + 3 * a]
             P[k, a, 0] = r2 * e[1] - r1 * e[2]
@@ -89,8 +93,10 @@ def changes_into(
             else:
                 for j in range(5):
                     q[j, a] = -moved
-            if i > 2:
-                d[i - 3, a] = P[i - 3, a, 0] * u[3] + P[i - 3, a, 1] * u[4] + P[i - 3, a, 2] * u[5]
+    for k in range(3):
+        u = steps[nodes[6 + k]]
+        for a in range(3):
+            d[k, a] = P[k, a, 0] * u[3] + P[k, a, 1] * u[4] + P[k, a, 2] * u[5]
 
 
 @inlined
@@ -131,7 +137,7 @@ def strain_into(squares: FloatArray, crosses: FloatArray, strain: FloatArray) ->
 def stress_into(
     planes: FloatArray, shear: FloatArray, scale: float, strain: FloatArray, stress: FloatArray
 ) -> None:
-    """Write the stresses (24,)."""
+    """Write the stresses (24,) of the stiffness."""
     for p in range(4):
         for i in range(6):
             total = 0.0
@@ -139,6 +145,14 @@ def stress_into(
                 D = planes[p, i, j] if p < 3 else shear[i, j]
                 total += D * strain[6 * p + j]
             stress[6 * p + i] = scale * total
+
+
+@inlined
+def given_into(stresses: FloatArray, m: int, scale: float, stress: FloatArray) -> None:
+    """Write the stresses of membrane and bending that are given, if any are."""
+    if len(stresses):
+        for i in range(18):
+            stress[i] = scale * stresses[m, i]
 
 
 @inlined
@@ -211,7 +225,8 @@ def strain_rates_into(
 @kernel
 def add_forces(
     frames: FloatArray, nodes: IndexArray, directors: FloatArray, starts: FloatArray,
-    planes: FloatArray, shears: FloatArray, scale: float, residual: FloatArray,
+    planes: FloatArray, shears: FloatArray, stresses: FloatArray, scale: float,
+    residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the internal forces to the residual (n, 6), in axes of the nodes."""
     q, d, f, turned = np.empty((5, 3)), np.empty((3, 3)), np.empty((9, 3)), np.empty(3)
@@ -225,6 +240,7 @@ def add_forces(
         for s in range(24):
             strain[s] -= starts[m, s]
         stress_into(planes[m], shears[m], scale, strain, stress)
+        given_into(stresses, m, scale, stress)
         sums_into(stress, squares, crosses)
         f[:] = 0.0
         add_to_nodes(squares, crosses, q, d, f)
@@ -233,6 +249,8 @@ def add_forces(
             turned_back(frames[node], f[i], turned)
             for a in range(3):
                 residual[node, a] += turned[a]
-                if i > 2:
-                    for c in range(3):
-                        residual[node, 3 + a] += P[i - 3, c, a] * f[3 + i, c]
+        for k in range(3):
+            node = nodes[m, 6 + k]
+            for a in range(3):
+                for c in range(3):
+                    residual[node, 3 + a] += P[k, c, a] * f[6 + k, c]

@@ -17,6 +17,7 @@ from flexfem.elements.director_inertia import (
     add_motion,
     add_turns,
 )
+from flexfem.elements.director_law import Response
 from flexfem.elements.director_shell import DirectorTriangles
 from flexfem.elements.node_pairs import NodePairs
 from flexfem.elements.nurbs_inertia import (
@@ -78,17 +79,24 @@ class DirectorShells:
         self._masses, self._rods = cells.masses, cells.rods
         self.assumed: FloatArray | None = None
         self.assumed_forces = False
-        self.viscous = bool(self.triangles.damping.any())
+        self.viscous = self.triangles.viscous
         nodes = self.triangles.nodes
+        self._cells: IndexArray = np.ascontiguousarray(nodes[:, :6])
         self._nodes: IntArray = np.unique(nodes).astype(np.int64)
         self._lumps = np.zeros((len(self._nodes), 6, 6))
-        at = np.searchsorted(self._nodes, nodes[:, 3:])
+        at = np.searchsorted(self._nodes, nodes[:, 6:])
         np.add.at(self._lumps[:, 3:, 3:], at, self._rods)
         self._pairs = NodePairs(len(block.frames), [nodes])
         (self._index,) = self._pairs.index
         count = len(self._pairs.rows)
-        self._pair_masses = np.bincount(self._index.ravel(), self._masses.ravel(), count)
+        pairs = self._index[:, :6, :6].ravel()
+        self._pair_masses = np.bincount(pairs, self._masses.ravel(), count)
         self._axes = TurningAxes(block)
+
+    @property
+    def carriers(self) -> IndexArray:
+        """Nodes (m, 6) of the triangles, corners first, which loads act on."""
+        return self._cells
 
     @property
     def facets(self) -> tuple[IntArray, IntArray]:
@@ -105,19 +113,27 @@ class DirectorShells:
     def _starts(self, block: FrameBlock, assumed: bool) -> FloatArray:
         """Strains at the start, less what rates and assumptions add to the present ones."""
         triangles, starts = self.triangles, self.triangles.starts
-        if self.viscous:
+        if triangles.damping.any():
             rates = triangles.rates(block.frames, block.velocity)
             starts = starts - triangles.damping[:, np.newaxis] * rates
         if assumed and self.assumed is not None:
             starts = starts + triangles.changes(block.frames) - self.assumed
         return starts
 
+    def _response(self, block: FrameBlock, starts: FloatArray, rate: float = 0.0) -> Response:
+        """Stresses and stiffness; those of laws with strain rates."""
+        triangles, rates = self.triangles, None
+        if self.viscous and triangles.laws:
+            rates = triangles.rates(block.frames, block.velocity)
+        return triangles.response(block.frames, starts, rates, rate)
+
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         starts = self._starts(block, self.assumed_forces)
-        self.triangles.add_forces(block.frames, block.residual, scale, starts)
+        response = self._response(block, starts)
+        self.triangles.add_forces(block.frames, block.residual, scale, starts, response)
         add_inertia(
-            self._nodes, self.triangles.nodes, self._masses, self._lumps, gravity, block.frames,
+            self._nodes, self._cells, self._masses, self._lumps, gravity, block.frames,
             block.velocity, block.acceleration, scale, block.residual,
         )  # fmt: skip
 
@@ -131,10 +147,11 @@ class DirectorShells:
         factors = scale * float(shifts[2]), scale * float(shifts[0])
         if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
             starts = self._starts(block, True)
-            matrices = np.empty((_CHUNK, 36, 36))
+            response = self._response(block, starts, _rate(shifts))
+            matrices = np.empty((_CHUNK, 27, 27))
             for first in range(0, len(self._index), _CHUNK):
                 part = matrices[: len(self._index) - first]
-                self.triangles.tangents_into(block.frames, part, factors, starts, first)
+                self.triangles.tangents_into(block.frames, part, factors, starts, first, response)
                 add_blocks(part, self._index, first, blocks)
         by_v, by_w = np.empty((2, len(block.frames), 6, 6))
         step_rates(
@@ -142,7 +159,7 @@ class DirectorShells:
             block.velocity, block.acceleration, shifts, by_v, by_w,
         )  # fmt: skip
         add_inertia_blocks(
-            self._nodes, self.triangles.nodes, self._masses, self._lumps, gravity,
+            self._nodes, self._cells, self._masses, self._lumps, gravity,
             self._pair_masses, pairs.rows, pairs.columns, pairs.diagonal, block.frames,
             block.velocity, block.acceleration, by_v, by_w, shifts[2], scale, blocks,
         )  # fmt: skip
@@ -160,9 +177,12 @@ class DirectorShells:
         factors = scale * float(shifts[2]), scale * float(shifts[0])
         if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
             starts = self._starts(block, True)
-            self.triangles.add_action(block.frames, block.step, block.residual, factors, starts)
+            response = self._response(block, starts, _rate(shifts))
+            self.triangles.add_action(
+                block.frames, block.step, block.residual, factors, starts, response
+            )
         add_inertia_action(
-            self._nodes, self.triangles.nodes, self._masses, self._lumps, gravity, block.frames,
+            self._nodes, self._cells, self._masses, self._lumps, gravity, block.frames,
             block.velocity, block.acceleration, steps, dv, dw, scale, block.residual,
         )  # fmt: skip
 
@@ -204,8 +224,8 @@ class DirectorShells:
         Strains are covariant, and stresses are those of the areas of their points.
         """
         rates = self.triangles.rates(block.frames, block.velocity)
-        damped = self.triangles.damping[:, np.newaxis] * rates
-        return self.triangles.weighted(damped).reshape(-1, 6), rates.reshape(-1, 6)
+        stresses = self.triangles.viscous_stresses(block.frames, rates)
+        return stresses.reshape(-1, 6), rates.reshape(-1, 6)
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
@@ -219,3 +239,8 @@ class DirectorShells:
             self.triangles.nodes, self._masses, self._rods, chosen, block.frames, block.velocity,
             motion,
         )  # fmt: skip
+
+
+def _rate(shifts: FloatArray) -> float:
+    """Change of velocities with positions, 1/s; zero where no stiffness is asked for."""
+    return float(shifts[0] / shifts[2]) if shifts[2] != 0.0 else 0.0

@@ -18,17 +18,42 @@ import numpy as np
 
 from flexfem._types import FloatArray
 
-__all__ = ["CROSSED", "MEMBRANE", "MIDDLES", "POINTS", "REDUCTION", "slopes"]
+__all__ = [
+    "CROSSED",
+    "DEGREE_4",
+    "MEMBRANE",
+    "MIDDLES",
+    "POINTS",
+    "REDUCTION",
+    "shapes",
+    "slopes",
+]
 
 #: Quadrature points of membrane and bending, each of weight 1/6: exact to degree 2.
 POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0
 #: Middles of the edges, quadrature points of the shear, exact to degree 2 as well.
 MIDDLES = np.array([[0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
+#: Points and weights, exact to degree 4 (Dunavant, Int. J. Numer. Meth. Eng. 21 (1985) 1129-1148).
+DEGREE_4 = (
+    np.array([
+        [p, q]
+        for r in (0.445948490915965, 0.091576213509771)
+        for p, q in ((r, r), (1 - 2 * r, r), (r, 1 - 2 * r))
+    ]),
+    np.repeat([0.223381589678011 / 2, 0.109951743655322 / 2], 3),
+)  # fmt: skip
 _CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 #: Edges k of the reference triangle, from corner k + 1 to corner k + 2.
 _EDGES = np.array([[-1.0, 1.0], [0.0, -1.0], [1.0, 0.0]])
 #: Derivatives of the barycentric coordinates.
 _BARYCENTRIC = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+
+
+def shapes(points: FloatArray) -> FloatArray:
+    """Quadratic shape functions (p, 6) at points (p, 2)."""
+    x, y = points.T
+    own = np.stack([1 - x - y, x, y], 1)
+    return np.concatenate([own * (2 * own - 1), 4 * np.roll(own, -1, 1) * np.roll(own, -2, 1)], 1)
 
 
 def slopes(points: FloatArray) -> FloatArray:

@@ -3,6 +3,9 @@
 
 The sums ``a``, ``b`` of coefficients times stresses are the geometric part of a tangent in
 positions and directors. In axes of the nodes, forces change besides as their node turns.
+
+The 27 unknowns of a triangle are the translations of its six nodes, then the turns of the three
+that carry the directors.
 """
 
 import numpy as np
@@ -11,6 +14,7 @@ from flexfem._types import FloatArray, IndexArray
 from flexfem.elements.director_loops import (
     add_to_nodes,
     changes_into,
+    given_into,
     levers_into,
     place_into,
     products_into,
@@ -31,7 +35,8 @@ def _turns_of_forces(
 ) -> None:
     """Write the derivative (6, 3) of a node's forces by its turn, ``f`` and ``g`` held.
 
-    ``f`` and ``g`` are the forces on its position and on its director.
+    ``f`` and ``g`` are the forces on its position and on its director. The first three rows are for
+    a middle that turns with its director.
     """
     r, m = np.empty(3), np.empty(3)
     turned_back(frame, f, r)
@@ -49,8 +54,8 @@ def _turns_of_forces(
 @kernel
 def add_action(
     frames: FloatArray, steps: FloatArray, nodes: IndexArray, directors: FloatArray,
-    starts: FloatArray, planes: FloatArray, shears: FloatArray, factors: FloatArray,
-    damping: FloatArray, residual: FloatArray,
+    starts: FloatArray, planes: FloatArray, shears: FloatArray, stresses: FloatArray,
+    factors: FloatArray, damping: FloatArray, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add the tangents of :func:`tangents_into` times local twists (n, 6) to the residual."""
     q, d, dq, dd = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3)), np.empty((3, 3))
@@ -66,6 +71,7 @@ def add_action(
         for s in range(24):
             strain[s] -= starts[m, s]
         stress_into(planes[m], shears[m], factors[0], strain, stress)
+        given_into(stresses, m, factors[0], stress)
         sums_into(stress, squares, crosses)
         f[:], df[:] = 0.0, 0.0
         add_to_nodes(squares, crosses, q, d, f)
@@ -81,13 +87,14 @@ def add_action(
             turned_back(frames[node], df[i], turned)
             for a in range(3):
                 residual[node, a] += turned[a]
-            if i > 2:
-                _turns_of_forces(frames[node], directors[m, i - 3], f[i], f[3 + i], spin)
-                for a in range(6):
-                    for c in range(3):
-                        residual[node, a] += spin[a, c] * steps[node, 3 + c]
-                        if a > 2:
-                            residual[node, a] += P[i - 3, c, a - 3] * df[3 + i, c]
+        for k in range(3):
+            node = nodes[m, 6 + k]
+            _turns_of_forces(frames[node], directors[m, k], f[3 + k], f[6 + k], spin)
+            for a in range(0 if node == nodes[m, 3 + k] else 3, 6):
+                for c in range(3):
+                    residual[node, a] += spin[a, c] * steps[node, 3 + c]
+                    if a > 2:
+                        residual[node, a] += P[k, c, a - 3] * df[6 + k, c]
 
 
 @inlined
@@ -177,21 +184,17 @@ def _geometric(
 @kernel
 def tangents_into(
     frames: FloatArray, nodes: IndexArray, directors: FloatArray, starts: FloatArray,
-    planes: FloatArray, shears: FloatArray, factors: FloatArray, damping: FloatArray, first: int,
-    tangents: FloatArray,
+    planes: FloatArray, shears: FloatArray, stresses: FloatArray, factors: FloatArray,
+    damping: FloatArray, first: int, tangents: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the first of the factors times the derivatives of the forces, (r, 36, 36).
+    """Write the first of the factors times the derivatives of the forces, (r, 27, 27).
 
     The part of the material is multiplied by the second and the damping besides.
     """
     q, d, f, spin = np.empty((5, 3)), np.empty((3, 3)), np.empty((9, 3)), np.empty((6, 3))
     squares, crosses, P = np.empty((5, 5)), np.empty((5, 3)), np.empty((3, 3, 3))
     strain, stress, row = np.empty(24), np.empty(24), np.empty((9, 3))
-    B, work, K = np.empty((24, 27)), np.empty((24, 27)), np.empty((27, 27))
-    at = np.empty(27, np.int64)
-    for i in range(9):
-        for a in range(3):
-            at[3 * i + a] = 6 * i + a if i < 6 else 6 * (i - 3) + 3 + a
+    B, work = np.empty((24, 27)), np.empty((24, 27))
     for m in range(first, first + len(tangents)):
         place_into(frames, nodes[m], directors[m], q, d)
         levers_into(frames, nodes[m], directors[m], P)
@@ -202,18 +205,18 @@ def tangents_into(
             _rows(q, d, s, row)
             _to_unknowns(frames, nodes[m], P, row, B[s])
         stress_into(planes[m], shears[m], factors[0], strain, stress)
+        given_into(stresses, m, factors[0], stress)
         sums_into(stress, squares, crosses)
+        K = tangents[m - first]
         _material(planes[m], shears[m], factors[0] + factors[1] * damping[m], B, work, K)
         _geometric(frames, nodes[m], P, squares, crosses, K)
         f[:] = 0.0
         add_to_nodes(squares, crosses, q, d, f)
-        out = tangents[m - first]
-        out[:] = 0.0
-        for u in range(27):
-            for v in range(27):
-                out[at[u], at[v]] = K[u, v]
         for k in range(3):
-            _turns_of_forces(frames[nodes[m, 3 + k]], directors[m, k], f[3 + k], f[6 + k], spin)
-            for i in range(6):
-                for j in range(3):
-                    out[18 + 6 * k + i, 21 + 6 * k + j] += spin[i, j]
+            node = nodes[m, 6 + k]
+            _turns_of_forces(frames[node], directors[m, k], f[3 + k], f[6 + k], spin)
+            for j in range(3):
+                for i in range(3):
+                    K[18 + 3 * k + i, 18 + 3 * k + j] += spin[3 + i, j]
+                    if node == nodes[m, 3 + k]:
+                        K[9 + 3 * k + i, 18 + 3 * k + j] += spin[i, j]

@@ -101,6 +101,11 @@ class RotationFreeShells:
         self.viscous = any(g.triangles.viscous for g in groups)
 
     @property
+    def carriers(self) -> IndexArray:
+        """Nodes (m, 3) of the triangles, which loads act on."""
+        return self.corners
+
+    @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         return self._pairs.couplings

@@ -6,13 +6,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.load import Amplitude
-from flexfem.loads.shell_load import ShellLoad, summed
+from flexfem.loads.shell_load import ShellLoad
 from flexfem.mesh.surface_topology import sides_along
 
 if TYPE_CHECKING:
@@ -65,8 +64,6 @@ class EdgeLoad(ShellLoad):
         if (sides_along(triangles, mesh.lines[self.line], len(mesh.points)) < 0).any():
             raise ValueError(f'{owner}: line "{self.line}" is not on Shell "{self.shell}"')
 
-    def shares(self, mesh: SurfaceMesh, body: str) -> tuple[IntArray, FloatArray]:
-        """See :meth:`flexfem.loads.shell_load.ShellLoad.shares`."""
-        pairs = mesh.lines[self.line]
-        lengths = np.linalg.norm(mesh.points[pairs[:, 1]] - mesh.points[pairs[:, 0]], axis=1)
-        return summed(pairs, lengths)
+    def elements(self, mesh: SurfaceMesh, body: str) -> IntArray:
+        """See :meth:`flexfem.loads.shell_load.ShellLoad.elements`."""
+        return mesh.lines[self.line]

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
@@ -15,7 +14,7 @@ from flexfem.core.load import NOTHING, Amplitude, Load
 if TYPE_CHECKING:
     from flexfem.mesh.surface_mesh import SurfaceMesh
 
-__all__ = ["ShellLoad", "summed"]
+__all__ = ["ShellLoad"]
 
 
 class ShellLoad(Load):
@@ -63,22 +62,6 @@ class ShellLoad(Load):
             ValueError: It is not there; the message begins with the load.
         """
 
-    def shares(self, mesh: SurfaceMesh, body: str) -> tuple[IntArray, FloatArray]:
-        """Return nodes, ascending, and the length or area at the start that each carries.
-
-        They are the integrals of the nodes' shape functions, which makes the work of the forces
-        exact for the linear positions of triangles.
-        """
+    def elements(self, mesh: SurfaceMesh, body: str) -> IntArray:
+        """Return the nodes in the mesh of the edges (m, 2) or triangles (m, 3) that carry it."""
         raise NotImplementedError
-
-
-def summed(nodes: IntArray, measure: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the nodes of elements, ascending, with equal shares of the elements' sizes.
-
-    Args:
-        nodes: Shape (m, k).
-        measure: Lengths or areas, shape (m,).
-    """
-    count = nodes.shape[1]
-    unique, inverse = np.unique(nodes, return_inverse=True)
-    return unique, np.bincount(inverse.ravel(), np.repeat(measure / count, count))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.load import Amplitude
-from flexfem.loads.shell_load import ShellLoad, summed
+from flexfem.loads.shell_load import ShellLoad
 
 if TYPE_CHECKING:
     from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -48,7 +48,6 @@ class SurfaceLoad(ShellLoad):
         """
         self._assign(name, shell, "force_per_area", force_per_area, amplitude)
 
-    def shares(self, mesh: SurfaceMesh, body: str) -> tuple[IntArray, FloatArray]:
-        """See :meth:`flexfem.loads.shell_load.ShellLoad.shares`."""
-        rows = mesh.bodies[body]
-        return summed(mesh.triangles[rows], mesh.areas[rows])
+    def elements(self, mesh: SurfaceMesh, body: str) -> IntArray:
+        """See :meth:`flexfem.loads.shell_load.ShellLoad.elements`."""
+        return mesh.triangles[mesh.bodies[body]]

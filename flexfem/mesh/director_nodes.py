@@ -34,6 +34,7 @@ class DirectorNodes:
         nodes: nodes of each triangle, corners, then middles of the opposite edges, (t, 6).
         frames: at the start, (c + e, 12); e3 of a middle is the director of its first triangle.
         directors: at the start, inertial axes, (t, 3, 3).
+        turning: nodes with whose frames the directors turn, (t, 3); the middles.
         held: unknowns that nothing resists, (c + e, 6): turns of corners, and those about the
             director where all directors of an edge are parallel.
     """
@@ -43,7 +44,13 @@ class DirectorNodes:
     nodes: IntArray
     frames: FloatArray
     directors: FloatArray
+    turning: IntArray
     held: BoolArray
+
+    @property
+    def all(self) -> IntArray:
+        """Nodes of each triangle, then those that turn its directors, (t, 9)."""
+        return np.concatenate([self.nodes, self.turning], 1)
 
 
 def director_nodes(
@@ -93,7 +100,9 @@ def director_nodes(
     held[: len(corners), 3:] = True
     held[len(corners) :, 5] = parallel
     frames = _frames(places, first)
-    return DirectorNodes(corners, edges, nodes, frames, directors.reshape(-1, 3, 3), held)
+    return DirectorNodes(
+        corners, edges, nodes, frames, directors.reshape(-1, 3, 3), nodes[:, 3:].copy(), held
+    )
 
 
 def _heights(surface: SurfaceMesh, rows: IntArray, kink: float) -> tuple[FloatArray, FloatArray]:

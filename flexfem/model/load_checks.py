@@ -22,8 +22,8 @@ def check_load(model: Model, load: Load) -> None:
     """Check where a load acts.
 
     Raises:
-        ValueError: There is no such beam, shell or line, the shell has directors, or a load
-            along a beam or with the axes of a marker is on a shell, whose nodes have none.
+        ValueError: There is no such beam, shell or line, or a load along a beam or with the axes of
+            a marker is on a shell, whose nodes have none.
     """
     owner = f'{type(load).__name__} "{load.name}"'
     for name in load.beams:
@@ -38,11 +38,6 @@ def check_load(model: Model, load: Load) -> None:
         body = model.get(name)
         if not isinstance(body, Shell):
             raise ValueError(f'{owner}: {model!r} has no shell "{name}"')
-        if body.element != "rotation_free":
-            raise ValueError(
-                f'{owner}: Shell "{name}" must have the element "rotation_free" to take it, '
-                f'not "{body.element}"'
-            )
         if isinstance(load, ShellLoad):
             assert model.surface is not None  # checked before
             load.check(model.surface, body.body)

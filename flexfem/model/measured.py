@@ -225,7 +225,8 @@ class ShellStrainProbe(AnyProbe):
     Columns: membrane strains name_eps11, _eps22 and _eps12, the last one twice the shear strain;
     curvatures (1/m) relative to the shape at the start name_kappa11, _kappa22 and _kappa12, the
     last one twice the twist; forces per length (N/m) name_n11, _n22, _n12 and moments per length
-    (N) name_m11, _m22, _m12 without what damping adds.
+    (N) name_m11, _m22, _m12 without what damping adds. In shells with directors they are means over
+    the triangle, and those of the shear across the thickness are left out.
 
     Attributes:
         name: Unique name in the model.
@@ -254,11 +255,6 @@ class ShellStrainProbe(AnyProbe):
         owner, shell = f'ShellStrainProbe "{self.name}"', model.get(self.shell)
         if not isinstance(shell, Shell):
             raise ValueError(f'{owner}: {model!r} has no shell "{self.shell}"')
-        if shell.element != "rotation_free":
-            raise ValueError(
-                f'{owner}: Shell "{self.shell}" must have the element "rotation_free", '
-                f'not "{shell.element}"'
-            )
 
     def nodes(self, model: "Model") -> IntArray:
         """Return the mesh nodes (3,) of the triangle."""

@@ -10,6 +10,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.marker import SurfaceMarker
+from flexfem.elements.director_shells import DirectorShells
 from flexfem.elements.family import ElementFamily
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.forms.beam_law import law_expressions
@@ -96,9 +97,9 @@ def _part(
     forces, inside = node_forces(serial, kind, block), list[InnerForces]()
     if kind == NURBS:
         inside += by_degree(line_forces(serial, block), node_body)
-    elif isinstance(elements, RotationFreeShells):
+    elif isinstance(elements, (RotationFreeShells, DirectorShells)):
         forces += shell_forces(serial, block)
-        inside += pressures(serial, elements.corners, elements.body)
+        inside += pressures(serial, elements.carriers, elements.body)
     return BlockPart(
         kind=kind,
         block=block,
@@ -152,8 +153,6 @@ def _check_laws(serial: Assembly) -> None:
                 f"{owner}: damping {body.damping:g} s is proportional to a stiffness, give the "
                 f"dissipation of its {law.owner} instead"
             )
-        if isinstance(body, Shell) and body.element == "director":
-            raise ValueError(f"{owner}: {law.owner} needs the element rotation_free, got director")
 
 
 def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) -> FrameBlock:

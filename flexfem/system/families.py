@@ -160,13 +160,14 @@ def director_block(
     surface = serial.surface
     assert surface is not None
     assert surface.directors is not None
-    nodes, ranks = surface.directors.nodes, placement.triangles
+    nodes, ranks = surface.directors.all, placement.triangles
     owner = np.full(len(surface.frames), np.iinfo(np.int64).max)
-    np.minimum.at(owner, nodes.ravel(), np.repeat(ranks, 6))
+    np.minimum.at(owner, nodes.ravel(), np.repeat(ranks, nodes.shape[1]))
     own = np.flatnonzero(ranks == comm.rank)
     ids, index_map = _distributed(comm, owner, nodes[own].ravel())
     block = FrameBlock(
         "shells", comm, surface.frames[ids], surface.velocities[ids], ids, index_map,
         inertial=True, held=surface.held[ids],
     )  # fmt: skip
-    return block, DirectorShells(director_cells(surface, own, block.local_index), block)
+    cells = director_cells(surface, own, shell_laws(comm, surface), block.local_index)
+    return block, DirectorShells(cells, block)

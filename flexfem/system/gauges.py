@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.elements.director_shells import DirectorShells
 from flexfem.elements.nurbs_beam import NurbsBeams
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import SE3Beams
@@ -140,9 +141,9 @@ class _ShellStrainGauge:
     def __init__(self, system: System, serial: Assembly, probe: ShellStrainProbe) -> None:
         self._part = next(part for part in system.parts if part.kind == SHELLS)
         shells, ids = self._part.elements, self._part.block.node_ids
-        assert isinstance(shells, RotationFreeShells)
+        assert isinstance(shells, (RotationFreeShells, DirectorShells))
         self._shells = shells
-        corners = np.sort(ids[shells.corners], axis=1).reshape(-1, 3)
+        corners = np.sort(ids[shells.carriers[:, :3]], axis=1).reshape(-1, 3)
         wanted = np.sort(probe.nodes(serial.model))
         # shells may share nodes and edges, not triangles
         self._cells = np.flatnonzero((corners == wanted).all(axis=1))

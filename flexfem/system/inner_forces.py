@@ -14,7 +14,7 @@ class InnerForces(Protocol):
 
     Attributes:
         nodes: (n, k) local nodes of the elements.
-        body: (n,) number of the body of each.
+        body: number of the body of each row of :meth:`states`.
     """
 
     nodes: IntArray
@@ -33,5 +33,8 @@ class InnerForces(Protocol):
         ...
 
     def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
-        """(n, 12) force, moment, place and angular velocity of each, inertial axes."""
+        """Force, moment, place and angular velocity of each, inertial axes, (n, 12).
+
+        Forces may have several rows, which do the same work together.
+        """
         ...

@@ -16,19 +16,20 @@ from flexfem.elements.rotation_free_shells import ShellCells
 from flexfem.mesh.patches import curvature_patches
 from flexfem.system.shell_surface import ShellSurface
 
-__all__ = ["shell_cells", "shell_laws"]
+__all__ = ["ShellLaws", "shell_cells", "shell_laws"]
+
+#: Numbers of the sections that share a law, and the law, None for the linear one.
+type ShellLaws = list[tuple[list[int], LawValues | None]]
 
 
-def shell_laws(
-    comm: MPI.Intracomm, surface: ShellSurface
-) -> list[tuple[list[int], LawValues | None]]:
+def shell_laws(comm: MPI.Intracomm, surface: ShellSurface) -> ShellLaws:
     """Numbers of the sections that share a law, and the law, None for the linear one (collective).
 
     Raises:
         ValueError: a law is not usable; on all ranks.
     """
     first = {id(shell.section): f'Shell "{shell.name}"' for shell in reversed(surface.shells)}
-    found: list[tuple[list[int], LawValues | None]] = []
+    found: ShellLaws = []
     for law, numbers in grouped(surface.sections).items():
         sections = [surface.sections[i] for i in numbers]
         laws = [section.law for section in sections if section.law is not None]

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Serial data of all shells of a model: triangles, edges, held directions."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -18,6 +17,7 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.mesh.surface_topology import sides_along
 from flexfem.model.model import Model
 from flexfem.model.shell import Shell
+from flexfem.system.held_nodes import RIGHT, HeldNodes
 
 __all__ = ["ShellSurface"]
 
@@ -31,8 +31,6 @@ _RULES = {
 _BALANCED = 0.02
 #: Distance of a line from its plane, relative to its size, that counts as none.
 _FLAT = 1e-6
-#: Cosines below this are those of right angles, above one minus it those of equal directions.
-_RIGHT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ class ShellSurface:
         numbers = [next(i for i, s in enumerate(sections) if s is h.section) for h in shells]
         directions = np.zeros((len(body), 3))
         rules = np.full((len(body), 3), int(EdgeRule.FREE))
-        normals, held = np.zeros((len(body), 3, 3)), _Held(mesh)
+        normals, held = np.zeros((len(body), 3, 3)), HeldNodes(mesh.points)
         averaged = np.empty(len(body), dtype=np.bool_)
         for shell in shells:
             rows = mesh.bodies[shell.body]
@@ -130,7 +128,7 @@ def _directions(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> FloatArray:
 
 
 def _edges(
-    mesh: SurfaceMesh, shell: Shell, rules: IntArray, normals: FloatArray, held: "_Held"
+    mesh: SurfaceMesh, shell: Shell, rules: IntArray, normals: FloatArray, held: HeldNodes
 ) -> None:
     """Enter what holds along the lines of a shell and at its nodes."""
     owner = f'Shell "{shell.name}"'
@@ -208,7 +206,7 @@ def _across(
     around[np.repeat(neighbours[triangle] < 0, 3, axis=1)] = -1
     beside, other = np.repeat(triangle, 9)[around.ravel() >= 0], around[around >= 0]
     cosines = np.einsum("mi,mi->m", mesh.normals[beside], mesh.normals[other])
-    if (cosines < 1.0 - _RIGHT).any():
+    if (cosines < 1.0 - RIGHT).any():
         raise ValueError(
             f'{owner}: edges: line "{line}" is straight and the shell curved there, which leaves '
             'its plane open: give "symmetric x", "symmetric y" or "symmetric z"'
@@ -239,49 +237,6 @@ def _averaged(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> bool:
         return True
     imbalance = moment_imbalance(moment_sums(patches, len(nodes)))
     return bool(np.sqrt((imbalance**2).mean()) > _BALANCED)
-
-
-class _Held:
-    """Directions in which nodes are held."""
-
-    def __init__(self, mesh: SurfaceMesh) -> None:
-        self._mesh = mesh
-        self._axes: dict[int, list[FloatArray]] = {}
-
-    def add(self, owner: str, nodes: IntArray, axis: FloatArray) -> None:
-        """Hold nodes along a unit vector, which is one of those before or at right angles."""
-        for node in nodes.tolist():
-            axes = self._axes.setdefault(node, [])
-            cosines = [abs(float(axis @ other)) for other in axes]
-            if len(axes) == 3 or any(cosine > 1.0 - _RIGHT for cosine in cosines):
-                continue
-            if any(cosine > _RIGHT for cosine in cosines):
-                raise ValueError(
-                    f"{owner}: node {node} at {_checks.show(self._mesh.points[node].tolist())} is "
-                    "held in two directions that are not at right angles"
-                )
-            axes.append(axis)
-
-    def frames(self) -> tuple[FloatArray, BoolArray]:
-        """Frames (n, 12) of all nodes, and along which of their axes they are held (n, 3)."""
-        points = self._mesh.points
-        turns, mask = np.tile(np.eye(3), (len(points), 1, 1)), np.zeros((len(points), 3), np.bool_)
-        for node, axes in self._axes.items():
-            mask[node, : len(axes)] = True
-            if len(axes) < 3:
-                turns[node] = np.stack(list(_completed(axes)), axis=1)
-        return se3.frame(points, turns), mask
-
-
-def _completed(axes: list[FloatArray]) -> Iterator[FloatArray]:
-    """One or two unit vectors at right angles, and those that complete them to a basis."""
-    yield from axes
-    if len(axes) == 1:
-        other = np.cross(axes[0], np.eye(3)[np.argmin(np.abs(axes[0]))])
-        yield other / np.linalg.norm(other)
-        yield np.cross(axes[0], other / np.linalg.norm(other))
-    else:
-        yield np.cross(axes[0], axes[1])
 
 
 def _velocities(

@@ -1,26 +1,34 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Tables of shells with large rotations: meshes, deviation from the references, and cost.
 
-Run from the source tree, all benchmarks or some of them::
+Run from the source tree, all benchmarks or some of them, with one element or both::
 
     python -m tests.benchmarks.sze
-    python -m tests.benchmarks.sze cantilever hemisphere
+    python -m tests.benchmarks.sze director cantilever hemisphere
 """
 
 import sys
 
 from tests.verification.sze import BENCHMARKS, solve
 
+ELEMENTS = ("rotation_free", "director")
 
-def table(name: str) -> None:
+
+def table(name: str, element: str) -> None:
     """Print the meshes of one benchmark."""
     benchmark = BENCHMARKS[name]
-    source = "Sze, Liu, Lo 2004" if benchmark.published else "own refined mesh"
-    given = ", ".join(f"{key} {value:g}" for key, value in benchmark.references.items())
-    print(f"{name}: {given} ({source})")
+    given = ", ".join(
+        f"{key} {value:g}" + (" (own refined mesh)" if key in benchmark.own else "")
+        for key, value in benchmark.references.items()
+    )
+    print(f"{name}, {element}: {given}")
     print("  mesh     unknowns  steps  iterations  seconds  values and deviation in per cent")
-    for mesh in benchmark.meshes:
-        row = solve(name, mesh)
+    for mesh in benchmark.meshes[element]:
+        try:
+            row = solve(name, mesh, element)
+        except RuntimeError as error:
+            print(f"  {mesh:<7}  {error}", flush=True)
+            continue
         values = "  ".join(
             f"{key} {row.values[key]:.4f} ({100.0 * (row.values[key] / reference - 1.0):+.2f})"
             for key, reference in benchmark.references.items()
@@ -34,13 +42,15 @@ def table(name: str) -> None:
 
 def main() -> int:
     """Command line."""
-    names = sys.argv[1:] or list(BENCHMARKS)
+    elements = [word for word in sys.argv[1:] if word in ELEMENTS] or list(ELEMENTS)
+    names = [word for word in sys.argv[1:] if word not in ELEMENTS] or list(BENCHMARKS)
     unknown = [name for name in names if name not in BENCHMARKS]
     if unknown:
         print(f"{unknown[0]} is none of {', '.join(BENCHMARKS)}", file=sys.stderr)
         return 2
     for name in names:
-        table(name)
+        for element in elements:
+            table(name, element)
     return 0
 
 

@@ -51,9 +51,11 @@ def forces(made: DirectorTriangles, frames):
 
 def sparse_tangent(made: DirectorTriangles, frames, starts=None):
     """Tangent (6 n, 6 n)."""
-    matrices = np.empty((len(made.nodes), 36, 36))
+    matrices = np.empty((len(made.nodes), 27, 27))
     made.tangents_into(frames, matrices, starts=starts)
-    places = (6 * made.nodes[:, :, None] + np.arange(6)).reshape(-1, 36)
+    moves, turns = 6 * made.nodes[:, :6, None], 6 * made.nodes[:, 6:, None] + 3
+    places = np.concatenate([moves, turns], 1) + np.arange(3)
+    places = places.reshape(-1, 27)
     rows, columns = np.broadcast_arrays(places[:, :, None], places[:, None, :])
     entries = (matrices.ravel(), (rows.ravel(), columns.ravel()))
     return sp.csr_matrix(entries, shape=(6 * len(frames),) * 2)

@@ -167,10 +167,6 @@ MODELS = [
         lambda: model(ff.PointForce("f", OFFSET, (1, 0, 0))),
         r'Marker on "panel": a shell has no offsets, got \[0.0, 0.0, 1.0\]',
     ),
-    (
-        lambda: model(ff.Pressure("p", "panel", 1.0), mesh=curved(), element="director"),
-        'Pressure "p": Shell "panel" must have the element "rotation_free" to take it',
-    ),
     (lambda: model(ff.StrainProbe("g", "panel", 0.5)), '"panel" is a shell, which takes Shell'),
     (
         lambda: model(ff.ShellStrainProbe("g", "ball", (0, 0, 0))),

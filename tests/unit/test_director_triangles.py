@@ -107,7 +107,7 @@ def test_loops_equal_the_assembled_form():
         order.append(abs(own[:, None, :2] - dofs[None, :, :2]).sum(2).argmin(0))
     directors = np.zeros((len(frames), 3))
     d0 = np.zeros((len(frames), 3))
-    d0[made.nodes[:, 3:]] = made.directors
+    d0[made.nodes[:, 6:]] = made.directors
 
     def fields(now):
         places, turned = dolfinx.fem.Function(spaces[0]), dolfinx.fem.Function(spaces[1])
