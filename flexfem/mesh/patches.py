@@ -28,7 +28,7 @@ Where a neighbour is missing, its node gives no value to interpolate:
   literature, wherever they lie, are eliminated to the same result. A hinge also shares the
   positions of its edge; whether the edge stays straight follows from what it is joined to.
 * clamped: the derivative of q across the edge, outwards, is a given unit vector t at the edge's
-  midpoint, hence ``k = B q + S t``; t may move.
+  midpoint, hence ``k = B q + S t``; t may move. Energies there have weights, see ``clamp_weights``.
 * symmetric: the same, t being the normal of the plane. Positions of the edge move in the plane.
 """
 
@@ -75,6 +75,7 @@ class Patches:
         tangents: unit vectors t at the start, outwards across clamped edges, (m, 3, 3), else 0.
         conditions: condition number of the own quadratic in coordinates scaled by the size of the
             triangle, (m,); infinite where it has no solution. About 10 for good meshes.
+        weights: factors of ``curvatures`` and ``slopes``, (m,).
     """
 
     nodes: IndexArray
@@ -86,6 +87,7 @@ class Patches:
     clamps: IntArray
     tangents: FloatArray
     conditions: FloatArray
+    weights: FloatArray
 
     def offsets(self, tangents: FloatArray | None = None) -> FloatArray:
         """Part ``b0 = S t`` (m, 3, 3) of the curvature vectors, row by row, 1/m.
@@ -100,7 +102,8 @@ class Patches:
     def first(self, count: int) -> Self:
         """The first triangles alone, without ghosts; their tangents are still those of all."""
         names = ("nodes", "axes", "areas", "gradients", "curvatures", "slopes", "clamps")
-        parts = {name: getattr(self, name)[:count] for name in (*names, "conditions")}
+        names = (*names, "conditions", "weights")
+        parts = {name: getattr(self, name)[:count] for name in names}
         return replace(self, **parts)
 
 
@@ -114,6 +117,7 @@ def curvature_patches(
     rules: IndexArray | None = None,
     tangents: FloatArray | None = None,
     directions: FloatArray | None = None,
+    weights: FloatArray | None = None,
 ) -> Patches:
     """Derive the maps of triangles from the start.
 
@@ -135,6 +139,7 @@ def curvature_patches(
             plane of its triangle, perpendicular to the edge.
         directions: material directions, the projections of which are e1, (m, 3); None for the
             direction from node 0 to node 1.
+        weights: factors of the maps to the curvatures, see ``clamp_weights``, (m,); None for 1.
     """
     corners = points[triangles]
     axes, areas = _axes(corners, directions)
@@ -144,6 +149,8 @@ def curvature_patches(
         sloped = (opposites < 0) & np.isin(rules, (EdgeRule.CLAMPED, EdgeRule.SYMMETRIC))
     fit = _fit(local, _unfolded(points, corners, local, opposites), opposites >= 0, sloped, bending)
     owners, places, maps = _columns(fit, local, triangles, opposites, neighbours)
+    factors = np.ones(len(triangles)) if weights is None else weights
+    maps *= factors[:, None, None]
 
     # what a column stands for: the position of a node, or the tangent of an edge
     tangential = (places >= 3) & sloped[owners, np.maximum(places, 3) - 3]
@@ -161,6 +168,7 @@ def curvature_patches(
         clamps=clamps[:, 3:],
         tangents=np.where(sloped[:, :, None], _oriented(tangents, outwards), 0.0),
         conditions=fit.conditions,
+        weights=factors,
     )
 
 

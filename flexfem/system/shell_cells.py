@@ -73,6 +73,7 @@ def shell_cells(
         rules=surface.rules[rows],
         tangents=surface.normals[rows],
         directions=directions,
+        weights=surface.weights[rows],
     ).first(len(own))
     damping = np.array([shell.damping for shell in surface.shells])[surface.body[own]]
     triangles = RotationFreeTriangles.build(
