@@ -21,6 +21,13 @@ Quadratics are still met exactly, and deflections converge to the right limit on
 triangle then depends on the twelve nodes of its own patch and those of its neighbours. On meshes
 of parallel diagonals the slopes agree and nothing changes.
 
+The membrane's strains follow from the derivatives f of the triangle alone, or from smoothed ones,
+means over the three edges of those of the triangles on both sides: ``f = f_own / 2 + sum of f_k /
+6`` over the neighbours k, where all are there. A triangle then also knows how the membrane changes
+around it (Flores, Onate, Comput. Methods Appl. Mech. Eng. 194 (2005) 907-932, there from quadratics
+of the patch), which does away with most of the stiffness of coarse meshes that bend without
+stretching; see ``forms.shell``.
+
 Where a neighbour is missing, its node gives no value to interpolate:
 
 * free, hinged: what is left undetermined minimises the bending energy, so that no moment acts
@@ -32,6 +39,7 @@ Where a neighbour is missing, its node gives no value to interpolate:
 * symmetric: the same, t being the normal of the plane. Positions of the edge move in the plane.
 """
 
+import dataclasses
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Self
@@ -39,6 +47,7 @@ from typing import Self
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.mesh.patch_membrane import plane_gradients, smoothed_gradients
 
 __all__ = ["EdgeRule", "Patches", "curvature_patches"]
 
@@ -68,6 +77,8 @@ class Patches:
         axes: unit vectors e1, e2 in the triangle and its normal e3 at the start, (m, 3, 3).
         areas: area at the start, m^2, (m,).
         gradients: derivatives of the three shape functions along e1 and e2, 1/m, (m, 2, 3).
+        membrane: the same of all nodes for the strains of the membrane: those of the triangle, of
+            three nodes, or smoothed ones of the first six, 1/m, (m, 2, 3) or (m, 2, 6).
         curvatures: B, from positions to (k_11, k_22, 2 k_12), 1/m^2, (m, 3, p); zero columns for
             missing nodes. NaN where the nodes of a patch of six lie on one conic.
         slopes: S, from the tangents of clamped edges, 1/m, (m, 3, p - 3); zero columns otherwise.
@@ -82,6 +93,7 @@ class Patches:
     axes: FloatArray
     areas: FloatArray
     gradients: FloatArray
+    membrane: FloatArray
     curvatures: FloatArray
     slopes: FloatArray
     clamps: IntArray
@@ -101,9 +113,8 @@ class Patches:
 
     def first(self, count: int) -> Self:
         """The first triangles alone, without ghosts; their tangents are still those of all."""
-        names = ("nodes", "axes", "areas", "gradients", "curvatures", "slopes", "clamps")
-        names = (*names, "conditions", "weights")
-        parts = {name: getattr(self, name)[:count] for name in names}
+        fields = [field.name for field in dataclasses.fields(self) if field.name != "tangents"]
+        parts = {name: getattr(self, name)[:count] for name in fields}
         return replace(self, **parts)
 
 
@@ -118,6 +129,7 @@ def curvature_patches(
     tangents: FloatArray | None = None,
     directions: FloatArray | None = None,
     weights: FloatArray | None = None,
+    smoothed: bool = False,
 ) -> Patches:
     """Derive the maps of triangles from the start.
 
@@ -140,6 +152,7 @@ def curvature_patches(
         directions: material directions, the projections of which are e1, (m, 3); None for the
             direction from node 0 to node 1.
         weights: factors of the maps to the curvatures, see ``clamp_weights``, (m,); None for 1.
+        smoothed: derivatives for the membrane are means over the triangle and its neighbours.
     """
     corners = points[triangles]
     axes, areas = _axes(corners, directions)
@@ -147,7 +160,8 @@ def curvature_patches(
     sloped = np.zeros(opposites.shape, dtype=np.bool_)
     if rules is not None:
         sloped = (opposites < 0) & np.isin(rules, (EdgeRule.CLAMPED, EdgeRule.SYMMETRIC))
-    fit = _fit(local, _unfolded(points, corners, local, opposites), opposites >= 0, sloped, bending)
+    around = _unfolded(points, corners, local, opposites)
+    fit = _fit(local, around, opposites >= 0, sloped, bending)
     owners, places, maps = _columns(fit, local, triangles, opposites, neighbours)
     factors = np.ones(len(triangles)) if weights is None else weights
     maps *= factors[:, None, None]
@@ -156,13 +170,14 @@ def curvature_patches(
     tangential = (places >= 3) & sloped[owners, np.maximum(places, 3) - 3]
     clamps = np.where(tangential, 3 * owners + places - 3, 0)
     outwards = np.einsum("mka,mab->mkb", _edge_normals(local), axes[:, :2])
-    ends = np.roll(local, -2, 1) - np.roll(local, -1, 1)
     nodes = np.concatenate([triangles, opposites], 1)
+    gradients = plane_gradients(local)
     return Patches(
         nodes=np.where(tangential | (places < 0), -1, nodes[owners, places]),
         axes=axes,
         areas=areas,
-        gradients=np.stack([-ends[:, :, 1], ends[:, :, 0]], 1) / (2 * areas[:, None, None]),
+        gradients=gradients,
+        membrane=smoothed_gradients(local, around, opposites >= 0) if smoothed else gradients,
         curvatures=np.where(tangential[:, None], 0.0, maps),
         slopes=np.where(tangential[:, None], maps, 0.0)[:, :, 3:],
         clamps=clamps[:, 3:],

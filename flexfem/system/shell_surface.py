@@ -53,6 +53,7 @@ class ShellSurface:
         normals: (m, 3, 3) normals of planes of symmetry at edges, else zero.
         weights: (m,) factors of curvatures beside clamped edges, else 1.
         averaged: (m,) whether slopes are averaged.
+        smoothed: (m,) whether the strains of the membrane are smoothed.
         frames: (n, 12) nodes; axes are inertial but where a node is held along others.
         held: (n, 3) directions of these axes in which nodes are held; (n, 6) with directors.
         velocities: (n, 6) at the start, in these axes.
@@ -71,6 +72,7 @@ class ShellSurface:
     normals: FloatArray
     weights: FloatArray
     averaged: BoolArray
+    smoothed: BoolArray
     frames: FloatArray
     held: BoolArray
     velocities: FloatArray
@@ -107,7 +109,9 @@ class ShellSurface:
         np.minimum.at(low, mesh.triangles.ravel(), np.repeat(body, 3))
         return cls(
             mesh, shells, body, sections, np.array(numbers)[body], directions, rules, normals,
-            clamp_weights(mesh.areas, mesh.topology.neighbours, rules), averaged, frames, mask, _velocities(mesh, shells, frames, mask), low,
+            clamp_weights(mesh.areas, mesh.topology.neighbours, rules), averaged,
+            np.array([shell.membrane == "smoothed" for shell in shells])[body], frames, mask,
+            _velocities(mesh, shells, frames, mask), low,
             _clusters(mesh.triangles, body, len(mesh.points))[low],
         )  # fmt: skip
 

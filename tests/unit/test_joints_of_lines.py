@@ -131,7 +131,7 @@ def test_stiffness_of_angles(direction):
 
 def test_slopes_follow_the_place_in_a_segment():
     """Of a twisted sheet z = x y, by the turns of the triangles beside its edge."""
-    mesh, near, far, rows = _rows(4, 4)
+    mesh, _, _, rows = _rows(4, 4)
     for row in rows:
         for k, along in ((0, 0.5), (1, 0.2), (3, 0.5), (2, 0.9)):
             slope = 0.0

@@ -58,13 +58,17 @@ class Row:
     seconds: float
 
 
-def solve(benchmark: str, mesh: str, element: str = "rotation_free") -> Row:
+def solve(
+    benchmark: str, mesh: str, element: str = "rotation_free", membrane: str = "constant"
+) -> Row:
     """Follow a benchmark to its largest load, or through the snap of a roof (one process).
 
     Raises:
         RuntimeError: it does not get there.
     """
-    model = load_case("shell_statics").build(benchmark=benchmark, mesh=mesh, element=element)
+    model = load_case("shell_statics").build(
+        benchmark=benchmark, mesh=mesh, element=element, membrane=membrane
+    )
     if benchmark.endswith("roof"):
         options = ff.StaticOptions(
             arc_length=0.05, stop_column="A", stop_value=25.0, quiet=True
