@@ -10,7 +10,6 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.joint import Joint, perpendicular, turn_angle, unit
-from flexfem.core.marker import Attachment
 from flexfem.core.node_row import NodeRow
 from flexfem.core.pose import Pose
 from flexfem.core.row import Law, Row, RowKind, Term, spring
@@ -60,7 +59,7 @@ class ClampedLine(HingeLine):
             other = [(self.b, 1.0)] if coarse is None else coarse.tilted(at, along)
             angle = _Bending(fine.sides[k], law, [w for _, w in other], [w for _, w in own])
             markers = [marker for marker, _ in (*other, *own)]
-            parts.append(_BentPart(
+            parts.append(LinePart(
                 self.name, markers[0], markers[-1], self, angle,
                 swapped=coarse is None or fine is first, between=tuple(markers),
             ))  # fmt: skip
@@ -72,27 +71,6 @@ class ClampedLine(HingeLine):
                 swapped=coarse is None or fine is first,
             ))  # fmt: skip
         return parts
-
-
-@dataclass(frozen=True, eq=False)
-class _BentPart(LinePart):
-    """Elastic part with triangles on both sides.
-
-    Attributes:
-        between: its markers, those on the side of marker a first.
-    """
-
-    between: tuple[Attachment, ...]
-
-    @property
-    def places(self) -> tuple[tuple[str, Attachment], ...]:
-        """See :attr:`Joint.places`."""
-        return tuple((f"triangle {k}", marker) for k, marker in enumerate(self.between))
-
-    @property
-    def second(self) -> int:
-        """See :attr:`Joint.second`."""
-        return 0 if self.swapped else len(self.between) - 1
 
 
 @dataclass(frozen=True)
