@@ -5,6 +5,7 @@ Run from the source tree, all benchmarks or some of them::
 
     python -m tests.benchmarks.sze
     python -m tests.benchmarks.sze cantilever hemisphere
+    python -m tests.benchmarks.sze --membrane=smoothed annulus
 """
 
 import sys
@@ -12,15 +13,15 @@ import sys
 from tests.verification.sze import BENCHMARKS, solve
 
 
-def table(name: str) -> None:
+def table(name: str, membrane: str) -> None:
     """Print the meshes of one benchmark."""
     benchmark = BENCHMARKS[name]
     source = "Sze, Liu, Lo 2004" if benchmark.published else "own refined mesh"
     given = ", ".join(f"{key} {value:g}" for key, value in benchmark.references.items())
-    print(f"{name}: {given} ({source})")
+    print(f"{name}: {given} ({source}); membrane: {membrane}")
     print("  mesh     unknowns  steps  iterations  seconds  values and deviation in per cent")
     for mesh in benchmark.meshes:
-        row = solve(name, mesh)
+        row = solve(name, mesh, membrane=membrane)
         values = "  ".join(
             f"{key} {row.values[key]:.4f} ({100.0 * (row.values[key] / reference - 1.0):+.2f})"
             for key, reference in benchmark.references.items()
@@ -34,13 +35,14 @@ def table(name: str) -> None:
 
 def main() -> int:
     """Command line."""
-    names = sys.argv[1:] or list(BENCHMARKS)
+    membrane = "smoothed" if "--membrane=smoothed" in sys.argv else "constant"
+    names = [name for name in sys.argv[1:] if not name.startswith("--")] or list(BENCHMARKS)
     unknown = [name for name in names if name not in BENCHMARKS]
     if unknown:
         print(f"{unknown[0]} is none of {', '.join(BENCHMARKS)}", file=sys.stderr)
         return 2
     for name in names:
-        table(name)
+        table(name, membrane)
     return 0
 
 
