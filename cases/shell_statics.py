@@ -21,6 +21,12 @@ into two triangles. Any consistent units; the load factor t is 1 under the large
   nu = 0.3, hinged along its straight edges, force 3000 on its middle; a quarter is computed, along
   its path through the snap. A: under the force. thin_roof: the same with a thickness of 6.35.
 
+``--membrane smoothed`` takes means of the strains over neighbouring triangles: off by 0.4 per cent
+on the annulus of 60x10 cells instead of 3.0, on the cantilever of 16x1 by 0.1 instead of 0.8; by
+1.4 instead of 0.9 on the pullout of 24x16. Within 1 per cent of the values below, or of those of
+refined meshes, are with constant strains cantilever 16x1, annulus 160x20, hemisphere 16x16, pullout
+24x16, roof 8x8. The pinched cylinder of 40x40 cells snaps to another branch at 0.28 of its load.
+
 Load steps search stable equilibria (``--stabilise``): coarse meshes buckle locally, and the real
 shell may snap.
 
@@ -48,11 +54,13 @@ import flexfem as ff
 
 Points = npt.NDArray[np.float64]
 Surface = Callable[[Points], Points]
+#: Element and strains of its membrane.
+Kind = tuple[str, str]
 
 
 def shell(
     name: str, cells: tuple[int, int], ranges: tuple[tuple[float, float], tuple[float, float]],
-    surface: Surface | None, thickness: float, elasticity: tuple[float, float], element: str,
+    surface: Surface | None, thickness: float, elasticity: tuple[float, float], element: Kind,
     edges: Mapping[str, str], fixed: Mapping[str, str] | None = None,
 ) -> ff.Model:  # fmt: skip
     """Model of a shell over a rectangle of two parameters, held along named sides."""
@@ -62,7 +70,9 @@ def shell(
     model = ff.Model(name, surface=mesh)
     rules = {f"shell_{side}": rule for side, rule in edges.items()}
     more = {f"shell_{side}": axes for side, axes in (fixed or {}).items()}
-    model.add(ff.Shell("shell", section, element=element, edges=rules, fixed=more))
+    model.add(
+        ff.Shell("shell", section, element=element[0], membrane=element[1], edges=rules, fixed=more)
+    )
     return model
 
 
@@ -94,7 +104,7 @@ def cylinder(radius: float) -> Surface:
     return surface
 
 
-def cantilever(cells: tuple[int, int], element: str) -> ff.Model:
+def cantilever(cells: tuple[int, int], element: Kind) -> ff.Model:
     """Strip under a force across its end."""
     model = shell("cantilever", cells, ((0.0, 10.0), (0.0, 1.0)), None, 0.1, (1.2e6, 0.0), element,
                   {"left": "clamped"})  # fmt: skip
@@ -104,7 +114,7 @@ def cantilever(cells: tuple[int, int], element: str) -> ff.Model:
     return model
 
 
-def annulus(cells: tuple[int, int], element: str) -> ff.Model:
+def annulus(cells: tuple[int, int], element: Kind) -> ff.Model:
     """Slit ring, lifted at one side of the slit."""
 
     def surface(p: Points) -> Points:
@@ -119,7 +129,7 @@ def annulus(cells: tuple[int, int], element: str) -> ff.Model:
     return model
 
 
-def hemisphere(cells: tuple[int, int], element: str) -> ff.Model:
+def hemisphere(cells: tuple[int, int], element: Kind) -> ff.Model:
     """Quarter of a hemisphere with a hole under radial forces."""
 
     def surface(p: Points) -> Points:
@@ -142,7 +152,7 @@ def hemisphere(cells: tuple[int, int], element: str) -> ff.Model:
 EIGHTH = {"left": "symmetric x", "right": "symmetric z", "bottom": "symmetric y"}
 
 
-def pullout(cells: tuple[int, int], element: str) -> ff.Model:
+def pullout(cells: tuple[int, int], element: Kind) -> ff.Model:
     """Eighth of a cylinder with open ends, pulled apart."""
     model = shell("pullout", cells, ((0.0, pi / 2), (0.0, 5.175)), cylinder(4.953), 0.094,
                   (10.5e6, 0.3125), element, EIGHTH)  # fmt: skip
@@ -153,7 +163,7 @@ def pullout(cells: tuple[int, int], element: str) -> ff.Model:
     return model
 
 
-def pinched(cells: tuple[int, int], element: str) -> ff.Model:
+def pinched(cells: tuple[int, int], element: Kind) -> ff.Model:
     """Eighth of a cylinder with diaphragms, pinched."""
     model = shell("pinched", cells, ((0.0, pi / 2), (0.0, 100.0)), cylinder(100.0), 1.0,
                   (3e4, 0.3), element, EIGHTH, {"top": "xz"})  # fmt: skip
@@ -163,7 +173,7 @@ def pinched(cells: tuple[int, int], element: str) -> ff.Model:
     return model
 
 
-def roof(cells: tuple[int, int], element: str, thickness: float = 12.7) -> ff.Model:
+def roof(cells: tuple[int, int], element: Kind, thickness: float = 12.7) -> ff.Model:
     """Quarter of a hinged cylindrical roof."""
     edges = {"left": "symmetric x", "right": "hinged", "bottom": "symmetric y"}
     model = shell("roof", cells, ((0.0, 0.1), (0.0, 254.0)), cylinder(2540.0), thickness,
@@ -173,12 +183,12 @@ def roof(cells: tuple[int, int], element: str, thickness: float = 12.7) -> ff.Mo
     return model
 
 
-def thin_roof(cells: tuple[int, int], element: str) -> ff.Model:
+def thin_roof(cells: tuple[int, int], element: Kind) -> ff.Model:
     """The roof with half the thickness."""
     return roof(cells, element, 6.35)
 
 
-BENCHMARKS: dict[str, Callable[[tuple[int, int], str], ff.Model]] = {
+BENCHMARKS: dict[str, Callable[[tuple[int, int], Kind], ff.Model]] = {
     "cantilever": cantilever,
     "annulus": annulus,
     "hemisphere": hemisphere,
@@ -190,12 +200,12 @@ BENCHMARKS: dict[str, Callable[[tuple[int, int], str], ff.Model]] = {
 _PATH = {"arc_length": 0.05, "stabilise": False, "stop_column": "A"}
 
 
-def build(*, benchmark: str, mesh: str, element: str) -> ff.Model:
+def build(*, benchmark: str, mesh: str, element: str, membrane: str = "constant") -> ff.Model:
     """Model of a benchmark on a mesh such as "60x10"."""
     found = re.fullmatch(r"([1-9]\d*)x([1-9]\d*)", mesh)
     if found is None:
         raise ValueError(f"shell_statics: mesh must be two numbers of cells like 60x10, got {mesh}")
-    return BENCHMARKS[benchmark]((int(found[1]), int(found[2])), element)
+    return BENCHMARKS[benchmark]((int(found[1]), int(found[2])), (element, membrane))
 
 
 CASE = ff.Case(
@@ -207,6 +217,9 @@ CASE = ff.Case(
         ff.Option("benchmark", str, "annulus", "which one", choices=tuple(BENCHMARKS)),
         ff.Option("mesh", str, "60x10", "cells along the two parameters"),
         ff.Option("element", str, "rotation_free", "of the shell", choices=ff.SHELL_ELEMENTS),
+        ff.Option(
+            "membrane", str, "constant", "strains of the membrane", choices=("constant", "smoothed")
+        ),
     ),
     analysis=ff.STATICS,
     stabilise=True,

@@ -25,6 +25,12 @@ class NodeRow:
         nodes: (n,) numbers in the surface mesh in order; a closed row repeats its first node.
         points: (n, 3) their positions, m.
         apexes: (n - 1,) node beside each segment, that of a triangle of the shell.
+        stiffness: (n - 1,) moment per length and angle, N, by which these triangles resist being
+            turned about the segments, infinite where they turn with the shell.
+        damping: stiffness-proportional damping of the shell, s.
+        beside: (n - 1, 2, 3) nodes of two triangles whose slopes across a segment are those of the
+            shell at ``slopes`` (n - 1, 2), places from 0 to 1 in the segment; where both are the
+            same, it is one triangle.
     """
 
     name: str
@@ -32,6 +38,10 @@ class NodeRow:
     nodes: IntArray
     points: FloatArray
     apexes: IntArray
+    stiffness: FloatArray
+    damping: float
+    beside: IntArray
+    slopes: FloatArray
 
     @property
     def count(self) -> int:
@@ -55,6 +65,15 @@ class NodeRow:
     def middle(self, k: int) -> SurfaceMarker:
         """Marker in the middle of a segment."""
         return SurfaceMarker(self.body, self.nodes[k : k + 2].tolist(), (0.5, 0.5))
+
+    def tilted(self, k: int, along: float) -> list[tuple[SurfaceMarker, float]]:
+        """Markers that turn as the shell does at a place in a segment, with their weights."""
+        first, second = self.slopes[k].tolist()
+        part = 0.0 if first == second else (along - first) / (second - first)
+        part = min(max(part, 0.0), 1.0)
+        weights = zip(self.beside[k].tolist(), (1.0 - part, part), strict=True)
+        thirds = (1.0 / 3.0,) * 3
+        return [(SurfaceMarker(self.body, nodes, thirds), w) for nodes, w in weights if w > 0.0]
 
     def closest(self, x: FloatArray) -> tuple[int, float, FloatArray]:
         """Segment, place in it (0 to 1), and the vector from there to a point x, m."""

@@ -51,7 +51,8 @@ class RotationFreeTriangles:
 
     Attributes:
         patches: maps of the triangles, p nodes each.
-        starts: curvatures at the start kappa_0, 1/m, (m, 3).
+        starts: what counts as no strain: lengths and products of ``f_1`` and ``f_2`` at the start,
+            1, 1 and 0 unless they are smoothed, and curvatures kappa_0, 1/m, (m, 6).
         sections: which stiffness a triangle has, (m,).
         stiffness: matrices ``[D_m D_c; D_c^T D_b]`` in the axes of the triangles, of N/m, N and
             N m, (s, 6, 6).
@@ -94,11 +95,11 @@ class RotationFreeTriangles:
         count = len(patches.areas)
         patches = replace(patches, curvatures=-patches.curvatures, slopes=-patches.slopes)
         offsets, strains = patches.offsets(), np.empty((count, 6))
-        maps = (patches.nodes, patches.gradients, patches.curvatures)
-        strains_into(points, *maps, offsets, np.zeros((count, 3)), strains)
+        maps = (patches.nodes, patches.membrane, patches.curvatures)
+        strains_into(points, *maps, offsets, np.zeros((count, 6)), strains)
         numbers = np.zeros(count, np.int64) if sections is None else sections.astype(np.int64)
         times = np.zeros(count) if damping is None else damping
-        starts = strains[:, 3:].copy()
+        starts = strains.copy()
         return cls(patches, starts, numbers, stiffness.reshape(-1, 6, 6), offsets, times, law)
 
     def strains(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
@@ -247,7 +248,7 @@ class RotationFreeTriangles:
     def _maps(self, offsets: FloatArray | None) -> _Maps:
         present = self.offsets if offsets is None else offsets
         patches = self.patches
-        return patches.nodes, patches.gradients, patches.curvatures, present, self.starts
+        return patches.nodes, patches.membrane, patches.curvatures, present, self.starts
 
     def _material(
         self, response: Response | None

@@ -2,7 +2,8 @@
 """Compiled loops over rotation-free triangles: strains, their rates, internal forces.
 
 What the energy of ``forms.shell`` depends on are five vectors ``w_s = sum over nodes of W_sI q_I``:
-the derivatives ``f_1, f_2`` and the curvature vectors ``k`` (to which clamps add a given part). The
+the derivatives ``f_1, f_2`` and the curvature vectors ``k`` (to which clamps add a given part).
+Derivatives are those of the first three nodes, or smoothed ones of the first six. The
 work is done in the present axes of the triangle: t along f_1, b in the triangle, n its normal, in
 which ``f_1 = (l, 0, 0)`` and ``f_2 = (g, h, 0)``. Then with changes x, y, z of the vectors along
 t, b, n
@@ -46,7 +47,7 @@ def vectors_into(
         if nodes[i] >= 0:
             for a in range(3):
                 q = points[nodes[i], a] - points[base, a]
-                if i < 3:
+                if i < gradients.shape[1]:
                     w[0, a] += gradients[0, i] * q
                     w[1, a] += gradients[1, i] * q
                 for s in range(3):
@@ -80,9 +81,10 @@ def along_axes(w: FloatArray, axes: FloatArray, local: FloatArray) -> None:
 @inlined
 def strain_into(local: FloatArray, start: FloatArray, strain: FloatArray) -> None:
     """Write the strains (6,)."""
-    strain[0], strain[1], strain[2] = local[0, 0] - 1, local[1, 1] - 1, local[1, 0]
+    strain[0], strain[1] = local[0, 0] - start[0], local[1, 1] - start[1]
+    strain[2] = local[1, 0] - start[2]
     for s in range(3):
-        strain[3 + s] = local[2 + s, 2] - start[s]
+        strain[3 + s] = local[2 + s, 2] - start[3 + s]
 
 
 @inlined
@@ -188,6 +190,6 @@ def add_forces(
                 bent += curvatures[m, s, i] * stress[3 + s]
             for a in range(3):
                 residual[to, a] += bent * axes[2, a]
-                if i < 3:
+                if i < gradients.shape[2]:
                     along = gradients[m, 0, i] * forces[0, a] + gradients[m, 1, i] * forces[1, a]
                     residual[to, a] += along

@@ -246,6 +246,10 @@ class RotationFreeShells:
         stresses = [
             g.triangles.stresses(strain) for g, strain in zip(self.groups, strains, strict=True)
         ]
+        # beside clamps an energy w^2 D k^2 / 2 stands for curvatures w^2 k and moments w^2 D k
+        for group, *values in zip(self.groups, strains, stresses, strict=True):
+            for part in values:
+                part[:, 3:] *= group.triangles.patches.weights[:, np.newaxis]
         nothing = np.empty((0, 6))
         both = np.concatenate([nothing, *strains]), np.concatenate([nothing, *stresses])
         return both if chosen is None else (both[0][chosen], both[1][chosen])

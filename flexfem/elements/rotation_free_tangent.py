@@ -111,7 +111,9 @@ def _coupling(
 
 
 @inlined
-def _product(W: FloatArray, H: FloatArray, outer: bool, T: FloatArray, K: FloatArray) -> None:
+def _product(
+    W: FloatArray, H: FloatArray, flat: int, outer: bool, T: FloatArray, K: FloatArray
+) -> None:
     """Write ``W^T H W`` (p, p) for W (5, p); T is of the size of W.
 
     Without ``outer``, not between nodes of neighbours.
@@ -121,25 +123,25 @@ def _product(W: FloatArray, H: FloatArray, outer: bool, T: FloatArray, K: FloatA
         for j in range(count):
             T[s, j] = H[s, 0] * W[0, j] + H[s, 1] * W[1, j]
             T[s, j] += H[s, 2] * W[2, j] + H[s, 3] * W[3, j] + H[s, 4] * W[4, j]
-    for i in range(3):
+    for i in range(flat):
         for j in range(count):
             K[i, j] = W[0, i] * T[0, j] + W[1, i] * T[1, j]
             K[i, j] += W[2, i] * T[2, j] + W[3, i] * T[3, j] + W[4, i] * T[4, j]
-    for i in range(3, count):
-        for j in range(count if outer else 3):
+    for i in range(flat, count):
+        for j in range(count if outer else flat):
             K[i, j] = W[2, i] * T[2, j] + W[3, i] * T[3, j] + W[4, i] * T[4, j]
 
 
 @inlined
 def _own(
-    W: FloatArray, H: FloatArray, skew: FloatArray, normal: FloatArray, i: int, j: int,
+    W: FloatArray, H: FloatArray, skew: FloatArray, normal: FloatArray, flat: int, i: int, j: int,
     block: FloatArray,
 ) -> None:  # fmt: skip
     """Write the derivative of the force on own node i by node j along t, b, n, (3, 3)."""
     for a in range(2):
         for b in range(2):
             block[a, b] = 0.0
-            if j < 3:
+            if j < flat:
                 for s in range(2):
                     for t in range(2):
                         block[a, b] += W[s, i] * H[2 * s + a, 2 * t + b] * W[t, j]
@@ -163,21 +165,21 @@ def _put(axes: FloatArray, block: FloatArray, i: int, j: int, K: FloatArray) -> 
 @inlined
 def _put_all(
     axes: FloatArray, W: FloatArray, H: FloatArray, skew: FloatArray, normal: FloatArray,
-    block: FloatArray, K: FloatArray,
+    flat: int, block: FloatArray, K: FloatArray,
 ) -> None:  # fmt: skip
     """Write a tangent (3 p, 3 p)."""
     count = W.shape[1]
-    for i in range(3):
+    for i in range(flat):
         for j in range(i, count):
-            _own(W, H, skew, normal, i, j, block)
+            _own(W, H, skew, normal, flat, i, j, block)
             _put(axes, block, i, j, K)
     # nodes of neighbours bend the triangle only
     for a in range(3):
         for b in range(3):
             block[a, b] = axes[2, a] * axes[2, b]
-    for i in range(3, count):
+    for i in range(flat, count):
         for a in range(3):
-            for j in range(3, count):
+            for j in range(flat, count):
                 for b in range(3):
                     K[3 * i + a, 3 * j + b] = normal[i, j] * block[a, b]
 
@@ -219,7 +221,7 @@ def tangents_into(
     the times, s, with which strain rates count. What the turning of the axes changes in strain
     rates is left out, a part of the order of damping times angular velocity.
     """
-    count = nodes.shape[1]
+    count, inner = nodes.shape[1], gradients.shape[2]
     w, axes, local, block = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3)), np.empty((3, 3))
     strain, stress, p, c = np.empty(6), np.empty(6), np.empty((2, 2)), np.empty((3, 5))
     flat, bent, mixed = np.empty((4, 4)), np.empty((5, 5)), np.empty((2, 5, 5))
@@ -230,11 +232,11 @@ def tangents_into(
             m, points, nodes, gradients, curvatures, offsets, starts, areas, sections, stiffness,
             given, factors, damping, w, axes, local, strain, stress, p, c, flat, bent, mixed,
         )  # fmt: skip
-        W[:2, :3], W[2:] = gradients[m], curvatures[m]
-        _product(W, bent, True, T, normal)
+        W[:2, :inner], W[2:] = gradients[m], curvatures[m]
+        _product(W, bent, inner, True, T, normal)
         for a in range(2):
-            _product(W, mixed[a], False, T, skew[a])
-        _put_all(axes, W, flat, skew, normal, block, tangents[m - first])
+            _product(W, mixed[a], inner, False, T, skew[a])
+        _put_all(axes, W, flat, skew, normal, inner, block, tangents[m - first])
 
 
 @kernel
@@ -280,5 +282,5 @@ def add_action(
             for a in range(3):
                 for s in range(3):
                     residual[to, a] += curvatures[m, s, i] * w[2 + s, a]
-                if i < 3:
+                if i < gradients.shape[2]:
                     residual[to, a] += gradients[m, 0, i] * w[0, a] + gradients[m, 1, i] * w[1, a]

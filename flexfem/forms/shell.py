@@ -7,7 +7,8 @@ Acta Mech. Sinica 34 (2018), without their assumption of constant area) are
 
     eps_11 = |f_1| - 1,  eps_22 = |f_1 x f_2| / |f_1| - 1,  gamma_12 = f_1 . f_2 / |f_1|,
 
-and with the curvature vectors ``k = (k_11, k_22, 2 k_12)`` of the patch and the unit normal n
+(for smoothed derivatives less their values at the start instead of 1, 1, 0), and with the curvature
+vectors ``k = (k_11, k_22, 2 k_12)`` of the patch and the unit normal n
 
     kappa = n . k - kappa_0,
 
@@ -44,8 +45,8 @@ class ShellForms:
         residual: force (15,), dual to the unknowns.
         tangent: force (15,) and its derivative by the unknowns (15, 15).
         coefficients: by name, in the order in which a triangle's data is packed: ``unknowns``
-            (15,); ``start``, kappa_0 (3,); ``stiffness``, the upper triangle of the 6x6 matrix
-            ``[D_m D_c; D_c^T D_b]``, row by row (21,).
+            (15,); ``start``, 1, 1, 0 and kappa_0 (6,); ``stiffness``, the upper triangle of the 6x6
+            matrix ``[D_m D_c; D_c^T D_b]``, row by row (21,).
     """
 
     residual: ufl.Form
@@ -60,13 +61,13 @@ def shell_strains(f1: Expr, f2: Expr, curvature: Expr, start: Expr) -> Expr:
         f1: derivative of the position along e1, (3,).
         f2: the same along e2.
         curvature: curvature vectors, row by row, 1/m, (3, 3).
-        start: kappa_0, 1/m, (3,).
+        start: what counts as no strain: 1, 1, 0 and kappa_0, 1/m, (6,).
     """
     length, across = ufl.sqrt(ufl.dot(f1, f1)), ufl.cross(f1, f2)
     ratio = ufl.sqrt(ufl.dot(across, across))
-    bending = curvature * (across / ratio) - start
-    membrane = [length - 1, ratio / length - 1, ufl.dot(f1, f2) / length]
-    return ufl.as_vector([*membrane, bending[0], bending[1], bending[2]])
+    bending = curvature * (across / ratio)
+    membrane = [length, ratio / length, ufl.dot(f1, f2) / length]
+    return ufl.as_vector([*membrane, bending[0], bending[1], bending[2]]) - start
 
 
 def shell_energy(strain: Expr, stiffness: Expr) -> Expr:
@@ -85,7 +86,7 @@ def shell_forms() -> ShellForms:
     mesh = interval_mesh()
     fields = {
         "unknowns": constant_field(mesh, POINT),
-        "start": constant_field(mesh, 3),
+        "start": constant_field(mesh, 6),
         "stiffness": constant_field(mesh, 21),
     }
     unknowns = ufl.variable(fields["unknowns"])

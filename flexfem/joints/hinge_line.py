@@ -11,7 +11,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, coincidence
-from flexfem.core.marker import ShellLine
+from flexfem.core.marker import Attachment, ShellLine
 from flexfem.core.node_row import NodeRow
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term
@@ -88,16 +88,29 @@ class LinePart(Joint):
         whole: that joint.
         law: its rows as a function of the poses of its markers at the start.
         swapped: marker a is on the body of marker b of the whole.
+        between: its markers where they are more than a and b, those on the side of a first.
     """
 
     whole: Joint
     law: Callable[[Sequence[Pose]], tuple[Row, ...]]
     swapped: bool
+    between: tuple[Attachment, ...] = ()
+
+    @property
+    def places(self) -> tuple[tuple[str, Attachment], ...]:
+        """See :attr:`Joint.places`."""
+        named = tuple((f"place {k}", marker) for k, marker in enumerate(self.between))
+        return named or super().places
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """See :attr:`Joint.pairs`."""
+        return ((0, len(self.places) - 1),)
 
     @property
     def second(self) -> int:
         """See :attr:`Joint.second`."""
-        return 0 if self.swapped else 1
+        return 0 if self.swapped else len(self.places) - 1
 
     @property
     def owner(self) -> str:

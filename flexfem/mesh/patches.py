@@ -21,6 +21,13 @@ Quadratics are still met exactly, and deflections converge to the right limit on
 triangle then depends on the twelve nodes of its own patch and those of its neighbours. On meshes
 of parallel diagonals the slopes agree and nothing changes.
 
+The membrane's strains follow from the derivatives f of the triangle alone, or from smoothed ones,
+means over the three edges of those of the triangles on both sides: ``f = f_own / 2 + sum of f_k /
+6`` over the neighbours k, where all are there. A triangle then also knows how the membrane changes
+around it (Flores, Onate, Comput. Methods Appl. Mech. Eng. 194 (2005) 907-932, there from quadratics
+of the patch), which does away with most of the stiffness of coarse meshes that bend without
+stretching; see ``forms.shell``.
+
 Where a neighbour is missing, its node gives no value to interpolate:
 
 * free, hinged: what is left undetermined minimises the bending energy, so that no moment acts
@@ -28,10 +35,11 @@ Where a neighbour is missing, its node gives no value to interpolate:
   literature, wherever they lie, are eliminated to the same result. A hinge also shares the
   positions of its edge; whether the edge stays straight follows from what it is joined to.
 * clamped: the derivative of q across the edge, outwards, is a given unit vector t at the edge's
-  midpoint, hence ``k = B q + S t``; t may move.
+  midpoint, hence ``k = B q + S t``; t may move. Energies there have weights, see ``clamp_weights``.
 * symmetric: the same, t being the normal of the plane. Positions of the edge move in the plane.
 """
 
+import dataclasses
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Self
@@ -39,6 +47,7 @@ from typing import Self
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.mesh.patch_membrane import plane_gradients, smoothed_gradients
 
 __all__ = ["EdgeRule", "Patches", "curvature_patches"]
 
@@ -68,6 +77,8 @@ class Patches:
         axes: unit vectors e1, e2 in the triangle and its normal e3 at the start, (m, 3, 3).
         areas: area at the start, m^2, (m,).
         gradients: derivatives of the three shape functions along e1 and e2, 1/m, (m, 2, 3).
+        membrane: the same of all nodes for the strains of the membrane: those of the triangle, of
+            three nodes, or smoothed ones of the first six, 1/m, (m, 2, 3) or (m, 2, 6).
         curvatures: B, from positions to (k_11, k_22, 2 k_12), 1/m^2, (m, 3, p); zero columns for
             missing nodes. NaN where the nodes of a patch of six lie on one conic.
         slopes: S, from the tangents of clamped edges, 1/m, (m, 3, p - 3); zero columns otherwise.
@@ -75,17 +86,20 @@ class Patches:
         tangents: unit vectors t at the start, outwards across clamped edges, (m, 3, 3), else 0.
         conditions: condition number of the own quadratic in coordinates scaled by the size of the
             triangle, (m,); infinite where it has no solution. About 10 for good meshes.
+        weights: factors of ``curvatures`` and ``slopes``, (m,).
     """
 
     nodes: IndexArray
     axes: FloatArray
     areas: FloatArray
     gradients: FloatArray
+    membrane: FloatArray
     curvatures: FloatArray
     slopes: FloatArray
     clamps: IntArray
     tangents: FloatArray
     conditions: FloatArray
+    weights: FloatArray
 
     def offsets(self, tangents: FloatArray | None = None) -> FloatArray:
         """Part ``b0 = S t`` (m, 3, 3) of the curvature vectors, row by row, 1/m.
@@ -99,8 +113,8 @@ class Patches:
 
     def first(self, count: int) -> Self:
         """The first triangles alone, without ghosts; their tangents are still those of all."""
-        names = ("nodes", "axes", "areas", "gradients", "curvatures", "slopes", "clamps")
-        parts = {name: getattr(self, name)[:count] for name in (*names, "conditions")}
+        fields = [field.name for field in dataclasses.fields(self) if field.name != "tangents"]
+        parts = {name: getattr(self, name)[:count] for name in fields}
         return replace(self, **parts)
 
 
@@ -114,6 +128,8 @@ def curvature_patches(
     rules: IndexArray | None = None,
     tangents: FloatArray | None = None,
     directions: FloatArray | None = None,
+    weights: FloatArray | None = None,
+    smoothed: bool = False,
 ) -> Patches:
     """Derive the maps of triangles from the start.
 
@@ -135,6 +151,8 @@ def curvature_patches(
             plane of its triangle, perpendicular to the edge.
         directions: material directions, the projections of which are e1, (m, 3); None for the
             direction from node 0 to node 1.
+        weights: factors of the maps to the curvatures, see ``clamp_weights``, (m,); None for 1.
+        smoothed: derivatives for the membrane are means over the triangle and its neighbours.
     """
     corners = points[triangles]
     axes, areas = _axes(corners, directions)
@@ -142,25 +160,30 @@ def curvature_patches(
     sloped = np.zeros(opposites.shape, dtype=np.bool_)
     if rules is not None:
         sloped = (opposites < 0) & np.isin(rules, (EdgeRule.CLAMPED, EdgeRule.SYMMETRIC))
-    fit = _fit(local, _unfolded(points, corners, local, opposites), opposites >= 0, sloped, bending)
+    around = _unfolded(points, corners, local, opposites)
+    fit = _fit(local, around, opposites >= 0, sloped, bending)
     owners, places, maps = _columns(fit, local, triangles, opposites, neighbours)
+    factors = np.ones(len(triangles)) if weights is None else weights
+    maps *= factors[:, None, None]
 
     # what a column stands for: the position of a node, or the tangent of an edge
     tangential = (places >= 3) & sloped[owners, np.maximum(places, 3) - 3]
     clamps = np.where(tangential, 3 * owners + places - 3, 0)
     outwards = np.einsum("mka,mab->mkb", _edge_normals(local), axes[:, :2])
-    ends = np.roll(local, -2, 1) - np.roll(local, -1, 1)
     nodes = np.concatenate([triangles, opposites], 1)
+    gradients = plane_gradients(local)
     return Patches(
         nodes=np.where(tangential | (places < 0), -1, nodes[owners, places]),
         axes=axes,
         areas=areas,
-        gradients=np.stack([-ends[:, :, 1], ends[:, :, 0]], 1) / (2 * areas[:, None, None]),
+        gradients=gradients,
+        membrane=smoothed_gradients(local, around, opposites >= 0) if smoothed else gradients,
         curvatures=np.where(tangential[:, None], 0.0, maps),
         slopes=np.where(tangential[:, None], maps, 0.0)[:, :, 3:],
         clamps=clamps[:, 3:],
         tangents=np.where(sloped[:, :, None], _oriented(tangents, outwards), 0.0),
         conditions=fit.conditions,
+        weights=factors,
     )
 
 

@@ -206,7 +206,7 @@ class Model:
         shell = self.get(line.body)
         if not isinstance(shell, Shell) or self.surface is None:
             raise ValueError(f'ShellLine: {self!r} has no shell "{line.body}"')
-        return node_row(self.surface, shell.body, line)
+        return node_row(self.surface, shell, line)
 
     def beams_of(self, formulation: str) -> list[Beam]:
         """Return the beams of a formulation in their order."""

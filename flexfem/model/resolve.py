@@ -15,6 +15,7 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.mesh.surface_topology import sides_along
 from flexfem.mesh.topology import arc_length
 from flexfem.model.bodies import Beam
+from flexfem.model.line_bending import line_slopes, line_stiffness
 from flexfem.model.place import Place, place_at_fraction, place_in
 from flexfem.model.shell import Shell
 
@@ -124,14 +125,14 @@ def group_curve(mesh: LineMesh, beam: Beam) -> NurbsCurve:
         raise ValueError(f"{owner}: {error}") from None
 
 
-def node_row(mesh: SurfaceMesh, body: str, marker: ShellLine) -> NodeRow:
+def node_row(mesh: SurfaceMesh, shell: Shell, marker: ShellLine) -> NodeRow:
     """Return the nodes along a line of a shell, and those of its triangles beside them.
 
     Where the line runs inside the shell, these are those of the first of both triangles.
 
     Args:
         mesh: The surface mesh.
-        body: The shell's body there.
+        shell: The shell.
         marker: Names the line.
 
     Raises:
@@ -142,17 +143,24 @@ def node_row(mesh: SurfaceMesh, body: str, marker: ShellLine) -> NodeRow:
         nodes = mesh.line_nodes(marker.line)
     except ValueError as error:
         raise ValueError(f"{owner}: {error}") from None
-    rows = mesh.body_rows(body)
+    rows = mesh.body_rows(shell.body)
     triangles = mesh.triangles[rows]
     sides = sides_along(triangles, np.stack([nodes[:-1], nodes[1:]], axis=1), len(mesh.points))
     if (sides < 0).any():
         raise ValueError(f'{owner}: line "{marker.line}" is not on this shell')
+    at = 3 * rows[sides // 3] + sides % 3
+    beside, slopes = line_slopes(mesh, at)
+    reverse = mesh.triangles.ravel()[3 * (at // 3) + (at + 1) % 3] != nodes[:-1]
     return NodeRow(
         name=f'line "{marker.line}" of Shell "{marker.body}"',
         body=marker.body,
         nodes=nodes,
         points=mesh.points[nodes],
         apexes=triangles.ravel()[sides],
+        stiffness=line_stiffness(mesh, shell, at),
+        damping=shell.damping,
+        beside=mesh.triangles[beside],
+        slopes=np.where(reverse[:, np.newaxis], 1.0 - slopes, slopes),
     )
 
 

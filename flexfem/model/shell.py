@@ -12,7 +12,7 @@ from flexfem._types import FloatArray
 from flexfem.materials.shell_section import ShellSection
 from flexfem.mesh.frames import Orientation
 
-__all__ = ["EDGES", "MASSES", "SHELL_ELEMENTS", "Shell"]
+__all__ = ["EDGES", "MASSES", "MEMBRANES", "SHELL_ELEMENTS", "Shell"]
 
 _ZERO = (0.0, 0.0, 0.0)
 
@@ -20,6 +20,8 @@ _ZERO = (0.0, 0.0, 0.0)
 SHELL_ELEMENTS = ("rotation_free", "director")
 #: What can hold along an edge.
 EDGES = ("clamped", "hinged", "symmetric", "symmetric x", "symmetric y", "symmetric z")
+#: Strains of membranes of rotation-free shells.
+MEMBRANES = ("constant", "smoothed")
 #: How mass is distributed over the nodes.
 MASSES = ("lumped", "consistent")
 
@@ -51,6 +53,10 @@ class Shell:
         averaged: Whether slopes are averaged at the edges of triangles, which any mesh but one of
             parallel diagonals needs and which couples twelve nodes instead of six; None: where the
             mesh needs it.
+        membrane: Strains of the membrane of rotation-free triangles: "constant", from the triangle
+            alone, or "smoothed", means over it and its neighbours, which bend without stretching
+            on much coarser meshes, and take half as much time again. Smoothed strains near planes
+            of symmetry and of very curved starts are less accurate.
         mass: "lumped" at the nodes, or "consistent" with linear velocities.
         damping: Stiffness-proportional damping, seconds.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,
@@ -67,6 +73,7 @@ class Shell:
     fixed: Mapping[str, str]
     direction: Orientation
     averaged: bool | None
+    membrane: str
     mass: str
     damping: float
     velocity: FloatArray
@@ -83,6 +90,7 @@ class Shell:
         fixed: Mapping[str, str] = MappingProxyType({}),
         direction: Orientation = None,
         averaged: bool | None = None,
+        membrane: str = "constant",
         mass: str = "lumped",
         damping: float = 0.0,
         velocity: npt.ArrayLike = _ZERO,
@@ -103,6 +111,8 @@ class Shell:
             _checks.instance(owner, "averaged", averaged, bool)
         for line, rule in _checked(owner, "edges", edges).items():
             _known(owner, f'edges["{line}"]', rule, EDGES)
+        if membrane == "smoothed" and element != "rotation_free":
+            raise ValueError(f'{owner}: membrane "smoothed" needs element "rotation_free"')
         for place, axes in _checked(owner, "fixed", fixed).items():
             if not axes or len(set(axes)) < len(axes) or not set(axes) <= set("xyz"):
                 raise ValueError(
@@ -118,6 +128,7 @@ class Shell:
             fixed=MappingProxyType(dict(fixed)),
             direction=direction,
             averaged=averaged,
+            membrane=_known(owner, "membrane", membrane, MEMBRANES),
             mass=_known(owner, "mass", mass, MASSES),
             damping=_checks.number(owner, "damping", damping, nonnegative=True),
             velocity=_checks.vector(owner, "velocity", velocity),

@@ -143,12 +143,13 @@ def shell_block(
         inertial=True, width=3, held=held,
     )  # fmt: skip
     own = np.sort(mesh.cell_ids[: mesh.owned])
+    kinds = np.column_stack([surface.averaged, surface.smoothed])
     groups = [
-        shell_cells(surface, rows[surface.averaged[rows] == averaged], averaged, numbers, law,
-                    mesh.local)
+        shell_cells(surface, rows[(kinds[rows] == kind).all(axis=1)], bool(kind[0]), bool(kind[1]),
+                    numbers, law, mesh.local)
         for numbers, law in shell_laws(comm, surface)
         for rows in [own[np.isin(surface.section[own], numbers)]]
-        for averaged in np.unique(surface.averaged[np.isin(surface.section, numbers)])
+        for kind in np.unique(kinds[np.isin(surface.section, numbers)], axis=0)
     ]  # fmt: skip
     return block, RotationFreeShells(groups, block)
 

@@ -39,7 +39,7 @@ def shell_laws(comm: MPI.Intracomm, surface: ShellSurface) -> ShellLaws:
 
 
 def shell_cells(
-    surface: ShellSurface, own: IntArray, averaged: bool, numbers: list[int],
+    surface: ShellSurface, own: IntArray, averaged: bool, smoothed: bool, numbers: list[int],
     law: LawValues | None, local: Callable[[IntArray], IndexArray],
 ) -> ShellCells:  # fmt: skip
     """Triangles with patches of one kind and one law.
@@ -48,6 +48,7 @@ def shell_cells(
         surface: all shells.
         own: numbers of the triangles.
         averaged: whether their slopes are averaged, with those of their neighbours.
+        smoothed: whether the strains of their membranes are smoothed.
         numbers: of their sections, in the order of the law's parameters.
         law: of these sections, None for the linear one.
         local: numbers of nodes on this rank for those in the mesh.
@@ -74,6 +75,8 @@ def shell_cells(
         rules=surface.rules[rows],
         tangents=surface.normals[rows],
         directions=directions,
+        weights=surface.weights[rows],
+        smoothed=smoothed,
     ).first(len(own))
     damping = np.array([shell.damping for shell in surface.shells])[surface.body[own]]
     triangles = RotationFreeTriangles.build(

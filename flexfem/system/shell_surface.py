@@ -10,6 +10,7 @@ from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie import se3
 from flexfem.materials.shell_section import ShellSection
+from flexfem.mesh.clamp_weights import clamp_weights
 from flexfem.mesh.director_nodes import DirectorNodes
 from flexfem.mesh.patch_checks import moment_imbalance, moment_sums
 from flexfem.mesh.patches import EdgeRule, curvature_patches
@@ -48,7 +49,9 @@ class ShellSurface:
         directions: (m, 3) material directions, zero for that of the first side.
         rules: (m, 3) ``EdgeRule`` of each edge without neighbour.
         normals: (m, 3, 3) normals of planes of symmetry at edges, else zero.
+        weights: (m,) factors of curvatures beside clamped edges, else 1.
         averaged: (m,) whether slopes are averaged.
+        smoothed: (m,) whether the strains of the membrane are smoothed.
         frames: (n, 12) nodes; axes are inertial but where a node is held along others.
         held: (n, 3) directions of these axes in which nodes are held; (n, 6) with directors.
         velocities: (n, 6) at the start, in these axes.
@@ -65,7 +68,9 @@ class ShellSurface:
     directions: FloatArray
     rules: IntArray
     normals: FloatArray
+    weights: FloatArray
     averaged: BoolArray
+    smoothed: BoolArray
     frames: FloatArray
     held: BoolArray
     velocities: FloatArray
@@ -102,7 +107,9 @@ class ShellSurface:
         np.minimum.at(low, mesh.triangles.ravel(), np.repeat(body, 3))
         return cls(
             mesh, shells, body, sections, np.array(numbers)[body], directions, rules, normals,
-            averaged, frames, mask, _velocities(mesh, shells, frames, mask), low,
+            clamp_weights(mesh.areas, mesh.topology.neighbours, rules), averaged,
+            np.array([shell.membrane == "smoothed" for shell in shells])[body], frames, mask,
+            _velocities(mesh, shells, frames, mask), low,
             _clusters(mesh.triangles, body, len(mesh.points))[low],
         )  # fmt: skip
 

@@ -41,6 +41,11 @@ CONSTRUCTORS = [
     (lambda: shell(direction=(0, 0, 0)), r"direction must not be zero, got \(0, 0, 0\)"),
     (lambda: shell(averaged=1), "averaged must be a bool, got 1"),
     (lambda: shell(mass="diagonal"), 'mass must be "lumped" or "consistent", got \'diagonal\''),
+    (lambda: shell(membrane="soft"), 'membrane must be "constant" or "smoothed", got \'soft\''),
+    (
+        lambda: shell(element="director", membrane="smoothed"),
+        'Shell "panel": membrane "smoothed" needs element "rotation_free"',
+    ),
     (lambda: shell(damping=-1.0), "damping must not be negative, got -1"),
     (lambda: shell(velocity=(0, NAN, 0)), "velocity must be finite"),
     (lambda: shell(angular_velocity=(0, 1)), r"angular_velocity must hold 3 numbers, got \(0, 1\)"),

@@ -9,6 +9,7 @@ from flexfem.core.marker import ShellLine
 from flexfem.model.resolve import node_row
 
 pytestmark = pytest.mark.serial
+SECTION = ff.ShellSection.isotropic(0.01, ff.Material(2e9, 0.3, 1000.0))
 
 
 def _rows(cells: int, other: int, lift: float = 0.0, curve: float = 0.0):
@@ -23,7 +24,7 @@ def _rows(cells: int, other: int, lift: float = 0.0, curve: float = 0.0):
     second = ff.SurfaceMesh.grid("far", x, 1.0 + y, lambda u: bent(u) + lift * np.eye(3)[2])
     mesh = ff.SurfaceMesh.join([first, second])
     near, far = ShellLine("near", "near_top"), ShellLine("far", "far_bottom")
-    rows = node_row(mesh, "near", near), node_row(mesh, "far", far)
+    rows = [node_row(mesh, ff.Shell(line.body, SECTION), line) for line in (near, far)]
     return mesh, near, far, rows
 
 
@@ -102,12 +103,46 @@ def test_shared_nodes():
 def test_angles(counts):
     _, near, far, rows = _rows(*counts)
     parts = ff.ClampedLine("clamp", near, far).parts(rows)
-    angles = [part for part in parts if len(part.b.nodes) == 2]
+    angles = [part for part in parts if len(part.b.nodes) == 3]
     # one for each segment of the finer line
     assert len(angles) == max(counts)
     assert len(parts) - len(angles) == max(counts) + 1
     body = ff.ClampedLine("clamp", near, ff.Ground()).parts((rows[0], None))
     assert len(body) == counts[0] + 1 + counts[0]
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (1.0, 1.0, 0.0)])
+def test_stiffness_of_angles(direction):
+    """``D l / d`` between two triangles of height d, 2 D l / d on the ground, D across the line."""
+    mesh, near, far, _ = _rows(4, 6)
+    plane = np.array([[9.0, 1.0, 0.5], [1.0, 4.0, -0.3], [0.5, -0.3, 2.0]])
+    section = ff.ShellSection(np.kron(np.eye(2), plane), 1.0, 0.1)
+    shells = [ff.Shell(name, section, direction=direction) for name in ("near", "far")]
+    rows = [node_row(mesh, s, line) for s, line in zip(shells, (near, far), strict=True)]
+    # across the line, along y, which is a direction of the material at 90 or 45 degrees
+    across = np.array([0.0, 1.0, 0.0] if direction[1] == 0.0 else [0.5, 0.5, 1.0])
+    stiffness = across @ plane @ across
+    parts = ff.ClampedLine("clamp", near, ff.Ground()).parts((rows[0], None))
+    # exact; a stiffness along the line, or one of the whole height, is off by a factor
+    assert parts[-1].law.law.stiffness == pytest.approx(2.0 * stiffness * 0.5 / 0.5, rel=1e-12)
+    both = ff.ClampedLine("clamp", near, far).parts(rows)
+    assert both[-1].law.law.stiffness == pytest.approx(stiffness / 3.0 / 0.5, rel=1e-12)
+
+
+def test_slopes_follow_the_place_in_a_segment():
+    """Of a twisted sheet z = x y, by the turns of the triangles beside its edge."""
+    mesh, _, _, rows = _rows(4, 4)
+    for row in rows:
+        for k, along in ((0, 0.5), (1, 0.2), (3, 0.5), (2, 0.9)):
+            slope = 0.0
+            for marker, weight in row.tilted(k, along):
+                x = mesh.points[list(marker.nodes)].copy()
+                x[:, 2] = x[:, 0] * x[:, 1]
+                n = np.cross(x[1] - x[0], x[2] - x[0])
+                slope -= weight * n[1] / n[2]  # dz/dy = x
+            # exact; the slope of the triangle at the segment alone is off by half its length, 0.25
+            expected = row.points[k, 0] + along * 0.5
+            assert slope == pytest.approx(expected, abs=1e-12)
 
 
 def test_angles_that_follow_from_others():
@@ -116,7 +151,7 @@ def test_angles_that_follow_from_others():
     triangles = [[3, 1, 0], [3, 2, 1], [4, 3, 0], [3, 5, 2]]
     mesh = ff.SurfaceMesh(points, triangles, {"fan": [0, 1, 2, 3]}, {"top": [[0, 1], [1, 2]]})
     line = ShellLine("fan", "top")
-    row = node_row(mesh, "fan", line)
+    row = node_row(mesh, ff.Shell("fan", SECTION, element="director"), line)
     np.testing.assert_array_equal(row.apexes, [3, 3])
     parts = ff.ClampedLine("clamp", line, ff.Ground()).parts((row, None))
     assert len(parts) == 3 + 1
@@ -129,7 +164,7 @@ def test_bad_lines():
         ("missing", 'ShellLine on "near": SurfaceMesh: line "missing" is not in the mesh'),
     ):
         with pytest.raises(ValueError, match=message):
-            node_row(mesh, "near", ShellLine("near", line))
+            node_row(mesh, ff.Shell("near", SECTION), ShellLine("near", line))
     with pytest.raises(TypeError, match='HingeLine "hinge": a must be a ShellLine'):
         ff.HingeLine("hinge", ff.Ground(), ff.Marker("hub"))
     with pytest.raises(ValueError, match="tolerance must be positive"):

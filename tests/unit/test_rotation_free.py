@@ -25,10 +25,13 @@ from tests.unit.triangles import (
 )
 
 pytestmark = pytest.mark.serial
-BOTH = pytest.mark.parametrize("averaged", [False, True])
+KINDS = pytest.mark.parametrize(
+    "kind", [{}, {"averaged": True}, {"smoothed": True}, {"averaged": True, "smoothed": True}],
+    ids=lambda kind: "-".join(kind) or "constant",
+)  # fmt: skip
 
 
-def shell(averaged, rolled=True):
+def shell(averaged=False, smoothed=False, rolled=True):
     """A curved, laminated shell with all kinds of edges, and positions far from its start."""
     rng = np.random.default_rng(3)
     points, triangles = rectangle((4, 3), "perturbed", (1.0, 0.8))
@@ -37,7 +40,9 @@ def shell(averaged, rolled=True):
     factors = rng.normal(size=(2, 6, 6))
     stiffness = factors @ np.swapaxes(factors, 1, 2) + np.eye(6)
     rules = rng.choice([EdgeRule.FREE, EdgeRule.CLAMPED, EdgeRule.HINGED], triangles.shape)
-    patches = patches_of(points, triangles, stiffness[0, 3:, 3:], averaged, rules=rules)
+    patches = patches_of(
+        points, triangles, stiffness[0, 3:, 3:], averaged, rules=rules, smoothed=smoothed
+    )
     sections = rng.integers(0, 2, len(triangles))
     made = RotationFreeTriangles.build(patches, points, stiffness, sections)
     return made, points, points + 0.05 * rng.normal(size=points.shape)
@@ -49,9 +54,9 @@ def forces(made, points, offsets=None):
     return residual
 
 
-@BOTH
-def test_forces_are_differences_of_the_energy(averaged):
-    made, _, points = shell(averaged)
+@KINDS
+def test_forces_are_differences_of_the_energy(kind):
+    made, _, points = shell(**kind)
     direction = np.random.default_rng(5).normal(size=points.shape)
     step = 1e-4
     energies = [made.energies(points + k * step * direction)[:, 2].sum() for k in (-2, -1, 1, 2)]
@@ -60,9 +65,9 @@ def test_forces_are_differences_of_the_energy(averaged):
     np.testing.assert_allclose(np.sum(forces(made, points) * direction), slope, rtol=1e-8)
 
 
-@BOTH
-def test_tangents_are_differences_of_the_forces(averaged):
-    made, _, points = shell(averaged)
+@KINDS
+def test_tangents_are_differences_of_the_forces(kind):
+    made, _, points = shell(**kind)
     K = sparse_tangent(made, points)
     direction = np.random.default_rng(5).normal(size=points.shape)
     step = 1e-4
@@ -74,9 +79,9 @@ def test_tangents_are_differences_of_the_forces(averaged):
     assert abs(K - K.T).max() <= 1e-13 * abs(K).max()
 
 
-@BOTH
-def test_rigid_motions_leave_the_shell_free_of_stress(averaged):
-    made, start, _ = shell(averaged)
+@KINDS
+def test_rigid_motions_leave_the_shell_free_of_stress(kind):
+    made, start, _ = shell(**kind)
     turn = Rotation.from_rotvec([1.0, -2.0, 0.7]).as_matrix()
     moved = start @ turn.T + np.array([100.0, -50.0, 30.0])
     offsets = made.offsets @ turn.T
@@ -86,9 +91,9 @@ def test_rigid_motions_leave_the_shell_free_of_stress(averaged):
     assert abs(made.strains(moved)).max() > 0.1
 
 
-@BOTH
-def test_forces_turn_with_the_shell(averaged):
-    made, _, points = shell(averaged)
+@KINDS
+def test_forces_turn_with_the_shell(kind):
+    made, _, points = shell(**kind)
     turn = Rotation.from_rotvec([1.0, -2.0, 0.7]).as_matrix()
     turned = forces(made, points @ turn.T, made.offsets @ turn.T)
     expected = forces(made, points) @ turn.T
@@ -96,10 +101,11 @@ def test_forces_turn_with_the_shell(averaged):
     np.testing.assert_allclose(turned, expected, atol=1e-11 * abs(expected).max())
 
 
-def test_free_shell_has_no_resultant():
+@pytest.mark.parametrize("smoothed", [False, True])
+def test_free_shell_has_no_resultant(smoothed):
     points, triangles = rectangle((4, 3), "perturbed")
     stiffness = isotropic(0.1)
-    patches = patches_of(points, triangles, stiffness[3:, 3:], True)
+    patches = patches_of(points, triangles, stiffness[3:, 3:], True, smoothed=smoothed)
     made = RotationFreeTriangles.build(patches, points, stiffness)
     moved = points + 0.05 * np.random.default_rng(3).normal(size=points.shape)
     force = forces(made, moved)
@@ -112,8 +118,8 @@ def test_free_shell_has_no_resultant():
     assert (abs(eigenvalues) < 1e-10 * eigenvalues[-1]).sum() == 6
 
 
-@BOTH
-def test_parts_with_their_ghosts_make_up_the_whole(averaged):
+@KINDS
+def test_parts_with_their_ghosts_make_up_the_whole(kind):
     points, triangles = rectangle((6, 5), "perturbed")
     stiffness = isotropic(0.1)
     opposites, neighbours = adjacency(triangles)
@@ -129,7 +135,9 @@ def test_parts_with_their_ghosts_make_up_the_whole(averaged):
         number[here] = np.arange(len(here))
         patches = curvature_patches(
             points, triangles[here], opposites[here], stiffness[3:, 3:], rules=rules[here],
-            tangents=tangents[here], neighbours=number[neighbours[here]] if averaged else None,
+            tangents=tangents[here],
+            neighbours=number[neighbours[here]] if kind.get("averaged") else None,
+            smoothed=kind.get("smoothed", False),
         ).first(len(own))  # fmt: skip
         return forces(RotationFreeTriangles.build(patches, points, stiffness), moved)
 
@@ -142,7 +150,7 @@ def test_parts_with_their_ghosts_make_up_the_whole(averaged):
 
 
 def test_masses_are_those_of_the_triangles():
-    made, start, _ = shell(False)
+    made, start, _ = shell()
     density = np.linspace(1.0, 2.0, len(made.starts))
     masses = np.zeros(len(start))
     made.add_masses(density, masses)
@@ -160,7 +168,7 @@ def _tabulate(address, tensor, data, constants, points):
 
 
 def test_loops_equal_the_kernels_of_the_form_at_a_point():
-    made, _, points = shell(True)
+    made, _, points = shell(averaged=True, smoothed=True)
     forms = shell_forms()
     kernels = [
         compile_kernel(MPI.COMM_SELF, form, tuple(forms.coefficients.values()))
@@ -170,7 +178,7 @@ def test_loops_equal_the_kernels_of_the_form_at_a_point():
     residual, K = np.zeros(count), np.zeros((count, count))
     for m, section in enumerate(made.sections):
         W = np.zeros((5, len(points)))
-        np.add.at(W.T, patches.nodes[m, :3], np.pad(patches.gradients[m].T, ((0, 0), (0, 3))))
+        np.add.at(W.T, patches.nodes[m, :6], np.pad(patches.membrane[m].T, ((0, 0), (0, 3))))
         there = patches.nodes[m] >= 0
         bent = np.pad(patches.curvatures[m].T[there], ((0, 0), (2, 0)))
         np.add.at(W.T, patches.nodes[m, there], bent)
@@ -193,7 +201,7 @@ def test_loops_equal_the_kernels_of_the_form_at_a_point():
     assert abs(sparse_tangent(made, points) - K).max() <= 1e-12 * abs(K).max()
 
 
-@BOTH
+@pytest.mark.parametrize("averaged", [False, True])
 def test_loops_equal_the_assembled_form(averaged):
     """``M^T K M``, M = [I; B], of what DOLFINx assembles on positions and curvature vectors."""
     made, start, points = shell(averaged)

@@ -7,6 +7,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 
 from flexfem.elements.rotation_free import RotationFreeTriangles
+from flexfem.mesh.clamp_weights import clamp_weights
 from flexfem.mesh.patches import curvature_patches
 from flexfem.mesh.surface_topology import match_sides, surface_topology
 
@@ -113,7 +114,9 @@ def plate_deflections(counts, pattern, averaged, rule_of, held_at, ratio=0.3):
     bending /= bending[0, 0]
     middles = (points[np.roll(triangles, -1, 1)] + points[np.roll(triangles, -2, 1)]) / 2
     rules = rule_of(middles.reshape(-1, 3)).reshape(triangles.shape)
-    patches = patches_of(points, triangles, bending, averaged, rules=rules)
+    areas = np.linalg.norm(np.cross(*np.diff(points[triangles], axis=1).swapaxes(0, 1)), axis=1) / 2
+    weights = clamp_weights(areas, adjacency(triangles)[1], rules)
+    patches = patches_of(points, triangles, bending, averaged, rules=rules, weights=weights)
     maps = sparse_maps(patches, len(points))
     K = maps.T @ sp.kron(sp.diags(patches.areas), bending).tocsr() @ maps
     load = np.bincount(triangles.ravel(), np.repeat(patches.areas / 3, 3), len(points))

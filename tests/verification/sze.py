@@ -80,13 +80,17 @@ class Row:
     seconds: float
 
 
-def solve(benchmark: str, mesh: str, element: str = "rotation_free") -> Row:
+def solve(
+    benchmark: str, mesh: str, element: str = "rotation_free", membrane: str = "constant"
+) -> Row:
     """Follow a benchmark to its largest load, or through the snap of a roof (one process).
 
     Raises:
         RuntimeError: it does not get there.
     """
-    model = load_case("shell_statics").build(benchmark=benchmark, mesh=mesh, element=element)
+    model = load_case("shell_statics").build(
+        benchmark=benchmark, mesh=mesh, element=element, membrane=membrane
+    )
     known = BENCHMARKS[benchmark]
     if known.end:
         options = ff.StaticOptions(arc_length=0.05, t_end=known.end, quiet=True)

@@ -32,10 +32,21 @@ def test_reference_values(benchmark, mesh, element, tolerance):
         assert row.values[name] == pytest.approx(reference, rel=tolerance), name
 
 
-@pytest.mark.three_ranks
-def test_split_shell_finds_the_same_equilibrium():
+@pytest.mark.serial
+def test_smoothed_membranes_bend_without_stretching():
+    """The slit ring, most of which moves like a developable surface."""
+    row = solve("annulus", "40x8", membrane="smoothed")
+    for name, reference in BENCHMARKS["annulus"].references.items():
+        # measured 1.0 and 0.8 %; constant strains are off by 4.1 and 3.2 %
+        assert row.values[name] == pytest.approx(reference, rel=0.015), name
+
+
+@pytest.mark.parametrize(
+    "membrane", ["constant", pytest.param("smoothed", marks=pytest.mark.three_ranks)]
+)
+def test_split_shell_finds_the_same_equilibrium(membrane):
     model = load_case("shell_statics").build(
-        benchmark="hemisphere", mesh="6x6", element="rotation_free"
+        benchmark="hemisphere", mesh="6x6", element="rotation_free", membrane=membrane
     )
     options = ff.StaticOptions(load_steps=3, stabilise=True, quiet=True, split_above=1)
     ours = ff.solve_static(model, options).history
