@@ -39,13 +39,16 @@ WEIGHT = SIDE * SIDE * THICKNESS * DENSITY * GRAVITY
 Points = npt.NDArray[np.float64]
 
 
-def sheet(nodes: tuple[int, int], diagonal: str, imperfection: float, seed: int) -> ff.SurfaceMesh:
+def sheet(
+    nodes: tuple[int, int], diagonal: str, imperfection: float, symmetric: bool, seed: int,
+) -> ff.SurfaceMesh:  # fmt: skip
     """Flat grid above the sphere, heights off by up to ``imperfection`` (m) upwards."""
-    random = np.random.default_rng(seed)
 
     def surface(parameters: Points) -> Points:
-        heights = RADIUS + 0.5 * THICKNESS + imperfection * random.random(len(parameters))
-        return np.column_stack([parameters, heights])
+        random = np.random.default_rng(seed).random(len(parameters))
+        if symmetric:  # nodes in reverse order are opposite ones
+            random = 0.5 * (random + random[::-1])
+        return np.column_stack([parameters, RADIUS + 0.5 * THICKNESS + imperfection * random])
 
     along = [np.linspace(-0.5 * SIDE, 0.5 * SIDE, count) for count in nodes]
     return ff.SurfaceMesh.grid("sheet", *along, surface, diagonal=diagonal)
@@ -53,11 +56,11 @@ def sheet(nodes: tuple[int, int], diagonal: str, imperfection: float, seed: int)
 
 def build(
     *, mesh: str, element: str, diagonal: str, warp_angle: float, friction: float,
-    contact_stiffness: float, self_contact: bool, imperfection: float, seed: int,
+    contact_stiffness: float, self_contact: bool, imperfection: float, symmetric: bool, seed: int,
 ) -> ff.Model:  # fmt: skip
     """Model with a number of nodes such as "61x61"."""
     nodes = ff.grid_nodes(mesh)
-    surface = sheet(nodes, diagonal, imperfection * THICKNESS, seed)
+    surface = sheet(nodes, diagonal, imperfection * THICKNESS, symmetric, seed)
     section = ff.ShellSection.orthotropic(MEMBRANE, BENDING, 0.01, DENSITY * THICKNESS, THICKNESS)
     angle = np.radians(warp_angle)
     model = ff.Model("draping", surface=surface)
@@ -124,6 +127,9 @@ CASE = ff.Case(
         ff.Option("self_contact", bool, False, "the sheet touches itself as well"),
         ff.Option(
             "imperfection", float, 0.01, "random heights of the nodes, in thicknesses", minimum=0.0
+        ),
+        ff.Option(
+            "symmetric", bool, True, "the random heights are the same at opposite places"
         ),
         ff.Option("seed", int, 0, "of the random heights", minimum=0),
     ),

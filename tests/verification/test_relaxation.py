@@ -59,7 +59,7 @@ TIP = ("tip_x", "tip_y", "tip_z")
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("damping", ["viscous", "kinetic"])
+@pytest.mark.parametrize("damping", ["accelerated", "viscous", "kinetic"])
 def test_cantilever_is_that_of_newtons_method(damping: str) -> None:
     static = ff.solve_static(cantilever(), ff.StaticOptions(quiet=True))
     outcome = relax(cantilever(), damping=damping)
@@ -151,7 +151,7 @@ def test_measure_is_the_part_of_the_load_out_of_balance() -> None:
         assert list(outcome.history["t"]) == [0.0, 20.0]
 
 
-@pytest.mark.parametrize("damping", ["viscous", "kinetic"])
+@pytest.mark.parametrize("damping", ["accelerated", "viscous", "kinetic"])
 def test_going_on_from_a_checkpoint(damping: str, shared_tmp_path: Path) -> None:
     options = {"damping": damping, "record_every": 10, "every": 1000}
     whole = relax(cantilever(), tolerance=1e-5, step_tolerance=1e-4, **options)
@@ -203,7 +203,7 @@ def test_contact_carries_the_weight() -> None:
         assert 0.0 < outcome.history["contact_penetration"][-1] < 0.005
 
 
-def test_both_dampings_find_the_same_equilibrium() -> None:
+def test_all_dampings_find_the_same_equilibrium() -> None:
     """Two paths end in one place."""
     one = relax(sheet(), tolerance=1e-6, step_tolerance=1e-7)
     other = relax(sheet(), tolerance=1e-6, step_tolerance=1e-7, damping="kinetic")
@@ -218,7 +218,7 @@ def test_both_dampings_find_the_same_equilibrium() -> None:
     [
         ({"tolerance": 0.0}, "tolerance must be a finite number > 0"),
         ({"step_tolerance": -1.0}, "step_tolerance must be"),
-        ({"damping": "critical"}, "damping must be one of viscous, kinetic"),
+        ({"damping": "critical"}, "damping must be one of accelerated, viscous, kinetic"),
         ({"masses": "unit"}, "masses must be one of stiffness, scaled"),
         ({"least_mass": 2.0}, "least_mass must be"),
         ({"margin": 0.1}, "margin must be"),
