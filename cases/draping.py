@@ -36,6 +36,8 @@ SIDE, RADIUS, THICKNESS, DENSITY, GRAVITY = 0.3, 0.05, 0.593e-3, 320.4, 9.81
 MEMBRANE = (1095.84, 744.31, 40.964)
 BENDING = (8.134e-6, 6.174e-6, 2.646e-6)
 WEIGHT = SIDE * SIDE * THICKNESS * DENSITY * GRAVITY
+#: Parts of each side at whose ends the outline is measured.
+PARTS = 8
 Points = npt.NDArray[np.float64]
 
 
@@ -52,6 +54,36 @@ def sheet(
 
     along = [np.linspace(-0.5 * SIDE, 0.5 * SIDE, count) for count in nodes]
     return ff.SurfaceMesh.grid("sheet", *along, surface, diagonal=diagonal)
+
+
+def rim(nodes: tuple[int, int]) -> list[int]:
+    """Numbers of the 4 PARTS nodes of the outline that are measured, counterclockwise."""
+    columns, rows = nodes
+    along, up = (
+        np.round(np.linspace(0, count - 1, PARTS + 1)).astype(int).tolist() for count in nodes
+    )
+    bottom, right = [(i, 0) for i in along[:-1]], [(columns - 1, j) for j in up[:-1]]
+    top, left = [(i, rows - 1) for i in along[:0:-1]], [(0, j) for j in up[:0:-1]]
+    return [i + columns * j for i, j in (*bottom, *right, *top, *left)]
+
+
+def outline(t: float, *states: ff.MarkerState) -> list[float]:
+    """Radius of the outline seen from above (m), and how far it is off itself, turned or mirrored.
+
+    The radius, and all distances, are roots of means of squares; a distance is that of each node
+    from where its counterpart gets to by half a turn, a quarter turn, or a mirror that maps left
+    to right and is then turned to fit best, over the radius: 0 where the outline is symmetric.
+    """
+    at = np.array([complex(*state.position[:2]) for state in states])
+    at -= at.mean()
+    radius = float(np.sqrt(np.mean(np.abs(at) ** 2)))
+    turned = [
+        float(np.sqrt(np.mean(np.abs(factor * at - np.roll(at, -parts)) ** 2)))
+        for factor, parts in ((-1.0, 2 * PARTS), (1j, PARTS))
+    ]
+    mirrored = at[(PARTS - np.arange(len(at))) % len(at)]
+    rest = max(radius**2 - abs(np.mean(at * mirrored)), 0.0)
+    return [radius, *(value / radius for value in turned), float(np.sqrt(2.0 * rest)) / radius]
 
 
 def build(
@@ -90,18 +122,25 @@ def build(
         model.add(
             ff.Probe(name, ff.Marker("sheet", place), (f"{name}_z",), lambda t, s: s.position[2:])
         )
-    model.add(ff.ContactProbe("contact", "support"), ff.EnergyProbe())
+    every = [ff.Marker("sheet", surface.points[node]) for node in rim(nodes)]
+    columns = [f"outline_{name}" for name in ("radius", "half_turn", "quarter_turn", "mirror")]
+    model.add(
+        ff.Probe("outline", every, columns, outline),
+        ff.ContactProbe("contact", "support"),
+        ff.EnergyProbe(),
+    )
     return model
 
 
 def results(history: Mapping[str, Points]) -> dict[str, float]:
-    """Balance of forces, penetration, lowest and highest corners and middles."""
+    """Balance of forces, penetration, outline, lowest and highest corners and middles."""
     end = {name: float(values[-1]) for name, values in history.items()}
     corners = [value for name, value in end.items() if name.startswith("corner_")]
     middles = [value for name, value in end.items() if name.startswith("middle_")]
     return {
         "contact_force_over_weight": end["contact_fz"] / WEIGHT,
         "penetration_over_thickness": end["contact_penetration"] / THICKNESS,
+        **{name: value for name, value in end.items() if name.startswith("outline_")},
         "lowest_corner": min(corners),
         "highest_corner": max(corners),
         "lowest_middle": min(middles),
