@@ -163,13 +163,11 @@ CASE = ff.Case(
         ff.Option(
             "contact_stiffness", float, 5e7, "force per penetration and area", unit="N/m^3", above=0
         ),
-        ff.Option("self_contact", bool, False, "the sheet touches itself as well"),
+        ff.Option("self_contact", bool, True, "the sheet touches itself as well"),
         ff.Option(
             "imperfection", float, 0.01, "random heights of the nodes, in thicknesses", minimum=0.0
         ),
-        ff.Option(
-            "symmetric", bool, True, "the random heights are the same at opposite places"
-        ),
+        ff.Option("symmetric", bool, True, "the random heights are the same at opposite places"),
         ff.Option("seed", int, 0, "of the random heights", minimum=0),
     ),
     analysis=ff.RELAXATION,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loop of the internal forces of rotation-free triangles.
 
-Notation as in ``rotation_free_loops``, whose steps are written out here in scalars: this loop is the
-whole cost of explicit relaxation, and arrays of work space, which might overlap others for all that
-a compiler knows, would more than double it.
+Notation as in ``rotation_free_loops``, whose steps are written out here in scalars: this loop is
+nearly the whole cost of explicit relaxation, and arrays of work space, which might overlap others
+for all that a compiler knows, would more than double it.
 """
 
 import math
@@ -19,8 +19,8 @@ def _row(
     D: FloatArray, i: int, e1: float, e2: float, e3: float, e4: float, e5: float, e6: float
 ) -> float:
     """Row of the stiffness times the strains."""
-    value: float = D[i, 0] * e1 + D[i, 1] * e2 + D[i, 2] * e3
-    return value + D[i, 3] * e4 + D[i, 4] * e5 + D[i, 5] * e6
+    membrane, bent = D[i, 0] * e1 + D[i, 1] * e2 + D[i, 2] * e3, D[i, 3] * e4 + D[i, 4] * e5
+    return float(membrane + bent + D[i, 5] * e6)
 
 
 @fused

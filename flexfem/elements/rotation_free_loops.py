@@ -15,7 +15,7 @@ t, b, n
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import FloatArray, IndexArray
 from flexfem.lie.compiled import inlined, kernel
 
 __all__ = [

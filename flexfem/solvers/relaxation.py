@@ -139,8 +139,9 @@ class Relaxation:
         self._applied = self._forces()
         system.evaluate(REST)
         masses = fictitious_masses(
-            self._tangent, self._damping.stable / self._scheme.margin, self._scheme.least, self._physical
-        )
+            self._tangent, self._damping.stable / self._scheme.margin, self._scheme.least,
+            self._physical,
+        )  # fmt: skip
         for part, mass, inverse in zip(system.parts, masses, self._inverse, strict=True):
             np.divide(1.0, mass, out=inverse)
             part.block.hold(inverse)

@@ -10,8 +10,8 @@ from flexfem.lie.se3 import retract_into
 __all__ = ["SUMS", "drive", "largest_into", "measure", "measure_way", "move"]
 
 #: Sums of :func:`measure`: work of the change of the residual along the last step (0), twice the
-#: kinetic energy (1), squares of residual forces (2) and moments (3), work of the residual along the
-#: last step (4).
+#: kinetic energy (1), squares of residual forces (2) and moments (3), work of the residual along
+#: the last step (4).
 SUMS = 5
 
 

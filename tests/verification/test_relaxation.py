@@ -220,6 +220,28 @@ def test_all_dampings_find_the_same_equilibrium() -> None:
         assert one.summary["steps"] < min(other.summary["steps"] for other in others)
 
 
+def test_contacts_go_on_from_a_checkpoint(shared_tmp_path: Path) -> None:
+    """What friction and the sides of self-contact remember is in the checkpoint."""
+
+    def model() -> ff.Model:
+        made = sheet(friction=0.3)
+        made.add(ff.Contact("folds", "sheet", "sheet", stiffness=1e5), ff.EnergyProbe())
+        return made
+
+    def run(until: int, **more: Any) -> dict[str, np.ndarray]:
+        options = ff.RelaxationOptions(
+            record_every=10, every=1000, renew_every=30, max_iterations=until, quiet=True, **more
+        )
+        return ff.relax(model(), options).history
+
+    whole = run(120)
+    run(70, output=shared_tmp_path, checkpoint_every=70)
+    rest = run(120, output=shared_tmp_path, restart=shared_tmp_path / "checkpoint_000070.h5")
+    for name, values in whole.items():
+        # forgotten pulls of friction, momentum or masses change the way by 1e-3
+        np.testing.assert_allclose(rest[name], values, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("damping", ["accelerated", "viscous"])
 def test_ranks_take_the_same_way(damping: str) -> None:
