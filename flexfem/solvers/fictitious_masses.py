@@ -2,9 +2,9 @@
 """Masses with which an explicit step of one unit of time is stable.
 
 The largest eigenvalue of ``M^-1 K`` is at most the largest sum of ``|K_ij| / m_i`` over a row
-(Gershgorin); steps are stable below a limit that depends on the damping. Masses in proportion to these sums bring
-every unknown near its own limit (Underwood, in: Computational Methods for Transient Analysis,
-1983).
+(Gershgorin); steps are stable below a limit that depends on the damping. Masses in proportion to
+these sums bring every unknown near its own limit (Underwood, in: Computational Methods for
+Transient Analysis, 1983).
 """
 
 from __future__ import annotations
