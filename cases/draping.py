@@ -182,8 +182,11 @@ CASE = ff.Case(
     analysis=ff.RELAXATION,
     tolerance=1e-3,
     smoke={
-        "mesh": "5x5", "contact_stiffness": 1e6, "tolerance": 0.1, "step_tolerance": 0.1,
-    },  # fmt: skip
+        "mesh": "5x5",
+        "contact_stiffness": 1e6,
+        "tolerance": 0.1,
+        "step_tolerance": 0.1,
+    },
     results=results,
 )
 
