@@ -36,6 +36,8 @@ __all__ = ["Progression", "Relaxation", "Scheme"]
 
 #: Rayleigh's quotient above which masses are too small, relative to that of stable steps.
 _FAST = 0.25
+#: Steps in a row after which motions that are too fast are stopped; contacts that close take one.
+_ROW = 3
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,7 @@ class Relaxation:
         self._way = [np.zeros(shape) for shape in shapes]
         self._sums = np.zeros(SUMS)
         self._damping: Damping = DAMPINGS[scheme.damping]()
+        self._quick = 0  # steps in a row whose motion was too fast
         self._applied = self._first = 0.0  # norms of the applied forces and of the first residual
         self._started = self._evaluated = False  # since masses or positions are what they are
         for part in parts:
@@ -186,7 +189,9 @@ class Relaxation:
         if not (self._evaluated or self._evaluate()):
             return False
         damping, (work, twice) = self._damping, self._sums[:2].tolist()
-        fast = not self._started and work > _FAST * damping.stable * twice
+        quick = not self._started and work > _FAST * damping.stable * twice
+        self._quick = self._quick + 1 if quick else 0
+        fast = self._quick >= _ROW
         if fast or (self.iteration and self.iteration % self._scheme.renew == 0):
             if fast:  # what swings too fast would soon grow without bounds
                 self._stop()
@@ -208,6 +213,7 @@ class Relaxation:
         for velocity in self._velocity:
             velocity[:] = 0.0
         self._damping.stop()
+        self._quick = 0
         self.stops += 1
 
     def _begin_way(self) -> None:
@@ -284,8 +290,8 @@ class Relaxation:
     def state(self) -> State:
         """All that the next steps depend on; positions as accepted last."""
         numbers = [
-            self.iteration, self.renewals, self._damping.memory, self._applied, self._first,
-            self._started,
+            self.iteration, self.renewals, self._applied, self._first, self._started, self._quick,
+            *self._damping.memory,
         ]  # fmt: skip
         values = {"relaxing": np.array(numbers, dtype=np.float64)}
         rows = {}
@@ -308,8 +314,9 @@ class Relaxation:
                 array[:] = state.rows[part.block.name][name][: part.block.owned]
         numbers = state.values["relaxing"].tolist()
         self.iteration, self.renewals = int(numbers[0]), int(numbers[1])
-        self._damping.memory, self._applied, self._first = numbers[2:5]
-        self._started, self._evaluated = bool(numbers[5]), False
+        self._applied, self._first = numbers[2:4]
+        self._started, self._quick, self._evaluated = bool(numbers[4]), int(numbers[5]), False
+        self._damping.memory = numbers[6:]
 
     def _own(self) -> list[dict[str, FloatArray]]:
         """Arrays (n_owned, width) of every block."""

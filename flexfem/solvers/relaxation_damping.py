@@ -19,6 +19,8 @@ _SLOWEST = 1e-6
 _MOST = 1.9
 #: Part of the change of forces in a step that accelerated relaxation takes away.
 _SMOOTH = 0.5
+#: Steps in a row in which forces work against the motion, after which it drops the momentum.
+_ROW = 3
 
 
 @dataclass(frozen=True)
@@ -40,12 +42,12 @@ class Damping(Protocol):
     Attributes:
         stable: largest eigenvalue of ``M^-1 K`` below which all steps are stable.
         slow: whether :meth:`learn` wants Rayleigh's quotient of the slow motion.
-        memory: what the next factors depend on besides the motion.
+        memory: two numbers, what the next factors depend on besides the motion.
     """
 
     stable: float
     slow: bool
-    memory: float
+    memory: list[float]
 
     def factors(self, motion: Motion) -> tuple[float, float, float]:
         """``keep``, ``smooth`` and ``push`` of the next step; all stops where ``keep`` is 0."""
@@ -64,23 +66,26 @@ class Accelerated:
     """Momentum that grows until the motion turns uphill; quick vibrations die at once.
 
     Nesterov's accelerated gradient, with the momentum dropped where forces work against the motion
-    (O'Donoghue, Candes, Found. Comput. Math. 15 (2015) 715-732). The part of the change of forces
-    that steps take away (there all of it) is a damping in proportion to the stiffness: what
-    contacts and snapping folds stir up is gone after some steps, while slow motions go on.
+    (O'Donoghue, Candes, Found. Comput. Math. 15 (2015) 715-732), for some steps in a row, since a
+    contact that closes is no reason to stop all. The part of the change of forces that steps take
+    away (there all of it) is a damping in proportion to the stiffness: what contacts and snapping
+    folds stir up is gone after some steps, while slow motions go on.
     """
 
     stable, slow = 4.0 / (1.0 + 2.0 * _SMOOTH), False
 
     def __init__(self) -> None:
-        """At rest; ``memory`` counts steps since."""
-        self.memory = 0.0
+        """At rest; ``memory`` has the steps since, and the last ones in a row that went uphill."""
+        self.memory = [0.0, 0.0]
 
     def factors(self, motion: Motion) -> tuple[float, float, float]:
         """See :class:`Damping`."""
-        if motion.uphill > 0.0:
-            self.memory = 0.0
-        keep = self.memory / (self.memory + 3.0)
-        self.memory += 1.0
+        steps, row = self.memory
+        row = row + 1.0 if motion.uphill > 0.0 else 0.0
+        if row >= _ROW:
+            steps = row = 0.0
+        keep = steps / (steps + 3.0)
+        self.memory = [steps + 1.0, row]
         return keep, _SMOOTH * keep, 1.0
 
     def learn(self, quotient: float) -> None:
@@ -88,7 +93,7 @@ class Accelerated:
 
     def stop(self) -> None:
         """See :class:`Damping`."""
-        self.memory = 0.0
+        self.memory = [0.0, 0.0]
 
 
 class Viscous:
@@ -101,19 +106,19 @@ class Viscous:
     stable, slow = 4.0, True
 
     def __init__(self) -> None:
-        """At rest; ``memory`` is the quotient."""
-        self.memory = 0.0
+        """At rest; ``memory`` has the quotient."""
+        self.memory = [0.0, 0.0]
 
     def factors(self, motion: Motion) -> tuple[float, float, float]:
         """See :class:`Damping`."""
         if motion.energy == 0.0:
             return 0.0, 0.0, 0.5
-        damping = min(2.0 * sqrt(max(self.memory, _SLOWEST)), _MOST)
+        damping = min(2.0 * sqrt(max(self.memory[0], _SLOWEST)), _MOST)
         return (2.0 - damping) / (2.0 + damping), 0.0, 2.0 / (2.0 + damping)
 
     def learn(self, quotient: float) -> None:
         """See :class:`Damping`."""
-        self.memory = quotient
+        self.memory = [quotient, 0.0]
 
     def stop(self) -> None:
         """See :class:`Damping`."""
@@ -128,14 +133,14 @@ class Kinetic:
     stable, slow = 4.0, False
 
     def __init__(self) -> None:
-        """At rest; ``memory`` is the energy before the last step."""
-        self.memory = 0.0
+        """At rest; ``memory`` has the energy before the last step."""
+        self.memory = [0.0, 0.0]
 
     def factors(self, motion: Motion) -> tuple[float, float, float]:
         """See :class:`Damping`."""
-        peak, self.memory = motion.energy < self.memory, motion.energy
+        peak, self.memory = motion.energy < self.memory[0], [motion.energy, 0.0]
         if peak or motion.energy == 0.0:
-            self.memory = 0.0
+            self.memory = [0.0, 0.0]
             return 0.0, 0.0, 0.5
         return 1.0, 0.0, 1.0
 
