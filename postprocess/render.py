@@ -82,6 +82,7 @@ class Scene:
     """What all pictures of one motion have in common."""
 
     title: str
+    clock: str  # how the time of an instant is told
     field: str
     limits: tuple[float, float]
     cloud: np.ndarray  # points (n, 3) all over the motion
@@ -251,7 +252,7 @@ def draw_flexible(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) 
 
 def decorate(plotter: Any, instant: Instant, scene: Scene, coloured: Any) -> None:
     """Title with the time, and the scalar bar."""
-    text = f"{scene.title}    t = {instant.time:.4g} s"
+    text = f"{scene.title}    {scene.clock.format(instant.time)}"
     size = max(9, scene.size[1] // 56)
     plotter.add_text(
         text,
@@ -337,12 +338,16 @@ def positive(text: str) -> int:
     return int(text)
 
 
-def title_of(folder: Path) -> str:
-    """Name of the case from the summary, or of the folder."""
+def title_of(folder: Path) -> tuple[str, str]:
+    """Name of the case from the summary, or of the folder, and how its times are told."""
+    name, clock = folder.resolve().name, "t = {:.4g} s"
     try:
-        return str(json.loads((folder / "summary.json").read_text())["case"])
+        summary = json.loads((folder / "summary.json").read_text())
+        if "renewals" in summary:  # a relaxation counts iterations
+            clock = "iteration {:.0f}"
+        return str(summary["case"]), clock
     except (OSError, ValueError, KeyError, TypeError):
-        return folder.resolve().name
+        return name, clock
 
 
 def arguments(argv: list[str] | None) -> argparse.Namespace:
@@ -383,7 +388,7 @@ def main(argv: list[str] | None = None) -> int:
             frames.append(instants[-1])
         shown = spread(instants, options.interval)
         cloud, limits = survey([*shown, *frames], options.colour)
-        scene = Scene(title_of(options.folder), options.colour, limits, cloud, options.size)
+        scene = Scene(*title_of(options.folder), options.colour, limits, cloud, options.size)
         made = [options.folder / "motion.png"]
         picture(shown, scene, made[0])
         if not options.no_animation and len(frames) > 1:

@@ -32,9 +32,10 @@ _OPTIONS = (
     Option(
         "damping",
         str,
-        "viscous",
-        "viscous, from Rayleigh's quotient of the motion, or kinetic: stop at each energy peak",
-        choices=("viscous", "kinetic"),
+        "accelerated",
+        "accelerated: momentum grows until forces turn against it; viscous: from Rayleigh's "
+        "quotient of the motion; kinetic: all stops at each energy peak",
+        choices=("accelerated", "viscous", "kinetic"),
     ),
     Option(
         "masses",
@@ -54,7 +55,7 @@ _OPTIONS = (
     Option(
         "margin", float, 1.2, "masses relative to those that are stable for sure", minimum=0.5
     ),
-    Option("renew_every", int, 100, "masses are computed anew every N-th iteration", minimum=1),
+    Option("renew_every", int, 200, "masses are computed anew every N-th iteration", minimum=1),
     Option("at_time", float, 0.0, "time at which loads and drives are taken", unit="s"),
     Option(
         "record_every", int, 20, "rows of the history, and tests of convergence, in iterations",
@@ -83,7 +84,7 @@ class RelaxationOptions(Settings):
         step_tolerance: Steps must fall below it: displacements relative to the size of the model,
             rotations in rad.
         max_iterations: Iterations after which the run gives up.
-        damping: "viscous" or "kinetic".
+        damping: "accelerated", "viscous" or "kinetic"; see ``flexfem.solvers.relaxation_damping``.
         masses: "stiffness" for masses from the stiffness of each unknown, "scaled" for those of
             the model times one factor.
         least_mass: Smallest mass of a node in one direction relative to its largest.

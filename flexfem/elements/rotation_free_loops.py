@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled loops over rotation-free triangles: strains, their rates, internal forces.
+"""Compiled loops over rotation-free triangles: strains and their rates.
 
 What the energy of ``forms.shell`` depends on are five vectors ``w_s = sum over nodes of W_sI q_I``:
 the derivatives ``f_1, f_2`` and the curvature vectors ``k`` (to which clamps add a given part).
@@ -16,11 +16,10 @@ t, b, n
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import FloatArray, IndexArray
 from flexfem.lie.compiled import inlined, kernel
 
 __all__ = [
-    "add_forces",
     "along_axes",
     "dual_into",
     "present_axes",
@@ -143,53 +142,3 @@ def dual_into(local: FloatArray, p: FloatArray) -> None:
     """Write the dual vectors (2, 2) of f_1 and f_2 along t and b."""
     p[0, 0], p[1, 0], p[1, 1] = 1 / local[0, 0], 0.0, 1 / local[1, 1]
     p[0, 1] = -local[1, 0] * p[0, 0] * p[1, 1]
-
-
-@inlined
-def _forces(
-    local: FloatArray, p: FloatArray, stress: FloatArray, axes: FloatArray, forces: FloatArray
-) -> None:
-    """Write what is dual to f_1, f_2 and to the components along n of the k, (3, 3)."""
-    l, g, h = local[0, 0], local[1, 0], local[1, 1]  # noqa: E741
-    m0 = m1 = 0.0
-    for s in range(3):
-        m0 += stress[3 + s] * local[2 + s, 0]
-        m1 += stress[3 + s] * local[2 + s, 1]
-    turned = (h * stress[2] - g * stress[1]) / l
-    for a in range(3):
-        t, b, n = axes[0, a], axes[1, a], axes[2, a]
-        forces[0, a] = stress[0] * t + turned * b - (p[0, 0] * m0 + p[0, 1] * m1) * n
-        forces[1, a] = stress[2] * t + stress[1] * b - p[1, 1] * m1 * n
-
-
-@kernel
-def add_forces(
-    points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
-    offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, given: FloatArray, scale: float, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``scale`` times the internal forces to the residual (n, 3).
-
-    ``given`` are stress resultants (m, 6) that take the place of stiffness times strain, or none.
-    """
-    w, axes, local = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3))
-    strain, stress, p, forces = np.empty(6), np.empty(6), np.empty((2, 2)), np.empty((2, 3))
-    for m in range(len(nodes)):
-        vectors_into(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
-        present_axes(w, axes, local)
-        strain_into(local, starts[m], strain)
-        stress_into(stiffness[sections[m]], given, m, scale * areas[m], strain, stress)
-        dual_into(local, p)
-        _forces(local, p, stress, axes, forces)
-        for i in range(nodes.shape[1]):
-            to = nodes[m, i]
-            if to < 0:
-                continue
-            bent = 0.0
-            for s in range(3):
-                bent += curvatures[m, s, i] * stress[3 + s]
-            for a in range(3):
-                residual[to, a] += bent * axes[2, a]
-                if i < gradients.shape[2]:
-                    along = gradients[m, 0, i] * forces[0, a] + gradients[m, 1, i] * forces[1, a]
-                    residual[to, a] += along

@@ -5,7 +5,7 @@ from numba import njit
 
 from flexfem.lie.caching import install
 
-__all__ = ["inlined", "kernel"]
+__all__ = ["fused", "inlined", "kernel"]
 
 install()
 
@@ -15,3 +15,6 @@ kernel = njit(cache=True, error_model="numpy")
 #: For pieces of a loop's body: inlined by force, since a call with array arguments costs more than
 #: the arithmetic of most of them.
 inlined = njit(cache=True, error_model="numpy", forceinline=True)
+
+#: The same with products and sums fused to one operation each, for loops of arithmetic alone.
+fused = njit(cache=True, error_model="numpy", fastmath={"contract"})

@@ -201,7 +201,7 @@ class _Run:
 
 def _scheme(options: RelaxationOptions) -> Scheme:
     return Scheme(
-        kinetic=options.damping == "kinetic",
+        damping=options.damping,
         margin=options.margin,
         least=options.least_mass,
         physical=options.masses == "scaled",

@@ -2,9 +2,9 @@
 """Masses with which an explicit step of one unit of time is stable.
 
 The largest eigenvalue of ``M^-1 K`` is at most the largest sum of ``|K_ij| / m_i`` over a row
-(Gershgorin), and central differences are stable below 4. Masses in proportion to these sums bring
-every unknown near its own limit (Underwood, in: Computational Methods for Transient Analysis,
-1983).
+(Gershgorin); steps are stable below a limit that depends on the damping. Masses in proportion to
+these sums bring every unknown near its own limit (Underwood, in: Computational Methods for
+Transient Analysis, 1983).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def fictitious_masses(
 
     Args:
         tangent: exact matrix, rows and blocks evaluated.
-        limit: largest eigenvalue of ``M^-1 K`` that is let, below 4.
+        limit: largest eigenvalue of ``M^-1 K`` that is let.
         least: of a node's three masses for translations, and for rotations, none is below this
             part of the largest; 1 makes them equal.
         physical: masses that are multiplied by one factor instead; positive.

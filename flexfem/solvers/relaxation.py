@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Dynamic relaxation: equilibrium as the end of a damped motion in a time of its own.
 
-Steps have the unit size, ``v <- keep v - push M^-1 r`` and ``q <- q exp(v)``, with diagonal masses
-that have nothing to do with those of the model. No matrix is factorised, save the small one
+Steps have the unit size, ``v <- keep v - smooth M^-1 (r - r_before) - push M^-1 r`` and
+``q <- q exp(v)``, with diagonal masses that have nothing to do with those of the model;
+``relaxation_damping`` chooses the factors. No matrix is factorised, save the small one
 ``G M^-1 G^T`` of the rigid rows of joints, by which the steps are projected onto the constraints.
-
-Damping is viscous, ``c = 2 sqrt(lambda)`` with Rayleigh's quotient lambda of the motion at hand
-(Underwood, in: Computational Methods for Transient Analysis, 1983; Papadrakakis, Comput. Methods
-Appl. Mech. Eng. 25, 1981), or kinetic: all is stopped at each peak of the kinetic energy (Cundall,
-1976; Barnes, Int. J. Space Struct. 14, 1999).
 """
 
 from __future__ import annotations
@@ -23,6 +19,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.state import State
 from flexfem.solvers.fictitious_masses import REST, fictitious_masses, physical_masses
+from flexfem.solvers.relaxation_damping import DAMPINGS, Damping, Motion
 from flexfem.solvers.relaxation_kernels import (
     SUMS,
     drive,
@@ -37,14 +34,10 @@ from flexfem.system.contacts import ContactGroup
 
 __all__ = ["Progression", "Relaxation", "Scheme"]
 
-#: Largest eigenvalue of an unstable step of central differences.
-_STABLE = 4.0
-#: Rayleigh's quotient above which masses are too small.
-_FAST = 1.0
-#: Rayleigh's quotient below which damping does not fall.
-_SLOWEST = 1e-6
-#: Largest viscous damping.
-_MOST = 1.9
+#: Rayleigh's quotient above which masses are too small, relative to that of stable steps.
+_FAST = 0.25
+#: Steps in a row after which motions that are too fast are stopped; contacts that close take one.
+_ROW = 3
 
 
 @dataclass(frozen=True)
@@ -52,14 +45,14 @@ class Scheme:
     """How masses and damping are chosen.
 
     Attributes:
-        kinetic: damping is kinetic, not viscous.
+        damping: "accelerated", "viscous" or "kinetic".
         margin: masses relative to the smallest that are stable for sure.
         least: smallest mass of a node relative to its largest, for translations and rotations.
         physical: masses of the model times one factor.
         renew: iterations after which masses are computed anew.
     """
 
-    kinetic: bool = False
+    damping: str = "accelerated"
     margin: float = 1.2
     least: float = 1.0
     physical: bool = False
@@ -117,7 +110,8 @@ class Relaxation:
         self._first_residual = [np.zeros(shape) for shape in shapes]
         self._way = [np.zeros(shape) for shape in shapes]
         self._sums = np.zeros(SUMS)
-        self._quotient = self._energy = 0.0  # Rayleigh's, and before the last step
+        self._damping: Damping = DAMPINGS[scheme.damping]()
+        self._quick = 0  # steps in a row whose motion was too fast
         self._applied = self._first = 0.0  # norms of the applied forces and of the first residual
         self._started = self._evaluated = False  # since masses or positions are what they are
         for part in parts:
@@ -148,8 +142,9 @@ class Relaxation:
         self._applied = self._forces()
         system.evaluate(REST)
         masses = fictitious_masses(
-            self._tangent, _STABLE / self._scheme.margin, self._scheme.least, self._physical
-        )
+            self._tangent, self._damping.stable / self._scheme.margin, self._scheme.least,
+            self._physical,
+        )  # fmt: skip
         for part, mass, inverse in zip(system.parts, masses, self._inverse, strict=True):
             np.divide(1.0, mass, out=inverse)
             part.block.hold(inverse)
@@ -193,30 +188,41 @@ class Relaxation:
         """Evaluate and take one step; False where forces are not finite (collective)."""
         if not (self._evaluated or self._evaluate()):
             return False
-        work, twice = self._sums[:2].tolist()
-        fast = not self._started and work > _FAST * twice
+        damping, (work, twice) = self._damping, self._sums[:2].tolist()
+        quick = not self._started and work > _FAST * damping.stable * twice
+        self._quick = self._quick + 1 if quick else 0
+        fast = self._quick >= _ROW
         if fast or (self.iteration and self.iteration % self._scheme.renew == 0):
             if fast:  # what swings too fast would soon grow without bounds
-                for velocity in self._velocity:
-                    velocity[:] = 0.0
-                self.stops += 1
-            else:
-                self._quotient = self._rayleigh()
+                self._stop()
+            elif damping.slow:
+                damping.learn(self._rayleigh())
             self.renew()
             if not self._evaluate():
                 return False
-            twice = float(self._sums[1])
         if self._started:
-            for part, first, way in zip(
-                self.system.parts, self._first_residual, self._way, strict=True
-            ):
-                first[:] = part.block.owned_residual
-                way[:] = 0.0
-        keep, push = self._factors(0.5 * twice)
+            self._begin_way()
         self._started = self._evaluated = False
-        self._step(keep, push)
+        motion = Motion(energy=0.5 * float(self._sums[1]), uphill=float(self._sums[4]))
+        self._step(*damping.factors(motion))
         self.iteration += 1
         return True
+
+    def _stop(self) -> None:
+        """Set all velocities to zero."""
+        for velocity in self._velocity:
+            velocity[:] = 0.0
+        self._damping.stop()
+        self._quick = 0
+        self.stops += 1
+
+    def _begin_way(self) -> None:
+        """Take the residuals at hand, in new axes of the nodes, as those to compare with."""
+        for part, previous, first, way in zip(
+            self.system.parts, self._previous, self._first_residual, self._way, strict=True
+        ):
+            previous[:] = first[:] = part.block.owned_residual
+            way[:] = 0.0
 
     def _rayleigh(self) -> float:
         """Rayleigh's quotient of the way since masses were computed (collective).
@@ -232,31 +238,24 @@ class Relaxation:
         self.system.comm.Allreduce(MPI.IN_PLACE, sums)
         return max(float(sums[0] / sums[1]), 0.0) if sums[1] > 0.0 else 0.0
 
-    def _factors(self, energy: float) -> tuple[float, float]:
-        """Factors of the old velocity and of the residual's push."""
-        if self._scheme.kinetic:
-            peak, self._energy = energy < self._energy, energy
-            if peak or energy == 0.0:
-                self._energy = 0.0
-                return 0.0, 0.5
-            return 1.0, 1.0
-        if energy == 0.0:
-            return 0.0, 0.5
-        damping = min(2.0 * sqrt(max(self._quotient, _SLOWEST)), _MOST)
-        return (2.0 - damping) / (2.0 + damping), 2.0 / (2.0 + damping)
-
-    def _step(self, keep: float, push: float) -> None:
+    def _step(self, keep: float, smooth: float, push: float) -> None:
         """Move all nodes."""
         parts = self.system.parts
-        for part, velocity, inverse in zip(parts, self._velocity, self._inverse, strict=True):
-            drive(part.block.residual, inverse, keep, push, velocity, part.block.step)
+        for part, previous, velocity, inverse in zip(
+            parts, self._previous, self._velocity, self._inverse, strict=True
+        ):
+            drive(
+                part.block.residual, previous, inverse, keep, smooth, push, velocity,
+                part.block.step,
+            )  # fmt: skip
         self._projection.project(self._inverse, self._velocity, push)
         for part in parts:
             block = part.block
             block.spread_step()
             move(block.frames, block.step, block.width)
-        for way, velocity in zip(self._way, self._velocity, strict=True):
-            np.add(way, velocity, out=way)
+        if self._damping.slow:
+            for way, velocity in zip(self._way, self._velocity, strict=True):
+                np.add(way, velocity, out=way)
         for contacts in self._touching:
             contacts.accept()
 
@@ -266,7 +265,7 @@ class Relaxation:
         The next step does not evaluate again.
         """
         finite = self._evaluated or self._evaluate()
-        _, twice, forces, moments = self._sums.tolist()
+        _, twice, forces, moments, _ = self._sums.tolist()
         largest = np.zeros(2)
         for velocity in self._velocity:
             largest_into(velocity, largest)
@@ -291,8 +290,8 @@ class Relaxation:
     def state(self) -> State:
         """All that the next steps depend on; positions as accepted last."""
         numbers = [
-            self.iteration, self.renewals, self._quotient, self._energy, self._applied, self._first,
-            self._started,
+            self.iteration, self.renewals, self._applied, self._first, self._started, self._quick,
+            *self._damping.memory,
         ]  # fmt: skip
         values = {"relaxing": np.array(numbers, dtype=np.float64)}
         rows = {}
@@ -315,8 +314,9 @@ class Relaxation:
                 array[:] = state.rows[part.block.name][name][: part.block.owned]
         numbers = state.values["relaxing"].tolist()
         self.iteration, self.renewals = int(numbers[0]), int(numbers[1])
-        self._quotient, self._energy, self._applied, self._first = numbers[2:6]
-        self._started, self._evaluated = bool(numbers[6]), False
+        self._applied, self._first = numbers[2:4]
+        self._started, self._quick, self._evaluated = bool(numbers[4]), int(numbers[5]), False
+        self._damping.memory = numbers[6:]
 
     def _own(self) -> list[dict[str, FloatArray]]:
         """Arrays (n_owned, width) of every block."""

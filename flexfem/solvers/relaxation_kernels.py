@@ -10,8 +10,9 @@ from flexfem.lie.se3 import retract_into
 __all__ = ["SUMS", "drive", "largest_into", "measure", "measure_way", "move"]
 
 #: Sums of :func:`measure`: work of the change of the residual along the last step (0), twice the
-#: kinetic energy (1), squares of residual forces (2) and moments (3).
-SUMS = 4
+#: kinetic energy (1), squares of residual forces (2) and moments (3), work of the residual along
+#: the last step (4).
+SUMS = 5
 
 
 @kernel
@@ -19,7 +20,7 @@ def measure(
     residual: FloatArray, previous: FloatArray, velocity: FloatArray, inverse: FloatArray,
     sums: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to ``sums`` and keep the residual as the previous one.
+    """Add to ``sums``.
 
     Args:
         residual: (n, 6) or more rows, of which the first n count.
@@ -36,19 +37,25 @@ def measure(
             sums[0] += v * (r - previous[i, k])
             sums[1] += v * v / inverse[i, k]
             sums[2 if k < 3 else 3] += r * r
-            previous[i, k] = r
+            sums[4] += v * r
 
 
 @kernel
 def drive(
-    residual: FloatArray, inverse: FloatArray, keep: float, push: float, velocity: FloatArray,
-    step: FloatArray,
+    residual: FloatArray, previous: FloatArray, inverse: FloatArray, keep: float, smooth: float,
+    push: float, velocity: FloatArray, step: FloatArray,
 ) -> None:  # fmt: skip
-    """New velocities (n, width) ``keep v - push r / m``, which are the steps (n, 6) as well."""
+    """New velocities (n, width), which are the steps (n, 6) as well; keeps the residual.
+
+    They are ``keep v - (push r + smooth (r - previous)) / m``.
+    """
     for i in range(inverse.shape[0]):
         for k in range(inverse.shape[1]):
-            velocity[i, k] = keep * velocity[i, k] - push * inverse[i, k] * residual[i, k]
+            r = residual[i, k]
+            force = push * r + smooth * (r - previous[i, k])
+            velocity[i, k] = keep * velocity[i, k] - inverse[i, k] * force
             step[i, k] = velocity[i, k]
+            previous[i, k] = r
 
 
 @kernel
