@@ -53,12 +53,14 @@ class Masters:
         rims: Which edges (bits 0 to 2, opposite to the nodes) and nodes (bits 3 to 5) are on the
             rim of the surface, shape (m,).
         parts: Number of the connected part, in which all normals point to one side, shape (m,).
+        sides: The only side that acts, 1 or -1, of closed surfaces; 0 where both do, shape (m,).
     """
 
     triangles: IntArray
     thickness: FloatArray
     rims: IntArray
     parts: IntArray
+    sides: IntArray
 
 
 class TriangleContact:
@@ -142,8 +144,9 @@ class TriangleContact:
         self.rows = rows = Rows(rows.starts, self._chosen[rows.values])
         self.sides = np.empty(len(rows.values), np.int64)
         carry_sides(old.starts, old.values, sides, rows.starts, rows.values, self.sides)
+        np.copyto(self.sides, m.sides[rows.values], where=m.sides[rows.values] != 0)
         self._labels = np.empty(len(rows.values), np.int64)
-        label_candidates(m.triangles, m.parts, rows.starts, rows.values, self._labels)
+        label_candidates(m.triangles, m.parts, m.sides, rows.starts, rows.values, self._labels)
         if rows.longest > len(self._work[0]):
             self._work = (np.empty((rows.longest, 9), np.int64), np.empty((rows.longest, 7)))
         moving = np.zeros(len(points), dtype=np.bool_)
@@ -196,7 +199,7 @@ class TriangleContact:
         These are the triangles that a node has got through, and the contacts that are held.
         """
         kept = self.sides.copy()
-        self.sides[:] = 0
+        self.sides[:] = self.masters.sides[self.rows.values]
         self.settle(points)
         fresh, self.sides = self.sides, kept
         rows = np.full((len(self.slaves.nodes), 2 * _THROUGH), -1.0)
@@ -206,7 +209,7 @@ class TriangleContact:
 
     def recall(self, points: FloatArray, memory: FloatArray) -> None:
         """Take back what :meth:`memory` returned, at the same positions."""
-        self.sides[:] = 0
+        self.sides[:] = self.masters.sides[self.rows.values]
         self.settle(points)
         sides, held = np.split(memory, [2 * _THROUGH], axis=1)
         _unpack_sides(self.rows.starts, self.rows.values, sides, self.sides)
