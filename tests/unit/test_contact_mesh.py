@@ -60,7 +60,10 @@ def test_fine_mesh_of_a_sphere_acts_like_one():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: {"mesh": turned(ball(0.05, 3))}, r"normals at triangle 0 point inwards \(volume -"),
+        (
+            lambda: {"mesh": turned(ball(0.05, 3))},
+            r"normals at triangle 0 point inwards \(volume -",
+        ),
         (lambda: {"mesh": ball(0.05, 3), "inside": True}, "normals .* outwards"),
         (lambda: {"mesh": opened(ball(0.05, 3))}, "open at the edge between nodes"),
         (lambda: {"mesh": "ball"}, "mesh must be a SurfaceMesh"),
