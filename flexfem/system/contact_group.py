@@ -47,7 +47,9 @@ class ContactGroup:
         return cls(surfaces, passes, triangles, rigid, surfaces.areas[kept])
 
     def set_stiffness(self, stiffness: float) -> None:
-        """Set the force per penetration and area, N/m^3."""
+        """Set the force per penetration and area of contacts that just close, N/m^3."""
+        for every in self.every:
+            every.stiffer = self.surfaces.stiffer(stiffness)
         for one, made in zip(self.passes, self.triangles, strict=True):
             made.slaves.stiffness[:] = stiffness * one.areas
         for rigid in self.rigid:

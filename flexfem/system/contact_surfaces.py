@@ -10,6 +10,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.candidates import Rows, rings
 from flexfem.contact.describe import automatic_stiffness, mean_edge, node_areas
 from flexfem.contact.rigid import ShapeKind
+from flexfem.contact.stiffening import STIFFER
 from flexfem.contact.surfaces import Shape
 from flexfem.contact.triangles import Masters, Slaves
 from flexfem.core.marker import Ground
@@ -105,7 +106,7 @@ class ContactSurfaces:
     areas: FloatArray
     rigid: list[RigidPlace]
     skin: float
-    _numbers: tuple[float, float, float] | None
+    _numbers: tuple[float, float] | None
 
     def stiffness(self, inertia: float) -> float:
         """Force per penetration and area, N/m^3.
@@ -115,7 +116,14 @@ class ContactSurfaces:
         if self._numbers is None:
             assert self.contact.stiffness is not None
             return self.contact.stiffness
-        return automatic_stiffness(*self._numbers, inertia)
+        through, density = self._numbers
+        return automatic_stiffness(through, density, inertia)
+
+    def stiffer(self, stiffness: float) -> float:
+        """How many times steeper the force may become: up to that through the thickness."""
+        if self._numbers is None or stiffness == 0.0:
+            return 1.0
+        return min(max(self._numbers[0] / stiffness, 1.0), STIFFER)
 
 
 def contact_surfaces(serial: Assembly, points: ContactPoints) -> list[ContactSurfaces]:
@@ -217,25 +225,20 @@ def _beam_slaves(
     return slaves.restricted(kept), areas[kept]
 
 
-def _numbers(
-    serial: Assembly, contact: Contact, names: Sequence[str]
-) -> tuple[float, float, float]:
-    """Stiffness through the thickness, N/m^3, thickness, m, and least mass per area, kg/m^2."""
-    through, thickness, mass = [], [], []
+def _numbers(serial: Assembly, contact: Contact, names: Sequence[str]) -> tuple[float, float]:
+    """Least stiffness through the thickness, N/m^3, and mass per area, kg/m^2, of bodies."""
+    through, mass = [], []
     for name in names:
         body = serial.model[name]
         if isinstance(body, Shell):
             section = body.section
-            thickness.append(section.thickness)
             through.append(float(np.diag(section.stiffness)[:2].min()) / section.thickness**2)
             mass.append(section.mass)
         elif isinstance(body, Beam):
             diameter = 2.0 * contact.beam_radius(body)
-            thickness.append(diameter)
-            axial = _axial(body)
-            through.append(axial / (0.25 * np.pi * diameter**3))
+            through.append(_axial(body) / (0.25 * np.pi * diameter**3))
             mass.append(body.section.mass_per_length / diameter)
-    return min(through), min(thickness), min(mass)
+    return min(through), min(mass)
 
 
 def _axial(beam: Beam) -> float:
