@@ -115,3 +115,12 @@ def test_bad_beams(change, message):
     model.add(ff.Contact("hit", "rod", "sheet"))
     with pytest.raises(ValueError, match=f'Contact "hit": Beam "rod": .*{message}'):
         moved(model, 0)
+
+
+@pytest.mark.serial
+def test_energy_momentum_refuses_contact():
+    model = ff.Model("rest", mesh=line(2, 0.1, 0.1))
+    model.add(ff.Beam("rod", ROUND))
+    model.add(ff.Contact("floor", "rod", surfaces=ff.RigidPlane(ff.Ground())))
+    with pytest.raises(ValueError, match='Contact "floor": the integrator energy_momentum'):
+        moved(model, 0, integrator="energy_momentum", rho_inf=1.0)
