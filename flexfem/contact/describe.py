@@ -41,18 +41,16 @@ def mean_edge(points: FloatArray, triangles: IntArray) -> float:
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
 
-def automatic_stiffness(membrane: float, thickness: float, density: float, inertia: float) -> float:
-    """Return the force per penetration and area, N/m^3, of two touching shells.
+def automatic_stiffness(through: float, density: float, inertia: float) -> float:
+    """Return the force per penetration and area, N/m^3, of a contact that just closes.
 
-    It is the smaller of the stiffness through the thickness, ``membrane / thickness^2``, and of the
-    inertia in the iteration matrix: an impact then lasts about two steps, and refined iterations
-    with factors that leave contact out take as many as with fresh ones.
+    It is the smaller of the stiffness through the thickness and of the inertia in the iteration
+    matrix: an impact then lasts about two steps, and refined iterations with factors that leave
+    contact out take as many as with fresh ones. Deeper contacts are stiffer, see ``stiffening``.
 
     Args:
-        membrane: The smaller of both membrane stiffnesses, N/m.
-        thickness: The larger of both thicknesses, m.
-        density: The smaller of both masses per area, kg/m^2.
+        through: Least stiffness through the thickness, N/m^3.
+        density: Least mass per area, kg/m^2.
         inertia: Factor of the mass in the iteration matrix, 1/s^2; 0 at rest.
     """
-    through = membrane / thickness**2
     return min(through, _INERTIA * density * inertia) if density * inertia > 0.0 else through

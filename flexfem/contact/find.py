@@ -24,8 +24,9 @@ from flexfem.lie.compiled import inlined, kernel
 __all__ = ["FIELDS", "MOST", "find_contacts", "normals_into"]
 
 #: Numbers of a contact: area coordinates (0), gap (3), distance (4), normal (5), directions (8),
-#: how the normal turns with the nodes about each of them (14), curvatures of the distance (20).
-FIELDS = 22
+#: how the normal turns with the nodes about each of them (14), curvatures of the distance (20),
+#: force (22), its slope (23) and potential (24), over the stiffness.
+FIELDS = 25
 #: Contacts of one node with one surface, at most.
 MOST = MOST_HELD
 #: Cosine of the angle of normals beyond which contacts of one node are two.

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Energy, forces and tangents of contacts between nodes and triangles.
 
-A contact with the gap g < 0 stores ``k g^2 / 2``. With ``r = p - sum w_i x_i`` at fixed area
-coordinates, the normal n and an orthonormal basis e_c of the plane across it,
+A contact with the gap g < 0 stores ``k g^2 / 2``, or more where it stiffens (``stiffening``): then
+k g is its force, and the slope takes the place of k before dg. With ``r = p - sum w_i x_i`` at
+fixed area coordinates, the normal n and an orthonormal basis e_c of the plane across it,
 
     dg = n . dr,   d2g = sum_c (-2 A_c B_c - s B_c^2 + kappa_c A_c^2),
     A_c = e_c . dr,   B_c = sum_i D_ci n . dx_i,
@@ -26,7 +27,7 @@ def energy(count: int, ends: IntArray, contacts: FloatArray, stiffness: FloatArr
     """Energy stored by all contacts, J."""
     total = 0.0
     for c in range(count):
-        total += 0.5 * stiffness[ends[c, 0]] * contacts[c, 3] ** 2
+        total += stiffness[ends[c, 0]] * contacts[c, 24]
     return total
 
 
@@ -38,7 +39,7 @@ def add_forces(
     """Add ``scale`` times the derivative of the energy to the residual of all nodes (n, 3)."""
     for c in range(count):
         i, t = ends[c]
-        force = scale * stiffness[i] * contacts[c, 3]
+        force = scale * stiffness[i] * contacts[c, 22]
         for a in range(3):
             f = force * contacts[c, 5 + a]
             residual[slaves[i], a] += f
@@ -75,9 +76,9 @@ def add_actions(
         i, t = ends[c]
         contact, slave, triangle = contacts[c], slaves[i], triangles[t]
         _changes(contact, slave, triangle, steps, change)
-        k, g, s = scale * stiffness[i], contact[3], contact[4]
+        k, g, s = scale * stiffness[i], contact[22], contact[4]
         # dual to n . dr, to A_c (along e_c), and to B_c
-        a0 = k * change[0]
+        a0 = k * contact[23] * change[0]
         a1 = k * g * (contact[20] * change[1] - change[3])
         a2 = k * g * (contact[21] * change[2] - change[4])
         b1, b2 = -k * g * (change[1] + s * change[3]), -k * g * (change[2] + s * change[4])
@@ -100,7 +101,7 @@ def blocks_into(
         i, t = ends[c]
         contact, n, s = contacts[c], contacts[c, 5:8], contacts[c, 4]
         nodes[c, 0], nodes[c, 1:], u[0], u[1:] = slaves[i], triangles[t], 1.0, -contact[:3]
-        k, kg = scale * stiffness[i], scale * stiffness[i] * contact[3]
+        k, kg = scale * stiffness[i] * contact[23], scale * stiffness[i] * contact[22]
         for p in range(4):
             for q in range(4):
                 for a in range(3):

@@ -24,8 +24,9 @@ __all__ = [
     "rigid_energy",
 ]
 
-#: Numbers of a contact: gap (0), normal (1), directions (4), curvatures (10), place (12).
-RIGID_FIELDS = 15
+#: Numbers of a contact: gap (0), normal (1), directions (4), curvatures (10), place (12), and over
+#: the stiffness: force (15), its slope (16) and potential (17).
+RIGID_FIELDS = 18
 
 
 class ShapeKind(IntEnum):
@@ -194,7 +195,7 @@ def rigid_energy(count: int, ends: IntArray, contacts: FloatArray, stiffness: Fl
     """Energy stored by all contacts, J."""
     total = 0.0
     for c in range(count):
-        total += 0.5 * stiffness[ends[c]] * contacts[c, 0] ** 2
+        total += stiffness[ends[c]] * contacts[c, 17]
     return total
 
 
@@ -217,7 +218,7 @@ def add_rigid_forces(
     f = np.empty(3)
     for c in range(count):
         i, contact = ends[c], contacts[c]
-        force, q = scale * stiffness[i] * contact[0], contact[12:15]
+        force, q = scale * stiffness[i] * contact[15], contact[12:15]
         for a in range(3):
             f[a] = force * contact[1 + a]
         for a in range(3):
@@ -234,7 +235,8 @@ def _stiff(contact: FloatArray, k: float, dq: FloatArray, df: FloatArray) -> Non
         normal += contact[1 + a] * dq[a]
         e += contact[4 + a] * dq[a]
         f += contact[7 + a] * dq[a]
-    e, f = e * contact[10] * contact[0], f * contact[11] * contact[0]
+    normal *= contact[16]
+    e, f = e * contact[10] * contact[15], f * contact[11] * contact[15]
     for a in range(3):
         df[a] = k * (normal * contact[1 + a] + e * contact[4 + a] + f * contact[7 + a])
 
@@ -246,7 +248,7 @@ def _change(
 ) -> None:  # fmt: skip
     """Write the change of the node's force (inertial axes) and of the frame's wrench, (9,)."""
     q, n, dq, df = contact[12:15], contact[1:4], np.empty(3), np.empty(3)
-    turn, force = twist[3:], k * contact[0]
+    turn, force = twist[3:], k * contact[15]
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         dq[a] = q[b] * turn[c] - q[c] * turn[b] - twist[a]

@@ -45,11 +45,13 @@ def _settled(row: IntArray, side: IntArray, rims: IntArray) -> bool:
 
 @kernel
 def label_candidates(
-    triangles: IntArray, parts: IntArray, starts: IntArray, candidates: IntArray, labels: IntArray
-) -> None:
+    triangles: IntArray, parts: IntArray, closed: IntArray, starts: IntArray, candidates: IntArray,
+    labels: IntArray,
+) -> None:  # fmt: skip
     """Number alike those candidates of each slave that share nodes, directly or through others.
 
-    Parts (m,) number the connected parts: only triangles of one part are numbered alike.
+    Parts (m,) number the connected parts: only triangles of one part are numbered alike, and all of
+    a part that is ``closed`` (m,), not 0: the triangles on its other side are no other layer.
     """
     for i in range(len(starts) - 1):
         first, last = starts[i], starts[i + 1]
@@ -64,7 +66,7 @@ def label_candidates(
                     u = candidates[o]
                     if labels[c] == labels[o] or parts[t] != parts[u]:
                         continue
-                    shared = False
+                    shared = closed[t] != 0
                     for k in range(3):
                         node = triangles[t, k]
                         a, b, d = triangles[u]

@@ -9,23 +9,42 @@ from flexfem.contact.search import overlaps, triangle_boxes
 from flexfem.contact.triangles import TriangleContact
 from flexfem.lie.compiled import kernel
 
-__all__ = ["deepest_start", "first_crossing"]
+__all__ = ["deepest_start", "first_crossing", "winding_numbers"]
 
 
-def deepest_start(contact: TriangleContact) -> tuple[float, int]:
-    """Return the largest penetration over the sum of half thicknesses, and the node of it.
+def deepest_start(contact: TriangleContact) -> tuple[float, int, int]:
+    """Return the largest penetration over the sum of half thicknesses, its node and triangle.
 
     Call it after the contact has been updated and evaluated with the positions at the start; 0 and
     -1 when nothing touches.
     """
     count = contact.count
     if count == 0:
-        return 0.0, -1
+        return 0.0, -1, -1
     slave, triangle = contact.ends[:count].T
     reach = contact.slaves.offsets[slave] + contact.masters.thickness[triangle]
     parts = -contact.contacts[:count, 3] / np.maximum(reach, 1e-300)
     worst = int(np.argmax(parts))
-    return float(parts[worst]), int(contact.slaves.nodes[slave[worst]])
+    return float(parts[worst]), int(contact.slaves.nodes[slave[worst]]), int(triangle[worst])
+
+
+def winding_numbers(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return how often triangles wind around points: 1 inside of a closed surface, 0 outside, (n,).
+
+    Args:
+        points: Positions, shape (n, 3), metres.
+        corners: Corners of the triangles, normals outwards, shape (m, 3, 3), metres.
+
+    Sums of solid angles (Van Oosterom, Strackee, IEEE Trans. Biomed. Eng. 30, 1983).
+    """
+    turns = np.empty(len(points))
+    for k, point in enumerate(points):
+        a, b, c = (corners[:, i] - point for i in range(3))
+        x, y, z = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        volume = np.einsum("mi,mi->m", a, np.cross(b, c))
+        ab, bc, ca = (np.einsum("mi,mi->m", u, v) for u, v in ((a, b), (b, c), (c, a)))
+        turns[k] = np.arctan2(volume, x * y * z + ab * z + bc * x + ca * y).sum() / (2.0 * np.pi)
+    return turns
 
 
 def first_crossing(

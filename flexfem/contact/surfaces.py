@@ -8,6 +8,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact import rigid
 from flexfem.contact.held_contacts import ContactLaw, HeldContacts
+from flexfem.contact.stiffening import stiffen
 from flexfem.contact.triangles import Slaves
 
 __all__ = ["RigidContact", "Shape"]
@@ -37,11 +38,13 @@ class RigidContact:
         ends: Slave of each, shape (count,) used.
         contacts: Numbers of each, see ``rigid``, shape (count, RIGID_FIELDS) used.
         held: What friction and damping act on.
+        stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
 
     def __init__(self, slaves: Slaves, shape: Shape, law: ContactLaw | None = None) -> None:
         """Describe what touches."""
         self.slaves, self.shape, self.count = slaves, shape, 0
+        self.stiffer = 1.0
         self.ends = np.empty(len(slaves.nodes), np.int64)
         self.contacts = np.empty((len(slaves.nodes), rigid.RIGID_FIELDS))
         self._frame = np.zeros(12)
@@ -64,6 +67,11 @@ class RigidContact:
             points, s.nodes, s.offsets, self._frame, int(shape.kind), shape.radius, shape.length,
             self.ends, self.contacts,
         )  # fmt: skip
+        none = np.zeros(0)
+        stiffen(
+            self.count, self.contacts, 0, 15, self.ends, s.offsets, none.astype(np.int64), none,
+            self.stiffer,
+        )  # fmt: skip
         if len(self.held.slaves):
             places = frame[:3] + self._arms @ frame[3:].reshape(3, 3).T
             nodes = s.nodes[self.held.slaves]
@@ -75,7 +83,7 @@ class RigidContact:
             return
         c, ends, R = self.contacts[: self.count], self.ends[: self.count], self._rotation
         stiffness = self.slaves.stiffness[ends]
-        self.held = self.held.follow(ends.copy(), c[:, 1:4] @ R.T, -stiffness * c[:, 0], stiffness)
+        self.held = self.held.follow(ends.copy(), c[:, 1:4] @ R.T, -stiffness * c[:, 15], stiffness)
         self._arms = c[:, 12:15].copy()
         places = self._frame[:3] + self._arms @ R.T
         self._start = points[self.slaves.nodes[ends]] - places
@@ -112,7 +120,7 @@ class RigidContact:
     def forces(self) -> FloatArray:
         """Normal forces of the contacts on the slaves, inertial axes, (count, 3), newtons."""
         c = self.contacts[: self.count]
-        sizes = -self.slaves.stiffness[self.ends[: self.count]] * c[:, 0]
+        sizes = -self.slaves.stiffness[self.ends[: self.count]] * c[:, 15]
         return sizes[:, None] * (c[:, 1:4] @ self._rotation.T)
 
     def add_forces(self, residual: FloatArray, wrench: FloatArray, scale: float = 1.0) -> None:

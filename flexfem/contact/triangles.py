@@ -15,6 +15,7 @@ from flexfem.contact.candidates import Rows, find_candidates, largest_move
 from flexfem.contact.find import FIELDS, MOST, find_contacts, normals_into
 from flexfem.contact.held_contacts import ContactLaw, HeldContacts
 from flexfem.contact.sides import carry_sides, label_candidates, settle_sides
+from flexfem.contact.stiffening import stiffen
 from flexfem.lie.compiled import kernel
 
 __all__ = ["Masters", "Slaves", "TriangleContact"]
@@ -53,12 +54,14 @@ class Masters:
         rims: Which edges (bits 0 to 2, opposite to the nodes) and nodes (bits 3 to 5) are on the
             rim of the surface, shape (m,).
         parts: Number of the connected part, in which all normals point to one side, shape (m,).
+        sides: The only side that acts, 1 or -1, of closed surfaces; 0 where both do, shape (m,).
     """
 
     triangles: IntArray
     thickness: FloatArray
     rims: IntArray
     parts: IntArray
+    sides: IntArray
 
 
 class TriangleContact:
@@ -75,6 +78,7 @@ class TriangleContact:
         ends: Slave and triangle of each, shape (count, 2) used.
         contacts: Numbers of each, see ``find``, shape (count, FIELDS) used.
         held: What friction and damping act on.
+        stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
 
     def __init__(
@@ -91,7 +95,7 @@ class TriangleContact:
         self._excluded = Rows.empty(count) if excluded is None else excluded
         self.rows, self.sides = Rows.empty(count), np.zeros(0, np.int64)
         self._labels = np.zeros(0, np.int64)
-        self.version, self.count = 0, 0
+        self.version, self.count, self.stiffer = 0, 0, 1.0
         self.ends = np.empty((MOST * (count + 1), 2), np.int64)
         self.contacts = np.empty((MOST * (count + 1), FIELDS))
         self._normals = np.empty((len(masters.triangles), 3))
@@ -142,8 +146,9 @@ class TriangleContact:
         self.rows = rows = Rows(rows.starts, self._chosen[rows.values])
         self.sides = np.empty(len(rows.values), np.int64)
         carry_sides(old.starts, old.values, sides, rows.starts, rows.values, self.sides)
+        np.copyto(self.sides, m.sides[rows.values], where=m.sides[rows.values] != 0)
         self._labels = np.empty(len(rows.values), np.int64)
-        label_candidates(m.triangles, m.parts, rows.starts, rows.values, self._labels)
+        label_candidates(m.triangles, m.parts, m.sides, rows.starts, rows.values, self._labels)
         if rows.longest > len(self._work[0]):
             self._work = (np.empty((rows.longest, 9), np.int64), np.empty((rows.longest, 7)))
         moving = np.zeros(len(points), dtype=np.bool_)
@@ -170,6 +175,11 @@ class TriangleContact:
             self.rows.starts, self.rows.values, self.sides, self._labels, *self._work,
             self.ends, self.contacts,
         )  # fmt: skip
+        slaves, triangles = self.ends[: self.count].T
+        stiffen(
+            self.count, self.contacts, 3, 22, slaves, s.offsets, triangles, m.thickness,
+            self.stiffer,
+        )  # fmt: skip
         if len(self.held.slaves):
             slips = np.empty((len(self.held.slaves), 3))
             _slips_into(points - self._start, self._held_nodes, self._held_weights, slips)
@@ -182,7 +192,7 @@ class TriangleContact:
         c, ends = self.contacts[: self.count], self.ends[: self.count]
         stiffness = self.slaves.stiffness[ends[:, 0]]
         self.held = self.held.follow(
-            ends[:, 0].copy(), c[:, 5:8].copy(), -stiffness * c[:, 3], stiffness
+            ends[:, 0].copy(), c[:, 5:8].copy(), -stiffness * c[:, 22], stiffness
         )
         self._held_nodes = np.column_stack(
             [self.slaves.nodes[ends[:, 0]], self.masters.triangles[ends[:, 1]]]
@@ -196,7 +206,7 @@ class TriangleContact:
         These are the triangles that a node has got through, and the contacts that are held.
         """
         kept = self.sides.copy()
-        self.sides[:] = 0
+        self.sides[:] = self.masters.sides[self.rows.values]
         self.settle(points)
         fresh, self.sides = self.sides, kept
         rows = np.full((len(self.slaves.nodes), 2 * _THROUGH), -1.0)
@@ -206,7 +216,7 @@ class TriangleContact:
 
     def recall(self, points: FloatArray, memory: FloatArray) -> None:
         """Take back what :meth:`memory` returned, at the same positions."""
-        self.sides[:] = 0
+        self.sides[:] = self.masters.sides[self.rows.values]
         self.settle(points)
         sides, held = np.split(memory, [2 * _THROUGH], axis=1)
         _unpack_sides(self.rows.starts, self.rows.values, sides, self.sides)
@@ -231,7 +241,7 @@ class TriangleContact:
     def forces(self) -> FloatArray:
         """Normal forces of the contacts on the slaves, shape (count, 3), newtons."""
         c = self.contacts[: self.count]
-        return -(self.slaves.stiffness[self.ends[: self.count, 0]] * c[:, 3])[:, None] * c[:, 5:8]
+        return -(self.slaves.stiffness[self.ends[: self.count, 0]] * c[:, 22])[:, None] * c[:, 5:8]
 
     def add_forces(self, residual: FloatArray, scale: float = 1.0) -> None:
         """Add ``scale`` times the forces to the residual of all nodes (n, 3), inertial axes."""

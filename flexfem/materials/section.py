@@ -30,6 +30,9 @@ from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite, check_inertia_form
 from flexfem.materials.section_law import BeamLaw
 
+#: Vertices that an outline needs to pass for a circle, and by how much their radii may differ.
+_ROUND = (12, 1e-6)
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class Section:
@@ -271,6 +274,15 @@ class Section:
             _inertia(shape, material.density, centre),
             shape.outline,
         )
+
+    @property
+    def round_radius(self) -> float | None:
+        """Radius of a circular outline around the axis, metres; None for all others."""
+        if self.outline is None or len(self.outline) < _ROUND[0]:
+            return None
+        sizes = np.hypot(*self.outline.T)
+        largest = float(sizes.max())
+        return largest if sizes.min() > (1.0 - _ROUND[1]) * largest else None
 
     @property
     def mass_per_length(self) -> float:

@@ -7,94 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flexfem import _checks
-from flexfem.core.marker import Ground
+from flexfem.model.bodies import Beam
 from flexfem.model.probe import AnyProbe, check_columns
+from flexfem.model.rigid_surface import RigidSurface
 from flexfem.model.shell import Shell
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
 
-__all__ = [
-    "Contact",
-    "ContactProbe",
-    "RigidCylinder",
-    "RigidPlane",
-    "RigidSphere",
-    "RigidSurface",
-]
-
-
-@dataclass(frozen=True, eq=False)
-class RigidSurface:
-    """Base class of the rigid surfaces.
-
-    Attributes:
-        place: Position and axes, in space.
-    """
-
-    place: Ground
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A value is of the wrong type.
-            ValueError: A length is not positive.
-        """
-        if type(self) is RigidSurface:
-            raise TypeError("RigidSurface: take a RigidPlane, RigidSphere or RigidCylinder")
-        _checks.instance(type(self).__name__, "place", self.place, Ground)
-
-
-@dataclass(frozen=True, eq=False)
-class RigidPlane(RigidSurface):
-    """The plane z = 0 of its place; shells are on the side z > 0."""
-
-
-@dataclass(frozen=True, eq=False)
-class RigidSphere(RigidSurface):
-    """A sphere with its centre at its place.
-
-    Attributes:
-        radius: Metres.
-        inside: Whether shells are inside.
-    """
-
-    radius: float = 0.0
-    inside: bool = False
-
-    def __post_init__(self) -> None:
-        """See :class:`RigidSurface`."""
-        super().__post_init__()
-        _checks.number("RigidSphere", "radius", self.radius, positive=True)
-        _checks.instance("RigidSphere", "inside", self.inside, bool)
-
-
-@dataclass(frozen=True, eq=False)
-class RigidCylinder(RigidSurface):
-    """A cylinder around the z axis of its place, which is in the middle.
-
-    Attributes:
-        radius: Metres.
-        length: Metres. From outside, a finite cylinder is closed by flat ends; from inside it is
-            open and acts between its ends.
-        inside: Whether shells are inside.
-    """
-
-    radius: float = 0.0
-    length: float = np.inf
-    inside: bool = False
-
-    def __post_init__(self) -> None:
-        """See :class:`RigidSurface`."""
-        super().__post_init__()
-        _checks.number("RigidCylinder", "radius", self.radius, positive=True)
-        if self.length != np.inf:
-            _checks.number("RigidCylinder", "length", self.length, positive=True)
-        _checks.instance("RigidCylinder", "inside", self.inside, bool)
+__all__ = ["Contact", "ContactProbe"]
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -102,24 +24,32 @@ class Contact:
     """Contact of the nodes of shells with the triangles of shells, and with rigid surfaces.
 
     The normal force per area is the stiffness times the penetration. Mid-surfaces touch at half of
-    the sum of the thicknesses, rigid surfaces at half of the thickness.
+    the sum of the thicknesses, rigid surfaces at half of the thickness. Of director shells the
+    four triangles between corners and middles of edges touch.
+
+    Beams may be slaves, SE(3) ones: points along the chords of their elements touch at their
+    radius, with the area of their length times their diameter. Forces act at the centre line.
 
     Attributes:
         name: Unique name in the model.
-        slaves: Names of the shells whose nodes touch.
+        slaves: Names of the shells whose nodes touch, and of beams.
         masters: Names of the shells whose triangles are touched: none, others than the slaves, or
             just these, for contact of all of them with each other and with themselves.
         surfaces: Rigid surfaces that the slaves touch.
-        stiffness: Force per penetration and area, N/m^3. None: the smaller one of the stiffness
-            through the thickness, ``A / h^2`` with the membrane stiffness A, and of the inertia per
-            area in the matrix of the first time step, with which an impact takes two steps.
+        stiffness: Force per penetration and area, N/m^3. None: at first contact the smaller one of
+            the stiffness through the thickness, ``A / h^2`` with the membrane stiffness A, and of
+            the inertia per area in the matrix of the first time step, with which an impact takes
+            two steps; then the force grows up to ten times as fast, half of that at a tenth of the
+            distance of touching. It aims at loads of a few nodes that sink in by less than a
+            fifth of the thickness, and at impacts that do not gain energy; see the penetration.
         friction: Coulomb's coefficient.
         damping: Viscous part of the normal force: the stiffness times this time, seconds, times
             the rate of penetration.
-        two_pass: Whether masters and slaves change roles in a second pass, each with half of the
-            stiffness.
+        two_pass: Whether masters, shells or meshes of rigid surfaces, and slaves change roles in a
+            second pass, each with half of the stiffness; beams are slaves only.
         skin: How far candidates are looked for, metres: nothing gets through a surface if both
             move by less than half of it in a step. None: 0.4 edges of the mesh.
+        radius: Of the beams, metres; None for that of their circular sections.
     """
 
     name: str
@@ -131,6 +61,7 @@ class Contact:
     damping: float
     two_pass: bool
     skin: float | None
+    radius: float | None
 
     def __init__(
         self,
@@ -144,6 +75,7 @@ class Contact:
         damping: float = 0.0,
         two_pass: bool = True,
         skin: float | None = None,
+        radius: float | None = None,
     ) -> None:
         """Create a contact.
 
@@ -167,7 +99,7 @@ class Contact:
                 f"{_checks.show(list(second))} and {_checks.show(list(first))}"
             )
         _checks.instance(owner, "two_pass", two_pass, bool)
-        for what, value in (("stiffness", stiffness), ("skin", skin)):
+        for what, value in (("stiffness", stiffness), ("skin", skin), ("radius", radius)):
             if value is not None:
                 _checks.number(owner, what, value, positive=True)
         _checks.assign(
@@ -175,24 +107,52 @@ class Contact:
             name=name, slaves=first, masters=second, surfaces=rigid, stiffness=stiffness,
             friction=_checks.number(owner, "friction", friction, nonnegative=True),
             damping=_checks.number(owner, "damping", damping, nonnegative=True),
-            two_pass=two_pass, skin=skin,
+            two_pass=two_pass, skin=skin, radius=radius,
         )  # fmt: skip
 
     def check(self, model: Model) -> None:
-        """Check the names of the shells.
+        """Check the names of shells and beams, and what carries the surfaces.
 
         Raises:
-            ValueError: The model has no such shell.
+            ValueError: The model has no such shell or beam, or contact does not know it.
         """
-        for name in (*self.slaves, *self.masters):
-            shell = model.get(name)
-            if not isinstance(shell, Shell):
-                raise ValueError(f'Contact "{self.name}": {model!r} has no shell "{name}"')
-            if shell.element == "director":
-                raise ValueError(
-                    f'Contact "{self.name}": Shell "{name}": contact needs the element '
-                    "rotation_free, got director"
-                )
+        owner = f'Contact "{self.name}"'
+        for name in self.slaves:
+            body = model.get(name)
+            if isinstance(body, Beam):
+                self._check_beam(owner, body)
+            elif not isinstance(body, Shell):
+                raise ValueError(f'{owner}: {model!r} has no shell or beam "{name}"')
+        for name in self.masters:
+            if not isinstance(model.get(name), Shell):
+                raise ValueError(f'{owner}: masters: {model!r} has no shell "{name}"')
+        for surface in self.surfaces:
+            surface.check(model, owner)
+
+    def _check_beam(self, owner: str, beam: Beam) -> None:
+        """Raise for beams that contact does not know."""
+        if beam.formulation != "se3":
+            raise ValueError(
+                f'{owner}: Beam "{beam.name}": contact needs the formulation se3, got '
+                f"{beam.formulation}"
+            )
+        self.beam_radius(beam)
+
+    def beam_radius(self, beam: Beam) -> float:
+        """Return at which distance from its axis a beam touches, metres.
+
+        Raises:
+            ValueError: Its section is not round and no radius is given.
+        """
+        if self.radius is not None:
+            return self.radius
+        radius = beam.section.round_radius
+        if radius is None:
+            raise ValueError(
+                f'Contact "{self.name}": Beam "{beam.name}": its section is not round, give '
+                "Contact(radius=...)"
+            )
+        return radius
 
 
 @dataclass(frozen=True, eq=False)

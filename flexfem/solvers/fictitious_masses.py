@@ -99,5 +99,6 @@ def _springs(system: System) -> list[FloatArray]:
         if part.contacts is not None:
             # a unit normal has a sum of at most sqrt(3) with the entries of another one
             out[:, :3] += sqrt(3.0) * part.contacts.nearby()[:, np.newaxis]
+            out[:, 3:] += sqrt(3.0) * part.contacts.nearby_turns()[:, np.newaxis]
         every.append(part.block.hold(out[:, :width]))
     return every

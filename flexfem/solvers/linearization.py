@@ -208,10 +208,12 @@ class Linearization:
 
     def _with_contacts(self, stiffness: PETSc.Mat) -> PETSc.Mat:
         """Add the contacts that are closed, whose pattern changes from state to state."""
-        for a, part in enumerate(self.system.parts):
-            if part.contacts is not None:
-                rows, columns, values = part.contacts.entries(1.0)
-                row, column = self._unknown(a, rows), self._unknown(a, columns)
+        touching = [(a, p) for a, p in enumerate(self.system.parts) if p.contacts is not None]
+        for a, part in touching:
+            for b, other in touching:
+                assert part.contacts is not None
+                rows, columns, values = part.contacts.entries(1.0, other.kind)
+                row, column = self._unknown(a, rows), self._unknown(b, columns)
                 own = CoordinateMatrix(self.system.comm, self.sizes, self.sizes, row, column)
                 own.assemble(values)
                 stiffness = stiffness.copy()

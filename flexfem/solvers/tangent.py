@@ -137,10 +137,12 @@ class TangentSolver:
         for old in self._totals:
             old.destroy()
         self._totals = []
-        for i, part in enumerate(self.system.parts):
-            if part.contacts is not None:
-                mats[i][i] = with_contacts(part, mats[i][i], shifts)
-                self._totals.append(mats[i][i])
+        parts = self.system.parts
+        touching = [i for i, part in enumerate(parts) if part.contacts is not None]
+        for i in touching:
+            for j in touching:
+                mats[i][j] = with_contacts(parts[i], mats[i][j], shifts, parts[j])
+                self._totals.append(mats[i][j])
         self.matrix = create_nest_matrix(mats, self.system.comm)
 
     def diagonals(self) -> list[FloatArray]:
@@ -224,13 +226,19 @@ class TangentSolver:
         return self.solve([p.block.owned_residual for p in self.system.parts], values)
 
 
-def with_contacts(part: BlockPart, matrix: PETSc.Mat, shifts: Shifts) -> PETSc.Mat:
-    """A part's own matrix with its contacts at the state evaluated last (collective)."""
+def with_contacts(
+    part: BlockPart, matrix: PETSc.Mat, shifts: Shifts, other: BlockPart | None = None
+) -> PETSc.Mat:
+    """A part's own matrix with its contacts at the state evaluated last (collective).
+
+    With another part, the block of the part's rows and that one's columns.
+    """
     assert part.contacts is not None
+    second = part if other is None else other
     scale = shifts.scale * shifts.stiffness
-    rows, columns, values = part.contacts.entries(scale)
+    rows, columns, values = part.contacts.entries(scale, second.kind)
     block = part.block
-    own = CoordinateMatrix(block.comm, block.sizes, block.sizes, rows, columns)
+    own = CoordinateMatrix(block.comm, block.sizes, second.block.sizes, rows, columns)
     own.assemble(values)
     total = matrix.copy()
     total.axpy(1.0, own.mat, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

@@ -20,8 +20,10 @@ from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import JointEnds, connect, joint_ends
 from flexfem.system.constraints import Constraints
-from flexfem.system.contact_surfaces import contact_surfaces
-from flexfem.system.contacts import Contacts
+from flexfem.system.contact_points import ContactPoints, contact_points
+from flexfem.system.contact_start import check_start
+from flexfem.system.contact_surfaces import ContactSurfaces, contact_surfaces
+from flexfem.system.contacts import Contacts, ContactShare
 from flexfem.system.families import director_block, nurbs_block, se3_block, shell_block
 from flexfem.system.inner_forces import InnerForces
 from flexfem.system.interface import Interface
@@ -53,9 +55,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     _check_laws(serial)
     for mass in model.point_masses:
         _check_node(serial, mass)
-    described = []
-    if serial.surface is not None:
-        described = contact_surfaces(serial.surface, model.contacts, _joined(serial))
+    touching = _touching(serial)
     blocks: list[FrameBlock | None] = [None for _ in KINDS]
     families: dict[int, ElementFamily] = {}
     if model.beams_of("se3"):
@@ -76,16 +76,36 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         for kind, block in enumerate(blocks)
         if block is not None
     ]
-    if serial.surface is not None and model.contacts:
-        part = next(part for part in parts if part.kind == SHELLS)
-        part.contacts = Contacts(
-            comm, described, part.block, serial.surface.held, placement.triangles
-        )
+    if touching is not None:
+        _add_contacts(comm, touching, parts, placement)
     bodies, clusters = (
         np.array([of(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64)
         for of in (serial.bodies, serial.clusters)
     )
     return System(comm, parts, interface, constraints, bodies, clusters, model.loads, gravity)
+
+
+def _touching(serial: Assembly) -> tuple[ContactPoints, list[ContactSurfaces]] | None:
+    """Serial data of the contacts, None without any; surfaces that intersect raise."""
+    if not serial.model.contacts:
+        return None
+    points = contact_points(serial, serial.model.contacts, _joined(serial))
+    described = contact_surfaces(serial, points)
+    check_start(points, described)
+    return points, described
+
+
+def _add_contacts(
+    comm: MPI.Intracomm, touching: tuple[ContactPoints, list[ContactSurfaces]],
+    parts: list[BlockPart], placement: Placement,
+) -> None:  # fmt: skip
+    """Give each block its share of the contacts (collective)."""
+    points, described = touching
+    blocks = {part.kind: part.block for part in parts}
+    contacts = Contacts(comm, described, points, blocks, placement.triangles)
+    for part in parts:
+        if part.kind in contacts.kinds:
+            part.contacts = ContactShare(contacts, part.kind)
 
 
 def _part(

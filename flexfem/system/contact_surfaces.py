@@ -1,31 +1,40 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Serial data of the contacts of a model: what touches what, the same on every rank."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.candidates import Rows, rings
-from flexfem.contact.describe import automatic_stiffness, mean_edge, node_areas, rim_bits
+from flexfem.contact.describe import automatic_stiffness, mean_edge, node_areas
 from flexfem.contact.rigid import ShapeKind
-from flexfem.contact.start import deepest_start, first_crossing
-from flexfem.contact.surfaces import RigidContact, Shape
-from flexfem.contact.triangles import Masters, Slaves, TriangleContact
+from flexfem.contact.stiffening import STIFFER
+from flexfem.contact.surfaces import Shape
+from flexfem.contact.triangles import Masters, Slaves
+from flexfem.core.marker import Ground
 from flexfem.lie import se3
-from flexfem.mesh.surface_topology import connected_parts
-from flexfem.model.contact import Contact, RigidCylinder, RigidPlane, RigidSphere, RigidSurface
-from flexfem.system.shell_surface import ShellSurface
+from flexfem.model.bodies import Beam
+from flexfem.model.contact import Contact
+from flexfem.model.rigid_surface import (
+    RigidCylinder,
+    RigidMesh,
+    RigidPlane,
+    RigidSphere,
+    RigidSurface,
+)
+from flexfem.model.shell import Shell
+from flexfem.system.assembly import Assembly
+from flexfem.system.contact_points import ContactPoints
+from flexfem.system.placement import NodeKey
 
-__all__ = ["ContactPass", "ContactSurfaces", "contact_surfaces"]
+__all__ = ["ContactPass", "ContactSurfaces", "RigidPlace", "contact_surfaces"]
 
 #: Nodes up to this many edges away do not touch a triangle's nodes.
 _RINGS = 2
 #: Skin in mean lengths of edges.
 _SKIN = 0.4
-#: Part of the sum of half thicknesses up to which shells may penetrate at the start.
-_DEEP = 0.5
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,8 @@ class ContactPass:
         masters: all triangles; chosen: numbers of those of the masters, ascending.
         excluded: nodes whose triangles each slave does not touch.
         sign: of the forces on its slaves in those on the slaves of the contact.
+        deep: part of the distance at which they touch up to which they may be in each other at
+            the start.
     """
 
     slaves: Slaves
@@ -46,6 +57,7 @@ class ContactPass:
     chosen: IntArray
     excluded: Rows
     sign: float
+    deep: float
 
     def restricted(self, own: BoolArray) -> "ContactPass":
         """With those slaves only that are marked in (n,)."""
@@ -55,7 +67,25 @@ class ContactPass:
         starts = np.concatenate([[0], np.cumsum(lengths)])
         at = np.repeat(old.starts[kept] - starts[:-1], lengths) + np.arange(starts[-1])
         rows = Rows(starts.astype(np.int64), old.values[at])
-        return ContactPass(slaves, self.areas[kept], self.masters, self.chosen, rows, self.sign)
+        return ContactPass(
+            slaves, self.areas[kept], self.masters, self.chosen, rows, self.sign, self.deep
+        )
+
+
+@dataclass(frozen=True)
+class RigidPlace:
+    """A rigid surface of a simple shape.
+
+    Attributes:
+        shape: its shape.
+        carrier: node that carries it, None for the ground.
+        frame: relative to that node, absolute on the ground, (12,); start: at the start, (12,).
+    """
+
+    shape: Shape
+    carrier: NodeKey | None
+    frame: FloatArray
+    start: FloatArray
 
 
 @dataclass(frozen=True)
@@ -65,8 +95,8 @@ class ContactSurfaces:
     Attributes:
         contact: the model's.
         passes: nodes against triangles.
-        slaves, areas: nodes against rigid surfaces, see ``ContactPass``.
-        rigid: shapes and frames (12,) of the rigid surfaces.
+        slaves, areas: nodes against rigid surfaces of simple shapes, see ``ContactPass``.
+        rigid: these surfaces.
         skin: m.
     """
 
@@ -74,95 +104,162 @@ class ContactSurfaces:
     passes: list[ContactPass]
     slaves: Slaves
     areas: FloatArray
-    rigid: list[tuple[Shape, FloatArray]]
+    rigid: list[RigidPlace]
     skin: float
-    _numbers: tuple[float, float, float]
+    _numbers: tuple[float, float] | None
 
     def stiffness(self, inertia: float) -> float:
         """Force per penetration and area, N/m^3.
 
         ``inertia`` is the factor of the mass in the iteration matrix, 1/s^2, 0 at rest.
         """
-        if self.contact.stiffness is not None:
+        if self._numbers is None:
+            assert self.contact.stiffness is not None
             return self.contact.stiffness
-        return automatic_stiffness(*self._numbers, inertia)
+        through, density = self._numbers
+        return automatic_stiffness(through, density, inertia)
+
+    def stiffer(self, stiffness: float) -> float:
+        """How many times steeper the force may become: up to that through the thickness."""
+        if self._numbers is None or stiffness == 0.0:
+            return 1.0
+        return min(max(self._numbers[0] / stiffness, 1.0), STIFFER)
 
 
-def contact_surfaces(
-    surface: ShellSurface, contacts: Sequence[Contact], joined: IntArray
-) -> list[ContactSurfaces]:
-    """Describe all contacts of a model.
-
-    Args:
-        surface: the shells.
-        contacts: the model's.
-        joined: (k, 2) pairs of nodes that joints hold together: near them nothing touches.
-
-    Raises:
-        ValueError: surfaces that intersect or lie too deep in each other at the start.
-    """
-    mesh = surface.mesh
-    thickness = np.array([shell.section.thickness for shell in surface.shells])
-    masters = Masters(
-        mesh.triangles,
-        0.5 * thickness[surface.body],
-        rim_bits(mesh.triangles, mesh.topology.neighbours, len(mesh.points)),
-        connected_parts(mesh.topology.neighbours),
-    )
-    described = [_describe(surface, contact, masters, joined) for contact in contacts]
-    for one in described:
-        _check_start(surface, one, joined)
-    return described
+def contact_surfaces(serial: Assembly, points: ContactPoints) -> list[ContactSurfaces]:
+    """Describe all contacts of a model."""
+    return [_describe(serial, points, contact) for contact in serial.model.contacts]
 
 
-def _describe(
-    surface: ShellSurface, contact: Contact, masters: Masters, joined: IntArray
-) -> ContactSurfaces:
+def _describe(serial: Assembly, points: ContactPoints, contact: Contact) -> ContactSurfaces:
     """One contact."""
-    points, triangles = surface.mesh.points, surface.mesh.triangles
-    first, second = (_triangles(surface, names) for names in (contact.slaves, contact.masters))
-    passes = []
-    if len(second):
-        itself = set(contact.slaves) == set(contact.masters)
-        both = itself or contact.two_pass
-        pairs = [(first, second, 1.0)]
-        if both and not itself:
-            pairs.append((second, first, -1.0))
-        for slave, master, sign in pairs:
-            slaves, areas = _slaves(points, masters, slave)
-            excluded = rings(triangles, slaves.nodes, _RINGS, joined)
-            share = (0.5 if both else 1.0) * areas
-            passes.append(ContactPass(slaves, share, masters, master, excluded, sign))
-    names = {*contact.slaves, *contact.masters}
-    sections = [shell.section for shell in surface.shells if shell.name in names]
-    numbers = (
-        min(float(np.diag(s.stiffness)[:2].min()) for s in sections),
-        max(s.thickness for s in sections),
-        min(s.mass for s in sections),
-    )
-    used = np.union1d(first, second)
-    skin = _SKIN * mean_edge(points, triangles[used]) if contact.skin is None else contact.skin
-    slaves, areas = _slaves(points, masters, first)
+    slaves, areas = _slaves(serial, points, contact)
     rigid = [
-        (_shape(one), se3.frame(one.place.position, one.place.rotation)) for one in contact.surfaces
+        _rigid_place(serial, one) for one in contact.surfaces if not isinstance(one, RigidMesh)
     ]
-    return ContactSurfaces(contact, passes, slaves, areas, rigid, skin, numbers)
+    names = [*contact.slaves, *contact.masters]
+    keys: list[str | int] = [*names, *(id(surface) for surface in contact.surfaces)]
+    used = _triangles(points, keys)
+    skin = contact.skin
+    if skin is None:
+        triangles = points.masters.triangles[used]
+        skin = _SKIN * mean_edge(points.start, triangles) if len(used) else 0.0
+    return ContactSurfaces(
+        contact, list(_passes(points, contact, (slaves, areas))), slaves, areas, rigid, skin,
+        _numbers(serial, contact, names) if contact.stiffness is None else None,
+    )  # fmt: skip
 
 
-def _triangles(surface: ShellSurface, names: Sequence[str]) -> IntArray:
-    """Triangles of some shells, ascending."""
-    chosen = np.array([shell.name in names for shell in surface.shells], dtype=np.bool_)
-    return np.flatnonzero(chosen[surface.body])
+def _passes(
+    points: ContactPoints, contact: Contact, everything: tuple[Slaves, FloatArray]
+) -> Iterator[ContactPass]:
+    """Passes of one contact: its slaves against triangles, then the other way round."""
+    first, second = (_triangles(points, names) for names in (contact.slaves, contact.masters))
+    meshes = _triangles(points, [id(surface) for surface in contact.surfaces])
+    itself = set(contact.slaves) == set(contact.masters)
+    shells, beams = _surface_slaves(points, first), _beam_slaves(points, everything)
+    for master, deep, both in (
+        (second, 0.5, itself or contact.two_pass), (meshes, 1.0, contact.two_pass)
+    ):  # fmt: skip
+        if not len(master):
+            continue
+        share = 0.5 if both else 1.0
+        if len(first):
+            yield _pass(points, shells, share, master, 1.0, deep)
+        if both and len(first) and not (itself and master is second):
+            yield _pass(points, _surface_slaves(points, master), share, first, -1.0, deep)
+        if len(beams[0].nodes):
+            yield _pass(points, beams, 1.0, master, 1.0, deep)
 
 
-def _slaves(points: FloatArray, masters: Masters, chosen: IntArray) -> tuple[Slaves, FloatArray]:
+def _pass(
+    points: ContactPoints, slaves: tuple[Slaves, FloatArray], share: float, master: IntArray,
+    sign: float, deep: float,
+) -> ContactPass:  # fmt: skip
+    """One pass; the stiffness of its slaves is set for it alone."""
+    one, areas = slaves
+    own = Slaves(one.nodes, one.offsets, np.zeros(len(one.nodes)))
+    excluded = rings(points.masters.triangles, own.nodes, _RINGS, points.joined)
+    return ContactPass(own, share * areas, points.masters, master, excluded, sign, deep)
+
+
+def _triangles(points: ContactPoints, keys: Sequence[str | int]) -> IntArray:
+    """Triangles of some shells and rigid meshes, ascending."""
+    found = [points.triangles_of[key] for key in keys if key in points.triangles_of]
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *found]))
+
+
+def _surface_slaves(points: ContactPoints, chosen: IntArray) -> tuple[Slaves, FloatArray]:
     """Nodes of some triangles, which touch at half of the thickness, and their areas."""
+    masters = points.masters
     triangles = masters.triangles[chosen]
-    offsets = np.zeros(len(points))
+    offsets = np.zeros(len(points.start))
     np.maximum.at(offsets, triangles.ravel(), np.repeat(masters.thickness[chosen], 3))
     nodes = np.unique(triangles)
-    areas = node_areas(points, triangles)[nodes]
+    areas = node_areas(points.start, triangles)[nodes]
     return Slaves(nodes, offsets[nodes], np.zeros(len(nodes))), areas
+
+
+def _slaves(serial: Assembly, points: ContactPoints, contact: Contact) -> tuple[Slaves, FloatArray]:
+    """All slaves of a contact: nodes of shells, then points of beams with length times diameter."""
+    made, areas = _surface_slaves(points, _triangles(points, contact.slaves))
+    nodes, offsets, every = [made.nodes], [made.offsets], [areas]
+    for name in contact.slaves:
+        body = serial.model[name]
+        if isinstance(body, Beam):
+            radius = contact.beam_radius(body)
+            nodes.append(points.points_of[name])
+            offsets.append(np.full(len(nodes[-1]), radius))
+            every.append(2.0 * radius * points.lengths[name])
+    rows = np.concatenate(nodes)
+    return Slaves(rows, np.concatenate(offsets), np.zeros(len(rows))), np.concatenate(every)
+
+
+def _beam_slaves(
+    points: ContactPoints, everything: tuple[Slaves, FloatArray]
+) -> tuple[Slaves, FloatArray]:
+    """Those of the slaves that belong to beams."""
+    slaves, areas = everything
+    of_beams = np.concatenate([np.zeros(0, np.int64), *points.points_of.values()])
+    kept = np.isin(slaves.nodes, of_beams)
+    return slaves.restricted(kept), areas[kept]
+
+
+def _numbers(serial: Assembly, contact: Contact, names: Sequence[str]) -> tuple[float, float]:
+    """Least stiffness through the thickness, N/m^3, and mass per area, kg/m^2, of bodies."""
+    through, mass = [], []
+    for name in names:
+        body = serial.model[name]
+        if isinstance(body, Shell):
+            section = body.section
+            through.append(float(np.diag(section.stiffness)[:2].min()) / section.thickness**2)
+            mass.append(section.mass)
+        elif isinstance(body, Beam):
+            diameter = 2.0 * contact.beam_radius(body)
+            through.append(_axial(body) / (0.25 * np.pi * diameter**3))
+            mass.append(body.section.mass_per_length / diameter)
+    return min(through), min(mass)
+
+
+def _axial(beam: Beam) -> float:
+    """Axial stiffness of a beam, N, at zero strain."""
+    section = beam.section
+    if section.stiffness is not None:
+        return float(section.stiffness[0, 0])
+    raise ValueError(
+        f'Beam "{beam.name}": its BeamLaw has no stiffness from which that of contact follows, '
+        "give Contact(stiffness=...)"
+    )
+
+
+def _rigid_place(serial: Assembly, surface: RigidSurface) -> RigidPlace:
+    """Place of a rigid surface of a simple shape."""
+    frame = serial.marker_frame(surface.place)
+    if isinstance(surface.place, Ground):
+        return RigidPlace(_shape(surface), None, frame, frame)
+    carrier = serial.carrier_frame(surface.place)
+    start = se3.compose(carrier, frame)
+    return RigidPlace(_shape(surface), serial.key(surface.place), frame, start)
 
 
 def _shape(surface: RigidSurface) -> Shape:
@@ -175,59 +272,3 @@ def _shape(surface: RigidSurface) -> Shape:
         case RigidCylinder(radius=radius, length=length, inside=inside):
             return Shape(ShapeKind.TUBE if inside else ShapeKind.CYLINDER, radius, length)
     raise TypeError(f"unknown rigid surface {surface!r}")
-
-
-def _check_start(surface: ShellSurface, described: ContactSurfaces, joined: IntArray) -> None:
-    """Raise where surfaces intersect, or lie too deep in each other."""
-    owner, points = f'Contact "{described.contact.name}"', surface.mesh.points
-    edges = surface.mesh.topology.edges
-    for one in described.passes:
-        _check_crossing(surface, owner, one, edges, joined)
-        made = TriangleContact(one.slaves, one.masters, described.skin, one.excluded)
-        made.search(points, one.chosen)
-        made.settle(points)
-        made.evaluate(points)
-        part, node = deepest_start(made)
-        if part > _DEEP:
-            raise ValueError(
-                f"{owner}: at the start {_shell_at(surface, node)} penetrates "
-                f"{_names(described.contact.masters)} by {made.deepest:g} m at node {node}, more "
-                f"than half of the distance at which they touch"
-            )
-    for shape, frame in described.rigid:
-        gaps = RigidContact(described.slaves, shape).distances(points, frame)
-        worst = int(np.argmin(gaps))
-        if gaps[worst] < -described.slaves.offsets[worst]:
-            node = int(described.slaves.nodes[worst])
-            raise ValueError(
-                f"{owner}: at the start {_shell_at(surface, node)} penetrates a rigid "
-                f"{shape.kind.name.lower()} by {-gaps[worst]:g} m at node {node}, more than half "
-                "of its thickness"
-            )
-
-
-def _check_crossing(
-    surface: ShellSurface, owner: str, one: ContactPass, edges: IntArray, joined: IntArray
-) -> None:
-    """Raise where an edge of the slaves goes through a master triangle."""
-    mesh = surface.mesh
-    slave = np.zeros(len(mesh.points), dtype=np.bool_)
-    slave[one.slaves.nodes] = True
-    own = edges[slave[edges].all(axis=1)]
-    near = rings(mesh.triangles, own[:, 0], _RINGS, joined)
-    edge, triangle = first_crossing(mesh.points, own, mesh.triangles[one.chosen], near)
-    if edge >= 0:
-        a, b = own[edge].tolist()
-        other = surface.shells[surface.body[one.chosen[triangle]]].name
-        raise ValueError(
-            f"{owner}: at the start {_shell_at(surface, a)} goes through Shell "
-            f'"{other}" between nodes {a} and {b}'
-        )
-
-
-def _shell_at(surface: ShellSurface, node: int) -> str:
-    return f'Shell "{surface.shells[int(surface.body_of_node[node])].name}"'
-
-
-def _names(names: Sequence[str]) -> str:
-    return " or ".join(f'Shell "{name}"' for name in names)

@@ -1,131 +1,76 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contacts of a system's shells on this rank.
+"""The contacts of a system on this rank.
 
 A rank looks after the slaves that it owns. Of other ranks it gets the triangles near them: ranks
 tell each other the box of their slaves, and send the triangles that overlap it. Positions of the
-nodes of these come with every evaluation, and their forces go back. Arrays have one row for every
-node of the surface mesh; only those of nodes here or nearby are used.
+points of these come with every evaluation, and their forces go back. Arrays have one row for every
+point of the model; only those of points here or nearby are used.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
 from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.contact.held_contacts import ContactLaw
+from flexfem._types import FloatArray, IntArray
 from flexfem.contact.search import triangle_boxes
 from flexfem.contact.surfaces import RigidContact
 from flexfem.contact.triangles import TriangleContact
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.state import Numbering, State
-from flexfem.elements.shell_nodes import add_to_nodes, inertial_into, positions_into
-from flexfem.la.nest import block_indices
+from flexfem.system.contact_carriers import Carriers
+from flexfem.system.contact_entries import ContactEntries, Triplets
+from flexfem.system.contact_frames import SurfaceFrames
+from flexfem.system.contact_group import ContactGroup
+from flexfem.system.contact_nearby import stiffness_nearby
+from flexfem.system.contact_points import ContactPoints
 from flexfem.system.contact_surfaces import ContactPass, ContactSurfaces
-from flexfem.system.node_exchange import NodeExchange, send_numbers
+from flexfem.system.node_exchange import send_numbers
 
-__all__ = ["ContactGroup", "Contacts"]
-
-
-@dataclass
-class ContactGroup:
-    """One contact of the model on this rank.
-
-    Attributes:
-        surfaces: its serial data.
-        passes: their data for the slaves of this rank.
-        triangles: contacts of the passes; rigid: those with rigid surfaces.
-        areas: of the slaves against rigid surfaces.
-    """
-
-    surfaces: ContactSurfaces
-    passes: list[ContactPass]
-    triangles: list[TriangleContact]
-    rigid: list[RigidContact]
-    areas: FloatArray
-
-    @classmethod
-    def of(cls, surfaces: ContactSurfaces, own: BoolArray) -> "ContactGroup":
-        """Keep the slaves that are marked in (n,)."""
-        contact = surfaces.contact
-        law = ContactLaw(contact.friction, contact.damping)
-        passes = [one.restricted(own) for one in surfaces.passes]
-        triangles = [
-            TriangleContact(one.slaves, one.masters, surfaces.skin, one.excluded, law)
-            for one in passes
-        ]
-        kept = own[surfaces.slaves.nodes]
-        slaves = surfaces.slaves.restricted(kept)
-        rigid = [RigidContact(slaves, shape, law) for shape, _ in surfaces.rigid]
-        return cls(surfaces, passes, triangles, rigid, surfaces.areas[kept])
-
-    def set_stiffness(self, stiffness: float) -> None:
-        """Set the force per penetration and area, N/m^3."""
-        for one, made in zip(self.passes, self.triangles, strict=True):
-            made.slaves.stiffness[:] = stiffness * one.areas
-        for rigid in self.rigid:
-            rigid.slaves.stiffness[:] = stiffness * self.areas
-
-    @property
-    def every(self) -> list[TriangleContact | RigidContact]:
-        """All contacts."""
-        return [*self.triangles, *self.rigid]
-
-    @property
-    def forces(self) -> FloatArray:
-        """Force on the slaves (3,) and sum of the sizes of normal forces, N, of this rank: (4,)."""
-        signs = [one.sign for one in self.passes] + [1.0] * len(self.rigid)
-        total = np.zeros(4)
-        for sign, made in zip(signs, self.every, strict=True):
-            normal = made.forces
-            total[3] += np.linalg.norm(normal, axis=1).sum()
-            held = made.held.forces
-            total[:3] += sign * (normal.sum(0) - held.sum(0))
-        return total
+__all__ = ["ContactShare", "Contacts"]
 
 
 class Contacts:
-    """All contacts of the shells of a system.
+    """All contacts of a system.
 
     Attributes:
         groups: in the order of the model.
         time: of the trial state, s.
         stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
             the first step.
+        kinds: of the blocks that contacts act on, ascending.
     """
 
     def __init__(
-        self, comm: MPI.Intracomm, described: Sequence[ContactSurfaces], block: FrameBlock,
-        held: BoolArray, ranks: IntArray,
+        self, comm: MPI.Intracomm, described: Sequence[ContactSurfaces], points: ContactPoints,
+        blocks: Mapping[int, FrameBlock], shell_ranks: IntArray,
     ) -> None:  # fmt: skip
         """Find out who owns what (collective).
 
         Args:
             comm: communicator.
-            described: serial data.
-            block: nodes of the shells.
-            held: (n, 3) unknowns that are held.
-            ranks: (m,) rank of every triangle.
+            described: serial data of the contacts.
+            points: serial data of their points.
+            blocks: of the system, by kind.
+            shell_ranks: rank of every triangle of the surface mesh.
         """
-        self._comm, self._block, self._held, count = comm, block, held, len(held)
-        self._own = block.node_ids[: block.owned]
-        known = np.full((2, count), -1, dtype=np.int64)
-        known[0, self._own] = comm.rank
-        known[1, self._own] = block.global_ids[: block.owned]
-        comm.Allreduce(MPI.IN_PLACE, known, op=MPI.MAX)
-        self._owner, self._numbers = known
-        self._mine = ranks == comm.rank
-        self._points, self._forces = np.zeros((count, 3)), np.zeros((count, 3))
-        self._steps, self._local = np.zeros((count, 3)), np.zeros((block.owned, 3))
-        own = self._owner == comm.rank
+        self._comm, count = comm, len(points.start)
+        places = [place for one in described for place in one.rigid]
+        self._frames = SurfaceFrames(comm, places, blocks)
+        carrying = {kind: blocks[kind] for kind in np.unique(points.kind).tolist() if kind >= 0}
+        self._carriers = Carriers(comm, points, carrying, shell_ranks)
+        moving = self._frames.kind[self._frames.moving].tolist()
+        self.kinds = sorted({*carrying, *moving})
+        self._points, self._forces = points.start.copy(), np.zeros((count, 3))
+        self._steps = np.zeros((count, 3))
+        own = self._carriers.home == comm.rank
         self.groups = [ContactGroup.of(one, own) for one in described]
         given = [group.surfaces.contact.stiffness or 0.0 for group in self.groups]
         self.set_stiffness(np.array(given))
         self.time = self._accepted = 0.0
-        self._exchange: NodeExchange | None = None
         self._evaluated = False
+        self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
         self.update()
 
     def prepare(self, inertia: float) -> None:
@@ -143,10 +88,18 @@ class Contacts:
         """All contacts with triangles, and their passes."""
         return [p for g in self.groups for p in zip(g.triangles, g.passes, strict=True)]
 
+    def _rigid(self) -> Iterator[tuple[ContactGroup, RigidContact, int]]:
+        """All contacts with rigid surfaces of simple shapes, and the numbers of these."""
+        number = 0
+        for group in self.groups:
+            for made in group.rigid:
+                yield group, made, number
+                number += 1
+
     def update(self) -> None:
         """Take in the accepted positions (collective)."""
-        self._read()
-        self._points[self._block.node_ids] = self._block.frames[:, :3]
+        self._carriers.place(self._points, ghosts=True)
+        self._frames.update()
         passes = self._triangles()
         moved = [made.moved(self._points) for made, _ in passes]
         if self._comm.allreduce(any(moved), op=MPI.LOR):
@@ -165,15 +118,14 @@ class Contacts:
                 made.masters.triangles[c].ravel()
                 for (made, _), c in zip(passes, chosen, strict=True)
             ]
-            nodes = np.unique(np.concatenate(wanted))
-            self._exchange = NodeExchange(self._comm, self._owner, nodes)
-            self._exchange.bring(self._points)
+            self._carriers.ask(np.unique(np.concatenate(wanted)))
+            self._carriers.bring(self._points)
         for (made, _), triangles in zip(passes, chosen, strict=True):
             made.search(self._points, triangles)
 
     def _nearby(self, made: TriangleContact, one: ContactPass) -> IntArray:
         """Master triangles near the slaves of this rank, ascending (collective)."""
-        mine = one.chosen[self._mine[one.chosen]]
+        mine = one.chosen[self._carriers.ranks[one.chosen] == self._comm.rank]
         triangles, thickness = made.masters.triangles[mine], made.masters.thickness[mine]
         low, high = np.empty((len(mine), 3)), np.empty((len(mine), 3))
         triangle_boxes(self._points, triangles, thickness + made.skin, low, high)
@@ -186,24 +138,16 @@ class Contacts:
         lists = [mine[((low <= upper) & (high >= lower)).all(axis=1)] for lower, upper in boxes]
         return np.sort(np.concatenate(send_numbers(self._comm, lists)))
 
-    def _read(self) -> None:
-        """Positions of the nodes here, and of those near them (collective)."""
-        block = self._block
-        positions_into(block.frames[: block.owned], self._local)
-        self._points[self._own] = self._local
-        if self._exchange is not None:
-            self._exchange.bring(self._points)
-
     def evaluate(self) -> None:
         """Find the contacts at the trial state (collective)."""
-        self._read()
+        self._carriers.place(self._points)
+        self._frames.update()
         h = self.time - self._accepted
-        for group in self.groups:
-            for made in group.triangles:
-                made.evaluate(self._points, h)
-            for rigid, (_, frame) in zip(group.rigid, group.surfaces.rigid, strict=True):
-                rigid.evaluate(self._points, frame, h)
-        self._evaluated = True
+        for made, _ in self._triangles():
+            made.evaluate(self._points, h)
+        for _, rigid, number in self._rigid():
+            rigid.evaluate(self._points, self._frames.frames[number], h)
+        self._evaluated, self._entries = True, None
 
     def refresh(self) -> None:
         """Find the contacts at the accepted state, unless known (collective)."""
@@ -220,80 +164,79 @@ class Contacts:
         self._accepted = self.time
         self.update()
 
-    def add_residual(self, scale: float) -> None:
-        """Evaluate, and add ``scale`` times the forces to the block's residual (collective)."""
+    def collect(self, scale: float) -> None:
+        """Evaluate, and gather ``scale`` times the forces for the blocks (collective)."""
         self.evaluate()
         self._evaluated = False
-        self._forces[:] = 0.0
-        wrench = np.zeros(6)
-        for group in self.groups:
-            for made in group.triangles:
-                made.add_forces(self._forces, scale)
-            for rigid in group.rigid:
-                rigid.add_forces(self._forces, wrench, scale)
-        self._hand_over()
+        self._forces[:] = self._frames.wrenches[:] = 0.0
+        for made, _ in self._triangles():
+            made.add_forces(self._forces, scale)
+        for _, rigid, number in self._rigid():
+            rigid.add_forces(self._forces, self._frames.wrenches[number], scale)
+        self._carriers.gather(self._forces)
+        self._frames.gather()
 
-    def add_action(self, scale: float) -> None:
-        """Add ``scale`` times the tangent applied to the block's steps (collective)."""
-        block = self._block
-        inertial_into(block.frames[: block.owned], block.step[: block.owned], self._local)
-        self._steps[self._own] = self._local
-        if self._exchange is not None:
-            self._exchange.bring(self._steps)
-        self._forces[:] = 0.0
-        nothing, wrench = np.zeros(6), np.zeros(6)
-        for group in self.groups:
-            for made in group.triangles:
-                made.add_actions(self._steps, self._forces, scale)
-            for rigid in group.rigid:
-                rigid.add_actions(self._steps, nothing, self._forces, wrench, scale)
-        self._hand_over()
+    def hand_out(self, kind: int, scale: float) -> None:
+        """Add the forces gathered last, with the same scale, to the residual of a block."""
+        if kind in self._carriers.by_kind:
+            self._carriers.add_loads(kind, self._forces, scale)
+        self._frames.add_wrenches(kind)
 
-    def _hand_over(self) -> None:
-        """Add the forces on all nodes to the owners' residuals (collective)."""
-        if self._exchange is not None:
-            self._exchange.add_back(self._forces)
-        block = self._block
-        add_to_nodes(
-            block.frames[: block.owned], self._forces[self._own], 1.0,
-            block.residual[: block.owned],
+    def act(self, scale: float) -> None:
+        """Gather ``scale`` times the tangent applied to the blocks' steps (collective)."""
+        self._carriers.move(self._steps)
+        twists = self._frames.twists()
+        self._forces[:] = self._frames.wrenches[:] = 0.0
+        for made, _ in self._triangles():
+            made.add_actions(self._steps, self._forces, scale)
+        for _, rigid, number in self._rigid():
+            rigid.add_actions(
+                self._steps, twists[number], self._forces, self._frames.wrenches[number], scale
+            )
+        self._carriers.gather(self._forces)
+        self._frames.gather()
+
+    def hand_out_action(self, kind: int, scale: float) -> None:
+        """Add the action gathered last to the residual of a block."""
+        if kind in self._carriers.by_kind:
+            self._carriers.add_changes(kind, self._forces, scale)
+        self._frames.add_wrenches(kind)
+
+    def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
+        """Rows, columns and values of ``scale`` times the tangent (collective).
+
+        One entry for each pair of kinds of blocks; kept until contacts are evaluated anew.
+        """
+        if self._entries is None or self._entries[0] != scale:
+            found = ContactEntries(self._carriers, self._frames)
+            for made, _ in self._triangles():
+                found.add(*made.blocks(scale))
+            for _, rigid, number in self._rigid():
+                found.add_surface(*rigid.blocks(scale), number)
+            found.add_turning(scale)
+            self._entries = scale, found.entries()
+        return self._entries[1]
+
+    def nearby(self, kind: int) -> FloatArray:
+        """Stiffness (n_owned, 6) at the nodes of a block of contacts that are or may be closed.
+
+        Those are slaves within the skin of a rigid surface, or with candidates (collective). Of
+        rotations it is that of the arms, N m.
+        """
+        self._carriers.place(self._points)
+        self._frames.update()
+        return stiffness_nearby(
+            self.groups, self._points, self._carriers, self._frames, kind
         )  # fmt: skip
-
-    def entries(self, scale: float) -> tuple[IntArray, IntArray, FloatArray]:
-        """Rows, columns and values of ``scale`` times the tangent (collective)."""
-        block = self._block
-        turns = np.zeros((len(self._points), 9))
-        turns[self._own] = block.frames[: block.owned, 3:]
-        if self._exchange is not None:
-            self._exchange.bring(turns)
-        none = np.zeros(0, np.int64)
-        rows, columns, values = [none], [none], [np.zeros(0)]
-        for group in self.groups:
-            found = [made.blocks(scale) for made in group.triangles]
-            for rigid in group.rigid:
-                nodes, blocks = rigid.blocks(scale)
-                found.append((nodes[:, np.newaxis], np.ascontiguousarray(blocks[:, :3, :3])))
-            for nodes, blocks in found:
-                count, width = nodes.shape
-                R = turns[nodes].reshape(count, width, 3, 3)
-                K = blocks.reshape(count, width, 3, width, 3)
-                K = np.einsum("cpia,cpiqj,cqjb->cpaqb", R, K, R, optimize=True)
-                held = self._held[nodes].reshape(count, 3 * width)
-                K = K.reshape(count, 3 * width, 3 * width)
-                K[held[:, :, np.newaxis] | held[:, np.newaxis]] = 0.0
-                places = self._numbers[nodes]
-                i, j = block_indices(places, places, (3, 3))
-                rows.append(i)
-                columns.append(j)
-                values.append(K.ravel())
-        return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
 
     def numberings(self) -> dict[str, Numbering]:
         """Of the rows of :meth:`state`."""
-        return {"contacts": self._block.numbering()}
+        here = self._carriers.here
+        owned = np.ones(len(here), dtype=np.bool_)
+        return {"contacts": Numbering(here, owned, len(self._points))}
 
     def state(self) -> State:
-        """Stiffness, and what the accepted positions do not tell of the nodes here (collective)."""
+        """Stiffness, and what accepted positions do not tell of the points here (collective)."""
         self.update()
         values = {"contact_stiffness": self.stiffness}
         rows: dict[str, FloatArray] = {}
@@ -302,58 +245,33 @@ class Contacts:
                 memory = made.memory(self._points)
             else:
                 memory = made.memory()
-            rows[name] = np.zeros((len(self._block.frames), memory.shape[1]))
+            rows[name] = np.zeros((len(self._carriers.here), memory.shape[1]))
             rows[name][self._at(made)] = memory
         return State(values, {"contacts": rows})
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned, after the block has (collective)."""
+        """Take back what :meth:`state` returned, after the blocks have (collective)."""
         self.set_stiffness(state.values["contact_stiffness"].copy())
         self.update()
         self._accepted = self.time
-        for name, made, frame in self._named():
+        for name, made, number in self._named():
             memory = state.rows["contacts"][name][self._at(made)]
             if isinstance(made, TriangleContact):
                 made.recall(self._points, memory)
             else:
-                made.recall(self._points, frame, memory)
+                made.recall(self._points, self._frames.frames[number], memory)
 
-    def _named(self) -> Iterator[tuple[str, TriangleContact | RigidContact, FloatArray]]:
-        """All contacts with names of their own, and the frames of rigid surfaces."""
+    def _named(self) -> Iterator[tuple[str, TriangleContact | RigidContact, int]]:
+        """All contacts with names of their own, and the numbers of rigid surfaces."""
+        number = 0
         for group in self.groups:
-            frames = [np.zeros(12)] * len(group.triangles)
-            frames += [frame for _, frame in group.surfaces.rigid]
-            for k, (made, frame) in enumerate(zip(group.every, frames, strict=True)):
-                yield f"{group.surfaces.contact.name}_{k}", made, frame
+            for k, made in enumerate(group.every):
+                yield f"{group.surfaces.contact.name}_{k}", made, number
+                number += isinstance(made, RigidContact)
 
     def _at(self, made: TriangleContact | RigidContact) -> IntArray:
-        """Rows of a contact's slaves among the nodes of the block."""
-        return self._block.owned_index(made.slaves.nodes)
-
-    def nearby(self) -> FloatArray:
-        """Stiffness (n_owned,) of contacts at nodes that are closed or may close soon (collective).
-
-        Those are nodes within the skin of a rigid surface, or with candidates.
-        """
-        self._read()
-        self._forces[:] = 0.0
-        total = self._forces[:, 0]
-        for group in self.groups:
-            for rigid, (_, frame) in zip(group.rigid, group.surfaces.rigid, strict=True):
-                close = rigid.distances(self._points, frame) < group.surfaces.skin
-                total[rigid.slaves.nodes[close]] += rigid.slaves.stiffness[close]
-            for made in group.triangles:
-                rows, slaves = made.rows, made.slaves
-                row = np.repeat(np.arange(len(slaves.nodes)), np.diff(rows.starts))
-                most = np.zeros(len(total))
-                most[slaves.nodes[row]] = slaves.stiffness[row]
-                corners = made.masters.triangles[rows.values]
-                np.maximum.at(most, corners, slaves.stiffness[row][:, np.newaxis])
-                total += most
-        if self._exchange is not None:
-            self._exchange.add_back(self._forces)
-        found: FloatArray = total[self._own].copy()
-        return found
+        """Rows of a contact's slaves among the points here."""
+        return np.searchsorted(self._carriers.here, made.slaves.nodes)
 
     @property
     def energy(self) -> float:
@@ -373,3 +291,48 @@ class Contacts:
         deepest = max([made.deepest for made in group.every], default=0.0)
         deepest = self._comm.allreduce(deepest, op=MPI.MAX)
         return np.array([deepest * float(self._comm.rank == 0), *group.forces])
+
+
+class ContactShare:
+    """What the contacts of a system do to one of its blocks.
+
+    Blocks are asked in their order: the first one evaluates for all.
+
+    Attributes:
+        contacts: of the system.
+        kind: of the block.
+    """
+
+    def __init__(self, contacts: Contacts, kind: int) -> None:
+        """Take part in the contacts."""
+        self.contacts, self.kind = contacts, kind
+        self._first = kind == contacts.kinds[0]
+
+    def add_residual(self, scale: float) -> None:
+        """Add ``scale`` times the forces at the trial state to the residual (collective)."""
+        if self._first:
+            self.contacts.collect(scale)
+        self.contacts.hand_out(self.kind, scale)
+
+    def add_action(self, scale: float) -> None:
+        """Add ``scale`` times the tangent applied to the blocks' steps (collective)."""
+        if self._first:
+            self.contacts.act(scale)
+        self.contacts.hand_out_action(self.kind, scale)
+
+    def entries(self, scale: float, other: int | None = None) -> Triplets:
+        """Rows, columns and values of ``scale`` times the tangent (collective).
+
+        Args:
+            scale: factor.
+            other: kind of the block of the columns; None for this one.
+        """
+        return self.contacts.entries(scale)[self.kind, self.kind if other is None else other]
+
+    def nearby(self) -> FloatArray:
+        """Stiffness (n_owned,) of contacts that are or may soon be closed, N/m (collective)."""
+        return self.contacts.nearby(self.kind)[:, 0]
+
+    def nearby_turns(self) -> FloatArray:
+        """The same of rotations (n_owned,), N m (collective)."""
+        return self.contacts.nearby(self.kind)[:, 3]

@@ -340,7 +340,10 @@ class StepMechanics:
 
 
 def _check_beams(system: System) -> None:
-    """Raise on all ranks for NURBS beams, shells, and beams with a law of the user."""
+    """Raise on all ranks for NURBS beams, shells, contacts, and beams with a law of the user."""
+    for contacts in system.contacts:
+        name = contacts.groups[0].surfaces.contact.name
+        raise InputError(f'Contact "{name}": the integrator energy_momentum does not know contact')
     for part in system.parts:
         if part.kind in (NURBS, SHELLS):
             raise InputError(

@@ -21,7 +21,7 @@ from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State
 from flexfem.elements.family import ElementFamily
 from flexfem.system.constraints import Constraints
-from flexfem.system.contacts import Contacts
+from flexfem.system.contacts import Contacts, ContactShare
 from flexfem.system.inner_forces import InnerForces
 from flexfem.system.interface import Interface
 from flexfem.system.mechanics import EndPoint, Mechanics
@@ -88,7 +88,7 @@ class BlockPart:
         node_body: (n,) number of the body that each node belongs to.
         node_cluster: (n,) number of its cluster: bodies that share nodes are one matrix.
         slots: (n_slots,) local node of each interface slot that this rank owns in it, else -1.
-        contacts: of its nodes, None without any.
+        contacts: what these do to its nodes, None where nothing touches.
     """
 
     kind: int
@@ -101,7 +101,7 @@ class BlockPart:
     node_body: IntArray
     node_cluster: IntArray
     slots: IntArray
-    contacts: Contacts | None = None
+    contacts: ContactShare | None = None
 
     def clusters(self) -> tuple[IntArray, IntArray, IntArray]:
         """Clusters with nodes of this rank, their owned nodes in order, and where each starts."""
@@ -187,8 +187,8 @@ class System:
 
     @property
     def contacts(self) -> list[Contacts]:
-        """Contacts of all blocks."""
-        return [part.contacts for part in self.parts if part.contacts is not None]
+        """Contacts of all blocks together, none or one."""
+        return [part.contacts.contacts for part in self.parts if part.contacts is not None][:1]
 
     @property
     def unknowns(self) -> int:

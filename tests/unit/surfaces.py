@@ -16,12 +16,12 @@ def grid(columns, rows, size=(1.0, 1.0), height=lambda x, y: 0 * x):
     return points, grid_triangles(columns, rows, closed=False, diagonal="right")
 
 
-def masters(points, triangles, thickness):
+def masters(points, triangles, thickness, side=0):
     """Triangles of one part, with half of the thickness."""
     body = np.zeros(len(triangles), dtype=np.int64)
     topology = surface_topology(triangles, match_sides(triangles, body, len(points)))
     rims = rim_bits(triangles, topology.neighbours, len(points))
-    return Masters(triangles, np.full(len(triangles), thickness / 2), rims, body)
+    return Masters(triangles, np.full(len(triangles), thickness / 2), rims, body, body + side)
 
 
 def points_on_surface(points, triangles, others, thickness, **options):

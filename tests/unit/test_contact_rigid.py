@@ -45,13 +45,15 @@ def exact(shape, q):
     return np.hypot(*outside) + inside
 
 
-def contact_with(shape, law=None):
+def contact_with(shape, law=None, stiffer=1.0):
     rng = np.random.default_rng(1)
     q = rng.uniform(-0.8, 0.8, (300, 3))
     points = q @ FRAME[3:].reshape(3, 3).T + FRAME[:3]
     nodes = np.arange(300)
     slaves = Slaves(nodes, np.full(300, 0.1), rng.uniform(1, 2, 300))
-    return RigidContact(slaves, shape, law), points, q
+    contact = RigidContact(slaves, shape, law)
+    contact.stiffer = stiffer
+    return contact, points, q
 
 
 def forces(contact, points, frame, h=0.0):
@@ -72,8 +74,9 @@ def test_distances(name):
 
 
 @EVERY
-def test_forces_are_the_derivative_of_the_energy(name):
-    contact, points, _ = contact_with(SHAPES[name])
+@pytest.mark.parametrize("stiffer", [1.0, 10.0])
+def test_forces_are_the_derivative_of_the_energy(name, stiffer):
+    contact, points, _ = contact_with(SHAPES[name], stiffer=stiffer)
     rng = np.random.default_rng(2)
     way, twist = rng.normal(size=points.shape), rng.normal(size=6)
 
@@ -88,9 +91,12 @@ def test_forces_are_the_derivative_of_the_energy(name):
 
 
 @EVERY
-@pytest.mark.parametrize("law", [None, ContactLaw(friction=0.3, damping=0.01)])
-def test_tangents_are_the_derivative_of_the_forces(name, law):
-    contact, points, _ = contact_with(SHAPES[name], law)
+@pytest.mark.parametrize(
+    ("law", "stiffer"),
+    [(None, 1.0), (None, 10.0), (ContactLaw(friction=0.3, damping=0.01), 10.0)],
+)
+def test_tangents_are_the_derivative_of_the_forces(name, law, stiffer):
+    contact, points, _ = contact_with(SHAPES[name], law, stiffer)
     rng = np.random.default_rng(3)
     way, twist = rng.normal(size=points.shape), rng.normal(size=6)
     contact.evaluate(points, FRAME)
@@ -127,3 +133,17 @@ def test_momenta_are_in_balance():
     np.testing.assert_allclose(residual.sum(0) + force, 0, atol=1e-13)
     moments = np.cross(points, residual).sum(0) + np.cross(FRAME[:3], force) + moment
     np.testing.assert_allclose(moments, 0, atol=1e-13)
+
+
+def test_stiffening_goes_from_one_slope_to_the_other():
+    reach, most = 0.1, 10.0
+    slaves = Slaves(np.arange(3), np.full(3, reach), np.ones(3))
+    contact = RigidContact(slaves, Shape(ShapeKind.PLANE))
+    contact.stiffer = most
+    depth = reach * np.array([1e-4, 0.1, 100.0])
+    contact.evaluate(np.c_[np.zeros((3, 2)), reach - depth], se3.frame(np.zeros(3), np.eye(3)))
+    # slopes 1 at contact, half way up at a tenth of the distance, and ten in the limit
+    np.testing.assert_allclose(contact.contacts[:, 16], [1.0, 5.5, 10.0], rtol=2e-5)
+    closed = depth + 9 * (depth - 0.1 * reach * np.arctan(depth / (0.1 * reach)))
+    # the same formula but for rounding; without its second term 0.5
+    np.testing.assert_allclose(contact.forces[:, 2], closed, rtol=1e-10)

@@ -7,22 +7,11 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
-from flexfem.simulation.stepping import Simulation
-from flexfem.system.probes import ProbeRecorder
+from tests.unit.contact_motion import check_tangents, moved, same_on_ranks, sheet
 
 THICK = 1e-3
 SECTION = ff.ShellSection.isotropic(THICK, ff.Material(2e8, 0.3, 1000.0))
-
-
-def sheet(name, nodes, size, at, tilt=0.0):
-    u = np.linspace(-0.5, 0.5, nodes) * size
-
-    def place(p):
-        return np.c_[p[:, 0] + at[0], p[:, 1] + at[1], at[2] + tilt * p[:, 0]]
-
-    return ff.SurfaceMesh.grid(name, u, u, place)
 
 
 def impact(*, low=(0.0, 0.0, 0.0), tilt=0.0, speed=(0.0, 0.0, -1.0), masters="low", **options):
@@ -35,72 +24,21 @@ def impact(*, low=(0.0, 0.0, 0.0), tilt=0.0, speed=(0.0, 0.0, -1.0), masters="lo
     return model
 
 
-def moved(model, steps, comm=None, dt=2e-4, **options):
-    """Simulation after some steps, and columns of the history (first rank)."""
-    options.setdefault("split_above", 20)
-    settings = RunOptions(dt=dt, t_end=1.0, rho_inf=0.9, **options)
-    simulation = Simulation(model, settings, comm)
-    recorder = ProbeRecorder(simulation.system, simulation.serial, depth=1000)
-    recorder.record(0.0)
-    for _ in range(steps):
-        assert simulation.advance(dt) is Status.OK
-        recorder.record(simulation.system.time)
-    rows = [values for _, values in recorder.flush()]
-    columns = np.array(rows).reshape(-1, len(recorder.columns)).T
-    return simulation, dict(zip(recorder.columns, columns, strict=True))
-
-
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_same_motion_on_any_number_of_ranks(friction):
     model = impact(friction=friction, speed=(0.5, 0.2, -1.0))
-    _, history = moved(model, 20, tolerance=1e-10)
-    _, alone = moved(model, 20, MPI.COMM_SELF, tolerance=1e-10)
+    alone = same_on_ranks(model, 20, tolerance=1e-10)
     if MPI.COMM_WORLD.rank == 0:
         assert alone["touch_penetration"].max() > 1e-5
-        for name, values in alone.items():
-            # rounding: measured 1e-12; a triangle of another rank left out changes 1e-1
-            scale = max(abs(values).max(), 1e-3)
-            np.testing.assert_allclose(history[name], values, atol=1e-9 * scale, err_msg=name)
 
 
 @pytest.mark.three_ranks
 def test_tangents_are_the_derivative_of_the_forces():
-    simulation, _ = moved(impact(friction=0.3, damping=1e-4, speed=(0.5, 0.2, -1.0)), 12)
-    part = simulation.system.parts[0]
-    block, contacts = part.block, part.contacts
-    contacts.time += 1e-4
-    rng = np.random.default_rng(0)
-    step = np.zeros((len(block.frames), 6))
-    step[:, :3] = rng.normal(size=(block.size_global, 3))[block.node_ids]
-    start = block.frames.copy()
-
-    def forces(h):
-        R = start[:, 3:].reshape(-1, 3, 3)
-        block.frames[:, :3] = start[:, :3] + h * np.einsum("nij,nj->ni", R, step[:, :3])
-        block.residual[:] = 0.0
-        contacts.add_residual(1.0)
-        return block.residual[: block.owned, :3].copy()
-
-    h = 1e-8
-    expected = (forces(h) - forces(-h)) / (2 * h)
-    forces(0.0)
-    block.step[:], block.residual[:] = step, 0.0
-    contacts.add_action(1.0)
-    action = block.residual[: block.owned, :3]
-    largest = block.comm.allreduce(abs(expected).max(initial=0.0), op=MPI.MAX)
-    assert largest > 0.0
+    simulation, _ = moved(impact(friction=0.3, damping=1e-4, speed=(0.5, 0.2, -1.0)), 4)
+    simulation.system.contacts[0].time += 1e-4
     # measured 1e-8; without the forces from other ranks 1e-1
-    np.testing.assert_allclose(action, expected, atol=1e-6 * largest)
-    rows, columns, values = contacts.entries(1.0)
-    every, product = np.zeros((2, 3 * block.size_global))
-    own = (3 * block.global_ids[: block.owned, None] + np.arange(3)).ravel()
-    every[own] = step[: block.owned, :3].ravel()
-    every = block.comm.allreduce(every)
-    np.add.at(product, rows, values * every[columns])
-    product = block.comm.allreduce(product)[own].reshape(-1, 3)
-    # the same numbers in another order
-    np.testing.assert_allclose(product, action, atol=1e-12 * largest)
+    assert check_tangents(simulation.system)[0] > 0.0
 
 
 def test_impact_keeps_the_momenta_and_loses_what_is_reported():
@@ -152,6 +90,21 @@ def test_sheet_at_rest_on_a_plane_weighs_what_it_does():
 
 
 @pytest.mark.serial
+def test_automatic_stiffness_holds_what_few_nodes_carry():
+    """A sheet that is laid on a ball with long steps."""
+    radius = 0.05
+    model = ff.Model("laid", surface=sheet("sheet", 13, 0.15, (0, 0, radius + THICK / 2 + 1e-5)))
+    model.add(ff.Shell("sheet", SECTION), ff.Gravity((0, 0, -10.0)))
+    model.add(ff.Contact("on", "sheet", surfaces=ff.RigidSphere(ff.Ground(), radius)))
+    model.add(ff.ContactProbe("touch", "on"), ff.EnergyProbe())
+    _, history = moved(model, 60, dt=1e-3)
+    # measured 0.14; with the same force per penetration at any depth 0.84
+    assert history["touch_penetration"].max() < 0.2 * THICK
+    # measured 2e-4 lost, nothing gained
+    assert history["energy_balance"].max() < 1e-3 * history["energy_strain"].max()
+
+
+@pytest.mark.serial
 def test_fast_sheet_does_not_get_through():
     model = impact(speed=(0.0, 0.0, -20.0))  # 4 mm a step, four times the thickness
     simulation, _ = moved(model, 15)
@@ -193,7 +146,7 @@ def test_restart_goes_on_as_before():
     [
         ({"low": (0, 0, 1.2e-3)}, 'Contact "hit": at the start Shell "up" penetrates .*0.0007 m'),
         ({"tilt": 0.1}, 'Contact "hit": at the start Shell "up" goes through Shell "low"'),
-        ({"masters": "none"}, 'Contact "hit": Model "impact" has no shell "none"'),
+        ({"masters": "none"}, 'Contact "hit": masters: Model "impact" has no shell "none"'),
         ({"friction": -1.0}, 'Contact "hit": friction must not be negative'),
         ({"masters": ()}, 'Contact "hit": it needs slaves, and masters or surfaces'),
         ({"masters": ("up", "low")}, 'Contact "hit": masters must be others than the slaves'),

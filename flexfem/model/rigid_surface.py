@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Rigid surfaces that shells and beams touch: fixed in space, or moving with a body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem.core.marker import Attachment, Carrier, Ground, Marker, ShellLine, SurfaceMarker
+from flexfem.mesh.surface_mesh import SurfaceMesh
+from flexfem.mesh.surface_topology import connected_parts, vector_areas
+from flexfem.model.bodies import Beam, RigidBody
+
+if TYPE_CHECKING:
+    from flexfem.model.model import Model
+
+__all__ = ["RigidCylinder", "RigidMesh", "RigidPlane", "RigidSphere", "RigidSurface"]
+
+#: Volume relative to that of a sphere of the same area, below which a part has no inside.
+_FLAT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class RigidSurface:
+    """Base class of the rigid surfaces.
+
+    Attributes:
+        place: Position and axes: in space, or moving with a rigid body or a node of an SE(3) beam,
+            which then feel the forces.
+    """
+
+    place: Attachment
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            TypeError: A value is of the wrong type.
+            ValueError: A length is not positive.
+        """
+        kind = type(self).__name__
+        if type(self) is RigidSurface:
+            raise TypeError(
+                "RigidSurface: take a RigidPlane, RigidSphere, RigidCylinder or RigidMesh"
+            )
+        _checks.instance(kind, "place", self.place, (Ground, Marker))
+        if isinstance(self.place, (Carrier, ShellLine, SurfaceMarker)):
+            raise TypeError(
+                f"{kind}: place must be a Ground or a plain Marker, got {type(self.place).__name__}"
+            )
+
+    def check(self, model: Model, owner: str) -> None:
+        """Check what carries the surface.
+
+        Raises:
+            ValueError: It is no body of the model, or one that carries no surface.
+        """
+        if isinstance(self.place, Ground):
+            return
+        body = model.get(self.place.body)
+        se3 = isinstance(body, Beam) and body.formulation == "se3"
+        if not (se3 or isinstance(body, RigidBody)):
+            what = "nothing of that name" if body is None else f"a {type(body).__name__}"
+            raise ValueError(
+                f"{owner}: {type(self).__name__} must be on the ground, on a RigidBody or on an "
+                f'SE(3) Beam, got "{self.place.body}", {what} in {model!r}'
+            )
+        model.marker_place(self.place)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPlane(RigidSurface):
+    """The plane z = 0 of its place; shells are on the side z > 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidSphere(RigidSurface):
+    """A sphere with its centre at its place.
+
+    Attributes:
+        radius: Metres.
+        inside: Whether shells are inside.
+    """
+
+    radius: float = 0.0
+    inside: bool = False
+
+    def __post_init__(self) -> None:
+        """See :class:`RigidSurface`."""
+        super().__post_init__()
+        _checks.number("RigidSphere", "radius", self.radius, positive=True)
+        _checks.instance("RigidSphere", "inside", self.inside, bool)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidCylinder(RigidSurface):
+    """A cylinder around the z axis of its place, which is in the middle.
+
+    Attributes:
+        radius: Metres.
+        length: Metres. From outside, a finite cylinder is closed by flat ends; from inside it is
+            open and acts between its ends.
+        inside: Whether shells are inside.
+    """
+
+    radius: float = 0.0
+    length: float = np.inf
+    inside: bool = False
+
+    def __post_init__(self) -> None:
+        """See :class:`RigidSurface`."""
+        super().__post_init__()
+        _checks.number("RigidCylinder", "radius", self.radius, positive=True)
+        if self.length != np.inf:
+            _checks.number("RigidCylinder", "length", self.length, positive=True)
+        _checks.instance("RigidCylinder", "inside", self.inside, bool)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMesh(RigidSurface):
+    """A surface of triangles, in the axes of its place.
+
+    A closed surface acts on the side that its normals point to, which is the outside. One that
+    is open, or touched from both sides, has ``two_sided``: then a node stays on the side on which
+    it came near, as with shells, and gets round the rim of an open surface. It touches at half
+    of the thickness of shells, at the radius of beams.
+
+    Attributes:
+        mesh: Triangles; the names of its bodies do not matter. Metres.
+        inside: Whether shells are inside of closed surfaces, whose normals then point inwards.
+        two_sided: Whether both sides act, whatever the normals are.
+    """
+
+    mesh: SurfaceMesh = field(kw_only=True)
+    inside: bool = False
+    two_sided: bool = False
+
+    def __post_init__(self) -> None:
+        """See :class:`RigidSurface`.
+
+        Raises:
+            ValueError: A surface that is open, or whose normals point to the wrong side.
+        """
+        super().__post_init__()
+        _checks.instance("RigidMesh", "mesh", self.mesh, SurfaceMesh)
+        _checks.instance("RigidMesh", "inside", self.inside, bool)
+        _checks.instance("RigidMesh", "two_sided", self.two_sided, bool)
+        # faces of several bodies that share their edges are one surface
+        rows = np.arange(len(self.mesh.triangles))
+        whole = SurfaceMesh(self.mesh.points, self.mesh.triangles, {"surface": rows})
+        _checks.assign(self, mesh=whole)
+        if not self.two_sided:
+            self._check_closed()
+
+    def _check_closed(self) -> None:
+        """Raise where a part of the surface is open, or its normals point to the wrong side."""
+        mesh, neighbours = self.mesh, self.mesh.topology.neighbours
+        if (neighbours < 0).any():
+            row = int(np.argmax((neighbours < 0).any(axis=1)))
+            side = int(np.argmax(neighbours[row] < 0))
+            ends = [int(mesh.triangles[row, (side + k) % 3]) for k in (1, 2)]
+            raise ValueError(
+                f"RigidMesh: the surface is open at the edge between nodes {ends[0]} and "
+                f"{ends[1]}: close it, or give two_sided=True, with which it acts on both sides"
+            )
+        # about a point of the mesh: of a closed surface the volume does not depend on it
+        x = mesh.points[mesh.triangles] - mesh.points[0]
+        areas = vector_areas(mesh.points, mesh.triangles)
+        volumes = np.einsum("mi,mi->m", x.mean(axis=1), areas) / 3.0
+        parts = connected_parts(neighbours)
+        for part in np.unique(parts):
+            own = parts == part
+            volume = float(volumes[own].sum())
+            area = float(np.linalg.norm(areas[own], axis=1).sum())
+            sign = -1.0 if self.inside else 1.0
+            if sign * volume > _FLAT * area**1.5:
+                continue
+            way = "outwards" if self.inside else "inwards"
+            rest = "which inside=True does not allow" if self.inside else (
+                "turn them round, or give inside=True where shells are inside"
+            )  # fmt: skip
+            raise ValueError(
+                f"RigidMesh: the normals at triangle {int(np.argmax(own))} point {way} (volume "
+                f"{volume:.3g} m^3), {rest}"
+            )

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The points of contacts on this rank: where they are, how they move, and what carries them.
+
+Arrays have one row for every point of the model; only those of points here or nearby are used. A
+point belongs to the rank that owns the node that carries it, one between two others to that of the
+first. Points on the ground are shared out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.contact.carried import (
+    add_carried,
+    add_turned,
+    carried_into,
+    moved_into,
+    spread_means,
+    weigh_means,
+)
+from flexfem.core.frame_block import FrameBlock
+from flexfem.system.contact_points import GROUND, ContactPoints
+from flexfem.system.node_exchange import NodeExchange
+from flexfem.system.placement import SHELLS
+
+__all__ = ["CarriedPoints", "Carriers"]
+
+
+@dataclass
+class CarriedPoints:
+    """Points that the nodes of one block carry on this rank.
+
+    Attributes:
+        block: the block.
+        rows: of the points whose nodes this rank owns, (k,); local: these nodes, (k,).
+        arms: m, (k, 3).
+        ghosts: rows, local nodes and arms of the points of ghost nodes.
+        loads: forces at the last evaluation in the axes of the nodes, N, (k, 3).
+    """
+
+    block: FrameBlock
+    rows: IntArray
+    local: IntArray
+    arms: FloatArray
+    ghosts: tuple[IntArray, IntArray, FloatArray]
+    loads: FloatArray
+
+    @property
+    def turns(self) -> bool:
+        """Whether the nodes turn."""
+        return self.block.width == 6
+
+    @classmethod
+    def of(cls, points: ContactPoints, kind: int, block: FrameBlock) -> "CarriedPoints":
+        """Find the points of a kind."""
+        rows = np.flatnonzero(points.kind == kind)
+        rows = rows[np.isin(points.node[rows], block.node_ids)]
+        local = block.local_index(points.node[rows]) if len(rows) else rows
+        own, arms = local < block.owned, points.arms[rows]
+        return cls(
+            block, rows[own], local[own], arms[own], (rows[~own], local[~own], arms[~own]),
+            np.zeros((int(own.sum()), 3)),
+        )  # fmt: skip
+
+
+class Carriers:
+    """All points on this rank, and their exchange with other ranks.
+
+    Attributes:
+        serial: the points of the model.
+        by_kind: those that each block carries.
+        home: rank of every point, (n + d,).
+        numbers: global number of each carrier in its block, (n,).
+        ranks: rank that looks for what is near each triangle, (m,).
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, points: ContactPoints, blocks: Mapping[int, FrameBlock],
+        shell_ranks: IntArray,
+    ) -> None:  # fmt: skip
+        """Find out who owns what (collective).
+
+        Args:
+            comm: communicator.
+            points: the points of the model.
+            blocks: those that carry points, by kind.
+            shell_ranks: rank of every triangle of the surface mesh.
+        """
+        self._comm, self.serial = comm, points
+        self.by_kind = {kind: CarriedPoints.of(points, kind, one) for kind, one in blocks.items()}
+        known = np.full((2, points.carried), -1, dtype=np.int64)
+        for one in self.by_kind.values():
+            known[0, one.rows], known[1, one.rows] = comm.rank, one.block.offset + one.local
+        comm.Allreduce(MPI.IN_PLACE, known, op=MPI.MAX)
+        owner, self.numbers = known
+        ground = np.flatnonzero(points.kind == GROUND)
+        owner[ground] = np.arange(len(ground)) * comm.size // max(len(ground), 1)
+        self.home: IntArray = np.concatenate([owner, owner[points.parents[:, 0]]])
+        self.ranks: IntArray = owner[points.masters.triangles[:, 0]]
+        shells = np.flatnonzero(points.kind[points.masters.triangles[:, 0]] == SHELLS)
+        if len(shells):
+            self.ranks[shells] = np.repeat(shell_ranks, len(shells) // len(shell_ranks))
+        between = np.flatnonzero(self.home[points.carried :] == comm.rank)
+        self._between = (
+            points.parents[between], points.weights[between], points.carried + between
+        )  # fmt: skip
+        self._exchange: NodeExchange | None = None
+        self.ask(np.zeros(0, np.int64))
+
+    @property
+    def here(self) -> IntArray:
+        """Points of this rank."""
+        return np.flatnonzero(self.home == self._comm.rank)
+
+    def ask(self, nodes: IntArray) -> None:
+        """Bring the rows of some points of other ranks from now on (collective)."""
+        if self._comm.size > 1:
+            wanted = np.unique(np.concatenate([nodes, self._between[0].ravel()]))
+            self._exchange = NodeExchange(self._comm, self.home, wanted)
+
+    def bring(self, values: FloatArray) -> None:
+        """Bring rows of ``values`` (n + d, k) from other ranks (collective)."""
+        if self._exchange is not None:
+            self._exchange.bring(values)
+
+    def add_back(self, values: FloatArray) -> None:
+        """Add rows of ``values`` (n + d, k) for other ranks to theirs (collective)."""
+        if self._exchange is not None:
+            self._exchange.add_back(values)
+
+    def place(self, points: FloatArray, ghosts: bool = False) -> None:
+        """Write the positions of the points here and nearby into (n + d, 3) (collective)."""
+        for one in self.by_kind.values():
+            carried_into(one.block.frames, one.local, one.arms, one.rows, points)
+            if ghosts:
+                rows, local, arms = one.ghosts
+                carried_into(one.block.frames, local, arms, rows, points)
+        self.bring(points)
+        weigh_means(*self._between, points)
+
+    def move(self, steps: FloatArray) -> None:
+        """Write the inertial steps of the points here and nearby (n + d, 3) (collective)."""
+        for one in self.by_kind.values():
+            block = one.block
+            moved_into(block.frames, block.step, one.turns, one.local, one.arms, one.rows, steps)
+        self.bring(steps)
+        weigh_means(*self._between, steps)
+
+    def gather(self, forces: FloatArray) -> None:
+        """Add forces (n + d, 3) on all points to those of the nodes' owners (collective)."""
+        spread_means(*self._between, forces)
+        self.add_back(forces)
+
+    def add_loads(self, kind: int, forces: FloatArray, scale: float) -> None:
+        """Add gathered forces (n + d, 3), which have been scaled, to a block's residual."""
+        one = self.by_kind[kind]
+        add_carried(
+            one.block.frames, one.turns, one.local, one.arms, one.rows, forces, one.loads,
+            one.block.residual,
+        )  # fmt: skip
+        one.loads /= scale
+
+    def add_changes(self, kind: int, forces: FloatArray, scale: float) -> None:
+        """Add changes of gathered forces (n + d, 3) to a block's residual.
+
+        Those are scaled; what the loads of the last evaluation change as nodes turn is added.
+        """
+        one, block = self.by_kind[kind], self.by_kind[kind].block
+        add_carried(
+            block.frames, one.turns, one.local, one.arms, one.rows, forces,
+            np.empty_like(one.loads), block.residual,
+        )  # fmt: skip
+        if one.turns:
+            add_turned(block.step, one.local, one.arms, one.loads, scale, block.residual)
