@@ -77,8 +77,6 @@ class OperatingPoint:
         """
         destroy_dropped(self.system.comm)  # matrices and solvers of other speeds
         rotation = self.rotation(spin)
-        if spin != 0.0 or self.options.start != "rest":
-            self._refuse_contact()
         if spin != 0.0:
             check_steadiness(self.serial.model, self.system, rotation)
         elif self.options.start == "rest":
@@ -87,15 +85,6 @@ class OperatingPoint:
             self.system.constraints.forces[:] = self.linearization.multipliers
             return status
         return find_equilibrium(self.linearization, rotation)
-
-    def _refuse_contact(self) -> None:
-        """Raise if the search for an equilibrium had to find out who touches whom."""
-        for contacts in self.system.contacts:
-            name = contacts.groups[0].surfaces.contact.name
-            raise InputError(
-                f'Contact "{name}": equilibria with contact are not searched for here, take a '
-                "state that a motion or a relaxation has reached"
-            )
 
     def check_count(self, owner: str, count: int) -> None:
         """Raise if the model has fewer modes than asked for.

@@ -324,3 +324,5 @@ class Linearization:
             block.owned_step[:] = step
             block.spread_step()
             block.frames[:] = se3.retract(block.frames, block.step)
+        for contacts in self.system.contacts:
+            contacts.update()
