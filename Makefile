@@ -43,7 +43,9 @@ lint: $(STAMP) ## style, types, architecture
 	$(BIN)/python -m pytest -q tests/test_architecture.py
 
 test: lint ## lint, then all tests on 1 and 2 ranks, some on 3
-	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist loadfile
+	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist loadfile --ignore tests/cases
+	# runs on several ranks want all cores
+	$(BIN)/python -m pytest -m "not benchmark" tests/cases
 	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
 	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
 

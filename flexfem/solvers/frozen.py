@@ -44,7 +44,7 @@ __all__ = ["FrozenSolver"]
 _KEPT = 6
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
-_INNER, _SWEEPS = 0.1, 8
+_INNER, _SWEEPS = 0.02, 8
 #: The multipliers' system is kept within a step while iterations contract like this.
 _WELL = 0.02
 
