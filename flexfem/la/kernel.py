@@ -25,6 +25,8 @@ __all__ = ["Kernel", "compile_kernel", "tabulate", "tabulate_batch"]
 
 #: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums.
 _COMPILE_ARGUMENTS = ["-O3", "-march=native", "-fno-math-errno", "-g0"]
+#: Seconds that a process waits for another one that compiles the same form.
+_PATIENCE = 120
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ def compile_kernel(
     """
     from dolfinx.fem import compile_form
 
-    compiled = compile_form(comm, form, jit_options={"cffi_extra_compile_args": _COMPILE_ARGUMENTS})
+    options = {"cffi_extra_compile_args": _COMPILE_ARGUMENTS, "timeout": _PATIENCE}
+    compiled = compile_form(comm, form, jit_options=options)
     ufcx, ffi = compiled.ufcx_form, compiled.module.ffi
     own = form.coefficients()
     offsets = np.full(len(coefficients) + 1, -1, dtype=np.int64)
