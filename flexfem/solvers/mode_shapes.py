@@ -127,7 +127,7 @@ def find(linearization: Linearization, count: int, target: float, tolerance: flo
         order = np.argsort(np.abs(found), kind="stable")
     order = order[:count]
     order = order[np.argsort(np.abs(np.array(found)[order]), kind="stable")]
-    kept = np.array(shapes, dtype=np.complex128).reshape(-1, linearization.unknowns)[order]
+    kept = np.array(shapes, dtype=np.complex128).reshape(len(shapes), linearization.unknowns)[order]
     momenta = _times(pencil, kept)
     part = _reduce(linearization, kept.conj() @ moved[:3].T)
     return Modes(linearization, np.array(found)[order], kept, momenta, np.abs(part) ** 2)
