@@ -104,10 +104,13 @@ def counted() -> Iterator[Counted]:
 
 @pytest.mark.parametrize("name", RUNS)
 def test_dropped_models_leave_no_communicators(name: str, counted: Counted) -> None:
-    assert RUNS[name](counted.comm).status == "ok"
-    destroy_dropped(counted.comm)
-    # DOLFINx keeps one of every communicator; 4 are left if rows and lines hold one another
-    assert counted.alive <= 1
+    left = []
+    for _ in range(2):
+        assert RUNS[name](counted.comm).status == "ok"
+        destroy_dropped(counted.comm)
+        left.append(counted.alive)
+    # DOLFINx keeps some for good; each run leaves 4 more if rows and lines hold one another
+    assert left[1] == left[0]
 
 
 def test_a_model_begins_with_the_end_of_those_before(counted: Counted) -> None:
