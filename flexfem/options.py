@@ -167,6 +167,8 @@ class Settings:
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
     #: Options that a run that goes on from a checkpoint may not change.
     RESTART_AGREES: ClassVar[tuple[str, ...]] = ()
+    #: Fields that are paths, or None.
+    PATHS: ClassVar[tuple[str, ...]] = ("output",)
 
     output: Path | None = None
     quiet: bool = False
@@ -184,8 +186,9 @@ class Settings:
             except (TypeError, ValueError) as error:
                 raise type(error)(f"{type(self).__name__}: {option.name} {error}") from None
             object.__setattr__(self, option.name, value)
-        if self.output is not None:
-            object.__setattr__(self, "output", self._path("output"))
+        for name in self.PATHS:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, self._path(name))
 
     def _path(self, name: str) -> Path:
         """A field as a path.

@@ -127,6 +127,7 @@ class RunOptions(Settings):
     """
 
     OPTIONS = _RUN_OPTIONS
+    PATHS = ("output", "restart")
     RESTART_AGREES = ("dt", "integrator", "rho_inf", "redundant_constraints", "start")
 
     dt: float
@@ -147,8 +148,6 @@ class RunOptions(Settings):
     def __post_init__(self) -> None:
         """Check every value, and the values against each other."""
         super().__post_init__()
-        if self.restart is not None:
-            object.__setattr__(self, "restart", self._path("restart"))
         if self.dt > self.t_end:
             raise ValueError(f"RunOptions: dt {self.dt:g} s exceeds t_end {self.t_end:g} s")
         if self.t_end > MAX_STEPS * self.dt:

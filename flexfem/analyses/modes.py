@@ -72,6 +72,7 @@ class StateOptions(Settings):
     """
 
     OPTIONS: ClassVar[tuple[Option, ...]] = _STATE_OPTIONS
+    PATHS = ("output", "state")
 
     start: str = "rest"
     spin: float = 0.0
@@ -84,12 +85,10 @@ class StateOptions(Settings):
     def __post_init__(self) -> None:
         """Check every value."""
         super().__post_init__()
-        if self.state is not None:
-            object.__setattr__(self, "state", self._path("state"))
-            if self.time != 0.0:
-                raise ValueError(
-                    f"{type(self).__name__}: a state has its own time, got time {self.time:g}"
-                )
+        if self.state is not None and self.time != 0.0:
+            raise ValueError(
+                f"{type(self).__name__}: a state has its own time, got time {self.time:g}"
+            )
         if not any(self.axis_vector):
             raise ValueError(f"{type(self).__name__}: axis must not be zero, got {self.axis!r}")
         self._numbers("centre", self.centre)

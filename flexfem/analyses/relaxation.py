@@ -104,6 +104,7 @@ class RelaxationOptions(Settings):
     """
 
     OPTIONS = _OPTIONS
+    PATHS = ("output", "restart")
     RESTART_AGREES = ("damping", "masses", "least_mass", "margin", "renew_every", "at_time")
 
     tolerance: float = _DEFAULTS["tolerance"]
@@ -124,8 +125,6 @@ class RelaxationOptions(Settings):
     def __post_init__(self) -> None:
         """Check every value, and the values against each other."""
         super().__post_init__()
-        if self.restart is not None:
-            object.__setattr__(self, "restart", self._path("restart"))
         for name in ("every", "checkpoint_every"):
             value = getattr(self, name)
             if value % self.record_every:

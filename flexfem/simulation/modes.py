@@ -16,10 +16,10 @@ from flexfem.analyses.modes import ModeOptions
 from flexfem.core.status import Status
 from flexfem.io.history import HistoryWriter
 from flexfem.io.mode_output import write_modes
-from flexfem.io.summary import remove_summary, write_summary
+from flexfem.io.summary import remove_summary
 from flexfem.model.model import Model
 from flexfem.simulation.operating_point import OperatingPoint
-from flexfem.simulation.outcome import Outcome, Results
+from flexfem.simulation.outcome import Outcome, Results, conclude
 from flexfem.solvers.mode_shapes import Modes, find
 
 __all__ = ["ModesOutcome", "find_modes", "modes_at"]
@@ -77,11 +77,8 @@ def find_modes(
         summary["results"] = {
             f"frequency_{k + 1}": f for k, f in enumerate(found.frequencies.tolist())
         }
-    if history and results is not None:
-        summary["results"] = dict(results(history))
-    if options.output is not None:
-        write_summary(options.output / "summary.json", summary, point.system.comm)
-    return ModesOutcome(reason, summary, history, found)
+    ended = conclude(summary, history, results, options, point.system.comm)
+    return ModesOutcome(ended.status, ended.summary, ended.history, found)
 
 
 def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Modes:

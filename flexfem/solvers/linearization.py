@@ -209,6 +209,7 @@ class Linearization:
     def _with_contacts(self, stiffness: PETSc.Mat) -> PETSc.Mat:
         """Add the contacts that are closed, whose pattern changes from state to state."""
         touching = [(a, p) for a, p in enumerate(self.system.parts) if p.contacts is not None]
+        total = stiffness.copy() if touching else stiffness
         for a, part in touching:
             for b, other in touching:
                 assert part.contacts is not None
@@ -216,9 +217,9 @@ class Linearization:
                 row, column = self._unknown(a, rows), self._unknown(b, columns)
                 own = CoordinateMatrix(self.system.comm, self.sizes, self.sizes, row, column)
                 own.assemble(values)
-                stiffness = stiffness.copy()
-                stiffness.axpy(1.0, own.mat)
-        return stiffness
+                total.axpy(1.0, own.mat)
+                own.mat.destroy()
+        return total
 
     def _row_scales(self) -> tuple[FloatArray, FloatArray]:
         """Factors (r,) of the rows' equations, and 0 where a law lets no force change, else 1.

@@ -26,10 +26,12 @@ from flexfem.model.rigid_surface import RigidMesh
 from flexfem.system.assembly import Assembly
 from flexfem.system.placement import BEAMS, SHELLS
 
-__all__ = ["GROUND", "ContactPoints", "contact_points"]
+__all__ = ["GROUND", "RINGS", "ContactPoints", "contact_points"]
 
 #: Kind of the points that nothing moves.
 GROUND = -1
+#: Points and edges up to this many edges away from a triangle neither touch nor cross it.
+RINGS = 2
 #: Corners of the four triangles between the nodes of a curved one.
 _QUARTERS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
 #: Most parts that an element of a beam is divided into.

@@ -11,13 +11,10 @@ from flexfem.contact.start import deepest_start, first_crossing, winding_numbers
 from flexfem.contact.surfaces import RigidContact
 from flexfem.contact.triangles import TriangleContact
 from flexfem.model.rigid_surface import RigidMesh
-from flexfem.system.contact_points import ContactPoints
+from flexfem.system.contact_points import RINGS, ContactPoints
 from flexfem.system.contact_surfaces import ContactPass, ContactSurfaces
 
 __all__ = ["check_start"]
-
-#: Edges up to this many edges away from a triangle do not go through it.
-_RINGS = 2
 
 
 def check_start(points: ContactPoints, described: Sequence[ContactSurfaces]) -> None:
@@ -58,7 +55,7 @@ def _check_crossing(points: ContactPoints, owner: str, each: ContactPass) -> Non
     slave[each.slaves.nodes] = True
     edges = np.concatenate([points.edges, points.parents])
     own = edges[slave[edges].all(axis=1)]
-    near = rings(points.masters.triangles, own[:, 0], _RINGS, points.joined)
+    near = rings(points.masters.triangles, own[:, 0], RINGS, points.joined)
     edge, triangle = first_crossing(points.start, own, points.masters.triangles[each.chosen], near)
     if edge >= 0:
         a, b = own[edge].tolist()

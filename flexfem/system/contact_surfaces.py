@@ -26,13 +26,11 @@ from flexfem.model.rigid_surface import (
 )
 from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
-from flexfem.system.contact_points import ContactPoints
+from flexfem.system.contact_points import RINGS, ContactPoints
 from flexfem.system.placement import NodeKey
 
 __all__ = ["ContactPass", "ContactSurfaces", "RigidPlace", "contact_surfaces"]
 
-#: Nodes up to this many edges away do not touch a triangle's nodes.
-_RINGS = 2
 #: Skin in mean lengths of edges.
 _SKIN = 0.4
 
@@ -179,7 +177,7 @@ def _pass(
     """One pass; the stiffness of its slaves is set for it alone."""
     one, areas = slaves
     own = Slaves(one.nodes, one.offsets, np.zeros(len(one.nodes)))
-    excluded = rings(points.masters.triangles, own.nodes, _RINGS, points.joined)
+    excluded = rings(points.masters.triangles, own.nodes, RINGS, points.joined)
     return ContactPass(own, share * areas, points.masters, master, excluded, sign, deep)
 
 

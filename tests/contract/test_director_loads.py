@@ -9,8 +9,8 @@ import pytest
 import flexfem as ff
 from flexfem.lie import se3, so3
 from flexfem.system.assembly import Assembly
-from flexfem.system.build import build
 from flexfem.system.system import System
+from tests.contract.loaded_shells import disturb, load_forces, loaded, sums
 
 SECTION = ff.ShellSection.isotropic(0.01, ff.Material(1e6, 0.0, 10.0))
 
@@ -28,41 +28,13 @@ def curved() -> ff.SurfaceMesh:
 def _system(
     mesh: ff.SurfaceMesh, load: object, comm: MPI.Intracomm = MPI.COMM_WORLD, **options: object
 ) -> System:
-    model = ff.Model("test", surface=mesh)
-    model.add(ff.Shell("shell", SECTION, element="director", **options), load)
-    model.validate()
-    system = build(Assembly(model), comm, split_above=1)
-    system.set_time(0.0)
-    return system
-
-
-def _disturb(system: System, rng: np.random.Generator) -> None:
-    """Another shape, in axes turned at random; the same on all ranks."""
-    block = system.parts[0].block
-    moves = 0.1 * rng.normal(size=(block.size_global, 3))[block.node_ids]
-    turns = so3.exp(rng.normal(size=(block.size_global, 3)))[block.node_ids]
-    block.frames[:] = se3.frame(block.start_frames[:, :3] + moves, turns)
-
-
-def _residual(system: System, scale: float = 1.0) -> np.ndarray:
-    """(n_owned, 6) residual of the loads alone, node axes."""
-    (part,) = system.parts
-    part.block.residual[:] = 0.0
-    for inside in part.line_forces:
-        inside.add_residual(part.block, system.factors, scale)
-    part.block.add_ghosts()
-    part.forces.add_residual(part.block, system.factors, scale)
-    return part.block.owned_residual
+    return loaded(ff.Shell("shell", SECTION, element="director", **options), mesh, load, comm)
 
 
 def _sums(system: System) -> np.ndarray:
-    """Resultant and moment about the inertial origin (collective)."""
-    own = -_residual(system)
-    frames = system.parts[0].block.frames[: len(own)]
-    forces = np.einsum("nij,nj->ni", se3.rotation(frames), own[:, :3])
-    assert not own[:, 3:].any()
-    both = np.concatenate([forces.sum(axis=0), np.cross(frames[:, :3], forces).sum(axis=0)])
-    return system.comm.allreduce(both)
+    """Resultant and moment about the inertial origin of forces without moments (collective)."""
+    assert not load_forces(system)[:, 3:].any()
+    return sums(system)
 
 
 def _places(system: System) -> np.ndarray:
@@ -77,7 +49,7 @@ def _places(system: System) -> np.ndarray:
 def test_pressure_depends_on_the_rim_alone(rng):
     """Gauss: ``p/2`` times the integral of x x dx along the quadratic edges of the boundary."""
     system = _system(curved(), ff.Pressure("load", "shell", 7.0))
-    _disturb(system, rng)
+    disturb(system, rng, 0.1)
     points = _places(system)
     (rim,) = curved().boundary_lines("shell")
     serial = Assembly(_model_of(curved())).surface
@@ -105,7 +77,7 @@ def _model_of(mesh: ff.SurfaceMesh) -> ff.Model:
 def test_tangent_and_action_of_pressure_by_differences(rng):
     mesh = ff.SurfaceMesh.grid("shell", [0.0, 0.6], [0.0, 0.5], bowl)
     system = _system(mesh, ff.Pressure("load", "shell", 7.0), MPI.COMM_SELF)
-    _disturb(system, rng)
+    disturb(system, rng, 0.1)
     (part,) = system.parts
     (inside,) = part.line_forces
     block, eps = part.block, 1e-6
@@ -118,7 +90,7 @@ def test_tangent_and_action_of_pressure_by_differences(rng):
             turns = se3.rotation(frames)
             moved = frames[:, :3] + np.einsum("nij,nj->ni", turns, sign * twist[:, :3])
             block.frames[:] = se3.frame(moved, turns @ so3.exp(sign * twist[:, 3:]))
-            sides.append(_residual(system, 0.4).ravel().copy())
+            sides.append(-load_forces(system, 0.4).ravel())
         columns.append((sides[0] - sides[1]) / (2.0 * eps))
     block.frames[:] = frames
     full = np.zeros((count, 6, count, 6))
@@ -158,7 +130,7 @@ def test_dead_loads_count_curved_lengths_and_areas(line, rng):
     # middles are found from tangent planes, to 2e-3; those on chords miss 1e-2, equal shares more
     np.testing.assert_allclose(_sums(system), expected, rtol=4e-3, atol=4e-3)
     before = _sums(system)[:3]
-    _disturb(system, rng)
+    disturb(system, rng, 0.1)
     np.testing.assert_allclose(_sums(system)[:3], before, atol=1e-12)
 
 

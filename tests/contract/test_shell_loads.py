@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.lie import se3, so3
-from flexfem.system.assembly import Assembly
-from flexfem.system.build import build
+from flexfem.lie import se3
 from flexfem.system.system import System
+from tests.contract.loaded_shells import disturb, inertial, load_forces, loaded, sums
 
 SECTION = ff.ShellSection.isotropic(0.1, ff.Material(1e3, 0.3, 10.0))
 
@@ -33,51 +32,14 @@ def _system(
     comm: MPI.Intracomm = MPI.COMM_WORLD,
     element: str = "rotation_free",
 ) -> System:
-    model = ff.Model("test", surface=mesh)
-    model.add(ff.Shell("shell", SECTION, element=element), load)
-    model.validate()
-    system = build(Assembly(model), comm, split_above=1)
-    system.set_time(0.0)
-    return system
-
-
-def _disturb(system: System, rng: np.random.Generator) -> None:
-    """Another shape, in axes turned at random; the same on all ranks."""
-    block = system.parts[0].block
-    moves = 0.2 * rng.normal(size=(block.size_global, 3))[block.node_ids]
-    turns = so3.exp(rng.normal(size=(block.size_global, 3)))[block.node_ids]
-    block.frames[:] = se3.frame(block.start_frames[:, :3] + moves, turns)
-
-
-def _forces(system: System, scale: float = 1.0) -> np.ndarray:
-    """(n_owned, width) forces of the loads alone, node axes; the last three are moments."""
-    (part,) = system.parts
-    part.block.residual[:] = 0.0
-    part.forces.add_residual(part.block, system.factors, scale)
-    for inside in part.line_forces:
-        inside.add_residual(part.block, system.factors, scale)
-    part.block.add_ghosts()
-    return -part.block.owned_residual
-
-
-def _inertial(system: System, local: np.ndarray) -> np.ndarray:
-    frames = system.parts[0].block.frames[: len(local)]
-    return np.einsum("nij,nj->ni", se3.rotation(frames), local[:, :3])
-
-
-def _sums(system: System) -> np.ndarray:
-    """Resultant and moment about the inertial origin (collective)."""
-    forces = _inertial(system, _forces(system))
-    points = system.parts[0].block.frames[: len(forces), :3]
-    both = np.concatenate([forces.sum(axis=0), np.cross(points, forces).sum(axis=0)])
-    return system.comm.allreduce(both)
+    return loaded(ff.Shell("shell", SECTION, element=element), mesh, load, comm)
 
 
 @pytest.mark.three_ranks
 def test_pressure_on_an_open_surface_is_that_on_its_cover(rng):
     """Gauss: the resultant depends on the rims alone, and so does the moment."""
     system = _system(barrel(), ff.Pressure("load", "shell", 7.0))
-    _disturb(system, rng)
+    disturb(system, rng, 0.2)
     block, mesh = system.parts[0].block, barrel()
     points = np.zeros((len(mesh.points), 3))
     points[block.node_ids[: block.owned]] = block.frames[: block.owned, :3]
@@ -88,7 +50,7 @@ def test_pressure_on_an_open_surface_is_that_on_its_cover(rng):
         total += 0.5 * np.cross(ring[:-1], ring[1:]).sum(axis=0)
     # round-off; a pressure against the normal has the other sign, the area of the start is off by
     # tens of per cents
-    np.testing.assert_allclose(_sums(system)[:3], 7.0 * total, atol=1e-12)
+    np.testing.assert_allclose(sums(system)[:3], 7.0 * total, atol=1e-12)
 
 
 def test_positive_pressure_pushes_along_the_normal():
@@ -96,7 +58,7 @@ def test_positive_pressure_pushes_along_the_normal():
     system = _system(mesh, ff.Pressure("load", "shell", 7.0))
     # of 6 m^2 at (1, 1.5); the wrong side has the other sign
     expected = [0.0, 0.0, 42.0, 63.0, -42.0, 0.0]
-    np.testing.assert_allclose(_sums(system), expected, atol=1e-12)
+    np.testing.assert_allclose(sums(system), expected, atol=1e-12)
 
 
 @pytest.mark.serial
@@ -106,7 +68,7 @@ def test_power_of_pressure_is_that_of_the_enclosed_volume(rng):
     faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
     mesh = ff.SurfaceMesh(corners, faces, {"shell": range(4)})
     system = _system(mesh, ff.Pressure("load", "shell", 3.0), MPI.COMM_SELF)
-    forces = _inertial(system, _forces(system))
+    forces = inertial(system, load_forces(system))
     speed, eps = rng.normal(size=(4, 3)), 1e-6
     order = system.parts[0].block.node_ids
 
@@ -122,7 +84,7 @@ def test_power_of_pressure_is_that_of_the_enclosed_volume(rng):
 @pytest.mark.serial
 def test_tangent_and_action_of_pressure_by_differences(rng):
     system = _system(barrel(), ff.Pressure("load", "shell", 7.0), MPI.COMM_SELF)
-    _disturb(system, rng)
+    disturb(system, rng, 0.2)
     (part,) = system.parts
     (inside,) = part.line_forces
     block, eps = part.block, 1e-6
@@ -135,7 +97,7 @@ def test_tangent_and_action_of_pressure_by_differences(rng):
                 block.frames[:] = frames
                 axis = se3.rotation(frames)[node, :, k]
                 block.frames[node, :3] += sign * eps * axis
-                sides.append(-_forces(system, 0.4).ravel())
+                sides.append(-load_forces(system, 0.4).ravel())
             columns.append((sides[0] - sides[1]) / (2.0 * eps))
     block.frames[:] = frames
     full = np.zeros((count, 3, count, 3))
@@ -172,9 +134,9 @@ def test_edge_load_counts_lengths_and_stays_dead(place, rng):
     force = lengths[place] * np.array([1.0, -2.0, 3.0])
     # equal forces at unevenly spaced nodes have the right sum, not the right moment
     expected = np.concatenate([force, np.cross(middle, force)])
-    np.testing.assert_allclose(_sums(system), expected, atol=1e-12)
-    _disturb(system, rng)
-    np.testing.assert_allclose(_sums(system)[:3], force, atol=1e-12)
+    np.testing.assert_allclose(sums(system), expected, atol=1e-12)
+    disturb(system, rng, 0.2)
+    np.testing.assert_allclose(sums(system)[:3], force, atol=1e-12)
 
 
 @pytest.mark.three_ranks
@@ -183,9 +145,9 @@ def test_surface_load_is_the_weight_of_equal_density(rng):
     weight = 10.0 * 0.1 * np.array([1.0, -2.0, 3.0])
     load = ff.SurfaceLoad("load", "shell", weight, amplitude=lambda t: 2.0)
     system = _system(barrel(), load)
-    _disturb(system, rng)
+    disturb(system, rng, 0.2)
     (part,) = system.parts
-    forces = _forces(system)
+    forces = load_forces(system)
     part.block.residual[:] = 0.0
     part.elements.add_residual(part.block, 2.0 * np.array([1.0, -2.0, 3.0]), 1.0)
     part.block.add_ghosts()
