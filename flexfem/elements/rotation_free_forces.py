@@ -11,11 +11,11 @@ import math
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.lie.compiled import fused, inlined
 
-__all__ = ["add_forces"]
+__all__ = ["add_forces", "row"]
 
 
 @inlined
-def _row(
+def row(
     D: FloatArray, i: int, e1: float, e2: float, e3: float, e4: float, e5: float, e6: float
 ) -> float:
     """Row of the stiffness times the strains."""
@@ -78,12 +78,12 @@ def add_forces(
             e4 = area * (n0 * k10 + n1 * k11 + n2 * k12 - start[3])
             e5 = area * (n0 * k20 + n1 * k21 + n2 * k22 - start[4])
             e6 = area * (n0 * k30 + n1 * k31 + n2 * k32 - start[5])
-            s11 = _row(D, 0, e1, e2, e3, e4, e5, e6)
-            s22 = _row(D, 1, e1, e2, e3, e4, e5, e6)
-            s12 = _row(D, 2, e1, e2, e3, e4, e5, e6)
-            m1 = _row(D, 3, e1, e2, e3, e4, e5, e6)
-            m2 = _row(D, 4, e1, e2, e3, e4, e5, e6)
-            m3 = _row(D, 5, e1, e2, e3, e4, e5, e6)
+            s11 = row(D, 0, e1, e2, e3, e4, e5, e6)
+            s22 = row(D, 1, e1, e2, e3, e4, e5, e6)
+            s12 = row(D, 2, e1, e2, e3, e4, e5, e6)
+            m1 = row(D, 3, e1, e2, e3, e4, e5, e6)
+            m2 = row(D, 4, e1, e2, e3, e4, e5, e6)
+            m3 = row(D, 5, e1, e2, e3, e4, e5, e6)
         # what is dual to f_1 and f_2
         x, y = m1 * k10 + m2 * k20 + m3 * k30, m1 * k11 + m2 * k21 + m3 * k31
         z = m1 * k12 + m2 * k22 + m3 * k32

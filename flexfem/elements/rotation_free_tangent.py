@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled loops over rotation-free triangles: tangents and their action on a step.
+"""Compiled loop over rotation-free triangles: tangents.
 
 Notation as in ``rotation_free_loops``.
 """
@@ -8,7 +8,6 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.elements.rotation_free_loops import (
-    along_axes,
     dual_into,
     present_axes,
     strain_into,
@@ -17,7 +16,7 @@ from flexfem.elements.rotation_free_loops import (
 )
 from flexfem.lie.compiled import inlined, kernel
 
-__all__ = ["add_action", "tangents_into"]
+__all__ = ["tangents_into"]
 
 
 @inlined
@@ -237,50 +236,3 @@ def tangents_into(
         for a in range(2):
             _product(W, mixed[a], inner, False, T, skew[a])
         _put_all(axes, W, flat, skew, normal, inner, block, tangents[m - first])
-
-
-@kernel
-def add_action(
-    points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
-    offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, given: FloatArray, factors: FloatArray, damping: FloatArray,
-    steps: FloatArray, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add the derivatives of the forces, as in ``tangents_into``, times steps (n, 3)."""
-    w, axes, local = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3))
-    strain, stress, p, c = np.empty(6), np.empty(6), np.empty((2, 2)), np.empty((3, 5))
-    flat, bent, mixed = np.empty((4, 4)), np.empty((5, 5)), np.empty((2, 5, 5))
-    change, force, still = np.empty((5, 3)), np.empty((5, 3)), np.zeros((3, 3))
-    for m in range(len(nodes)):
-        _second(
-            m, points, nodes, gradients, curvatures, offsets, starts, areas, sections, stiffness,
-            given, factors, damping, w, axes, local, strain, stress, p, c, flat, bent, mixed,
-        )  # fmt: skip
-        vectors_into(steps, nodes[m], gradients[m], curvatures[m], still, w)
-        along_axes(w, axes, change)
-        for s in range(5):
-            for a in range(2):
-                force[s, a] = 0.0
-                for t in range(5):
-                    force[s, a] += mixed[a, s, t] * change[t, 2]
-                if s < 2:
-                    for t in range(2):
-                        for b in range(2):
-                            force[s, a] += flat[2 * s + a, 2 * t + b] * change[t, b]
-            force[s, 2] = 0.0
-            for t in range(5):
-                force[s, 2] += bent[s, t] * change[t, 2]
-                force[s, 2] += mixed[0, t, s] * change[t, 0] + mixed[1, t, s] * change[t, 1]
-        for s in range(5):
-            x, y, z = force[s]
-            for a in range(3):
-                w[s, a] = x * axes[0, a] + y * axes[1, a] + z * axes[2, a]
-        for i in range(nodes.shape[1]):
-            to = nodes[m, i]
-            if to < 0:
-                continue
-            for a in range(3):
-                for s in range(3):
-                    residual[to, a] += curvatures[m, s, i] * w[2 + s, a]
-                if i < gradients.shape[2]:
-                    residual[to, a] += gradients[m, 0, i] * w[0, a] + gradients[m, 1, i] * w[1, a]
