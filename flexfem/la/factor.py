@@ -52,6 +52,13 @@ class Factor:
         self._factor = self._pc.getFactorMatrix()
         self._arrays: dict[int, tuple[PETSc.Vec, FloatArray]] = {}
 
+    @property
+    def entries(self) -> int:
+        """Numbers stored on this rank, which a solve reads; all of them on rank 0 with MUMPS."""
+        if self._factor.getType() == "mumps":
+            return int(self._factor.getMumpsInfog(29)) if self._matrix.comm.rank == 0 else 0
+        return int(self._factor.getInfo()["nz_used"])
+
     def solve(self, rhs: FloatArray, solution: FloatArray) -> None:
         """Solve for contiguous arrays of this rank's rows (collective unless local).
 

@@ -19,9 +19,10 @@ __all__ = ["Fronts"]
 #: A pivot smaller than this part of the largest of its row before elimination is zero.
 _ZERO = 1e-14
 
-#: Fronts whose other rows differ by up to so many become one, which eliminates up to so many rows:
-#: zeros cost less than further passes over what is left, until the pivots' rows cost more.
-_MORE, _MOST = 8, 18
+#: Fronts whose other rows differ by up to so many become one, which eliminates up to so many rows,
+#: or up to this part of the others: zeros cost less than further passes over what is left, until
+#: the pivots' rows cost more.
+_MORE, _MOST, _PART = 8, 18, 0.2
 
 
 class _Tree(NamedTuple):
@@ -141,7 +142,7 @@ def _fronts(touched: list[IntArray], size: int) -> tuple[list[IntArray], list[in
     for k, rows in enumerate(touched):
         follows = k + 1 < len(touched) and len(rows) > 0 and rows[0] == k + 1
         more = 1 + len(touched[k + 1]) - len(rows) if follows else size
-        if more > _MORE or k + 1 == first + _MOST:
+        if more > _MORE or k + 1 >= first + max(_MOST, int(_PART * len(rows))):
             fronts.append(np.concatenate([np.arange(first, k + 1), rows]).astype(np.int64))
             pivots.append(k + 1 - first)
             first = k + 1

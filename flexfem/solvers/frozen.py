@@ -29,7 +29,6 @@ from flexfem.solvers.frozen_bodies import Bodies, FlexibleBodies, KeptFactor
 from flexfem.solvers.interface_system import InterfaceSystem
 from flexfem.solvers.minimal_residual import minimal_residual
 from flexfem.solvers.schur_kernels import (
-    interface_response,
     invert_blocks,
     multiply_blocks,
     rigid_responses,
@@ -45,8 +44,9 @@ _KEPT = 6
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
 _INNER, _SWEEPS = 0.02, 8
-#: The multipliers' system is kept within a step while iterations contract like this.
-_WELL = 0.02
+#: The multipliers' system is kept within a step while iterations contract like this, or, where
+#: steps are refined, while they are smaller than this, m or rad.
+_WELL, _NEAR = 0.02, 0.01
 
 
 @dataclass(frozen=True)
@@ -84,22 +84,23 @@ class FrozenSolver:
         self._slot_column = np.zeros(len(face.keys), dtype=np.int64)
         self._slot_active = np.zeros(len(face.keys), dtype=np.int64)
         self._local_slot = np.zeros(len(face.keys), dtype=np.bool_)
-        self._response = np.zeros((len(face.keys), 6))
+        self._owned_slot = (face.local >= 0)[:, np.newaxis]
+        self._response, self._beyond = np.zeros((2, len(face.keys), 6))
         active = rows.active_components()
-        self._groups = [self._bodies(part, active) for part in system.parts]
+        self._groups = [self._describe(part, active) for part in system.parts]
         self._rigid = [g for g in self._groups if g.part.elements is None]
         self._flexible = [
             FlexibleBodies(system, g) for g in self._groups if g.part.elements is not None
         ]
+        self._bodies: list[Bodies | FlexibleBodies] = [*self._rigid, *self._flexible]
         self._interface = self._pattern()
         self._sizes = starts([p.block.sizes[0] for p in system.parts])
-        self._nothing = np.zeros(rows.size)
         linear = bool((rows.elastic[:, 0] <= LawKind.SPRING).all())
         self._keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))
         self.keep_interface = False
         self._version = rows.lines.version
 
-    def _bodies(self, part: BlockPart, active: IntArray) -> Bodies:
+    def _describe(self, part: BlockPart, active: IntArray) -> Bodies:
         """Interface columns of a part's bodies and the sides of terms that act on them."""
         bodies, nodes, node_start = part.clusters()
         slots = np.flatnonzero(self.system.part_of_slot == self.system.parts.index(part))
@@ -128,7 +129,7 @@ class FrozenSolver:
             compliance_start=starts(widths**2),
             response_start=starts(lengths),
             compliances=np.zeros(int((widths**2).sum())),
-            responses=np.zeros(int(lengths.sum())),
+            responses=np.zeros(0 if part.elements is not None else int(lengths.sum())),
             entries=np.zeros(int((per_body**2).sum())),
         )
 
@@ -253,6 +254,7 @@ class FrozenSolver:
         rows = self.system.constraints
         if rows.lines.version != self._version:
             self._follow_sliders()
+            self.keep_interface = False
         if not (self.keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size)
         self._solve(rows.values)
@@ -266,9 +268,11 @@ class FrozenSolver:
     def observe(self, size: float, contraction: float, tolerance: float) -> None:
         """Keep the factors of the multipliers' system in the next iteration, or not.
 
-        What they miss after a step is of second order in its size (m, rad). All ranks decide alike.
+        What they miss after a step is of second order in its size (m, rad), and refinement corrects
+        it. All ranks decide alike.
         """
-        self.keep_interface = self._keepable and contraction < _WELL and size * size <= tolerance
+        good = size <= _NEAR if self.refine else contraction < _WELL and size * size <= tolerance
+        self.keep_interface = self._keepable and good
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
@@ -280,18 +284,19 @@ class FrozenSolver:
         count, hessians = self._sizes[-1], self.system.hessians()
 
         def apply(vector: FloatArray) -> FloatArray:
-            self._put(vector)
+            multipliers = self._put(vector)
             for part in self.system.parts:
                 part.block.residual[:] = 0.0
             self.system.subtract_tangent(shifts, hessians)
-            self._solve(self._nothing)
-            result = -self._collect()
-            result[count:] += vector[count:]
-            return result
+            self.system.add_constraint_forces(-multipliers)
+            self._solve(self._yielding(multipliers), beyond=True)
+            return -self._collect()
 
-        # the blocks hold the first solution s as their steps, and A_0 s as their residuals
+        # the blocks hold the first solution s as their steps, and as their residuals A_0 s, which
+        # has the forces of the multipliers in it
         self.system.subtract_tangent(shifts, hessians)
-        self._solve(self._nothing)
+        values = self.system.constraints.values + self._yielding(solution[count:])
+        self._solve(values, beyond=True)
         residual = self._collect()
         size = self._dot(solution, solution) ** 0.5
         self.defect = self._dot(residual, residual) ** 0.5 / size if size > 0.0 else 0.0
@@ -299,6 +304,15 @@ class FrozenSolver:
             apply, residual, self._dot, _INNER * size, _SWEEPS
         )
         return correction
+
+    def _yielding(self, multipliers: FloatArray) -> FloatArray:
+        """What elastic rows give way under multipliers (r,)."""
+        rows = self.system.constraints
+        values = rows.compliance * multipliers
+        if len(rows.coupling):
+            i, j = rows.coupled.T
+            np.add.at(values, i, rows.coupling * multipliers[j])
+        return values
 
     def _dot(self, a: FloatArray, b: FloatArray) -> float:
         """Inner product of the blocks' parts over all ranks."""
@@ -344,24 +358,27 @@ class FrozenSolver:
         # S dL = Phi - G~ y is the correction; steps are to be subtracted
         return np.concatenate([*steps, -self._right])
 
-    def _solve(self, values: FloatArray) -> None:
+    def _solve(self, values: FloatArray, *, beyond: bool = False) -> None:
         """Solve with the frozen operator for the blocks' residuals and the given row values.
 
         The residuals get the constraint forces added that the solution implies; the steps are left
         in the blocks, the correction of the multipliers in ``_right``.
+
+        Args:
+            values: Of this rank's rows, shape (r,).
+            beyond: The solution is one beyond the steps that the interface holds.
         """
         rows = self.system.constraints
         if rows.size_global:
-            for group in self._groups:
-                interface_response(
-                    group.nodes, group.node_start, group.columns, group.column_start,
-                    group.ranges, group.range_start, group.responses, group.response_start,
-                    group.part.block.residual, group.part.block.width,
-                    self._response,
-                )  # fmt: skip
+            for bodies in self._bodies:
+                bodies.respond(self._response)
+            self._beyond[:] = 0.0
+            if beyond:
+                np.multiply(self._owned_slot, self.system.interface.steps, out=self._beyond)
+            self._beyond += self._response
             row_products(
                 rows.term_slots, rows.row_of_term, self._local_slot, rows.step_jacobian,
-                self._response, rows.owned, values, self._right,
+                self._beyond, rows.owned, values, self._right,
             )  # fmt: skip
             self._interface.solve(self._right)
             self.system.add_constraint_forces(self._right)

@@ -11,6 +11,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
+from flexfem.solvers.schur_kernels import interface_response
 from flexfem.solvers.tangent import part_pattern, part_values
 from flexfem.system.system import BlockPart, Shifts, System
 
@@ -21,9 +22,10 @@ __all__ = ["Bodies", "FlexibleBodies", "KeptFactor"]
 class Bodies:
     """Bodies of one part with their interface columns; rigid bodies have one node each.
 
-    ``responses`` holds the rows of ``A^-T J^T``, ``compliances`` the matrices ``J A^-1 J^T``. Of
-    the columns of a body those in its ``ranges`` (first, end), ``range_start`` by body, are acted
-    on; a slider visits the others later.
+    ``responses`` holds the rows of ``A^-T J^T``, or nothing where another solve with the factors
+    costs less than they do, ``compliances`` the matrices ``J A^-1 J^T``. Of the columns of a body
+    those in its ``ranges`` (first, end), ``range_start`` by body, are acted on; a slider visits the
+    others later.
     """
 
     part: BlockPart
@@ -41,15 +43,33 @@ class Bodies:
     responses: FloatArray
     entries: FloatArray
 
+    @property
+    def reads(self) -> int:
+        """Numbers of the responses that :meth:`respond` reads, if they are kept."""
+        per_range = self.ranges[:, 1] - self.ranges[:, 0]
+        body = np.repeat(np.arange(len(self.node_start) - 1), np.diff(self.range_start))
+        rows = self.part.block.width * np.diff(self.node_start)
+        return int(rows[body] @ per_range)
+
+    def respond(self, y: FloatArray) -> None:
+        """Write ``J A^-1 r`` for the residuals r into slots and components (n, 6)."""
+        interface_response(
+            self.nodes, self.node_start, self.columns, self.column_start, self.ranges,
+            self.range_start, self.responses, self.response_start, self.part.block.residual,
+            self.part.block.width, y,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class KeptFactor:
     """Factors of the flexible bodies of a part for one step size.
 
-    ``nodes`` are the arrays of ``Mechanics.origin`` that they were computed from.
+    ``nodes`` are the arrays of ``Mechanics.origin`` that they were computed from; ``direct`` tells
+    that there are no responses, see :class:`Bodies`.
     """
 
     factor: Factor
+    direct: bool
     responses: FloatArray
     compliances: FloatArray
     nodes: dict[str, FloatArray]
@@ -64,6 +84,7 @@ class FlexibleBodies:
     """
 
     factor: Factor
+    _direct: bool
 
     def __init__(self, system: System, group: Bodies) -> None:
         """Set up the pattern (collective)."""
@@ -74,6 +95,9 @@ class FlexibleBodies:
         )
         elements = group.part.elements
         self._chained = elements is None or elements.chained
+        local = group.part.slots[group.columns[:, 0]]
+        self._held = np.flatnonzero(local >= 0)
+        self._ends = local[self._held], group.columns[self._held, 1]
         # solvers take numbers one after the other, blocks have six places for every node
         shape = (block.owned, block.width)
         self._packed = None if block.width == 6 else (np.zeros(shape), np.zeros(shape))
@@ -81,7 +105,6 @@ class FlexibleBodies:
     def factorise(self, shifts: Shifts) -> KeptFactor:
         """Factorise at the trial state and compute the compliances (collective)."""
         system, group, part = self._system, self.group, self.group.part
-        group.responses = np.zeros(len(group.responses))
         group.compliances = np.zeros(len(group.compliances))
         self._matrix.assemble(part_values(system, part, shifts))
         width = part.block.width
@@ -90,6 +113,10 @@ class FlexibleBodies:
             self._matrix.mat, width, not part.block.has_ghosts, chained=self._chained,
             largest=width * int(np.diff(group.node_start).max(initial=0)),
         )  # fmt: skip
+        reads = np.array([group.reads, self.factor.entries])
+        system.comm.Allreduce(MPI.IN_PLACE, reads)
+        self._direct = bool(reads[0] > reads[1])
+        group.responses = np.zeros(0 if self._direct else group.response_start[-1])
         widths = np.diff(group.column_start)
         most = system.comm.allreduce(int(widths.max(initial=0)), op=MPI.MAX)
         shape = (part.block.owned, part.block.width)
@@ -106,7 +133,21 @@ class FlexibleBodies:
             self._store(bodies, c, solution)
         nodes, _ = system.mechanics.origin(system, part)
         copies = {name: values.copy() for name, values in nodes.items()}
-        return KeptFactor(self.factor, group.responses, group.compliances, copies)
+        return KeptFactor(self.factor, self._direct, group.responses, group.compliances, copies)
+
+    def respond(self, y: FloatArray) -> None:
+        """See :meth:`Bodies.respond`; of a body on several ranks each writes a part (collective).
+
+        The steps of the nodes are lost.
+        """
+        if not self._direct:
+            self.group.respond(y)
+            return
+        self.solve()
+        columns = self.group.columns
+        y[columns[:, 0], columns[:, 1]] = 0.0
+        held = columns[self._held]
+        y[held[:, 0], held[:, 1]] = self.group.part.block.owned_step[self._ends]
 
     def solve(self) -> None:
         """Steps of the owned nodes for their residuals (collective)."""
@@ -121,7 +162,7 @@ class FlexibleBodies:
 
     def use(self, kept: KeptFactor) -> None:
         """Take factors that were computed before."""
-        self.factor = kept.factor
+        self.factor, self._direct = kept.factor, kept.direct
         self.group.responses, self.group.compliances = kept.responses, kept.compliances
 
     def _store(self, bodies: IntArray, c: int, solution: FloatArray) -> None:
@@ -130,8 +171,9 @@ class FlexibleBodies:
         for b in bodies:
             width = group.column_start[b + 1] - group.column_start[b]
             nodes = group.nodes[group.node_start[b] : group.node_start[b + 1]]
-            a, e = group.response_start[b], group.response_start[b + 1]
-            group.responses[a:e].reshape(-1, width)[:, c] = solution[nodes].ravel()
+            if not self._direct:
+                a, e = group.response_start[b], group.response_start[b + 1]
+                group.responses[a:e].reshape(-1, width)[:, c] = solution[nodes].ravel()
             columns = group.columns[group.column_start[b] : group.column_start[b + 1]]
             local = group.part.slots[columns[:, 0]]
             row = np.where(local >= 0, solution[local, columns[:, 1]], 0.0)
