@@ -21,10 +21,13 @@ class ElementFamily(Protocol):
     Attributes:
         law_owner: what messages call the first section with a law of the user, None without one.
         chained: nodes follow one another along lines, on which elements join neighbours only.
+        thin: they bend so much more easily than they stretch that steps of motion iterate with
+            continued stresses, see :meth:`assume`.
     """
 
     law_owner: str | None
     chained: bool
+    thin: bool
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:

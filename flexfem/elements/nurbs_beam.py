@@ -36,6 +36,7 @@ class NurbsBeams:
     """
 
     chained = True
+    thin = False
 
     def __init__(
         self,

@@ -70,6 +70,7 @@ class RotationFreeShells:
 
     law_owner: str | None = None
     chained = False
+    thin = True
 
     def __init__(self, groups: Sequence[ShellCells], block: FrameBlock) -> None:
         """Prepare pairs of nodes and masses (collective).

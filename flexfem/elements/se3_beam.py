@@ -41,6 +41,7 @@ class SE3Beams:
     """
 
     chained = True
+    thin = False
 
     def __init__(
         self,

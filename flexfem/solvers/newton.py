@@ -96,6 +96,7 @@ def iterate(
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
         success, change = linear_step(shifts)
+        system.continue_stresses()
         projected, largest = equations.correct(system, again)
         rows.multipliers -= change
         sizes = _largest(system.comm, largest, change, success and projected)

@@ -217,7 +217,18 @@ class System:
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step in every block; see ``frame_kernels.predict``."""
         for part in self.parts:
+            if part.elements is not None and part.elements.thin:
+                # a prediction that turns elements stretches them as well
+                part.block.step[:] = 0.0
+                part.elements.assume(part.block.frames0, part.block.step)
             part.block.predict(law, rates)
+
+    def continue_stresses(self) -> None:
+        """Let tangents take stresses continued along the steps to be subtracted (collective)."""
+        for part in self.parts:
+            if part.elements is not None and part.elements.thin:
+                part.block.spread_step()
+                part.elements.assume(part.block.frames, -part.block.step)
 
     def evaluate(self, shifts: Shifts) -> None:
         """Residuals of blocks and constraints at the trial state (collective)."""
@@ -293,6 +304,7 @@ class System:
         self.choose_prediction([part.block.accept(law, h) for part in self.parts])
         for part in self.parts:
             if part.elements is not None:
+                part.elements.exact()
                 part.elements.accept(part.block)
         for contacts in self.contacts:
             contacts.accept()
@@ -316,6 +328,8 @@ class System:
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""
         for part in self.parts:
+            if part.elements is not None:
+                part.elements.exact()
             part.block.reset()
 
     def numberings(self) -> dict[str, Numbering]:
