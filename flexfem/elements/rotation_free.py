@@ -16,7 +16,7 @@ from flexfem.elements.beam_loops import linear_resultants
 from flexfem.elements.law_values import LawValues
 from flexfem.elements.rotation_free_action import add_action
 from flexfem.elements.rotation_free_forces import add_forces
-from flexfem.elements.rotation_free_loops import strain_rates_into, strains_into
+from flexfem.elements.rotation_free_strains import strain_rates_into, strains_into
 from flexfem.elements.rotation_free_tangent import tangents_into
 from flexfem.mesh.patches import Patches
 

@@ -1,26 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loop of the internal forces of rotation-free triangles.
 
-Notation as in ``rotation_free_loops``, whose steps are written out here in scalars: this loop is
-nearly the whole cost of explicit relaxation, and arrays of work space, which might overlap others
-for all that a compiler knows, would more than double it.
+Notation as in ``rotation_free_loops``, in scalars: see ``rotation_free_scalars``.
 """
 
-import math
-
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.lie.compiled import fused, inlined
+from flexfem.elements.rotation_free_scalars import axes_of, resultants, vectors_of
+from flexfem.lie.compiled import fused
 
-__all__ = ["add_forces", "row"]
-
-
-@inlined
-def row(
-    D: FloatArray, i: int, e1: float, e2: float, e3: float, e4: float, e5: float, e6: float
-) -> float:
-    """Row of the stiffness times the strains."""
-    membrane, bent = D[i, 0] * e1 + D[i, 1] * e2 + D[i, 2] * e3, D[i, 3] * e4 + D[i, 4] * e5
-    return float(membrane + bent + D[i, 5] * e6)
+__all__ = ["add_forces"]
 
 
 @fused
@@ -36,35 +24,11 @@ def add_forces(
     flat = gradients.shape[2]
     for m in range(len(nodes)):
         near, G, C, start, bend = nodes[m], gradients[m], curvatures[m], starts[m], offsets[m]
-        base = near[0]
-        # f_1, f_2 and the three k, relative to node 0: no digits are lost far from the origin
-        f10 = f11 = f12 = f20 = f21 = f22 = 0.0
-        k10, k11, k12 = bend[0, 0], bend[0, 1], bend[0, 2]
-        k20, k21, k22 = bend[1, 0], bend[1, 1], bend[1, 2]
-        k30, k31, k32 = bend[2, 0], bend[2, 1], bend[2, 2]
-        for i in range(1, near.size):
-            node = near[i]
-            if node < 0:
-                continue
-            x = points[node, 0] - points[base, 0]
-            y = points[node, 1] - points[base, 1]
-            z = points[node, 2] - points[base, 2]
-            if i < flat:
-                c, d = G[0, i], G[1, i]
-                f10, f11, f12 = f10 + c * x, f11 + c * y, f12 + c * z
-                f20, f21, f22 = f20 + d * x, f21 + d * y, f22 + d * z
-            c, d, e = C[0, i], C[1, i], C[2, i]
-            k10, k11, k12 = k10 + c * x, k11 + c * y, k12 + c * z
-            k20, k21, k22 = k20 + d * x, k21 + d * y, k22 + d * z
-            k30, k31, k32 = k30 + e * x, k31 + e * y, k32 + e * z
-        # present axes t, b, n
-        l = math.sqrt(f10 * f10 + f11 * f11 + f12 * f12)  # noqa: E741
-        t0, t1, t2 = f10 / l, f11 / l, f12 / l
-        g = f20 * t0 + f21 * t1 + f22 * t2
-        b0, b1, b2 = f20 - g * t0, f21 - g * t1, f22 - g * t2
-        h = math.sqrt(b0 * b0 + b1 * b1 + b2 * b2)
-        b0, b1, b2 = b0 / h, b1 / h, b2 / h
-        n0, n1, n2 = t1 * b2 - t2 * b1, t2 * b0 - t0 * b2, t0 * b1 - t1 * b0
+        f, k = vectors_of(points, near, G, C)
+        k10, k11, k12 = k[0] + bend[0, 0], k[1] + bend[0, 1], k[2] + bend[0, 2]
+        k20, k21, k22 = k[3] + bend[1, 0], k[4] + bend[1, 1], k[5] + bend[1, 2]
+        k30, k31, k32 = k[6] + bend[2, 0], k[7] + bend[2, 1], k[8] + bend[2, 2]
+        l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes_of(f)  # noqa: E741
         # stress resultants times the area
         area = scale * areas[m]
         if len(given):
@@ -78,12 +42,7 @@ def add_forces(
             e4 = area * (n0 * k10 + n1 * k11 + n2 * k12 - start[3])
             e5 = area * (n0 * k20 + n1 * k21 + n2 * k22 - start[4])
             e6 = area * (n0 * k30 + n1 * k31 + n2 * k32 - start[5])
-            s11 = row(D, 0, e1, e2, e3, e4, e5, e6)
-            s22 = row(D, 1, e1, e2, e3, e4, e5, e6)
-            s12 = row(D, 2, e1, e2, e3, e4, e5, e6)
-            m1 = row(D, 3, e1, e2, e3, e4, e5, e6)
-            m2 = row(D, 4, e1, e2, e3, e4, e5, e6)
-            m3 = row(D, 5, e1, e2, e3, e4, e5, e6)
+            s11, s22, s12, m1, m2, m3 = resultants(D, e1, e2, e3, e4, e5, e6)
         # what is dual to f_1 and f_2
         x, y = m1 * k10 + m2 * k20 + m3 * k30, m1 * k11 + m2 * k21 + m3 * k31
         z = m1 * k12 + m2 * k22 + m3 * k32

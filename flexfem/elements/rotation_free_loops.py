@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled loops over rotation-free triangles: strains and their rates.
+"""What rotation-free triangles depend on, in steps of compiled loops.
 
 What the energy of ``forms.shell`` depends on are five vectors ``w_s = sum over nodes of W_sI q_I``:
 the derivatives ``f_1, f_2`` and the curvature vectors ``k`` (to which clamps add a given part).
@@ -17,15 +17,13 @@ t, b, n
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined
 
 __all__ = [
     "along_axes",
     "dual_into",
     "present_axes",
     "strain_into",
-    "strain_rates_into",
-    "strains_into",
     "stress_into",
     "vectors_into",
 ]
@@ -98,43 +96,6 @@ def stress_into(
             continue
         for j in range(6):
             stress[i] += area * D[i, j] * strain[j]
-
-
-@kernel
-def strains_into(
-    points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
-    offsets: FloatArray, starts: FloatArray, strains: FloatArray,
-) -> None:  # fmt: skip
-    """Write the strains (m, 6) at positions (n, 3)."""
-    w, axes, local = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3))
-    for m in range(len(nodes)):
-        vectors_into(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
-        present_axes(w, axes, local)
-        strain_into(local, starts[m], strains[m])
-
-
-@kernel
-def strain_rates_into(
-    points: FloatArray, velocities: FloatArray, nodes: IndexArray, gradients: FloatArray,
-    curvatures: FloatArray, offsets: FloatArray, rates: FloatArray,
-) -> None:  # fmt: skip
-    """Write the rates of the strains (m, 6) at velocities (n, 3)."""
-    w, axes, local = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3))
-    change, p, still = np.empty((5, 3)), np.empty((2, 2)), np.zeros((3, 3))
-    for m in range(len(nodes)):
-        vectors_into(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
-        present_axes(w, axes, local)
-        dual_into(local, p)
-        vectors_into(velocities, nodes[m], gradients[m], curvatures[m], still, w)
-        along_axes(w, axes, change)
-        l, g, h = local[0, 0], local[1, 0], local[1, 1]  # noqa: E741
-        rates[m, 0], rates[m, 1] = change[0, 0], change[1, 1] - g / l * change[0, 1]
-        rates[m, 2] = change[1, 0] + h / l * change[0, 1]
-        for s in range(3):
-            rates[m, 3 + s] = change[2 + s, 2]
-            for a in range(2):
-                turned = p[a, 0] * local[2 + s, 0] + p[a, 1] * local[2 + s, 1]
-                rates[m, 3 + s] -= turned * change[a, 2]
 
 
 @inlined

@@ -5,7 +5,7 @@ from numba import njit
 
 from flexfem.lie.caching import install
 
-__all__ = ["fused", "inlined", "kernel"]
+__all__ = ["fused", "inlined", "inlined_fused", "kernel"]
 
 install()
 
@@ -18,3 +18,6 @@ inlined = njit(cache=True, error_model="numpy", forceinline=True)
 
 #: The same with products and sums fused to one operation each, for loops of arithmetic alone.
 fused = njit(cache=True, error_model="numpy", fastmath={"contract"})
+
+#: Pieces of those.
+inlined_fused = njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)

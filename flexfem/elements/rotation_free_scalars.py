@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Steps of the loops over rotation-free triangles in scalars.
+
+Notation as in ``rotation_free_loops``. Loops over forces, actions and rates are most of the cost of
+explicit relaxation and of refined iterations, and arrays of work space, which might overlap others
+for all that a compiler knows, would more than double it.
+"""
+
+import math
+
+from flexfem._types import FloatArray, IndexArray
+from flexfem.lie.compiled import inlined_fused
+
+__all__ = ["axes_of", "resultants", "vectors_of"]
+
+
+@inlined_fused
+def vectors_of(
+    points: FloatArray, near: IndexArray, G: FloatArray, C: FloatArray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """f_1 and f_2, and the three k without what clamps add: 6 and 9 components.
+
+    Relative to node 0, so that no digits are lost far from the origin.
+    """
+    base, flat = near[0], G.shape[1]
+    f10 = f11 = f12 = f20 = f21 = f22 = 0.0
+    k10 = k11 = k12 = k20 = k21 = k22 = k30 = k31 = k32 = 0.0
+    for i in range(1, near.size):
+        node = near[i]
+        if node < 0:
+            continue
+        x = points[node, 0] - points[base, 0]
+        y = points[node, 1] - points[base, 1]
+        z = points[node, 2] - points[base, 2]
+        if i < flat:
+            c, d = G[0, i], G[1, i]
+            f10, f11, f12 = f10 + c * x, f11 + c * y, f12 + c * z
+            f20, f21, f22 = f20 + d * x, f21 + d * y, f22 + d * z
+        c, d, e = C[0, i], C[1, i], C[2, i]
+        k10, k11, k12 = k10 + c * x, k11 + c * y, k12 + c * z
+        k20, k21, k22 = k20 + d * x, k21 + d * y, k22 + d * z
+        k30, k31, k32 = k30 + e * x, k31 + e * y, k32 + e * z
+    return (f10, f11, f12, f20, f21, f22), (k10, k11, k12, k20, k21, k22, k30, k31, k32)
+
+
+@inlined_fused
+def axes_of(f: tuple[float, ...]) -> tuple[float, ...]:
+    """Components l, g, h of f_1 and f_2 and the present axes t, b, n."""
+    f10, f11, f12, f20, f21, f22 = f
+    l = math.sqrt(f10 * f10 + f11 * f11 + f12 * f12)  # noqa: E741
+    t0, t1, t2 = f10 / l, f11 / l, f12 / l
+    g = f20 * t0 + f21 * t1 + f22 * t2
+    b0, b1, b2 = f20 - g * t0, f21 - g * t1, f22 - g * t2
+    h = math.sqrt(b0 * b0 + b1 * b1 + b2 * b2)
+    b0, b1, b2 = b0 / h, b1 / h, b2 / h
+    n0, n1, n2 = t1 * b2 - t2 * b1, t2 * b0 - t0 * b2, t0 * b1 - t1 * b0
+    return l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2
+
+
+@inlined_fused
+def _row(
+    D: FloatArray, i: int, e1: float, e2: float, e3: float, e4: float, e5: float, e6: float
+) -> float:
+    membrane, bent = D[i, 0] * e1 + D[i, 1] * e2 + D[i, 2] * e3, D[i, 3] * e4 + D[i, 4] * e5
+    return float(membrane + bent + D[i, 5] * e6)
+
+
+@inlined_fused
+def resultants(
+    D: FloatArray, e1: float, e2: float, e3: float, e4: float, e5: float, e6: float
+) -> tuple[float, ...]:
+    """Stiffness times strains: n_11, n_22, n_12, m_11, m_22, m_12."""
+    return (
+        _row(D, 0, e1, e2, e3, e4, e5, e6),
+        _row(D, 1, e1, e2, e3, e4, e5, e6),
+        _row(D, 2, e1, e2, e3, e4, e5, e6),
+        _row(D, 3, e1, e2, e3, e4, e5, e6),
+        _row(D, 4, e1, e2, e3, e4, e5, e6),
+        _row(D, 5, e1, e2, e3, e4, e5, e6),
+    )
