@@ -8,7 +8,7 @@ from tests.verification.table import load, modules
 pytestmark = pytest.mark.serial
 
 #: Those of statics and modes have tests of their own.
-NAMES = [name for name in modules() if name.startswith(("rigid_", "flexible_"))]
+NAMES = [name for name in modules() if name.startswith(("rigid_", "flexible_", "shell_"))]
 
 
 @pytest.mark.parametrize("name", NAMES)
