@@ -64,7 +64,7 @@ def places(
 
 def results(full: bool = True) -> list[Result]:
     """Places at 0.4 s and the balance of energies over 1 s, or the like of a short span."""
-    nodes, t = ("23x15", 0.4) if full else ("9x7", 0.1)
+    nodes, t = ("23x15", 0.4) if full else ("7x5", 0.1)
     history = shells(nodes, "rotation_free", 1.0 if full else t)
     words = f"rotation_free, 2 x {nodes.replace('x', ' x ')} nodes, h = {STEP:g} s"
     balance = float(np.abs(history["energy_balance"]).max() / history["energy_kinetic"].max())

@@ -38,7 +38,7 @@ def motion(element: str, mesh: str, dt: float, t_end: float) -> Mapping[str, np.
 
 def results(full: bool = True) -> list[Result]:
     """Angles and the place of the free end."""
-    t, dt = 2.0, 0.01 if full else 0.04
+    t, dt = 2.0, 0.01 if full else 0.1
     share = t / DURATION
     angle = pi * (share - sin(2.0 * pi * share) / (2.0 * pi))
     beams = motion("beam", "41x2" if full else "21x2", dt, t)
