@@ -16,7 +16,7 @@ J, the strain energy being that of bending and twist but for a small part.
 Expected (after Das, Barut, Madenci 2010, geometry and drive are our choice): rigid strips would
 bring A back to (-0.5, 0, 0). These are so slender that they lag behind: at t = 4 s A_z is 0.088 m
 (beams 0.085), and when the drives stop, A is still 0.5 m above the plane and swings. Shells of both
-kinds and beams agree, see ``tests/verification/test_circular_strips.py``.
+kinds and beams agree, see ``tests/verification/TABLE.md``.
 Run: ``python cases/circular_strips.py --mesh 61x5``.
 """
 

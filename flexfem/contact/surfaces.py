@@ -13,6 +13,10 @@ from flexfem.contact.triangles import Slaves
 
 __all__ = ["RigidContact", "Shape"]
 
+#: Rigid surfaces of simple shapes have no triangles, and so none that are thick.
+_NO_TRIANGLES: IntArray = np.zeros(0, np.int64)
+_NO_THICKNESS: FloatArray = np.zeros(0)
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -67,9 +71,8 @@ class RigidContact:
             points, s.nodes, s.offsets, self._frame, int(shape.kind), shape.radius, shape.length,
             self.ends, self.contacts,
         )  # fmt: skip
-        none = np.zeros(0)
         stiffen(
-            self.count, self.contacts, 0, 15, self.ends, s.offsets, none.astype(np.int64), none,
+            self.count, self.contacts, 0, 15, self.ends, s.offsets, _NO_TRIANGLES, _NO_THICKNESS,
             self.stiffer,
         )  # fmt: skip
         if len(self.held.slaves):

@@ -83,7 +83,9 @@ def check_independence(system: System) -> None:
         return
     excess, total, guilty = found
     own = {j.index: j.joint.owner for j in rows.joints if j.owned and j.index in guilty}
-    names = [name for _, name in sorted(kv for part in comm.allgather(own) for kv in part.items())]
+    every = sorted(kv for part in comm.allgather(own) for kv in part.items())
+    # joints of lines are several under one name
+    names = list(dict.fromkeys(name for _, name in every))
     more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
     raise InputError(
         f"{', '.join(names[:_NAMES])}{more}: {excess} of {total} constraints are redundant "

@@ -76,14 +76,16 @@ class EnergyProbe(_BodiesProbe):
     """Energies, J, in the columns name_kinetic, _strain, _gravity, _work, _dissipation, _balance.
 
     - kinetic: as in the equations of motion;
-    - strain: of beams and of springs;
+    - strain: of beams, shells, springs and contacts;
     - gravity: potential of the weight, zero at the start;
     - work: done since the start by loads and by drives, and, where only some bodies are meant, by
       the joints and springs that connect them with others;
-    - dissipation: taken since the start by dampers and by the damping of beams;
+    - dissipation: taken since the start by dampers, contacts and the damping of beams and shells;
     - balance: kinetic + strain + gravity - work + dissipation minus the same at the start. It is
       what the time integration has lost (negative) or made up (positive), and what impacts, joints
-    that lock and springs that are released by events have taken.
+      that lock and springs that are released by events have taken. Steps end within a tolerance,
+      and the forces that it leaves out of balance do work, too: with thin shells, above all
+      damped ones, that may be as much as the dissipation (take ``tolerance=1e-8`` then).
 
     Work and dissipation are integrated from row to row of the history, a mean force times a
     displacement, or a mean force times a mean rate times the step: of second order, and exact for

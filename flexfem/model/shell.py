@@ -55,8 +55,8 @@ class Shell:
             mesh needs it.
         membrane: Strains of the membrane of rotation-free triangles: "constant", from the triangle
             alone, or "smoothed", means over it and its neighbours, which bend without stretching
-            on much coarser meshes, and take half as much time again. Smoothed strains near planes
-            of symmetry and of very curved starts are less accurate.
+            on much coarser meshes, and take a tenth more time for forces and tangents. Smoothed
+            strains near planes of symmetry and of very curved starts are less accurate.
         mass: "lumped" at the nodes, or "consistent" with linear velocities.
         damping: Stiffness-proportional damping, seconds.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,

@@ -2,6 +2,7 @@
 """Loads on shells as forces at the nodes and on the triangles of this rank."""
 
 from collections.abc import Iterator
+from types import ModuleType
 
 import numpy as np
 
@@ -18,86 +19,55 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.node_loads import Force
 from flexfem.system.shell_surface import ShellSurface
 
-__all__ = ["CurvedPressures", "Pressures", "pressures", "shell_forces"]
+__all__ = ["Pressures", "pressures", "shell_forces"]
 
 
 class Pressures:
-    """Pressures on flat triangles, with the loads whose amplitudes scale them.
+    """Pressures on triangles of one kind, with the loads whose amplitudes scale them.
 
     Attributes:
-        nodes: (m, 3) local corners; body: (m,) number of the shell.
-    """
-
-    def __init__(
-        self, nodes: IntArray, body: IntArray, pressure: FloatArray, load: IntArray
-    ) -> None:
-        """Store pressures (m,) in Pa and the numbers (m,) of their loads."""
-        self.nodes, self.body = nodes, body
-        self._data = np.ascontiguousarray(nodes), pressure, load
-
-    def add_residual(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
-        """See :class:`flexfem.system.inner_forces.InnerForces`."""
-        flat.add_pressures(*self._data, factors, block.frames, scale, block.residual)
-
-    def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
-        """See :class:`flexfem.system.inner_forces.InnerForces`."""
-        out = np.empty((len(self.nodes), 9, 9))
-        flat.pressure_tangent(*self._data, factors, block.frames, scale, out)
-        return out
-
-    def add_action(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
-        """See :class:`flexfem.system.inner_forces.InnerForces`."""
-        steps = block.step[self.nodes, :3].reshape(len(self.nodes), 9, 1)
-        action = self.tangent(block, factors, scale) @ steps
-        np.add.at(block.residual[:, :3], self.nodes, action.reshape(-1, 3, 3))
-
-    def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
-        """See :class:`flexfem.system.inner_forces.InnerForces`."""
-        out = np.empty((len(self.nodes), 12))
-        flat.pressure_states(*self._data, factors, block.frames, out)
-        return out
-
-
-class CurvedPressures:
-    """Pressures on quadratic triangles, with the loads whose amplitudes scale them.
-
-    Attributes:
-        nodes: (m, 6) local nodes, corners first; body: (6 m,) number of the shell, node by node.
+        nodes: (m, 3) local corners of flat triangles, or (m, 6) nodes of quadratic ones, corners
+            first.
+        body: number of the shell: (m,) of flat triangles, (6 m,) of quadratic ones, node by node.
     """
 
     def __init__(
         self, nodes: IntArray, body: IntArray, pressure: FloatArray, load: IntArray
     ) -> None:
         """Store pressures (m,) in Pa and the numbers (m,) of their loads and shells."""
-        self.nodes, self.body = nodes, np.repeat(body, nodes.shape[1])
+        count = nodes.shape[1]
+        straight = count == 3
+        self.nodes, self.body = nodes, body if straight else np.repeat(body, count)
         self._data = np.ascontiguousarray(nodes), pressure, load
+        self._kernels: ModuleType = flat if straight else curved
+        self._width = 3 if straight else 6
 
     def add_residual(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
         """See :class:`flexfem.system.inner_forces.InnerForces`."""
-        curved.add_pressures(*self._data, factors, block.frames, scale, block.residual)
+        self._kernels.add_pressures(*self._data, factors, block.frames, scale, block.residual)
 
     def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
         """See :class:`flexfem.system.inner_forces.InnerForces`."""
-        out = np.empty((len(self.nodes), 36, 36))
-        curved.pressure_tangent(*self._data, factors, block.frames, scale, out)
+        size = self.nodes.shape[1] * self._width
+        out = np.empty((len(self.nodes), size, size))
+        self._kernels.pressure_tangent(*self._data, factors, block.frames, scale, out)
         return out
 
     def add_action(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
         """See :class:`flexfem.system.inner_forces.InnerForces`."""
-        steps = block.step[self.nodes].reshape(len(self.nodes), 36, 1)
-        action = self.tangent(block, factors, scale) @ steps
-        np.add.at(block.residual, self.nodes, action.reshape(-1, 6, 6))
+        steps = block.step[self.nodes, : self._width]
+        tangent = self.tangent(block, factors, scale)
+        action = tangent @ steps.reshape(len(steps), tangent.shape[1], 1)
+        np.add.at(block.residual[:, : self._width], self.nodes, action.reshape(steps.shape))
 
     def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
-        """See :class:`flexfem.system.inner_forces.InnerForces`: those at the nodes."""
+        """See :class:`flexfem.system.inner_forces.InnerForces`."""
         out = np.empty((len(self.body), 12))
-        curved.pressure_states(*self._data, factors, block.frames, out)
+        self._kernels.pressure_states(*self._data, factors, block.frames, out)
         return out
 
 
-def pressures(
-    serial: Assembly, nodes: IndexArray, body: IntArray
-) -> list[Pressures | CurvedPressures]:
+def pressures(serial: Assembly, nodes: IndexArray, body: IntArray) -> list[Pressures]:
     """All pressures on the triangles that this rank owns, as one group.
 
     Args:
@@ -116,9 +86,8 @@ def pressures(
     chosen = [np.flatnonzero(body == names.index(load.shell)) for _, load in loads]
     rows = np.concatenate(chosen)
     counts = [len(c) for c in chosen]
-    made = Pressures if nodes.shape[1] == 3 else CurvedPressures
     return [
-        made(
+        Pressures(
             nodes[rows].astype(np.int64),
             body[rows],
             np.repeat([load.pressure for _, load in loads], counts),

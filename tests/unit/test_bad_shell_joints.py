@@ -79,6 +79,10 @@ CASES: dict[str, tuple[Callable[[], ff.Model], list[object], str]] = {
         _model, [ff.HingeLine("j", NEAR, FAR), ff.ClampedLine("k", NEAR, FAR)],
         'HingeLine "j", ClampedLine "k"',
     ),
+    "twice on a body": (  # rows of all nodes of a line depend on each other, its name comes once
+        _model, [ff.HingeLine("j", NEAR, HUB), ff.ClampedLine("k", NEAR, HUB)],
+        'HingeLine "j", ClampedLine "k": 9 of 18 constraints are redundant',
+    ),
     "held": (
         lambda: _model(**HELD), [ff.HingeLine("j", NEAR, FAR)],
         'HingeLine "j": 3 of 3 constraints are redundant',

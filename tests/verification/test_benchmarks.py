@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Motions of mechanisms against closed forms and independent computations."""
+"""Motions of mechanisms, and shells, against closed forms and independent computations."""
 
 import pytest
 
@@ -7,8 +7,8 @@ from tests.verification.table import load, modules
 
 pytestmark = pytest.mark.serial
 
-#: Those of statics and modes have tests of their own.
-NAMES = [name for name in modules() if name.startswith(("rigid_", "flexible_"))]
+#: Those of statics and modes of beams have tests of their own.
+NAMES = [name for name in modules() if name.startswith(("rigid_", "flexible_", "shell_"))]
 
 
 @pytest.mark.parametrize("name", NAMES)
