@@ -29,7 +29,7 @@ on the annulus of 60x10 cells instead of 3.0, on the cantilever of 16x1 by 0.1 i
 refined meshes, are with constant strains cantilever 16x1, annulus 160x20, hemisphere 16x16, pullout
 24x16, roof 8x8. Coarse meshes of the pinched cylinder hold the corner of the fold at their nodes:
 the force rises and falls from cell to cell, and triangles without rotations snap to another branch,
-with 80x40 cells at 0.47 of the load.
+with 80x40 cells, evenly spaced along the bottom, at 0.47 of the load.
 
 Load steps search stable equilibria (``--stabilise``): coarse meshes buckle locally, and the real
 shell may snap.
