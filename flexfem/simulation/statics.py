@@ -25,7 +25,7 @@ from flexfem.simulation.reasons import not_finite
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.setup import set_up
 from flexfem.solvers.buckling import LinearBuckling
-from flexfem.solvers.statics import Limits, Loading, settle
+from flexfem.solvers.statics import Equilibrium, Limits, settle
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.probes import ProbeRecorder
 
@@ -84,9 +84,10 @@ def solve_static(
     return run.finish(run.reason(status))
 
 
-def _columns(probes: ProbeRecorder, loading: Loading) -> dict[str, float]:
+def _columns(probes: ProbeRecorder, equilibrium: Equilibrium) -> dict[str, float]:
     """The history's columns at the trial state, on the first rank (collective)."""
-    probes.record(loading.t)
+    equilibrium.react()
+    probes.record(equilibrium.loading.t)
     for _, values in probes.flush():
         return dict(zip(probes.columns, values.tolist(), strict=True))
     return {}
@@ -113,7 +114,7 @@ class _Run:
         if not options.stabilise:
             check_held(self._serial, self.equilibrium)
         self._departures = Departures(self.system, self._serial)
-        self._columns = partial(_columns, self._probes, self.equilibrium.loading)
+        self._columns = partial(_columns, self._probes, self.equilibrium)
         self._status = self._checked(settle(self.equilibrium))
         self.path = Path(
             self.equilibrium, follow=options.arc_length > 0.0, count=options.critical_points,

@@ -223,14 +223,19 @@ class Equilibrium:
             part.block.frames0[:] = frames
             part.block.reset()
         self.system.constraints.multipliers[:] = state.multipliers
+        self.react()
         self.loading.set(state.t)
+
+    def react(self) -> None:
+        """Set the joints' forces to those of the trial state."""
+        rows = self.system.constraints
+        rows.forces[:] = rows.multipliers / self.shifts.scale
 
     def accept(self) -> None:
         """End a load step (collective)."""
-        rows = self.system.constraints
-        rows.forces[:] = rows.multipliers / self.shifts.scale
+        self.react()
         self.system.interface.update()
-        rows.accept()
+        self.system.constraints.accept()
 
     def solve(self, t: float) -> Status:
         """Find the equilibrium at load parameter ``t`` from the present state (collective)."""
