@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Deployment of a solar array blanket: panels folded in zigzag, pulled up along guide wires.
 
-Panels of 0.45 x 2.4 m, 0.8 mm thick, E = 8e9 N/m^2, nu = 0.3, rho = 2314.8 kg/m^3 are hinged to one
-another along their long sides, which run along X. Folded they lie on one another with a pitch of
-10 mm along Z (``--pitch``). The bottom side of panel 1 is held by the container. The top side of
-the last one hangs on a rigid beam of 1 kg, and this on a tensioning spring (200 N/m and 5 N s/m)
-whose other end the mast lifts along Z: the speed rises within 2 s to 0.1 m/s by a fifth-order
-polynomial, stays, and falls the same way, so that the flat blanket has the tension ``--tension`` at
-the end, and is held there. No gravity.
+Panels of 0.45 x 2.4 m, 0.8 mm thick, E = 8e9 N/m^2, nu = 0.3, rho = 2314.8 kg/m^3 and a damping of
+1e-3 s times their stiffness (``--damping``) are hinged to one another along their long sides, which
+run along X. Folded they lie on one another with a pitch of 10 mm along Z (``--pitch``). The bottom
+side of panel 1 is held by the container. The top side of the last one hangs on a rigid beam of
+1 kg, and this on a tensioning spring (200 N/m and 5 N s/m) whose other end the mast lifts along Z:
+the speed rises within 2 s to 0.1 m/s by a fifth-order polynomial, stays, and falls the same way, so
+that the flat blanket has the tension ``--tension`` at the end, and is held there. An odd number of
+panels ends on the other side, and leans. No gravity.
 
 Two guide wires of steel (2 mm, E = 210e9 N/m^2, nu = 0.25, rho = 7850 kg/m^3) stand at y = 0, 0.3 m
 from the sides of the panels, clamped 0.2 m below the container and pulled up by 10 N
@@ -16,8 +17,8 @@ blanket, every second one, slide along both wires through grommets; the others l
 have none.
 
 The folded panels touch: contact of all of them with one another and with the floor of the
-container, a pitch below them (``--no-contact`` leaves it out).
-``--mesh`` counts nodes of a panel along its short and long side.
+container, a pitch below them (``--no-contact`` leaves it out), with the automatic stiffness unless
+``--stiffness`` gives one. ``--mesh`` counts nodes of a panel along its short and long side.
 
 History: ``lift`` of the beam, m; ``mast_force_fx, mast_force_fy, mast_force_fz, mast_force_mx,
 mast_force_my, mast_force_mz``, what the drive does to the spring, N and N m: the tension;
@@ -26,8 +27,8 @@ mast_force_my, mast_force_mz``, what the drive does to the spring, N and N m: th
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,
 J; ``contact_penetration``, m, ``contact_fx, contact_fy, contact_fz``, ``contact_normal``, N.
 
-Expected (Shi, Liu, Hong, Acta Mech. Sinica 34 (2018); pitch, ramps, spring and contact are our
-choice): velocities jump while the folded panels touch, then panels are drawn out one after the
+Expected (Shi, Liu, Hong, Acta Mech. Sinica 34 (2018); pitch, ramps, spring, damping and contact are
+our choice): velocities jump while the folded panels touch, then panels are drawn out one after the
 other, the top ones first; the drive is at 0.1 m/s from 2 s on; tension comes at the end, and the
 more of it, the faster the blanket oscillates: 4 panels of 5x13 nodes sway with 0.52, 0.78 and
 1.30 Hz under 5, 20 and 80 N (a string of their mass and that of the wires, under both tensions:
@@ -122,7 +123,7 @@ def add_wires(model: ff.Model, panels: int, pitch: float, elements: int, tension
 
 def build(
     *, panels: int, mesh: str, element: str, pitch: float, tension: float, wire_elements: int,
-    wire_tension: float, contact: bool, stiffness: float,
+    wire_tension: float, damping: float, contact: bool, stiffness: float,
 ) -> ff.Model:  # fmt: skip
     """Model of a folded blanket."""
     if pitch >= 0.5 * SHORT:
@@ -133,14 +134,16 @@ def build(
     model = ff.Model("solar_array", surface=surface)
     for name in names:
         edges = {"panel_1_bottom": "hinged"} if name == "panel_1" else {}
-        model.add(ff.Shell(name, section, element=element, edges=edges))
+        model.add(ff.Shell(name, section, element=element, edges=edges, damping=damping))
     for i, (lower, upper) in enumerate(pairwise(names)):
         line = ff.ShellLine(lower, f"{lower}_top"), ff.ShellLine(upper, f"{upper}_bottom")
         model.add(ff.HingeLine(f"hinge_{i + 1}", *line))
     last = f"{names[-1]}_top"
     y = surface.points[surface.lines[last][0, 0], 1]
     top = ff.Ground((0.5 * LONG, y, panels * pitch))
-    lift = Lift(panels * (SHORT - pitch) + tension / SPRING)
+    # an odd number of panels ends on the other side: the flat blanket leans
+    flat = math.sqrt((panels * SHORT) ** 2 - y**2)
+    lift = Lift(flat - panels * pitch + tension / SPRING)
     shape = ff.Cylinder(0.01, LONG)
     for name, mass in (("beam", 1.0), ("mast", 0.1)):
         model.add(
@@ -157,7 +160,7 @@ def build(
     if contact:
         floor = ff.RigidPlane(ff.Ground((0.0, 0.0, -pitch)))
         model.add(
-            ff.Contact("panels", names, names, floor, stiffness=stiffness),
+            ff.Contact("panels", names, names, floor, stiffness=stiffness or None),
             ff.ContactProbe("contact", "panels"),
         )
     model.add(
@@ -228,8 +231,11 @@ CASE = ff.Case(
         ff.Option("tension", float, 20.0, "of the deployed blanket", unit="N", minimum=0.0),
         ff.Option("wire_elements", int, 40, "elements of a guide wire", minimum=1),
         ff.Option("wire_tension", float, 10.0, "force at its top", unit="N", minimum=0.0),
+        ff.Option(
+            "damping", float, 1e-3, "of the panels, times their stiffness", unit="s", minimum=0.0
+        ),
         ff.Option("contact", bool, True, "contact of the panels"),
-        ff.Option("stiffness", float, 1e5, "of contact", unit="N/m^3", above=0.0),
+        ff.Option("stiffness", float, 0.0, "of contact, 0: automatic", unit="N/m^3", minimum=0.0),
     ),
     dt=0.01,
     t_end=95.0,
