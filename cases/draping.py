@@ -182,7 +182,7 @@ CASE = ff.Case(
     analysis=ff.RELAXATION,
     tolerance=1e-3,
     smoke={
-        "mesh": "5x5",
+        "mesh": "9x9",
         "contact_stiffness": 1e6,
         "tolerance": 0.1,
         "step_tolerance": 0.1,
