@@ -5,6 +5,7 @@ In local frames the iteration matrix ``A`` of a flexible body hardly changes, so
 kept. Joints touch few nodes, where the response ``Z = A^-1 J^T`` of each body is known once and for
 all, so that a step costs one residual, one product ``Z^T r``, a small system
 ``S dL = Phi - G~ A^-1 r`` with ``S = G~ A^-1 G^T + compliance``, and one solve with the factors.
+Where Z has more numbers than the factors, it is not kept, and a step costs two solves.
 Rigid bodies are always exact: their 6x6 matrices are inverted at every step.
 
 A rank eliminates the multipliers that only it evaluates. What remains between ranks is summed by
