@@ -255,7 +255,6 @@ class FrozenSolver:
         rows = self.system.constraints
         if rows.lines.version != self._version:
             self._follow_sliders()
-            self.keep_interface = False
         if not (self.keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size)
         self._solve(rows.values)
