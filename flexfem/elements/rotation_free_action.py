@@ -7,7 +7,14 @@ their rotation. In scalars: see ``rotation_free_scalars``.
 """
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.elements.rotation_free_scalars import axes_of, resultants, vectors_of
+from flexfem.elements.rotation_free_scalars import (
+    axes_of,
+    bent,
+    resultants,
+    stress_of,
+    turn_of,
+    vectors_of,
+)
 from flexfem.lie.compiled import fused
 
 __all__ = ["add_action"]
@@ -25,23 +32,13 @@ def add_action(
     for m in range(len(nodes)):
         near, G, C, start, bend = nodes[m], gradients[m], curvatures[m], starts[m], offsets[m]
         f, k = vectors_of(points, near, G, C)
-        k10, k11, k12 = k[0] + bend[0, 0], k[1] + bend[0, 1], k[2] + bend[0, 2]
-        k20, k21, k22 = k[3] + bend[1, 0], k[4] + bend[1, 1], k[5] + bend[1, 2]
-        k30, k31, k32 = k[6] + bend[2, 0], k[7] + bend[2, 1], k[8] + bend[2, 2]
-        l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes_of(f)  # noqa: E741
-        # changes u, v of f_1, f_2 and d of the k
+        k10, k11, k12, k20, k21, k22, k30, k31, k32 = bent(k, bend)
+        axes = axes_of(f)
+        l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes  # noqa: E741
+        # changes of f_1, f_2 and d of the k
         f, k = vectors_of(steps, near, G, C)
-        u0, u1, u2, v0, v1, v2 = f
         d10, d11, d12, d20, d21, d22, d30, d31, d32 = k
-        # rotation of the axes, what it makes of the normal, and the changes of l, h and g
-        y, z = u0 * b0 + u1 * b1 + u2 * b2, u0 * n0 + u1 * n1 + u2 * n2
-        turn_n, turn_b = y / l, -z / l
-        turn_t = (v0 * n0 + v1 * n1 + v2 * n2 + g * turn_b) / h
-        w0, w1 = turn_b * t0 - turn_t * b0, turn_b * t1 - turn_t * b1
-        w2 = turn_b * t2 - turn_t * b2
-        dl = u0 * t0 + u1 * t1 + u2 * t2
-        dh = v0 * b0 + v1 * b1 + v2 * b2 - g * turn_n
-        dg = v0 * t0 + v1 * t1 + v2 * t2 + h * turn_n
+        dl, dh, dg, turn_t, turn_b, turn_n, w0, w1, w2 = turn_of(f, axes)
         # the vectors k along the normal, and the changes of that
         z1 = n0 * k10 + n1 * k11 + n2 * k12
         z2 = n0 * k20 + n1 * k21 + n2 * k22
@@ -53,15 +50,9 @@ def add_action(
         D, area = stiffness[sections[m]], areas[m] * (factors[0] + damping[m] * factors[1])
         e1, e2, e3, e4, e5, e6 = area * dl, area * dh, area * dg, area * e4, area * e5, area * e6
         ds11, ds22, ds12, dm1, dm2, dm3 = resultants(D, e1, e2, e3, e4, e5, e6)
-        area = areas[m] * factors[0]
-        if len(given):
-            s = given[m]
-            s11, s22, s12 = area * s[0], area * s[1], area * s[2]
-            m1, m2, m3 = area * s[3], area * s[4], area * s[5]
-        else:
-            e1, e2, e3 = area * (l - start[0]), area * (h - start[1]), area * (g - start[2])
-            e4, e5, e6 = area * (z1 - start[3]), area * (z2 - start[4]), area * (z3 - start[5])
-            s11, s22, s12, m1, m2, m3 = resultants(D, e1, e2, e3, e4, e5, e6)
+        s11, s22, s12, m1, m2, m3 = stress_of(
+            D, given, m, areas[m] * factors[0], start, (l, h, g), (z1, z2, z3)
+        )
         # moments times k along t, b, n, and the changes of the first two
         x, y = m1 * k10 + m2 * k20 + m3 * k30, m1 * k11 + m2 * k21 + m3 * k31
         z = m1 * k12 + m2 * k22 + m3 * k32
@@ -90,9 +81,10 @@ def add_action(
             node = near[i]
             if node < 0:
                 continue
-            bent = C[0, i] * m1 + C[1, i] * m2 + C[2, i] * m3
-            more = C[0, i] * dm1 + C[1, i] * dm2 + C[2, i] * dm3
-            x, y, z = bent * w0 + more * n0, bent * w1 + more * n1, bent * w2 + more * n2
+            along_w = C[0, i] * m1 + C[1, i] * m2 + C[2, i] * m3
+            along_n = C[0, i] * dm1 + C[1, i] * dm2 + C[2, i] * dm3
+            x, y = along_w * w0 + along_n * n0, along_w * w1 + along_n * n1
+            z = along_w * w2 + along_n * n2
             if i < flat:
                 c, d = G[0, i], G[1, i]
                 x, y, z = x + c * u0 + d * v0, y + c * u1 + d * v1, z + c * u2 + d * v2

@@ -11,7 +11,7 @@ import math
 from flexfem._types import FloatArray, IndexArray
 from flexfem.lie.compiled import inlined_fused
 
-__all__ = ["axes_of", "resultants", "vectors_of"]
+__all__ = ["axes_of", "bent", "resultants", "stress_of", "turn_of", "vectors_of"]
 
 
 @inlined_fused
@@ -58,6 +58,36 @@ def axes_of(f: tuple[float, ...]) -> tuple[float, ...]:
 
 
 @inlined_fused
+def bent(k: tuple[float, ...], bend: FloatArray) -> tuple[float, ...]:
+    """The three k with what clamps add, (3, 3)."""
+    return (
+        k[0] + bend[0, 0], k[1] + bend[0, 1], k[2] + bend[0, 2],
+        k[3] + bend[1, 0], k[4] + bend[1, 1], k[5] + bend[1, 2],
+        k[6] + bend[2, 0], k[7] + bend[2, 1], k[8] + bend[2, 2],
+    )  # fmt: skip
+
+
+@inlined_fused
+def turn_of(change: tuple[float, ...], axes: tuple[float, ...]) -> tuple[float, ...]:
+    """What changes of f_1 and f_2 make, with what :func:`axes_of` returns.
+
+    Returns:
+        Changes of l, h and g, rotation of the axes about t, b, n, change of the normal.
+    """
+    u0, u1, u2, v0, v1, v2 = change
+    l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes  # noqa: E741
+    y, z = u0 * b0 + u1 * b1 + u2 * b2, u0 * n0 + u1 * n1 + u2 * n2
+    turn_n, turn_b = y / l, -z / l
+    turn_t = (v0 * n0 + v1 * n1 + v2 * n2 + g * turn_b) / h
+    w0, w1 = turn_b * t0 - turn_t * b0, turn_b * t1 - turn_t * b1
+    w2 = turn_b * t2 - turn_t * b2
+    dl = u0 * t0 + u1 * t1 + u2 * t2
+    dh = v0 * b0 + v1 * b1 + v2 * b2 - g * turn_n
+    dg = v0 * t0 + v1 * t1 + v2 * t2 + h * turn_n
+    return dl, dh, dg, turn_t, turn_b, turn_n, w0, w1, w2
+
+
+@inlined_fused
 def _row(
     D: FloatArray, i: int, e1: float, e2: float, e3: float, e4: float, e5: float, e6: float
 ) -> float:
@@ -78,3 +108,20 @@ def resultants(
         _row(D, 4, e1, e2, e3, e4, e5, e6),
         _row(D, 5, e1, e2, e3, e4, e5, e6),
     )
+
+
+@inlined_fused
+def stress_of(
+    D: FloatArray, given: FloatArray, m: int, area: float, start: FloatArray,
+    stretches: tuple[float, float, float], bends: tuple[float, float, float],
+) -> tuple[float, ...]:  # fmt: skip
+    """Stress resultants times the area: those given (m, 6), if there are any."""
+    if len(given):
+        s = given[m]
+        return area * s[0], area * s[1], area * s[2], area * s[3], area * s[4], area * s[5]
+    (l, h, g), (z1, z2, z3) = stretches, bends  # noqa: E741
+    return resultants(
+        D,
+        area * (l - start[0]), area * (h - start[1]), area * (g - start[2]),
+        area * (z1 - start[3]), area * (z2 - start[4]), area * (z3 - start[5]),
+    )  # fmt: skip
