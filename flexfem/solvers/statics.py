@@ -296,10 +296,8 @@ class Equilibrium:
 
         The load parameter moves by the same multiple of ``-load``.
         """
+        self.system.continue_stresses(factor, thin=False)
         for part in self.system.parts:
-            if part.elements is not None:
-                part.block.spread_step()
-                part.elements.assume(part.block.frames, factor * part.block.step)
             part.block.correct(factor)
             part.block.accept(_NO_LAW, 0.0)
         self.system.constraints.multipliers += factor * change

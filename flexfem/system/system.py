@@ -223,12 +223,17 @@ class System:
                 part.elements.assume(part.block.frames0, part.block.step)
             part.block.predict(law, rates)
 
-    def continue_stresses(self) -> None:
-        """Let tangents take stresses continued along the steps to be subtracted (collective)."""
+    def continue_stresses(self, factor: float = -1.0, *, thin: bool = True) -> None:
+        """Let tangents take stresses continued along a multiple of the steps (collective).
+
+        Args:
+            factor: the multiple.
+            thin: of thin elements only.
+        """
         for part in self.parts:
-            if part.elements is not None and part.elements.thin:
+            if part.elements is not None and (part.elements.thin or not thin):
                 part.block.spread_step()
-                part.elements.assume(part.block.frames, -part.block.step)
+                part.elements.assume(part.block.frames, factor * part.block.step)
 
     def evaluate(self, shifts: Shifts) -> None:
         """Residuals of blocks and constraints at the trial state (collective)."""
