@@ -68,6 +68,7 @@ class DirectorShells:
     law_owner: str | None = None
     chained = False
     thin = True
+    tensile = False
 
     def __init__(self, cells: DirectorCells, block: FrameBlock) -> None:
         """Prepare pairs of nodes and masses (collective).

@@ -23,11 +23,15 @@ class ElementFamily(Protocol):
         chained: nodes follow one another along lines, on which elements join neighbours only.
         thin: they bend so much more easily than they stretch that steps of motion iterate with
             continued stresses, see :meth:`assume`.
+        tensile: :meth:`values` are to leave out compression of membranes, where the family can. It
+            comes and goes, and where it makes a matrix nearly singular, factors that are kept would
+            be useless soon.
     """
 
     law_owner: str | None
     chained: bool
     thin: bool
+    tensile: bool
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:

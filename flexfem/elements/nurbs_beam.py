@@ -37,6 +37,7 @@ class NurbsBeams:
 
     chained = True
     thin = False
+    tensile = False
 
     def __init__(
         self,

@@ -150,6 +150,23 @@ class RotationFreeTriangles:
         matrices = np.ascontiguousarray(stiffness).reshape(-1, 6, 6)
         return Response(np.arange(len(strains)), matrices, np.ascontiguousarray(stresses))
 
+    def without_compression(
+        self, response: Response, points: FloatArray, assumed: FloatArray | None = None
+    ) -> Response:
+        """The same without principal forces of the membrane that compress it.
+
+        Args:
+            response: of these positions.
+            points: present positions (n, 3).
+            assumed: strains (m, 6) that stand for the present ones.
+        """
+        if len(response.stresses):
+            stresses = response.stresses.copy()
+        else:
+            stresses = self.stresses(self.strains(points) if assumed is None else assumed)
+        _pull(stresses)
+        return replace(response, stresses=stresses)
+
     def stresses(self, strains: FloatArray) -> FloatArray:
         """Forces n_11, n_22, n_12 (N/m) and moments m_11, m_22, m_12 (N) for strains (m, 6)."""
         if self.law is not None:
@@ -258,3 +275,14 @@ class RotationFreeTriangles:
         """Areas, sections, stiffness, given stresses."""
         own = Response(self.sections, self.stiffness, _NOTHING) if response is None else response
         return self.patches.areas, own.sections, own.stiffness, own.stresses
+
+
+def _pull(stresses: FloatArray) -> None:
+    """Set principal forces of the membrane that compress it to zero, in stresses (m, 6)."""
+    n11, n22, n12 = stresses[:, :3].T
+    mean, half = 0.5 * (n11 + n22), 0.5 * (n11 - n22)
+    radius = np.hypot(half, n12)
+    first, second = np.maximum(mean + radius, 0.0), np.maximum(mean - radius, 0.0)
+    kept = 0.5 * (first - second) / np.maximum(radius, np.finfo(np.float64).tiny)
+    mean = 0.5 * (first + second)
+    stresses[:, :3] = np.column_stack([mean + kept * half, mean - kept * half, kept * n12])

@@ -71,6 +71,7 @@ class RotationFreeShells:
     law_owner: str | None = None
     chained = False
     thin = True
+    tensile = False
 
     def __init__(self, groups: Sequence[ShellCells], block: FrameBlock) -> None:
         """Prepare pairs of nodes and masses (collective).
@@ -167,6 +168,8 @@ class RotationFreeShells:
             width = 3 * index.shape[1]
             matrices = np.empty((_CHUNK, width, width))
             response = group.triangles.response(self._points, velocities, assumed, rate)
+            if self.tensile:
+                response = group.triangles.without_compression(response, self._points, assumed)
             for first in range(0, len(index), _CHUNK):
                 part = matrices[: len(index) - first]
                 group.triangles.tangents_into(

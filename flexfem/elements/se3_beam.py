@@ -42,6 +42,7 @@ class SE3Beams:
 
     chained = True
     thin = False
+    tensile = False
 
     def __init__(
         self,

@@ -38,13 +38,15 @@ from flexfem.solvers.schur_kernels import (
 )
 from flexfem.system.system import BlockPart, Shifts, System
 
-__all__ = ["FrozenSolver"]
+__all__ = ["FrozenSolver", "Worst"]
 
 #: Step sizes whose factors are kept, the latest used: each costs the memory of all factors.
 _KEPT = 6
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
 _INNER, _SWEEPS = 0.02, 8
+#: Bodies whose part of the square of what the frozen operator missed is above this are the worst.
+_SHARE = 0.01
 #: The multipliers' system is kept within a step while iterations contract like this, or, where
 #: steps are refined, while they are smaller than this, m or rad.
 _WELL, _NEAR = 0.02, 0.01
@@ -59,6 +61,20 @@ class _Kept:
 
     parts: list[KeptFactor]
     numbers: FloatArray
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Bodies with factors to be renewed.
+
+    Attributes:
+        pieces: numbers of this rank's pieces of every flexible part, which may be none, or None
+            where there are none on any rank; None for all bodies of all parts.
+        share: their part of all unknowns on all ranks.
+    """
+
+    pieces: list[list[int] | None] | None
+    share: float
 
 
 class FrozenSolver:
@@ -81,6 +97,7 @@ class FrozenSolver:
         self._kept: dict[Shifts, _Kept] = {}
         self.refine = False
         self.defect, self.exact = 0.0, False
+        self._missed: FloatArray | None = None
         rows, face = system.constraints, system.interface
         self._slot_column = np.zeros(len(face.keys), dtype=np.int64)
         self._slot_active = np.zeros(len(face.keys), dtype=np.int64)
@@ -205,6 +222,36 @@ class FrozenSolver:
         _, numbers = system.mechanics.origin(system, self._flexible[0].group.part)
         self._kept[shifts] = _Kept(parts, numbers.copy())
 
+    def worst(self) -> Worst:
+        """Bodies that hold most of what the frozen operator missed in the last step (collective).
+
+        All of them, if the step was not refined.
+        """
+        if self._missed is None:
+            return Worst(None, 1.0)
+        limit = _SHARE * self._dot(self._missed, self._missed)
+        pieces, rows = [], np.zeros((2, len(self._flexible)))
+        for i, flexible in enumerate(self._flexible):
+            part = flexible.group.part
+            start = self._sizes[self.system.parts.index(part)]
+            missed = self._missed[start:][: part.block.sizes[0]].reshape(-1, part.block.width)
+            pieces.append(flexible.worst(missed, limit))
+            rows[:, i] = flexible.rows(pieces[-1]), missed.size
+        self.system.comm.Allreduce(MPI.IN_PLACE, rows)
+        chosen = [p if rows[0, i] else None for i, p in enumerate(pieces)]
+        return Worst(chosen, float(rows[0].sum() / rows[1].sum()))
+
+    def renew(self, worst: Worst) -> None:
+        """Factorise these bodies anew at the trial state, with the shifts in use (collective)."""
+        assert self.shifts is not None
+        if worst.pieces is None:
+            self.factor(self.shifts)
+            return
+        self.system.counters.factorizations += 1
+        for flexible, chosen in zip(self._flexible, worst.pieces, strict=True):
+            if chosen is not None:
+                flexible.factorise(self.shifts, chosen)
+
     def state(self) -> State:
         """Where and with which shifts factors were computed, and whether steps are refined."""
         shifts = np.array([astuple(s) for s in self._kept], dtype=np.float64)
@@ -258,7 +305,7 @@ class FrozenSolver:
         if not (self.keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size)
         self._solve(rows.values)
-        self.exact = False
+        self.exact, self._missed = False, None
         if not self.refine:
             return True, -self._right
         solution = self._collect()
@@ -297,7 +344,7 @@ class FrozenSolver:
         self.system.subtract_tangent(shifts, hessians)
         values = self.system.constraints.values + self._yielding(solution[count:])
         self._solve(values, beyond=True)
-        residual = self._collect()
+        self._missed = residual = self._collect()
         size = self._dot(solution, solution) ** 0.5
         self.defect = self._dot(residual, residual) ** 0.5 / size if size > 0.0 else 0.0
         correction, self.exact = minimal_residual(

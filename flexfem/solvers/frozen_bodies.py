@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies of one part of the system, as the frozen solver sees them, and their kept factors."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 
@@ -16,6 +18,9 @@ from flexfem.solvers.tangent import part_pattern, part_values
 from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["Bodies", "FlexibleBodies", "KeptFactor"]
+
+#: Unknowns from which a body has factors of its own: a solve takes a multiple of its call then.
+_ALONE = 600
 
 
 @dataclass
@@ -61,14 +66,28 @@ class Bodies:
 
 
 @dataclass(frozen=True)
+class Piece:
+    """Bodies that are factorised together, with factors that couple to no others.
+
+    ``bodies`` are their numbers in the group, ``nodes`` their owned nodes; ``right`` and
+    ``solution`` (n, width) hold what solvers take one after the other.
+    """
+
+    bodies: IntArray
+    nodes: IntArray
+    right: FloatArray
+    solution: FloatArray
+
+
+@dataclass(frozen=True)
 class KeptFactor:
-    """Factors of the flexible bodies of a part for one step size.
+    """Factors of the flexible bodies of a part for one step size, one a piece.
 
     ``nodes`` are the arrays of ``Mechanics.origin`` that they were computed from; ``direct`` tells
     that there are no responses, see :class:`Bodies`.
     """
 
-    factor: Factor
+    factors: list[Factor]
     direct: bool
     responses: FloatArray
     compliances: FloatArray
@@ -80,11 +99,10 @@ class FlexibleBodies:
 
     Attributes:
         group: the bodies with their responses.
-        factor: the factors in use.
+        pieces: those of this rank; their factors can be renewed one by one.
     """
 
-    factor: Factor
-    _direct: bool
+    _kept: KeptFactor
 
     def __init__(self, system: System, group: Bodies) -> None:
         """Set up the pattern (collective)."""
@@ -95,52 +113,111 @@ class FlexibleBodies:
         )
         elements = group.part.elements
         self._chained = elements is None or elements.chained
+        self.pieces = self._divide()
         local = group.part.slots[group.columns[:, 0]]
         self._held = np.flatnonzero(local >= 0)
         self._ends = local[self._held], group.columns[self._held, 1]
-        # solvers take numbers one after the other, blocks have six places for every node
-        shape = (block.owned, block.width)
-        self._packed = None if block.width == 6 else (np.zeros(shape), np.zeros(shape))
 
-    def factorise(self, shifts: Shifts) -> KeptFactor:
-        """Factorise at the trial state and compute the compliances (collective)."""
-        system, group, part = self._system, self.group, self.group.part
-        group.compliances = np.zeros(len(group.compliances))
+    def _divide(self) -> list[Piece]:
+        """Each large body on its own, all others together; one piece if a body is on two ranks."""
+        group, block = self.group, self.group.part.block
+        rows = block.width * np.diff(group.node_start)
+        alone = np.flatnonzero((rows >= _ALONE) & (not block.has_ghosts))
+        rest = np.setdiff1d(np.arange(len(rows)), alone)
+        lists = [*([rest] if len(rest) or not len(alone) else []), *alone[:, np.newaxis]]
+        pieces = []
+        for bodies in lists:
+            nodes = [group.nodes[group.node_start[b] : group.node_start[b + 1]] for b in bodies]
+            whole = np.arange(block.owned) if len(lists) == 1 else np.sort(np.concatenate(nodes))
+            shape = (len(whole), block.width)
+            pieces.append(Piece(bodies, whole, np.zeros(shape), np.zeros(shape)))
+        return pieces
+
+    def factorise(self, shifts: Shifts, chosen: Sequence[int] | None = None) -> KeptFactor:
+        """Factorise at the trial state and compute the compliances (collective).
+
+        Args:
+            shifts: those of the matrices.
+            chosen: Numbers of this rank's pieces; the others keep the factors in use. None for all
+                of them, on all ranks.
+        """
+        system, part = self._system, self.group.part
+        assert part.elements is not None
+        part.elements.tensile = True
         self._matrix.assemble(part_values(system, part, shifts))
-        width = part.block.width
+        part.elements.tensile = False
         destroy_dropped(system.comm)  # older factors
-        self.factor = Factor(
-            self._matrix.mat, width, not part.block.has_ghosts, chained=self._chained,
-            largest=width * int(np.diff(group.node_start).max(initial=0)),
+        numbers = range(len(self.pieces)) if chosen is None else chosen
+        factors = {k: self._factor(self.pieces[k]) for k in numbers}
+        origin = system.mechanics.origin(system, part)[0]
+        if chosen is None:
+            self.use(self._keep(list(factors.values()), origin))
+        for k, factor in factors.items():
+            piece = self.pieces[k]
+            self._kept.factors[k] = factor
+            self._respond(piece, factor)
+            for name, values in origin.items():
+                self._kept.nodes[name][piece.nodes] = values[piece.nodes]
+        return self._kept
+
+    def _keep(self, factors: list[Factor], origin: Mapping[str, FloatArray]) -> KeptFactor:
+        """Room for what belongs to the factors of all pieces (collective)."""
+        group = self.group
+        reads = np.array([group.reads, sum(factor.entries for factor in factors)])
+        self._system.comm.Allreduce(MPI.IN_PLACE, reads)
+        direct = bool(reads[0] > reads[1])
+        responses = np.zeros(0 if direct else group.response_start[-1])
+        nodes = {name: values.copy() for name, values in origin.items()}
+        return KeptFactor(factors, direct, responses, np.zeros(len(group.compliances)), nodes)
+
+    def _factor(self, piece: Piece) -> Factor:
+        """Factors of a piece of the matrix."""
+        block, matrix = self.group.part.block, self._matrix.mat
+        local = not block.has_ghosts
+        if len(self.pieces) > 1:
+            rows = block.width * piece.nodes[:, np.newaxis] + np.arange(block.width)
+            index = PETSc.IS().createGeneral(
+                rows.ravel().astype(PETSc.IntType), comm=PETSc.COMM_SELF
+            )
+            matrix = matrix.getDiagonalBlock().createSubMatrix(index, index)
+        return Factor(
+            matrix, block.width, local, chained=self._chained,
+            largest=block.width * int(np.diff(self.group.node_start)[piece.bodies].max(initial=0)),
         )  # fmt: skip
-        reads = np.array([group.reads, self.factor.entries])
-        system.comm.Allreduce(MPI.IN_PLACE, reads)
-        self._direct = bool(reads[0] > reads[1])
-        group.responses = np.zeros(0 if self._direct else group.response_start[-1])
-        widths = np.diff(group.column_start)
-        most = system.comm.allreduce(int(widths.max(initial=0)), op=MPI.MAX)
-        shape = (part.block.owned, part.block.width)
-        rhs, solution = np.zeros(shape), np.zeros(shape)
+
+    def _respond(self, piece: Piece, factor: Factor) -> None:
+        """Compliances, and responses if they are kept, of the bodies of a piece.
+
+        Collective if a body is on several ranks.
+        """
+        group, part = self.group, self.group.part
+        widths = np.diff(group.column_start)[piece.bodies]
+        most = int(widths.max(initial=0))
+        if part.block.has_ghosts:
+            most = self._system.comm.allreduce(most, op=MPI.MAX)
+        place = np.full(part.block.owned, -1)
+        place[piece.nodes] = np.arange(len(piece.nodes))
+        rhs, solution = piece.right, piece.solution
+        every = np.zeros((part.block.owned, part.block.width))
         for c in range(most):
-            bodies = np.flatnonzero(widths > c)
+            bodies = piece.bodies[widths > c]
             columns = group.columns[group.column_start[bodies] + c]
             local = part.slots[columns[:, 0]]
             held = local >= 0
             rhs[:] = 0.0
-            rhs[local[held], columns[held, 1]] = 1.0
-            part.block.hold(rhs)
-            self.factor.solve_transpose(rhs, solution)
-            self._store(bodies, c, solution)
-        nodes, _ = system.mechanics.origin(system, part)
-        copies = {name: values.copy() for name, values in nodes.items()}
-        return KeptFactor(self.factor, self._direct, group.responses, group.compliances, copies)
+            rhs[place[local[held]], columns[held, 1]] = 1.0
+            if part.block.held is not None:
+                rhs[part.block.held[piece.nodes]] = 0.0
+            factor.solve_transpose(rhs, solution)
+            every[piece.nodes] = solution
+            self._store(bodies, c, every)
 
     def respond(self, y: FloatArray) -> None:
         """See :meth:`Bodies.respond`; of a body on several ranks each writes a part (collective).
 
         The steps of the nodes are lost.
         """
-        if not self._direct:
+        if not self._kept.direct:
             self.group.respond(y)
             return
         self.solve()
@@ -152,18 +229,28 @@ class FlexibleBodies:
     def solve(self) -> None:
         """Steps of the owned nodes for their residuals (collective)."""
         block = self.group.part.block
-        if self._packed is None:
-            self.factor.solve(block.hold(block.owned_residual), block.owned_step)
+        residual, step = block.hold(block.owned_residual), block.owned_step
+        if len(self.pieces) == 1 and block.width == 6:
+            self._kept.factors[0].solve(residual, step)
             return
-        right, solution = self._packed
-        right[:] = block.hold(block.owned_residual)
-        self.factor.solve(right, solution)
-        block.owned_step[:] = solution
+        for piece, factor in zip(self.pieces, self._kept.factors, strict=True):
+            piece.right[:] = residual[piece.nodes]
+            factor.solve(piece.right, piece.solution)
+            step[piece.nodes] = piece.solution
 
     def use(self, kept: KeptFactor) -> None:
         """Take factors that were computed before."""
-        self.factor, self._direct = kept.factor, kept.direct
+        self._kept = kept
         self.group.responses, self.group.compliances = kept.responses, kept.compliances
+
+    def worst(self, missed: FloatArray, limit: float) -> list[int]:
+        """Pieces in which the square of a vector (n_owned, width) exceeds a limit."""
+        squares = (missed**2).sum(axis=1)
+        return [k for k, p in enumerate(self.pieces) if float(squares[p.nodes].sum()) > limit]
+
+    def rows(self, pieces: Sequence[int]) -> int:
+        """Unknowns of pieces."""
+        return sum(self.pieces[k].right.size for k in pieces)
 
     def _store(self, bodies: IntArray, c: int, solution: FloatArray) -> None:
         """Column ``c`` of the responses, row ``c`` of the compliances of the given bodies."""
@@ -171,7 +258,7 @@ class FlexibleBodies:
         for b in bodies:
             width = group.column_start[b + 1] - group.column_start[b]
             nodes = group.nodes[group.node_start[b] : group.node_start[b + 1]]
-            if not self._direct:
+            if not self._kept.direct:
                 a, e = group.response_start[b], group.response_start[b + 1]
                 group.responses[a:e].reshape(-1, width)[:, c] = solution[nodes].ravel()
             columns = group.columns[group.column_start[b] : group.column_start[b + 1]]

@@ -22,7 +22,8 @@ LinearStep = Callable[[Shifts], tuple[bool, FloatArray]]
 #: Solves with the matrix of the last step, given the blocks' residuals (stored there) and rows.
 SolveAgain = Callable[[FloatArray], bool]
 
-#: Steps growing by more than this from one iteration to the next mean divergence.
+#: Steps growing by more than this beyond both before them mean divergence: one may be small because
+#: it was not solved for accurately.
 _DIVERGENCE = 2.0
 #: Below this multiple of the tolerance growing steps are round-off.
 _NOISE = 10.0
@@ -91,7 +92,7 @@ def iterate(
         again: second solver for equations that need one.
     """
     rows = system.constraints
-    previous = inf
+    previous, before = inf, inf
     for iteration in range(1, options.max_iterations + 1):
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
@@ -111,9 +112,9 @@ def iterate(
             observe(iteration, size, contraction)
         if converged:
             return Status.OK
-        if contraction > _DIVERGENCE and iteration > 2 and size > _NOISE * options.tolerance:
+        if size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance):
             return Status.DIVERGED
-        previous = size
+        previous, before = size, previous
     return Status.NOT_CONVERGED
 
 

@@ -20,9 +20,9 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["AutoPolicy", "FrozenPolicy", "Policy", "UpdatedPolicy", "create_policy"]
 
-#: Contraction above which ``auto`` refreshes the factors, unless the step solved the linearised
+#: Contraction above which ``auto`` renews the factors, unless the step solved the linearised
 #: equations as it was: what contracts slowly then is Newton's method itself, where contacts open
-#: and close for example.
+#: and close for example. To renew those of some bodies costs less and pays at less.
 _SLOW = 0.5
 #: Contraction above which steps are refined by the action of the exact tangent: ``frozen`` keeps
 #: close to the iterations of a fresh matrix, ``auto`` takes the cheaper plain steps while they do.
@@ -109,20 +109,22 @@ class FrozenPolicy:
         if frozen.shifts != shifts:
             frozen.use(shifts)
         frozen.keep_interface = False
-        refreshed = False
+        renewed = 0.0
 
         def observe(iteration: int, size: float, contraction: float) -> None:
-            nonlocal refreshed
+            nonlocal renewed
             tolerance = self._options.tolerance
             frozen.observe(size, contraction, tolerance)
             if iteration < 2:
                 return
             if contraction > self.refine:
                 frozen.refine = True
-            slow = self.slow is not None and contraction > self.slow and not frozen.exact
-            if slow and not refreshed and size > tolerance:
-                refreshed = True
-                frozen.factor(shifts)
+            if self.slow is None or frozen.exact or renewed >= 1.0 or size <= tolerance:
+                return
+            worst = frozen.worst()
+            if contraction > self.slow * worst.share:
+                renewed += worst.share
+                frozen.renew(worst)
 
         status = iterate(
             self._system, shifts, frozen.step, self._options, observe, equations, frozen.again

@@ -131,14 +131,20 @@ class TangentSolver:
 
     def _add_contacts(self, shifts: Shifts) -> None:
         """Make the nest anew with the present contacts, whose pattern changes (collective)."""
+        parts = self.system.parts
+        entries = self.system.contacts[0].entries(shifts.scale * shifts.stiffness)
+        closed = any(len(values) for *_, values in entries.values())
+        touching = []
+        if self.system.comm.allreduce(closed, op=MPI.LOR):
+            touching = [i for i, part in enumerate(parts) if part.contacts is not None]
+        elif not self._totals:
+            return  # the nest may stay, and with it the order of elimination
         mats = [[entry.mat for entry in line] for line in self._grid]
         self._ksp.reset()
         self.matrix.destroy()
         for old in self._totals:
             old.destroy()
         self._totals = []
-        parts = self.system.parts
-        touching = [i for i, part in enumerate(parts) if part.contacts is not None]
         for i in touching:
             for j in touching:
                 mats[i][j] = with_contacts(parts[i], mats[i][j], shifts, parts[j])

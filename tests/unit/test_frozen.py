@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Kept factors: two ways to the response of bodies, the multipliers' system, continued stresses."""
+"""Kept factors: responses of bodies, the multipliers' system, continued stresses, renewal."""
 
 import numpy as np
 import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
+from flexfem.elements.rotation_free import RotationFreeTriangles
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.la.factor import Factor
 from flexfem.simulation.dynamics import simulate
+from flexfem.solvers import frozen_bodies
+from flexfem.solvers.frozen import FrozenSolver
 from flexfem.solvers.interface_system import InterfaceSystem
 
 
@@ -90,3 +93,79 @@ def test_continued_stresses_save_iterations(monkeypatch):
         iterations.append(summary["newton_iterations"] / summary["steps"])
     # 3.2 instead of 5.0 a step; without any effect they would be equal
     assert iterations[0] < 0.75 * iterations[1]
+
+
+#: of the pull
+RISE = ff.SmoothStep(0.0, 0.02)
+
+
+def _strips() -> ff.Model:
+    """A strip that is pulled along, more and more, and so gets stiff across; one hangs on it."""
+    first = ff.SurfaceMesh.grid("slack", np.linspace(0, 1, 9), np.linspace(0, 0.2, 4))
+    second = ff.SurfaceMesh.grid("pulled", np.linspace(0, 1, 9), np.linspace(0.2, 0.4, 4))
+    section = ff.ShellSection.isotropic(1e-3, ff.Material(7e9, 0.3, 2000.0))
+    model = ff.Model("strips", surface=ff.SurfaceMesh.join([first, second]))
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Shell("slack", section),
+        ff.Shell("pulled", section, edges={"pulled_left": "hinged"}),
+        ff.Spherical(
+            "hook",
+            ff.Marker("pulled", "pulled_bottom_right"),
+            ff.Marker("slack", "slack_top_right"),
+        ),
+        ff.EdgeLoad("pull", "pulled", "pulled_right", (1e5, 0.0, 0.0), amplitude=RISE),
+        ff.PositionProbe("slack_at", ff.Marker("slack", "slack_bottom_right")),
+        ff.PositionProbe("pulled_at", ff.Marker("pulled", "pulled_top_right")),
+    )
+    return model
+
+
+@pytest.mark.three_ranks
+def test_bodies_that_changed_are_renewed_alone(monkeypatch):
+    """Their compliances are those of fresh factors of all bodies, and the motion is the same."""
+    monkeypatch.setattr(frozen_bodies, "_ALONE", 30)
+    shares, renew = [], FrozenSolver.renew
+
+    def checked(self, worst):
+        renew(self, worst)
+        shares.append(worst.share)
+        if worst.share == 1.0:
+            return
+        (bodies,), (pieces,) = self._flexible, worst.pieces
+        group = bodies.group
+        at = [
+            np.arange(*group.compliance_start[[b, b + 1]])
+            for k in pieces
+            for b in bodies.pieces[k].bodies
+        ]
+        renewed = group.compliances.copy()
+        counted = self.system.counters.factorizations
+        self.factor(self.shifts)
+        self.system.counters.factorizations = counted
+        for chosen in at:
+            # old ones differ by a third
+            np.testing.assert_allclose(renewed[chosen], group.compliances[chosen], rtol=1e-9)
+
+    monkeypatch.setattr(FrozenSolver, "renew", checked)
+    outcome = _run(_strips(), steps=40, dt=2e-3, tolerance=1e-9)
+    assert min(shares) < 1.0
+    fresh = _run(_strips(), "updated", steps=40, dt=2e-3, tolerance=1e-9)
+    for name, column in outcome.history.items():
+        # steps below 1e-9; a residual that is left out moves the corners by 1e-3
+        np.testing.assert_allclose(column, fresh.history[name], rtol=0.0, atol=1e-7)
+
+
+def test_compression_that_comes_and_goes_is_not_kept(monkeypatch):
+    """Factors of a moment of compression are worse than those without it."""
+    counts = []
+    for response in (
+        RotationFreeTriangles.without_compression,
+        lambda self, response, *more: response,
+    ):
+        monkeypatch.setattr(RotationFreeTriangles, "without_compression", response)
+        summary = _run(_taut(), steps=60, dt=2e-3).summary
+        counts.append((summary["factorizations"], summary["fallbacks"]))
+    # (26, 1) and (45, 5); without any effect they would be equal
+    assert counts[0][0] < 0.75 * counts[1][0]
+    assert counts[0][1] < counts[1][1]

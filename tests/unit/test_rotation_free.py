@@ -247,3 +247,21 @@ def test_loops_equal_the_assembled_form(averaged):
         forces(made, points).ravel(), force, atol=1e-12 * abs(force).max(), rtol=0
     )
     assert abs(sparse_tangent(made, points) - K).max() <= 1e-12 * abs(K).max()
+
+
+def test_membranes_without_compression_keep_tension():
+    """Principal forces are those before, or zero where they were negative; moments stay."""
+    points, triangles = rectangle((4, 3), "parallel")
+    stiffness = isotropic(0.1)
+    patches = patches_of(points, triangles, stiffness[3:, 3:], False)
+    made = RotationFreeTriangles.build(patches, points, stiffness)
+    moved = points + 0.05 * np.random.default_rng(3).normal(size=points.shape)
+    stresses = made.stresses(made.strains(moved))
+    pulled = made.without_compression(made.response(moved), moved).stresses
+    np.testing.assert_array_equal(pulled[:, 3:], stresses[:, 3:])
+    tensor = np.array([[0, 2], [2, 1]])
+    values, axes = np.linalg.eigh(stresses[:, tensor])
+    assert values.min() < 0.0 < values.max()
+    expected = np.einsum("mik,mk,mjk->mij", axes, np.maximum(values, 0.0), axes)
+    # round-off; a wrong sign of the shear force would miss by 1e-3
+    np.testing.assert_allclose(pulled[:, tensor], expected, rtol=0.0, atol=1e-15)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Newton iteration: when it ends."""
+
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from flexfem.core.status import Status
+from flexfem.solvers.newton import NewtonOptions, iterate
+from flexfem.system.system import Shifts
+
+pytestmark = pytest.mark.serial
+
+
+def _end(*sizes: float) -> tuple[Status, int]:
+    """Status after steps of given sizes, and their number."""
+    steps = iter(sizes)
+    system = SimpleNamespace(
+        comm=MPI.COMM_SELF,
+        counters=SimpleNamespace(newton_iterations=0),
+        constraints=SimpleNamespace(multipliers=np.zeros(0)),
+        evaluate=lambda shifts: None,
+        continue_stresses=lambda: None,
+        correct=lambda sign: next(steps),
+    )
+    options = NewtonOptions(tolerance=1e-6, max_iterations=len(sizes))
+    status = iterate(
+        system, Shifts(1.0, 1.0, 1.0, 1.0, False), lambda shifts: (True, np.zeros(0)), options
+    )
+    return status, system.counters.newton_iterations
+
+
+@pytest.mark.parametrize(
+    ("sizes", "expected"),
+    [
+        ((1e-2, 1e-4, 1e-8), (Status.OK, 3)),
+        ((1e-3, 3e-3, 9e-3, 1.0), (Status.DIVERGED, 3)),
+        # a first step may be small by chance
+        ((1e-5, 1e-3, 1e-4, 1e-8), (Status.OK, 4)),
+        # a step that was solved for badly is small, and the next one larger, but not than both
+        ((1e-3, 1e-4, 1e-3, 1e-5, 1e-8), (Status.OK, 5)),
+        ((1e-3, 1e-4, 3e-3, 1.0), (Status.DIVERGED, 3)),
+        # round-off near the tolerance grows and falls
+        ((1e-3, 2e-6, 2e-6, 8e-6, 1e-7), (Status.OK, 5)),
+        ((1e-3, 9e-4, 8e-4), (Status.NOT_CONVERGED, 3)),
+        ((1e-3, np.nan, 1.0), (Status.DIVERGED, 2)),
+    ],
+)
+def test_sizes_of_steps_decide(sizes, expected):
+    assert _end(*sizes) == expected
