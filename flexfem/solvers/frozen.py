@@ -230,16 +230,22 @@ class FrozenSolver:
         if self._missed is None:
             return Worst(None, 1.0)
         limit = _SHARE * self._dot(self._missed, self._missed)
-        pieces, rows = [], np.zeros((2, len(self._flexible)))
+        pieces: list[list[int] | None] = []
+        rows = np.zeros((2, len(self._flexible)))
         for i, flexible in enumerate(self._flexible):
             part = flexible.group.part
             start = self._sizes[self.system.parts.index(part)]
             missed = self._missed[start:][: part.block.sizes[0]].reshape(-1, part.block.width)
-            pieces.append(flexible.worst(missed, limit))
-            rows[:, i] = flexible.rows(pieces[-1]), missed.size
+            worst = flexible.worst(missed, limit)
+            pieces.append(worst)
+            rows[:, i] = flexible.rows(worst), missed.size
         self.system.comm.Allreduce(MPI.IN_PLACE, rows)
-        chosen = [p if rows[0, i] else None for i, p in enumerate(pieces)]
-        return Worst(chosen, float(rows[0].sum() / rows[1].sum()))
+        for i, flexible in enumerate(self._flexible):
+            if rows[0, i] == 0.0:
+                pieces[i] = None
+            elif flexible.split:
+                pieces[i], rows[0, i] = list(range(len(flexible.pieces))), rows[1, i]
+        return Worst(pieces, float(rows[0].sum() / rows[1].sum()))
 
     def renew(self, worst: Worst) -> None:
         """Factorise these bodies anew at the trial state, with the shifts in use (collective)."""

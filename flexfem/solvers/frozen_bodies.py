@@ -99,6 +99,7 @@ class FlexibleBodies:
 
     Attributes:
         group: the bodies with their responses.
+        split: a body is on several ranks: matrices are factorised by all of them together.
         pieces: those of this rank; their factors can be renewed one by one.
     """
 
@@ -113,6 +114,7 @@ class FlexibleBodies:
         )
         elements = group.part.elements
         self._chained = elements is None or elements.chained
+        self.split: bool = block.has_ghosts
         self.pieces = self._divide()
         local = group.part.slots[group.columns[:, 0]]
         self._held = np.flatnonzero(local >= 0)
@@ -122,7 +124,7 @@ class FlexibleBodies:
         """Each large body on its own, all others together; one piece if a body is on two ranks."""
         group, block = self.group, self.group.part.block
         rows = block.width * np.diff(group.node_start)
-        alone = np.flatnonzero((rows >= _ALONE) & (not block.has_ghosts))
+        alone = np.flatnonzero((rows >= _ALONE) & (not self.split))
         rest = np.setdiff1d(np.arange(len(rows)), alone)
         lists = [*([rest] if len(rest) or not len(alone) else []), *alone[:, np.newaxis]]
         pieces = []
@@ -173,7 +175,6 @@ class FlexibleBodies:
     def _factor(self, piece: Piece) -> Factor:
         """Factors of a piece of the matrix."""
         block, matrix = self.group.part.block, self._matrix.mat
-        local = not block.has_ghosts
         if len(self.pieces) > 1:
             rows = block.width * piece.nodes[:, np.newaxis] + np.arange(block.width)
             index = PETSc.IS().createGeneral(
@@ -181,7 +182,7 @@ class FlexibleBodies:
             )
             matrix = matrix.getDiagonalBlock().createSubMatrix(index, index)
         return Factor(
-            matrix, block.width, local, chained=self._chained,
+            matrix, block.width, not self.split, chained=self._chained,
             largest=block.width * int(np.diff(self.group.node_start)[piece.bodies].max(initial=0)),
         )  # fmt: skip
 
@@ -193,7 +194,7 @@ class FlexibleBodies:
         group, part = self.group, self.group.part
         widths = np.diff(group.column_start)[piece.bodies]
         most = int(widths.max(initial=0))
-        if part.block.has_ghosts:
+        if self.split:
             most = self._system.comm.allreduce(most, op=MPI.MAX)
         place = np.full(part.block.owned, -1)
         place[piece.nodes] = np.arange(len(piece.nodes))
