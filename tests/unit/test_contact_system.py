@@ -8,6 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.core.status import Status
+from flexfem.solvers import tangent
 from tests.unit.contact_motion import check_tangents, moved, same_on_ranks, sheet
 
 THICK = 1e-3
@@ -74,6 +75,18 @@ def test_policies_find_the_same_motion():
             assert counters.newton_iterations < 15 * 8
     # Newton's tolerance; measured 1e-12
     np.testing.assert_allclose(*ends, atol=1e-9)
+
+
+@pytest.mark.parametrize(("steps", "closed"), [(1, False), (8, True)])
+def test_fresh_matrices_change_their_pattern_with_closed_contacts_alone(steps, closed, monkeypatch):
+    """Open contacts leave the nest, and with it the order of its elimination, as it is."""
+    nests, create = [], tangent.create_nest_matrix
+    monkeypatch.setattr(
+        tangent, "create_nest_matrix", lambda *given: nests.append(1) or create(*given)
+    )
+    moved(impact(), steps, iteration_matrix="updated")
+    # one at the start
+    assert (len(nests) > steps) if closed else (len(nests) == 1)
 
 
 @pytest.mark.serial
