@@ -200,6 +200,8 @@ class FlexibleBodies:
         place[piece.nodes] = np.arange(len(piece.nodes))
         rhs, solution = piece.right, piece.solution
         every = np.zeros((part.block.owned, part.block.width))
+        # columns of the inverse do for compliances, and are solved for faster than its rows
+        solve = factor.solve if self._kept.direct else factor.solve_transpose
         for c in range(most):
             bodies = piece.bodies[widths > c]
             columns = group.columns[group.column_start[bodies] + c]
@@ -209,7 +211,7 @@ class FlexibleBodies:
             rhs[place[local[held]], columns[held, 1]] = 1.0
             if part.block.held is not None:
                 rhs[part.block.held[piece.nodes]] = 0.0
-            factor.solve_transpose(rhs, solution)
+            solve(rhs, solution)
             every[piece.nodes] = solution
             self._store(bodies, c, every)
 
@@ -254,7 +256,7 @@ class FlexibleBodies:
         return sum(self.pieces[k].right.size for k in pieces)
 
     def _store(self, bodies: IntArray, c: int, solution: FloatArray) -> None:
-        """Column ``c`` of the responses, row ``c`` of the compliances of the given bodies."""
+        """Column ``c`` of responses, row ``c`` of compliances; without responses column ``c``."""
         group = self.group
         for b in bodies:
             width = group.column_start[b + 1] - group.column_start[b]
@@ -264,6 +266,7 @@ class FlexibleBodies:
                 group.responses[a:e].reshape(-1, width)[:, c] = solution[nodes].ravel()
             columns = group.columns[group.column_start[b] : group.column_start[b + 1]]
             local = group.part.slots[columns[:, 0]]
-            row = np.where(local >= 0, solution[local, columns[:, 1]], 0.0)
+            values = np.where(local >= 0, solution[local, columns[:, 1]], 0.0)
             a, e = group.compliance_start[b], group.compliance_start[b + 1]
-            group.compliances[a:e].reshape(width, width)[c] = row
+            matrix = group.compliances[a:e].reshape(width, width)
+            (matrix.T if self._kept.direct else matrix)[c] = values
