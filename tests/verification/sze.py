@@ -97,8 +97,8 @@ def solve(
     if known.end:
         options = ff.StaticOptions(arc_length=0.05, t_end=known.end, quiet=True)
     else:
-        # coarse meshes of the rotation-free shell buckle locally
-        hold = element == "rotation_free"
+        # coarse meshes of the rotation-free shell buckle locally, unless a displacement is given
+        hold = element == "rotation_free" and known.stop is None
         column, value = known.stop or ("none", 0.0)
         options = ff.StaticOptions(
             load_steps=known.steps, stabilise=hold, stop_column=column, stop_value=value, quiet=True
