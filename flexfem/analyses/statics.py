@@ -95,7 +95,8 @@ class StaticOptions(Settings):
         critical_points: Find bifurcation points as well as limit points.
         branch: First step off the path at the first bifurcation (rad or relative); 0 for none.
         buckling_modes: Number of linearised buckling loads.
-        stabilise: Hold motions without stiffness, and search stable equilibria only.
+        stabilise: Hold motions without stiffness, and search stable equilibria only: of bodies that
+            come to rest on others, too, from some lengths of elements away.
         every: Fields are written every that many steps.
         split_above: Elements above which one beam may be split over ranks.
 

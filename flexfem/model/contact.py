@@ -42,7 +42,7 @@ class Contact:
             two steps; then the force grows up to ten times as fast, half of that at a tenth of the
             distance of touching. It aims at loads of a few nodes that sink in by less than a
             fifth of the thickness, and at impacts that do not gain energy; see the penetration.
-        friction: Coulomb's coefficient.
+        friction: Coulomb's coefficient; statics leave friction and damping out.
         damping: Viscous part of the normal force: the stiffness times this time, seconds, times
             the rate of penetration.
         two_pass: Whether masters, shells or meshes of rigid surfaces, and slaves change roles in a

@@ -86,6 +86,8 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
     equilibrium.loading.set(0.0)
     system.evaluate(equilibrium.shifts)
     tangent.assemble(equilibrium.shifts)
+    # loads out of balance would link motions without stiffness to each other
+    tangent.add_at_nodes(equilibrium.turning())
     stiffness, motion = softest_motion(tangent, equilibrium.weights)
     if abs(stiffness) > _NOTHING:
         return

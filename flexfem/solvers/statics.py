@@ -19,6 +19,7 @@ from flexfem._types import BoolArray, FloatArray
 from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.lie import so3
+from flexfem.solvers.held_steps import HeldSteps
 from flexfem.solvers.schur_kernels import largest_entry
 from flexfem.solvers.stability import Inertia
 from flexfem.solvers.tangent import TangentSolver
@@ -34,8 +35,6 @@ _STAGNATION, _NOISE = 0.7, 1e3
 _CUT = 0.8
 #: Stiffness of a damper, which resists no displacement, relative to the largest in the model.
 _DAMPER = 1e-20
-#: Stabilisation relative to the initial diagonal: smallest and largest, and how it changes.
-_SMALLEST, _LARGEST, _GROWTH, _DECAY = 1e-12, 1e6, 10.0, 0.1
 #: Fraction of the loads by which they are grown at t = 0, and how often it is halved.
 _SETTLING, _HALVINGS = 0.25, 12
 
@@ -147,6 +146,7 @@ class Equilibrium:
         cut: by how much a load step that failed is best shortened.
         room: by how much the last load step could have been longer, judged by its rotations.
         inertia: counts unstable directions.
+        limits: when iterations stop.
     """
 
     def __init__(
@@ -165,9 +165,9 @@ class Equilibrium:
             stabilise: hold motions without stiffness and move downhill only.
         """
         self.system, self.tangent, self.loading = system, tangent, loading
-        self.size, self._limits, self._stabilise = size, limits, stabilise
+        self.size, self.limits = size, limits
         self.iterations, self.cut, self.room = 0, 0.5, 1.0
-        self._hold = _SMALLEST
+        self._held = HeldSteps(self) if stabilise else None
         rows = system.constraints
         self._elastic = rows.elastic.copy()
         system.predict(_REST, _NO_RATES)
@@ -217,14 +217,20 @@ class Equilibrium:
         return Snapshot(frames, self.system.constraints.multipliers.copy(), self.loading.t)
 
     def restore(self, state: Snapshot) -> None:
-        """Come back to a state."""
+        """Come back to a state (collective)."""
+        self.put_back(state)
+        self.react()
+        self.loading.set(state.t)
+        for contacts in self.system.contacts:
+            contacts.update()
+
+    def put_back(self, state: Snapshot) -> None:
+        """Set the blocks and the multipliers to those of a state."""
         self.exact()
         for part, frames in zip(self.system.parts, state.frames, strict=True):
             part.block.frames0[:] = frames
             part.block.reset()
         self.system.constraints.multipliers[:] = state.multipliers
-        self.react()
-        self.loading.set(state.t)
 
     def react(self) -> None:
         """Set the joints' forces to those of the trial state."""
@@ -240,7 +246,10 @@ class Equilibrium:
     def solve(self, t: float) -> Status:
         """Find the equilibrium at load parameter ``t`` from the present state (collective)."""
         self.loading.set(t)
-        return self.iterate(self._held_step if self._stabilise else self._newton_step)
+        if self._held is None:
+            return self.iterate(self._newton_step)
+        self._held.load()
+        return self.iterate(self._held.step)
 
     def iterate(self, linear_step: LinearStep) -> Status:
         """Iterate until steps are below the tolerance or round-off (collective)."""
@@ -255,7 +264,7 @@ class Equilibrium:
                 part.elements.exact()
 
     def _iterate(self, linear_step: LinearStep) -> Status:
-        system, limits, previous = self.system, self._limits, inf
+        system, limits, held, previous = self.system, self.limits, self._held, inf
         self.cut = 0.5
         for self.iterations in range(1, limits.max_iterations + 1):
             system.evaluate(self.shifts)
@@ -270,9 +279,14 @@ class Equilibrium:
                 # cut the load at once: shortened steps leave stresses that fit no load
                 self.cut = max(self.room, 0.1) if self.iterations == 1 else 0.5
                 return Status.DIVERGED
-            self.move(-1.0, change, load)
             noise = size > _STAGNATION * previous and size <= _NOISE * limits.tolerance
-            if size <= limits.tolerance or noise:
+            done = size <= limits.tolerance or noise
+            if held is None:
+                self.move(-1.0, change, load)
+            else:
+                done = done and not held.carries()
+                held.move(change)
+            if done:
                 return Status.OK
             previous = size
         return Status.NOT_CONVERGED
@@ -291,6 +305,10 @@ class Equilibrium:
         shift, turn, multiplier, failed = (float(x) for x in local)
         return max(shift / self.size, turn, multiplier / self.size), turn, failed > 0.0
 
+    def largest(self, value: float) -> float:
+        """Largest value on any rank (collective)."""
+        return float(self.system.comm.allreduce(value, op=MPI.MAX))
+
     def move(self, factor: float, change: FloatArray, load: float) -> None:
         """Move by a multiple of the blocks' steps and the multipliers' step (collective).
 
@@ -308,32 +326,8 @@ class Equilibrium:
         success, change = self.tangent.step(self.shifts)
         return success, change, 0.0
 
-    def _held_step(self) -> tuple[bool, FloatArray, float]:
-        """Step with as much stabilisation as keeps it downhill and short.
-
-        The blocks' matrices get a multiple of their initial diagonals added, which leaves the
-        equilibrium as it is: a step of Newton's method for a body in a viscous fluid.
-        """
-        system, tangent, rows = self.system, self.tangent, self.system.constraints
-        turning = self._turning()
-        blocks = [p.block.owned_residual for p in system.parts]
-        while self._hold < _LARGEST:
-            held = [self._hold * w[:, np.newaxis] * np.eye(w.shape[1]) for w in self.weights]
-            tangent.assemble(self.shifts)
-            tangent.add_at_nodes([h + t for h, t in zip(held, turning, strict=True)])
-            system.counters.factorizations += 1
-            if self.inertia.unstable() == 0 and tangent.factor():
-                success = tangent.solve(blocks, rows.values)
-                size, turn, failed = self.measure(tangent.multiplier_step, success)
-                if isfinite(size) and not failed and turn <= self._limits.turn and size <= 1.0:
-                    self._hold = max(_DECAY * self._hold, _SMALLEST)
-                    return True, tangent.multiplier_step, 0.0
-            self._hold *= _GROWTH
-        self._hold = _SMALLEST
-        return False, np.zeros(rows.size), 0.0
-
-    def _turning(self) -> list[FloatArray]:
-        """Blocks (n_owned, width, width) for the derivative of inertial force components.
+    def turning(self) -> list[FloatArray]:
+        """Blocks (n_owned, width, width): derivative of inertial force components (collective).
 
         Away from equilibrium only that is the symmetric second derivative of an energy; forces and
         matrix are those of the assumed stresses.

@@ -179,7 +179,7 @@ class TangentSolver:
             nodes = np.arange(part.block.offset, part.block.offset + part.block.owned)
             width = part.block.width
             places = (width * nodes[:, np.newaxis] + np.arange(width)).astype(PETSc.IntType)
-            mat = self._grid[i][i].mat
+            mat = self.matrix.getNestSubMatrix(i, i)  # with its contacts
             mat.setValuesRCV(places, places, value, PETSc.InsertMode.ADD)
             mat.assemble()
         self.matrix.assemble()

@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -105,6 +106,17 @@ class ContactSurfaces:
     rigid: list[RigidPlace]
     skin: float
     _numbers: tuple[float, float] | None
+
+    @property
+    def longest_step(self) -> float:
+        """How far nodes may move with the same candidates so that none gets through, m.
+
+        That is half of the skin, and half of the radius of a rigid surface.
+        """
+        limits = [0.5 * place.shape.radius for place in self.rigid if place.shape.radius > 0.0]
+        if self.passes:
+            limits.append(0.5 * self.skin)
+        return min(limits, default=inf)
 
     def stiffness(self, inertia: float) -> float:
         """Force per penetration and area, N/m^3.

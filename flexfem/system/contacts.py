@@ -274,6 +274,11 @@ class Contacts:
         return np.searchsorted(self._carriers.here, made.slaves.nodes)
 
     @property
+    def longest_step(self) -> float:
+        """How far nodes may move until :meth:`update` so that none gets through, m."""
+        return min(group.surfaces.longest_step for group in self.groups)
+
+    @property
     def energy(self) -> float:
         """Energy stored by the contacts of this rank, J (collective)."""
         self.refresh()
