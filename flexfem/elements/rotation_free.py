@@ -122,6 +122,7 @@ class RotationFreeTriangles:
         velocities: FloatArray | None = None,
         assumed: FloatArray | None = None,
         rate: float = 0.0,
+        tensile: bool = False,
     ) -> Response:
         """Stresses and stiffness at given positions (n, 3).
 
@@ -131,16 +132,20 @@ class RotationFreeTriangles:
             assumed: strains (m, 6) that stand for the present ones.
             rate: change of strain rates with strains, 1/s, that the stiffness of a law of the user
                 takes in.
+            tensile: leave out principal forces of the membrane that compress it.
         """
         damped = velocities is not None and bool(self.damping.any())
-        if self.law is None and assumed is None and not damped:
+        if self.law is None and assumed is None and not (damped or tensile):
             return Response(self.sections, self.stiffness, _NOTHING)
         strains = self.strains(points) if assumed is None else assumed
         rates = _NOTHING if velocities is None else self.strain_rates(points, velocities)
         if self.law is None:
             if damped:
                 strains = strains + self.damping[:, None] * rates
-            return Response(self.sections, self.stiffness, self.stresses(strains))
+            stresses = self.stresses(strains)
+            if tensile:
+                _pull(stresses)
+            return Response(self.sections, self.stiffness, stresses)
         moving = rates if len(rates) else np.zeros_like(strains)
         values = self.law.at(strains, moving, self.sections)
         stresses, stiffness = values[:, 1:7], values[:, 7:43]
@@ -148,24 +153,10 @@ class RotationFreeTriangles:
             stresses = stresses + values[:, 43:49]
             stiffness = stiffness + rate * values[:, 49:85]
         matrices = np.ascontiguousarray(stiffness).reshape(-1, 6, 6)
-        return Response(np.arange(len(strains)), matrices, np.ascontiguousarray(stresses))
-
-    def without_compression(
-        self, response: Response, points: FloatArray, assumed: FloatArray | None = None
-    ) -> Response:
-        """The same without principal forces of the membrane that compress it.
-
-        Args:
-            response: of these positions.
-            points: present positions (n, 3).
-            assumed: strains (m, 6) that stand for the present ones.
-        """
-        if len(response.stresses):
-            stresses = response.stresses.copy()
-        else:
-            stresses = self.stresses(self.strains(points) if assumed is None else assumed)
-        _pull(stresses)
-        return replace(response, stresses=stresses)
+        stresses = stresses.copy()
+        if tensile:
+            _pull(stresses)
+        return Response(np.arange(len(strains)), matrices, stresses)
 
     def stresses(self, strains: FloatArray) -> FloatArray:
         """Forces n_11, n_22, n_12 (N/m) and moments m_11, m_22, m_12 (N) for strains (m, 6)."""

@@ -167,9 +167,9 @@ class RotationFreeShells:
         for group, index, assumed in groups:
             width = 3 * index.shape[1]
             matrices = np.empty((_CHUNK, width, width))
-            response = group.triangles.response(self._points, velocities, assumed, rate)
-            if self.tensile:
-                response = group.triangles.without_compression(response, self._points, assumed)
+            response = group.triangles.response(
+                self._points, velocities, assumed, rate, self.tensile
+            )
             for first in range(0, len(index), _CHUNK):
                 part = matrices[: len(index) - first]
                 group.triangles.tangents_into(

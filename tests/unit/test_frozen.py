@@ -6,7 +6,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.elements.rotation_free import RotationFreeTriangles
+from flexfem.elements import rotation_free
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.la.factor import Factor
 from flexfem.simulation.dynamics import simulate
@@ -159,11 +159,8 @@ def test_bodies_that_changed_are_renewed_alone(monkeypatch):
 def test_compression_that_comes_and_goes_is_not_kept(monkeypatch):
     """Factors of a moment of compression are worse than those without it."""
     counts = []
-    for response in (
-        RotationFreeTriangles.without_compression,
-        lambda self, response, *more: response,
-    ):
-        monkeypatch.setattr(RotationFreeTriangles, "without_compression", response)
+    for pull in (rotation_free._pull, lambda stresses: None):
+        monkeypatch.setattr(rotation_free, "_pull", pull)
         summary = _run(_taut(), steps=60, dt=2e-3).summary
         counts.append((summary["factorizations"], summary["fallbacks"]))
     # (26, 1) and (45, 5); without any effect they would be equal
