@@ -69,11 +69,11 @@ class Worst:
 
     Attributes:
         pieces: numbers of this rank's pieces of every flexible part, which may be none, or None
-            where there are none on any rank; None for all bodies of all parts.
+            where there are none on any rank.
         share: their part of all unknowns on all ranks.
     """
 
-    pieces: list[list[int] | None] | None
+    pieces: list[list[int] | None]
     share: float
 
 
@@ -228,7 +228,7 @@ class FrozenSolver:
         All of them, if the step was not refined.
         """
         if self._missed is None:
-            return Worst(None, 1.0)
+            return Worst([flexible.every for flexible in self._flexible], 1.0)
         limit = _SHARE * self._dot(self._missed, self._missed)
         pieces: list[list[int] | None] = []
         rows = np.zeros((2, len(self._flexible)))
@@ -244,13 +244,13 @@ class FrozenSolver:
             if rows[0, i] == 0.0:
                 pieces[i] = None
             elif flexible.split:
-                pieces[i], rows[0, i] = list(range(len(flexible.pieces))), rows[1, i]
+                pieces[i], rows[0, i] = flexible.every, rows[1, i]
         return Worst(pieces, float(rows[0].sum() / rows[1].sum()))
 
     def renew(self, worst: Worst) -> None:
         """Factorise these bodies anew at the trial state, with the shifts in use (collective)."""
         assert self.shifts is not None
-        if worst.pieces is None:
+        if worst.share == 1.0:
             self.factor(self.shifts)
             return
         self.system.counters.factorizations += 1

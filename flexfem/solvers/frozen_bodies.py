@@ -124,16 +124,22 @@ class FlexibleBodies:
         """Each large body on its own, all others together; one piece if a body is on two ranks."""
         group, block = self.group, self.group.part.block
         rows = block.width * np.diff(group.node_start)
-        alone = np.flatnonzero((rows >= _ALONE) & (not self.split))
-        rest = np.setdiff1d(np.arange(len(rows)), alone)
-        lists = [*([rest] if len(rest) or not len(alone) else []), *alone[:, np.newaxis]]
+        large = (rows >= _ALONE) & (not self.split)
+        lists = list(np.flatnonzero(large)[:, np.newaxis])
+        if not lists or not large.all():
+            lists.insert(0, np.flatnonzero(~large))
+        body = np.repeat(np.arange(len(rows)), np.diff(group.node_start))
         pieces = []
         for bodies in lists:
-            nodes = [group.nodes[group.node_start[b] : group.node_start[b + 1]] for b in bodies]
-            whole = np.arange(block.owned) if len(lists) == 1 else np.sort(np.concatenate(nodes))
-            shape = (len(whole), block.width)
-            pieces.append(Piece(bodies, whole, np.zeros(shape), np.zeros(shape)))
+            nodes = np.sort(group.nodes[np.isin(body, bodies)])
+            shape = (len(nodes), block.width)
+            pieces.append(Piece(bodies, nodes, np.zeros(shape), np.zeros(shape)))
         return pieces
+
+    @property
+    def every(self) -> list[int]:
+        """Numbers of all pieces of this rank."""
+        return list(range(len(self.pieces)))
 
     def factorise(self, shifts: Shifts, chosen: Sequence[int] | None = None) -> KeptFactor:
         """Factorise at the trial state and compute the compliances (collective).
@@ -149,18 +155,23 @@ class FlexibleBodies:
         self._matrix.assemble(part_values(system, part, shifts))
         part.elements.tensile = False
         destroy_dropped(system.comm)  # older factors
-        numbers = range(len(self.pieces)) if chosen is None else chosen
+        numbers = self.every if chosen is None else chosen
         factors = {k: self._factor(self.pieces[k]) for k in numbers}
         origin = system.mechanics.origin(system, part)[0]
         if chosen is None:
             self.use(self._keep(list(factors.values()), origin))
+        else:
+            self._replace(factors, origin)
         for k, factor in factors.items():
-            piece = self.pieces[k]
-            self._kept.factors[k] = factor
-            self._respond(piece, factor)
-            for name, values in origin.items():
-                self._kept.nodes[name][piece.nodes] = values[piece.nodes]
+            self._respond(self.pieces[k], factor)
         return self._kept
+
+    def _replace(self, factors: Mapping[int, Factor], origin: Mapping[str, FloatArray]) -> None:
+        """Keep new factors of some pieces, and what they were computed from."""
+        for k, factor in factors.items():
+            self._kept.factors[k] = factor
+            for name, values in origin.items():
+                self._kept.nodes[name][self.pieces[k].nodes] = values[self.pieces[k].nodes]
 
     def _keep(self, factors: list[Factor], origin: Mapping[str, FloatArray]) -> KeptFactor:
         """Room for what belongs to the factors of all pieces (collective)."""
@@ -199,7 +210,6 @@ class FlexibleBodies:
         place = np.full(part.block.owned, -1)
         place[piece.nodes] = np.arange(len(piece.nodes))
         rhs, solution = piece.right, piece.solution
-        every = np.zeros((part.block.owned, part.block.width))
         # columns of the inverse do for compliances, and are solved for faster than its rows
         solve = factor.solve if self._kept.direct else factor.solve_transpose
         for c in range(most):
@@ -212,8 +222,7 @@ class FlexibleBodies:
             if part.block.held is not None:
                 rhs[part.block.held[piece.nodes]] = 0.0
             solve(rhs, solution)
-            every[piece.nodes] = solution
-            self._store(bodies, c, every)
+            self._store(bodies, c, solution, place)
 
     def respond(self, y: FloatArray) -> None:
         """See :meth:`Bodies.respond`; of a body on several ranks each writes a part (collective).
@@ -255,18 +264,23 @@ class FlexibleBodies:
         """Unknowns of pieces."""
         return sum(self.pieces[k].right.size for k in pieces)
 
-    def _store(self, bodies: IntArray, c: int, solution: FloatArray) -> None:
-        """Column ``c`` of responses, row ``c`` of compliances; without responses column ``c``."""
+    def _store(self, bodies: IntArray, c: int, solution: FloatArray, place: IntArray) -> None:
+        """Column ``c`` of responses, row ``c`` of compliances; without responses column ``c``.
+
+        ``place`` says where in the solution the owned nodes are.
+        """
         group = self.group
         for b in bodies:
             width = group.column_start[b + 1] - group.column_start[b]
             nodes = group.nodes[group.node_start[b] : group.node_start[b + 1]]
             if not self._kept.direct:
                 a, e = group.response_start[b], group.response_start[b + 1]
-                group.responses[a:e].reshape(-1, width)[:, c] = solution[nodes].ravel()
+                group.responses[a:e].reshape(-1, width)[:, c] = solution[place[nodes]].ravel()
             columns = group.columns[group.column_start[b] : group.column_start[b + 1]]
             local = group.part.slots[columns[:, 0]]
-            values = np.where(local >= 0, solution[local, columns[:, 1]], 0.0)
+            held = local >= 0
+            values = np.zeros(width)
+            values[held] = solution[place[local[held]], columns[held, 1]]
             a, e = group.compliance_start[b], group.compliance_start[b + 1]
             matrix = group.compliances[a:e].reshape(width, width)
             (matrix.T if self._kept.direct else matrix)[c] = values
