@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from tests.unit.contact_motion import sheet
 
 COMM = MPI.COMM_WORLD
 ELEMENTS = pytest.mark.parametrize("element", ["rotation_free", "director"])
@@ -18,19 +19,13 @@ PRESSURE = 1200.0 * THICKNESS * 9.81
 WEIGHT = PRESSURE * SIZE**2
 
 
-def square(name: str, cells: int, size=SIZE, at=(0.0, 0.0, 0.0)) -> ff.SurfaceMesh:
-    """A square with normals along z around a place."""
-    u = np.linspace(-size / 2, size / 2, cells + 1)
-    return ff.SurfaceMesh.grid(name, u, u, lambda p: np.column_stack([p, 0.0 * p[:, 0]]) + at)
-
-
 def lying(element: str, gap: float, *, cells: int = 4, ball: float = 0.0, pinned: bool = False):
     """A sheet above a plane, or a ball of a given radius; pinned, its middle moves along z only."""
     down = -gap - THICKNESS / 2
     plane = ff.RigidPlane(ff.Ground((0.0, 0.0, down)))
     surface = ff.RigidSphere(ff.Ground((0.0, 0.0, down - ball)), ball) if ball else plane
     middle = ff.Marker("sheet", (0.0, 0.0, 0.0))
-    model = ff.Model("lying", surface=square("sheet", cells))
+    model = ff.Model("lying", surface=sheet("sheet", cells + 1, SIZE, (0.0, 0.0, 0.0)))
     model.add(
         ff.Gravity((0.0, 0.0, -9.81)),
         ff.Shell("sheet", PLASTIC, element=element),
@@ -116,8 +111,8 @@ def onto(what: str, element: str = "rotation_free", way: float = 0.0) -> ff.Mode
     """
     # no node is right above an edge, where rounding would choose between sides
     place = (0.013, 0.007, -GAP - THICKNESS)
-    sheet, table = square("sheet", 4), square("table", 3, 1.5 * SIZE, place)
-    whole = ff.SurfaceMesh.join([sheet, table]) if what == "shell" else sheet
+    above, table = sheet("sheet", 5, SIZE, (0.0, 0.0, 0.0)), sheet("table", 4, 1.5 * SIZE, place)
+    whole = ff.SurfaceMesh.join([above, table]) if what == "shell" else above
     model, axis = ff.Model(what, surface=whole), (0.0, 0.0, 1.0)
     fixed = {"sheet_bottom_left": "xy", "sheet_bottom_right": "y"}
     edges = {f"table_{side}": "clamped" for side in ("left", "right", "top", "bottom")}
