@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from flexfem._checks import InputError
 from flexfem.options import Option, Settings
 
 __all__ = ["SPLIT_ABOVE", "Analysis"]
@@ -27,7 +28,9 @@ class Analysis:
         name: what it is called.
         settings: class of its options.
         driver: "module:function", imported when a run starts; called with the model, the settings
-            and the keywords ``case`` and ``results``, it returns an Outcome.
+            and the keywords ``case`` and ``results``, it returns an Outcome. What a case builds may
+            be no multibody model but have equations of its own: then its attribute ``drivers``
+            gives another driver by the name of the analysis.
     """
 
     name: str
@@ -35,6 +38,13 @@ class Analysis:
     driver: str
 
     def run(self, model: Any, settings: Settings, **keywords: Any) -> Any:
-        """Carry it out (collective)."""
-        module, function = self.driver.split(":")
+        """Carry it out (collective).
+
+        Raises:
+            InputError: the model has no such analysis.
+        """
+        drivers = getattr(model, "drivers", {self.name: self.driver})
+        if self.name not in drivers:
+            raise InputError(f"{model!r}: there is no analysis '{self.name}' of it")
+        module, function = drivers[self.name].split(":")
         return getattr(import_module(module), function)(model, settings, **keywords)
