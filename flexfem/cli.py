@@ -387,7 +387,7 @@ def _prepare(
     message, created = "", []
     try:
         model = case.build(**parameters)
-        if not isinstance(model, Model):
+        if not isinstance(model, Model) and not hasattr(model, "drivers"):
             raise TypeError(f"case '{case.name}': build returned {model!r}, not a Model")
         model.validate()
         if launch.rank() == 0 and options.output is not None:
