@@ -23,7 +23,7 @@ class Marker:
     """Frame that moves with a rigid body or a place on a beam or shell.
 
     Attributes:
-        body: Name of a Beam, Shell or RigidBody.
+        body: Name of a Beam, Shell, RigidBody or FloatingBody.
         point: For beams, where on the line: name of a physical point group, "start" or "end", or
             a fraction of the arc length in [0, 1]: the nearest node of an SE(3) beam, the exact
             place on a NURBS beam. For shells: name of a node of the surface mesh, or a position
@@ -115,6 +115,32 @@ class ShellLine(Marker):
     def line(self) -> str:
         """Name of the line."""
         return self.point
+
+
+class AmplitudeMarker(Marker):
+    """Three amplitudes of a floating-frame body, which its coordinates are.
+
+    Attributes:
+        number: Number of an amplitude; the marker is at the node that carries it.
+    """
+
+    number: int
+
+    def __init__(self, body: str, number: int) -> None:
+        """Name the body and the amplitude.
+
+        Raises:
+            TypeError: The number is not a whole number.
+            ValueError: It is negative.
+        """
+        super().__init__(body)
+        owner = f'AmplitudeMarker on "{body}"'
+        (checked,) = _checks.indices(owner, "number", [number], np.iinfo(np.int64).max, 1).ravel()
+        _checks.assign(self, number=int(checked))
+
+    def __str__(self) -> str:
+        """Return body and number, for tables and messages."""
+        return f"{self.body}:amplitude {self.number}"
 
 
 class SurfaceMarker(Marker):

@@ -12,6 +12,7 @@ from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.floating_body import FloatingBody
 from flexfem.model.probe import AnyProbe, check_columns, strings
 from flexfem.model.resolve import beam_cell
 from flexfem.model.shell import Shell
@@ -65,7 +66,7 @@ class _BodiesProbe(AnyProbe):
     def check(self, model: "Model") -> None:
         """See :meth:`AnyProbe.check`."""
         for name in self.bodies or ():
-            if not isinstance(model.get(name), (Beam, RigidBody, Shell)):
+            if not isinstance(model.get(name), (Beam, FloatingBody, RigidBody, Shell)):
                 raise ValueError(
                     f'{type(self).__name__} "{self.name}": {model!r} has no body "{name}"'
                 )

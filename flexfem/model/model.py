@@ -18,6 +18,7 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.contact import Contact
 from flexfem.model.event import Event
+from flexfem.model.floating_body import FloatingBody
 from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
 from flexfem.model.resolve import beam_node, curve_place, group_curve, node_row, shell_node
@@ -29,6 +30,7 @@ _LISTS: tuple[tuple[type, str], ...] = (
     (Beam, "beams"),
     (Shell, "shells"),
     (RigidBody, "rigid_bodies"),
+    (FloatingBody, "floating_bodies"),
     (PointMass, "point_masses"),
     (Joint, "joints"),
     (Load, "loads"),
@@ -49,6 +51,7 @@ class Model:
         beams: Beams in the order they were added.
         shells: Shells in the order they were added.
         rigid_bodies: Rigid bodies in the order they were added.
+        floating_bodies: Bodies in floating frames in the order they were added.
         point_masses: Point masses in the order they were added.
         joints: Joints in the order they were added.
         loads: Loads in the order they were added.
@@ -81,6 +84,7 @@ class Model:
         self.beams: list[Beam] = []
         self.shells: list[Shell] = []
         self.rigid_bodies: list[RigidBody] = []
+        self.floating_bodies: list[FloatingBody] = []
         self.point_masses: list[PointMass] = []
         self.joints: list[Joint] = []
         self.loads: list[Load] = []
@@ -171,7 +175,7 @@ class Model:
         validate(self)
 
     def marker_place(self, marker: Observed) -> Place | None:
-        """Return where a marker is on a beam or shell; None on rigid bodies and the ground.
+        """Return where a marker is on a flexible body; None on rigid bodies and the ground.
 
         Raises:
             ValueError: The marker's body or point does not exist.
@@ -188,6 +192,8 @@ class Model:
                     "give an offset"
                 )
             return None
+        if isinstance(body, FloatingBody):
+            return Place(body.node(marker))
         if isinstance(body, Shell):
             assert self.surface is not None  # checked by validate()
             return Place(shell_node(self.surface, body, marker))

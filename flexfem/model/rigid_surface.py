@@ -13,6 +13,7 @@ from flexfem.core.marker import Attachment, Carrier, Ground, Marker, ShellLine, 
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.mesh.surface_topology import connected_parts, vector_areas
 from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.floating_body import FloatingBody
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -28,8 +29,8 @@ class RigidSurface:
     """Base class of the rigid surfaces.
 
     Attributes:
-        place: Position and axes: in space, or moving with a rigid body or a node of an SE(3) beam,
-            which then feel the forces.
+        place: Position and axes: in space, or moving with a rigid body, a node of an SE(3) beam or
+            an interface of a floating-frame body, which then feel the forces.
     """
 
     place: Attachment
@@ -62,11 +63,11 @@ class RigidSurface:
             return
         body = model.get(self.place.body)
         se3 = isinstance(body, Beam) and body.formulation == "se3"
-        if not (se3 or isinstance(body, RigidBody)):
+        if not (se3 or isinstance(body, (RigidBody, FloatingBody))):
             what = "nothing of that name" if body is None else f"a {type(body).__name__}"
             raise ValueError(
-                f"{owner}: {type(self).__name__} must be on the ground, on a RigidBody or on an "
-                f'SE(3) Beam, got "{self.place.body}", {what} in {model!r}'
+                f"{owner}: {type(self).__name__} must be on the ground, on a RigidBody, a "
+                f'FloatingBody or an SE(3) Beam, got "{self.place.body}", {what} in {model!r}'
             )
         model.marker_place(self.place)
 

@@ -30,6 +30,7 @@ def model_table(model: Model) -> str:
         ("beams", model.beams),
         ("shells", model.shells),
         ("rigid bodies", model.rigid_bodies),
+        ("floating bodies", model.floating_bodies),
         ("point masses", model.point_masses),
         ("joints", model.joints),
         ("loads", model.loads),

@@ -38,7 +38,7 @@ def validate(model: Model) -> None:
         TypeError: An orientation function returns something else than numbers.
         ValueError: The first mistake found, in one line naming object and value.
     """
-    if not model.beams and not model.shells and not model.rigid_bodies:
+    if not (model.beams or model.shells or model.rigid_bodies or model.floating_bodies):
         raise ValueError(f"{model!r}: it has no bodies")
     if model.beams:
         _check_beams(model)

@@ -25,13 +25,15 @@ from flexfem.materials.section import Section
 from flexfem.mesh.line_mesh import section_frames
 from flexfem.mesh.topology import trace_lines
 from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.place import Place
 from flexfem.model.shell import Shell
 from flexfem.system.director_surface import shell_surface
+from flexfem.system.floating_nodes import FloatingNodes
 from flexfem.system.lines import ElementPlace, Line, LinePoint, se3_line
 from flexfem.system.nurbs_lines import NurbsLines, initial_velocities
-from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS, NodeKey
+from flexfem.system.placement import BEAMS, FLOATING, NURBS, RIGID, SHELLS, NodeKey
 from flexfem.system.surface_places import SurfacePlace
 
 __all__ = ["Assembly"]
@@ -47,6 +49,7 @@ class Assembly:
         sections: the different sections of the SE(3) beams, by the numbers in ``cells``.
         curves: all NURBS beams, None without any.
         surface: all shells, None without any.
+        floating: bodies in floating frames, None without any.
         rigid_frames: (n, 12) frames of the rigid bodies.
     """
 
@@ -61,6 +64,7 @@ class Assembly:
             self._beams(beams)
         self.curves = NurbsLines.of(model) if model.beams_of("nurbs") else None
         self.surface = shell_surface(model) if model.shells else None
+        self.floating = FloatingNodes(model.floating_bodies) if model.floating_bodies else None
         self.rigid_frames = np.array(
             [se3.frame(b.position, b.rotation) for b in model.rigid_bodies]
         ).reshape(-1, 12)
@@ -100,7 +104,7 @@ class Assembly:
 
     @cached_property
     def joints(self) -> list[Joint]:
-        """The model's joints; those of lines as their parts.
+        """The model's joints, those of lines as their parts, then locks of elastic coordinates.
 
         Raises:
             ValueError: two lines do not fit.
@@ -112,15 +116,17 @@ class Assembly:
                 for marker in joint.markers
             ]
             parts += joint.parts(lines)
-        return parts
+        return parts if self.floating is None else [*parts, *self.floating.locks]
 
     @property
     def nodes(self) -> FloatArray:
-        """Positions (n, 3) of all nodes of beams and shells at the start, m."""
+        """Positions (n, 3) of all nodes of flexible bodies at the start, m."""
         nothing = np.empty((0, 12))
         curves = nothing if self.curves is None else self.curves.frames
         surface = nothing if self.surface is None else self.surface.frames
-        return np.concatenate([self.points, se3.position(np.concatenate([curves, surface]))])
+        floating = nothing if self.floating is None else self.floating.places
+        frames = np.concatenate([curves, surface, floating])
+        return np.concatenate([self.points, se3.position(frames)])
 
     def line(self, name: str) -> Line:
         """Elements of a beam in order.
@@ -173,6 +179,10 @@ class Assembly:
         body = self.model[marker.body]
         if isinstance(body, Shell):
             return SHELLS, place.node
+        if isinstance(body, FloatingBody):
+            assert self.floating is not None
+            first = self.floating.first[self.model.floating_bodies.index(body)]
+            return FLOATING, int(first) + place.node
         if body.formulation == "nurbs":
             assert self.curves is not None
             return NURBS, int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
@@ -241,6 +251,9 @@ class Assembly:
         if kind == NURBS:
             assert self.curves is not None
             return self.curves.body_of_node[nodes]
+        if kind == FLOATING:
+            assert self.floating is not None
+            return self.floating.body_of_node[nodes]
         return nodes
 
     def clusters(self, kind: int, nodes: IntArray) -> IntArray:
@@ -250,11 +263,11 @@ class Assembly:
             return self.surface.cluster_of_node[nodes]
         return self.bodies(kind, nodes)
 
-    def body(self, kind: int, number: int) -> Beam | Shell | RigidBody:
+    def body(self, kind: int, number: int) -> Beam | Shell | RigidBody | FloatingBody:
         """Body of a kind by its number."""
         model = self.model
-        kinds: dict[int, Sequence[Beam | Shell | RigidBody]] = {
-            RIGID: model.rigid_bodies, SHELLS: model.shells,
+        kinds: dict[int, Sequence[Beam | Shell | RigidBody | FloatingBody]] = {
+            RIGID: model.rigid_bodies, SHELLS: model.shells, FLOATING: model.floating_bodies,
         }  # fmt: skip
         return kinds.get(kind, model.beams)[number]
 
@@ -264,6 +277,8 @@ class Assembly:
             return f'RigidBody "{self.model.rigid_bodies[0].name}"'
         if kind == SHELLS:
             return f'Shell "{self.model.shells[0].name}"'
+        if kind == FLOATING:
+            return f'FloatingBody "{self.model.floating_bodies[0].name}"'
         return f'Beam "{self.model.beams_of("se3" if kind == BEAMS else "nurbs")[0].name}"'
 
     def node_frames(self, kind: int) -> FloatArray:
@@ -274,6 +289,9 @@ class Assembly:
         if kind == SHELLS:
             assert self.surface is not None
             return self.surface.frames
+        if kind == FLOATING:
+            assert self.floating is not None
+            return self.floating.frames
         return self.frames if kind == BEAMS else self.rigid_frames
 
     def carrier_frame(self, marker: Marker) -> FloatArray:

@@ -24,13 +24,28 @@ from flexfem.system.contact_points import ContactPoints, contact_points
 from flexfem.system.contact_start import check_start
 from flexfem.system.contact_surfaces import ContactSurfaces, contact_surfaces
 from flexfem.system.contacts import Contacts, ContactShare
-from flexfem.system.families import director_block, nurbs_block, se3_block, shell_block
+from flexfem.system.families import (
+    director_block,
+    floating_block,
+    nurbs_block,
+    se3_block,
+    shell_block,
+)
 from flexfem.system.inner_forces import InnerForces
 from flexfem.system.interface import Interface
 from flexfem.system.line_loads import by_degree
 from flexfem.system.node_loads import NodeForces, NodeMasses
 from flexfem.system.placed_loads import line_forces, node_forces
-from flexfem.system.placement import BEAMS, KINDS, NURBS, RIGID, SHELLS, Placement, place
+from flexfem.system.placement import (
+    BEAMS,
+    FLOATING,
+    KINDS,
+    NURBS,
+    RIGID,
+    SHELLS,
+    Placement,
+    place,
+)
 from flexfem.system.shell_loads import pressures, shell_forces
 from flexfem.system.system import BlockPart, System
 
@@ -65,6 +80,8 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     if serial.surface is not None:
         shells = shell_block if serial.surface.directors is None else director_block
         blocks[SHELLS], families[SHELLS] = shells(serial, comm, placement)
+    if serial.floating is not None:
+        blocks[FLOATING], families[FLOATING] = floating_block(serial, comm, placement)
     if model.rigid_bodies:
         blocks[RIGID] = _rigid_block(serial, comm, placement)
     interface, joints = connect(serial.joints, ends, comm, placement, blocks)

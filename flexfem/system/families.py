@@ -12,6 +12,7 @@ import numpy as np
 from flexfem._types import IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.director_shells import DirectorShells
+from flexfem.elements.floating_bodies import FloatingBodies, FloatingGroup
 from flexfem.elements.nurbs_beam import NurbsBeams, NurbsCells
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import BeamCells, SE3Beams
@@ -21,11 +22,12 @@ from flexfem.mesh.shell_mesh import create_shell_mesh
 from flexfem.model.bodies import Beam
 from flexfem.system.assembly import Assembly
 from flexfem.system.director_surface import director_cells
+from flexfem.system.floating_nodes import body_data
 from flexfem.system.nurbs_lines import NurbsLines
 from flexfem.system.placement import Placement
 from flexfem.system.shell_cells import shell_cells, shell_laws
 
-__all__ = ["director_block", "nurbs_block", "se3_block", "shell_block"]
+__all__ = ["director_block", "floating_block", "nurbs_block", "se3_block", "shell_block"]
 
 #: of the messages that set up the exchange of ghosts
 _TAG = 1201
@@ -172,3 +174,26 @@ def director_block(
     )  # fmt: skip
     cells = director_cells(surface, own, shell_laws(comm, surface), block.local_index)
     return block, DirectorShells(cells, block)
+
+
+def floating_block(
+    serial: Assembly, comm: MPI.Intracomm, placement: Placement
+) -> tuple[FrameBlock, FloatingBodies]:
+    """Nodes and integrals of all bodies in floating frames, each of them whole on one rank."""
+    nodes = serial.floating
+    assert nodes is not None
+    none = np.empty(0, dtype=np.int64)
+    ids, index_map = _distributed(comm, placement.floating[nodes.body_of_node], none)
+    block = FrameBlock(
+        "floating_bodies", comm, nodes.frames[ids], nodes.velocities[ids], ids, index_map,
+        inertial=True, held=nodes.held[ids] if nodes.held.any() else None,
+    )  # fmt: skip
+    groups = []
+    for kind in nodes.kinds:
+        own = [number for number in kind if placement.floating[number] == comm.rank]
+        if own:
+            body = nodes.bodies[kind[0]]
+            every = nodes.first[own][:, np.newaxis] + np.arange(body.nodes)
+            local = block.local_index(every).astype(np.int32)
+            groups.append(FloatingGroup(body_data(body), local, np.array(own, dtype=np.int64)))
+    return block, FloatingBodies(groups)

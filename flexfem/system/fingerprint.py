@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexfem.core.marker import Marker
+from flexfem.model.floating_body import FloatingBody
 from flexfem.system.assembly import Assembly
 
 __all__ = ["fingerprint"]
@@ -32,6 +33,7 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
         "beams": model.beams,
         "contacts": model.contacts,
         "events": (model.events, model.released),
+        "floating bodies": [_floating(body) for body in model.floating_bodies],
         "gravity": model.gravity,
         "joints": model.joints,
         "loads": model.loads,
@@ -43,6 +45,15 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
         "surface": _surface(serial),
     }
     return {name: _Digest(serial).of(part) for name, part in parts.items()}
+
+
+def _floating(body: FloatingBody) -> tuple[Any, ...]:
+    """What the motion of a body in a floating frame depends on; not its pictures."""
+    data = body.reduced
+    return (
+        body.name, body.frame, body.stiffening, data.interfaces, data.mass, data.moments,
+        np.abs(data.stiffness), body.position, body.rotation, body.velocity, body.angular_velocity,
+    )  # fmt: skip
 
 
 def _lines(serial: Assembly) -> tuple[Any, ...]:

@@ -10,7 +10,7 @@ from flexfem.core import motion
 from flexfem.model.model import Model
 from flexfem.system.inner_forces import InnerForces
 from flexfem.system.node_loads import NodeForces
-from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS
+from flexfem.system.placement import BEAMS, FLOATING, NURBS, RIGID, SHELLS
 from flexfem.system.system import System
 
 __all__ = ["ChosenBodies", "MomentumMeter"]
@@ -32,7 +32,7 @@ class ChosenBodies:
         Args:
             system: the system.
             model: its model.
-            names: of beams, shells and rigid bodies, None for all.
+            names: of bodies, None for all.
         """
         self._parts = system.parts
         member = {
@@ -42,6 +42,7 @@ class ChosenBodies:
                 (NURBS, model.beams),
                 (SHELLS, model.shells),
                 (RIGID, model.rigid_bodies),
+                (FLOATING, model.floating_bodies),
             )
         }
         self.cells: list[BoolArray] = []

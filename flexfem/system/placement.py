@@ -14,12 +14,15 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
 
-__all__ = ["BEAMS", "KINDS", "NURBS", "RIGID", "SHELLS", "NodeKey", "Placement", "place"]
+__all__ = [
+    "BEAMS", "FLOATING", "KINDS", "NURBS", "RIGID", "SHELLS", "NodeKey", "Placement", "place",
+]  # fmt: skip
 
-#: Kinds of blocks in the order of the nest: SE(3) beams, NURBS beams, shells, rigid bodies.
-BEAMS, NURBS, SHELLS, RIGID = KINDS = range(4)
+#: Kinds of blocks in the order of the nest: SE(3) beams, NURBS beams, shells, rigid bodies, bodies
+#: in floating frames.
+BEAMS, NURBS, SHELLS, RIGID, FLOATING = KINDS = range(5)
 
-#: block (BEAMS, NURBS, SHELLS or RIGID) and index of a node in the block's input order
+#: kind of block and index of a node in the block's input order
 NodeKey = tuple[int, int]
 
 
@@ -32,6 +35,7 @@ class Placement:
         numbers: place of a beam in that order, by its name.
         triangles: rank of each triangle of the surface mesh.
         rigid: rank of each rigid body.
+        floating: rank of each body in a floating frame.
         body_ranks: ranks that hold a part of a body, by body name, ascending.
     """
 
@@ -39,6 +43,7 @@ class Placement:
     numbers: dict[str, int]
     triangles: IntArray
     rigid: IntArray
+    floating: IntArray
     body_ranks: dict[str, tuple[int, ...]]
 
     def cells_of(self, beams: Sequence[Beam]) -> list[IntArray]:
@@ -67,6 +72,9 @@ def place(model: Model, ranks: int, split_above: int) -> Placement:
         for shell in model.shells:
             rows = model.surface.bodies[shell.body]
             body_ranks[shell.name] = _node_ranks(model.surface, rows, triangles)
+    floating = _shared_out([body.reduced.size for body in model.floating_bodies], ranks)
+    for body, rank in zip(model.floating_bodies, floating.tolist(), strict=True):
+        body_ranks[body.name] = (rank,)
     partner: dict[str, int] = {}
     for joint in model.joints:
         names = [m.body for m in joint.markers if isinstance(m, Marker)]
@@ -79,10 +87,20 @@ def place(model: Model, ranks: int, split_above: int) -> Placement:
         [partner.get(b.name, i * ranks // count) for i, b in enumerate(model.rigid_bodies)],
         dtype=np.int64,
     )
-    for body, rank in zip(model.rigid_bodies, rigid, strict=True):
-        body_ranks[body.name] = (int(rank),)
+    for rigid_body, rank in zip(model.rigid_bodies, rigid.tolist(), strict=True):
+        body_ranks[rigid_body.name] = (rank,)
     numbers = {beam.name: i for i, beam in enumerate(model.beams)}
-    return Placement(cells, numbers, triangles, rigid, body_ranks)
+    return Placement(cells, numbers, triangles, rigid, floating, body_ranks)
+
+
+def _shared_out(sizes: Sequence[int], ranks: int) -> IntArray:
+    """Rank of each body: neighbours in number together, the same total of squares on each.
+
+    The cost of a body in a floating frame grows with the square of its coordinates.
+    """
+    weight = np.array(sizes, dtype=np.float64) ** 2
+    middle = np.cumsum(weight) - 0.5 * weight
+    return np.minimum(middle * ranks / max(weight.sum(), 1.0), ranks - 1).astype(np.int64)
 
 
 def _node_ranks(mesh: SurfaceMesh, rows: IntArray, triangles: IntArray) -> tuple[int, ...]:

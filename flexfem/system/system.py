@@ -80,7 +80,7 @@ class BlockPart:
     """A block with what acts on its nodes.
 
     Attributes:
-        kind: kind of block (``placement.BEAMS``, ``NURBS``, ``SHELLS`` or ``RIGID``).
+        kind: kind of block, one of ``placement.KINDS``.
         block: the nodes and their state.
         masses, forces: at nodes of this rank; line_forces: inside its elements.
         elements: the element family, None for rigid bodies.

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The family of elastic bodies in floating frames: every body is one element.
+
+Its nodes are the frame, the interfaces, which are frames of their own in space, and nodes that
+carry three amplitudes each as their position. So joints, loads and contacts attach to interfaces
+as they do to nodes of beams (absolute interface coordinates; Ellenbroek and Schilder, Multibody Syst. Dyn.
+43 (2018) 193).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.frame_block import FrameBlock
+from flexfem.core.runs import starts
+from flexfem.elements.floating_inertia import BodyData
+from flexfem.elements.floating_loops import (
+    add_motion,
+    add_residual,
+    coordinates_into,
+    energies_into,
+    tangents_into,
+)
+
+__all__ = ["FloatingBodies", "FloatingGroup"]
+
+
+@dataclass(frozen=True)
+class FloatingGroup:
+    """Bodies of this rank with the same integrals.
+
+    Attributes:
+        data: these.
+        nodes: (m, N) local nodes: the frame if it has one, interfaces, amplitudes.
+        body: (m,) number of each body.
+    """
+
+    data: BodyData
+    nodes: IndexArray
+    body: IntArray
+
+    def coordinates(
+        self, frames: FloatArray, velocity: FloatArray, acceleration: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Frames with twists and their rates (m, 24), coordinates with derivatives (m, n, 3)."""
+        count = len(self.nodes)
+        base, eta = np.empty((count, 24)), np.empty((count, len(self.data.stiffness), 3))
+        coordinates_into(self.data, self.nodes, frames, velocity, acceleration, base, eta)
+        return base, eta
+
+
+class FloatingBodies:
+    """Residual, tangent and energies of all bodies in floating frames of this rank.
+
+    The methods of :class:`flexfem.elements.family.ElementFamily` are described there.
+
+    Attributes:
+        groups: bodies with the same integrals.
+        body: number of each body, group after group.
+    """
+
+    law_owner: str | None = None
+    chained = False
+    thin = False
+    tensile = False
+
+    def __init__(self, groups: Sequence[FloatingGroup]) -> None:
+        """Take the bodies."""
+        self.groups = list(groups)
+        none = np.empty(0, dtype=np.int64)
+        self.body: IntArray = np.concatenate([none, *(group.body for group in groups)])
+        ends = starts([len(group.body) for group in groups])
+        self._parts = [slice(a, b) for a, b in pairwise(ends)]
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [(group.nodes, group.nodes) for group in self.groups]
+
+    @property
+    def viscous(self) -> bool:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return any(bool(group.data.damping.any()) for group in self.groups)
+
+    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        for group in self.groups:
+            add_residual(
+                group.data, group.nodes, block.frames, block.velocity, block.acceleration, gravity,
+                scale, block.residual,
+            )  # fmt: skip
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        inertial = block.inertial_rates(shifts) and not local
+        matrices = [self._matrices(g, block, gravity, shifts, scale, inertial) for g in self.groups]
+        return np.concatenate([np.empty(0), *(matrix.ravel() for matrix in matrices)])
+
+    def _matrices(
+        self, group: FloatingGroup, block: FrameBlock, gravity: FloatArray, shifts: FloatArray,
+        scale: float, inertial: bool,
+    ) -> FloatArray:  # fmt: skip
+        """Matrices (m, 6 N, 6 N) of a group."""
+        count, size = group.nodes.shape
+        out = np.empty((count, 6 * size, 6 * size))
+        tangents_into(
+            group.data, group.nodes, block.frames, block.velocity, block.acceleration,
+            block.increment, gravity, shifts, inertial, scale, out,
+        )  # fmt: skip
+        return out
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
+    ) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        inertial = block.inertial_rates(shifts)
+        for group in self.groups:
+            count, size = group.nodes.shape
+            matrices = self._matrices(group, block, gravity, shifts, scale, inertial)
+            steps = block.step[group.nodes].reshape(count, 6 * size, 1)
+            action = (matrices @ steps).reshape(count, size, 6)
+            np.add.at(block.residual, group.nodes, action)
+
+    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
+        """Nothing: stresses are not continued."""
+
+    def assume_forces(self, assumed: bool) -> None:
+        """Nothing, see :meth:`assume`."""
+
+    def exact(self) -> None:
+        """Nothing, see :meth:`assume`."""
+
+    def accept(self, block: FrameBlock) -> None:
+        """Nothing is remembered."""
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """A body has none: zeros; its stresses are recovered from the coordinates."""
+        count = len(self.body) if chosen is None else len(chosen)
+        return np.zeros((count, 6)), np.zeros((count, 6))
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        out = np.empty(len(self.body))
+        for part, group in zip(self._parts, self.groups, strict=True):
+            energies_into(group.data, group.nodes, frames, out[part])
+        return out
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Forces of damping and rates of the coordinates, six at a time."""
+        forces, rates = [np.empty((0, 6))], [np.empty((0, 6))]
+        for group in self.groups:
+            _, eta = group.coordinates(block.frames, block.velocity, block.acceleration)
+            for all_of, values in (
+                (forces, eta[:, :, 1] @ group.data.damping), (rates, eta[:, :, 1])
+            ):  # fmt: skip
+                padded = np.zeros((len(values), 6 * _sixes(group)))
+                padded[:, : values.shape[1]] = values
+                all_of.append(padded.reshape(-1, 6))
+        return np.concatenate(forces), np.concatenate(rates)
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """Body of each row of :meth:`viscosity`, and one: forces are those of whole bodies."""
+        cells = [
+            np.repeat(np.arange(part.start, part.stop), _sixes(group))
+            for part, group in zip(self._parts, self.groups, strict=True)
+        ]
+        rows = np.concatenate([np.empty(0, dtype=np.int64), *cells])
+        return rows, np.ones(len(rows))
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        for part, group in zip(self._parts, self.groups, strict=True):
+            add_motion(group.data, group.nodes, chosen[part], block.frames, block.velocity, motion)
+
+
+def _sixes(group: FloatingGroup) -> int:
+    """Rows of six that hold the coordinates of a body."""
+    return -(-len(group.data.stiffness) // 6)

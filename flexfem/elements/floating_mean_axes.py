@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled frames that move with a body on average, which its nodes and amplitudes determine.
+
+Conditions ``C eta = 0`` say that the body neither moves nor turns relative to the frame (mean axes,
+Tisserand; Agrawal and Shabana, Comput. Struct. 21 (1985) 1303). They hold for rates and their rates
+alike, so that twist and acceleration of the frame follow from those of the nodes, and the forces on
+the frame are carried by multipliers of the conditions, which are eliminated body by body.
+"""
+
+import numpy as np
+
+from flexfem._types import FloatArray, IndexArray
+from flexfem.elements.floating_inertia import BodyData
+from flexfem.elements.floating_kinematics import relative_motion, write_columns
+from flexfem.lie.compiled import inlined
+from flexfem.lie.se3 import retract_into
+
+__all__ = ["carry", "condense", "locate", "respond"]
+
+#: Newton steps to the frame, and what is left of the last one.
+_STEPS, _SMALL = 30, 1e-14
+
+
+@inlined
+def _slope(data: BodyData, X: FloatArray, g: FloatArray, work: FloatArray) -> FloatArray:
+    """Derivatives (6, 6) of the conditions by twists of the frame; ``work`` (18, 12)."""
+    slope = np.zeros((6, 6))
+    for c in range(len(data.rest)):
+        write_columns(X[c], g[c], work[:12], work[12:])
+        own = np.ascontiguousarray(work[12:, :6])
+        slope += np.dot(np.ascontiguousarray(data.conditions[:, 6 * c : 6 * c + 6]), own)
+    return slope
+
+
+@inlined
+def locate(
+    data: BodyData, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
+    acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray, base: FloatArray,
+) -> None:  # fmt: skip
+    """Write frame, twist and its rate (24,) that meet the conditions; see ``relative_motion``."""
+    H, start, step = frames[nodes[0]], np.empty(12), np.zeros(6)
+    base[:] = 0.0
+    start[:] = H  # the body as it hangs at its first interface
+    for i in range(3):
+        for j in range(3):
+            start[i] -= H[3 + 3 * i + j] * data.rest[0, j]
+    work = np.empty((18, 12))
+    for _ in range(_STEPS):
+        retract_into(start, step, base[:12])
+        start[:] = base[:12]
+        relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
+        slope = _slope(data, X[0], g, work)
+        step = -np.linalg.solve(slope, np.dot(data.conditions, eta[:, 0].copy()))
+        if not np.abs(step).max() > _SMALL:
+            break
+    base[12:18] = -np.linalg.solve(slope, np.dot(data.conditions, eta[:, 1].copy()))
+    relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
+    base[18:] = -np.linalg.solve(slope, np.dot(data.conditions, eta[:, 2].copy()))
+    relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
+
+
+@inlined
+def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
+    """Add the multipliers' forces to those on coordinates: none is left on the frame.
+
+    Args:
+        data: of the body.
+        columns: (k, 6, 12) derivatives of the interfaces' coordinates.
+        force: (6 + n,) on frame and coordinates.
+    """
+    slope, load = np.zeros((6, 6)), force[:6].copy()
+    for c in range(len(columns)):
+        own = np.ascontiguousarray(columns[c, :, :6])
+        slope += np.dot(np.ascontiguousarray(data.conditions[:, 6 * c : 6 * c + 6]), own)
+        load += np.dot(own.T.copy(), force[6 + 6 * c : 12 + 6 * c])
+    multipliers = -np.linalg.solve(slope.T.copy(), load)
+    force[6:] += np.dot(data.conditions.T.copy(), multipliers)
+    force[:6] = 0.0
+
+
+@inlined
+def respond(
+    data: BodyData, places: FloatArray, rates: FloatArray, jerks: FloatArray, turned: FloatArray,
+    moved: FloatArray,
+) -> None:  # fmt: skip
+    """Let the frame follow the steps of the nodes.
+
+    Args:
+        data: of the body.
+        places: (n, s) changes of the coordinates, the frame's own six columns first; the frame's
+            are those by its place, the nodes' those by all that a step changes.
+        rates: (6 + n, s) those of twist of the frame and elastic rates.
+        jerks: (6 + n, s) those of their rates.
+        turned: (n, 6) changes of the rates of the elastic rates by the twist of the frame.
+        moved: (6, s) gets the steps of the frame.
+    """
+    own = np.ascontiguousarray(places[:, :6])
+    inverse = np.linalg.inv(np.dot(data.conditions, own))
+    back = -np.dot(inverse, data.conditions)
+    moved[:] = np.dot(back, places)
+    by_place, by_place_twice = (
+        np.ascontiguousarray(rates[6:, :6]), np.ascontiguousarray(jerks[6:, :6])
+    )  # fmt: skip
+    places += np.dot(own, moved)
+    rates[6:] += np.dot(by_place, moved)
+    jerks[6:] += np.dot(by_place_twice, moved)
+    twists = np.dot(back, np.ascontiguousarray(rates[6:]))
+    rates[:6] = twists
+    rates[6:] += np.dot(own, twists)
+    jerks[6:] += np.dot(turned, twists)
+    accelerations = np.dot(back, np.ascontiguousarray(jerks[6:]))
+    jerks[:6] = accelerations
+    jerks[6:] += np.dot(own, accelerations)
+
+
+@inlined
+def condense(
+    data: BodyData, to_nodes: FloatArray, moved: FloatArray, bent: FloatArray, full: FloatArray
+) -> FloatArray:
+    """Matrix at the nodes without the frame, from that with it.
+
+    Args:
+        data: of the body.
+        to_nodes: (6 + n, s) derivatives of frame and coordinates by all steps.
+        moved: (6, s) steps of the frame.
+        bent: (s, s) changes of forces with their directions, by place.
+        full: (s, s) changes of the forces with ``moved``, directions left out.
+    """
+    total = full + bent + np.dot(np.ascontiguousarray(bent[:, :6]), moved)
+    gradient = np.dot(data.conditions, np.ascontiguousarray(to_nodes[6:]))
+    slope = np.ascontiguousarray(gradient[:, :6])
+    multipliers = -np.linalg.solve(slope.T.copy(), np.ascontiguousarray(total[:6]))
+    total += np.dot(gradient.T.copy(), multipliers)
+    own: FloatArray = total[6:, 6:]
+    return own

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Serial data of the bodies in floating frames: their nodes numbered body after body."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.marker import Marker
+from flexfem.core.runs import starts
+from flexfem.elements.floating_inertia import BodyData
+from flexfem.joints.elastic_lock import ElasticLock
+from flexfem.lie import se3
+from flexfem.model.floating_body import MEAN_AXES, FloatingBody
+
+__all__ = ["FloatingNodes", "body_data"]
+
+
+class FloatingNodes:
+    """Nodes of all bodies in floating frames, the same on every rank.
+
+    Attributes:
+        bodies: the bodies in the model's order.
+        first: (b + 1,) first node of each.
+        frames, velocities: (n, 12) and (n, 6) of the nodes at the start.
+        held: (n, 6) unknowns that amplitudes do not have.
+        body_of_node: (n,).
+    """
+
+    def __init__(self, bodies: Sequence[FloatingBody]) -> None:
+        """Number the nodes and place them."""
+        self.bodies = list(bodies)
+        self.first: IntArray = starts([body.nodes for body in bodies])
+        count = int(self.first[-1])
+        self.body_of_node: IntArray = np.repeat(np.arange(len(bodies)), np.diff(self.first))
+        self.frames = np.tile(se3.frame(np.zeros(3), np.eye(3)), (count, 1))
+        self.velocities = np.zeros((count, 6))
+        self.held: BoolArray = np.zeros((count, 6), dtype=np.bool_)
+        for first, body in zip(self.first.tolist(), bodies, strict=True):
+            self._place(first, body)
+
+    def _place(self, first: int, body: FloatingBody) -> None:
+        """Frames and velocities of the nodes of a body."""
+        R, places = body.rotation, body.places
+        for i, place in enumerate(places):
+            self.frames[first + i] = se3.frame(body.position + R @ place, R)
+            spin = body.angular_velocity
+            self.velocities[first + i, :3] = R.T @ body.velocity + np.cross(spin, place)
+            self.velocities[first + i, 3:] = spin
+        held = self.held[first + len(places) : first + body.nodes]
+        held[:, 3:] = True
+        # the last node may have fewer amplitudes
+        held[:, :3] = np.arange(3 * len(held)).reshape(-1, 3) >= body.reduced.modes
+
+    @property
+    def places(self) -> FloatArray:
+        """Frames (p, 12) at the start of the nodes that have a place in space."""
+        frames: FloatArray = self.frames[~self.held[:, 3]]
+        return frames
+
+    @cached_property
+    def locks(self) -> list[ElasticLock]:
+        """Joints that keep the bodies from moving as their meshes cannot."""
+        locks = []
+        for body in self.bodies:
+            held = body.reduced.held.reshape(-1, 6)
+            for i in body.relative:
+                locked = np.flatnonzero(held[i]).tolist()
+                if locked:
+                    name = body.reduced.interfaces[i].name
+                    a, b = (Marker(body.name, p, rotation=body.rotation) for p in (None, name))
+                    locks.append(ElasticLock(f"{body.name} {name}", a, b, locked))
+        return locks
+
+    @cached_property
+    def kinds(self) -> list[list[int]]:
+        """Numbers of the bodies that have the same integrals."""
+        kinds: dict[tuple[int, str, bool], list[int]] = {}
+        for number, body in enumerate(self.bodies):
+            key = id(body.reduced), body.frame, body.stiffening
+            kinds.setdefault(key, []).append(number)
+        return list(kinds.values())
+
+
+def body_data(body: FloatingBody) -> BodyData:
+    """Integrals of a body about its frame, for its own elastic coordinates."""
+    reduced, origin, own = body.reduced, body.origin, body.coordinates
+    columns = np.concatenate([[0], 1 + own])
+    moments, products = reduced.moments[:, columns], reduced.products[:, :, columns][..., columns]
+    products = products.copy()
+    # positions count from the origin of the frame
+    products[:, :, 0, :] -= origin[:, np.newaxis, np.newaxis] * moments
+    moments[:, 0] -= reduced.mass * origin
+    products[:, :, :, 0] -= moments[:, np.newaxis] * origin[:, np.newaxis]
+    n, count = len(own), 6 * len(body.relative)
+    bending, pulling = np.empty((0, n)), np.empty((0, n))
+    if body.stiffening:
+        assert reduced.acceleration_stiffness is not None
+        assert reduced.interface_stiffness is not None
+        G = reduced.acceleration_stiffness[:, own][..., own].copy()
+        G[3:] -= np.einsum("b,aij->abij", origin, G[:3]).reshape(9, n, n)
+        bending = G.reshape(12 * n, n)
+        pulling = reduced.interface_stiffness[own[:count]][:, own][..., own].reshape(-1, n)
+    stiffness = _locked(body, reduced.stiffness[np.ix_(own, own)])
+    return BodyData(
+        rest=body.places[-len(body.relative) :] - origin if count else np.empty((0, 3)),
+        mass=reduced.mass,
+        moments=np.ascontiguousarray(moments),
+        products=np.ascontiguousarray(products.reshape(9 * (n + 1), n + 1)),
+        stiffness=stiffness,
+        damping=np.ascontiguousarray(reduced.damping[np.ix_(own, own)]),
+        bending=np.ascontiguousarray(bending),
+        pulling=np.ascontiguousarray(pulling),
+        compliance=np.linalg.pinv(stiffness[:count, :count], hermitian=True),
+        conditions=_conditions(body, moments, products),
+    )
+
+
+def _locked(body: FloatingBody, stiffness: FloatArray) -> FloatArray:
+    """The stiffness with some for coordinates that are locked: without, it would be singular."""
+    held = body.reduced.held.reshape(-1, 6)[body.relative].ravel()
+    out = np.ascontiguousarray(stiffness)
+    diagonal = np.diagonal(out)[: len(held)].reshape(-1, 6)
+    for part in (slice(0, 3), slice(3, 6)):
+        largest = float(diagonal[:, part].max(initial=0.0)) or 1.0
+        for i in np.flatnonzero(held):
+            if part.start <= i % 6 < part.stop:
+                out[i, i] = largest
+    return out
+
+
+def _conditions(body: FloatingBody, moments: FloatArray, products: FloatArray) -> FloatArray:
+    """Mean displacement and rotation of a body by its elastic coordinates, for mean axes."""
+    n = moments.shape[1] - 1
+    if body.frame != MEAN_AXES or not body.reduced.interfaces:
+        return np.empty((0, n))
+    second = products[:, :, 0, 0]
+    inertia = np.trace(second) * np.eye(3) - second
+    axes = ((1, 2), (2, 0), (0, 1))
+    turns = np.array([products[a, b, 0, 1:] - products[b, a, 0, 1:] for a, b in axes])
+    return np.concatenate([moments[:, 1:] / body.reduced.mass, np.linalg.solve(inertia, turns)])
