@@ -37,7 +37,7 @@ class FloatingNodes:
         self.frames = np.tile(se3.frame(np.zeros(3), np.eye(3)), (count, 1))
         self.velocities = np.zeros((count, 6))
         self.held: BoolArray = np.zeros((count, 6), dtype=np.bool_)
-        for first, body in zip(self.first.tolist(), bodies, strict=True):
+        for first, body in zip(self.first[:-1].tolist(), bodies, strict=True):
             self._place(first, body)
 
     def _place(self, first: int, body: FloatingBody) -> None:
