@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Draw the motion in a result folder: motion.png (superposed instants) and motion.gif.
 
-Reads only the ParaView series of the folder (beams, beam_surfaces, shells, rigid_bodies, joints):
+Reads only the ParaView series of the folder (beams, beam_surfaces, shells, floating_bodies,
+floating_lines, rigid_bodies, joints):
 
     python postprocess/render.py results/slider_crank --colour M3 --size 1600x900
 Superposed are a few instants, or with ``--interval 0.1`` one every 0.1 s.
@@ -26,7 +27,7 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from vtkmodules.vtkCommonCore import vtkLogger
 
-FLEXIBLE = ("beam_surfaces", "beams", "shells")  # what is coloured by a field
+FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lines")  # what is coloured by a field
 SERIES = (*FLEXIBLE, "rigid_bodies", "joints")
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
@@ -218,6 +219,8 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
     solid = "beam_surfaces" in meshes
     for name, mesh in meshes.items():
         own = style | {"name": key + name}
+        if name == "floating_lines":
+            own |= {"line_width": 6, "render_lines_as_tubes": True}
         if name == "beams":
             # Inside solid beams the lines show only where these are too slender to be seen.
             if solid and opacity < 1.0:

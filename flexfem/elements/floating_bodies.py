@@ -3,8 +3,8 @@
 
 Its nodes are the frame, the interfaces, which are frames of their own in space, and nodes that
 carry three amplitudes each as their position. So joints, loads and contacts attach to interfaces
-as they do to nodes of beams (absolute interface coordinates; Ellenbroek and Schilder, Multibody Syst. Dyn.
-43 (2018) 193).
+as they do to nodes of beams (absolute interface coordinates; Ellenbroek and Schilder, Multibody
+Syst. Dyn. 43 (2018) 193).
 """
 
 from collections.abc import Sequence

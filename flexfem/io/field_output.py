@@ -1,24 +1,32 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""ParaView output of a whole system: beams, shells, rigid bodies, joints."""
+"""ParaView output of a whole system: beams, shells, bodies in floating frames, joints."""
 
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
+
+from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.director_shells import DirectorShells
+from flexfem.elements.floating_bodies import FloatingBodies
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.curve_fields import CurveSampler
+from flexfem.io.floating_fields import FloatingState, FloatingWriter
 from flexfem.io.shell_fields import ShellFields, ShellWriter
 from flexfem.io.surfaces import body_surface
+from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.lie import se3
+from flexfem.model.floating_body import FloatingBody
 from flexfem.system.assembly import Assembly
 from flexfem.system.extent import model_extent
-from flexfem.system.placement import BEAMS, NURBS, RIGID, SHELLS
+from flexfem.system.placement import BEAMS, FLOATING, NURBS, RIGID, SHELLS
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["FieldOutput"]
@@ -54,8 +62,12 @@ class FieldOutput:
         self._beams = BeamWriter(folder, comm, outlines, resume=resume)
         self._shells = ShellWriter(folder, comm, resume=resume)
         self._thickness = np.array([shell.section.thickness for shell in model.shells])
+        self._model_bodies = model.floating_bodies
+        self._floating = FloatingWriter(folder, comm, self._model_bodies, resume=resume)
         surfaces = [body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies]
         self._bodies = RigidBodyWriter(folder, comm, surfaces, resume=resume)
+        # what locks elastic coordinates is inside a body and not shown
+        self._shown = np.array([not isinstance(j, ElasticLock) for j in serial.joints], dtype=bool)
         kinds = [j.owner.partition(" ")[0] for j in serial.joints]
         self._joints = JointWriter(folder, comm, kinds, size, resume=resume)
 
@@ -71,7 +83,10 @@ class FieldOutput:
             time, step, self._shell_fields(shells) if shells else ShellFields.empty()
         )
         self._bodies.write(time, step, _body_fields(bodies) if bodies else RigidBodyFields.empty())
-        self._joints.write(time, step, _joint_fields(self._system))
+        if FLOATING in self._parts:
+            states = _floating_states(self._parts[FLOATING], self._model_bodies)
+            self._floating.write(time, step, states)
+        self._joints.write(time, step, _joint_fields(self._system, self._shown))
 
     def _shell_fields(self, part: BlockPart) -> ShellFields:
         elements = part.elements
@@ -96,7 +111,7 @@ class FieldOutput:
 
     def close(self) -> None:
         """End all series."""
-        for writer in (self._beams, self._shells, self._bodies, self._joints):
+        for writer in (self._beams, self._shells, self._bodies, self._floating, self._joints):
             writer.close()
 
 
@@ -132,14 +147,34 @@ def _body_fields(part: BlockPart) -> RigidBodyFields:
     return RigidBodyFields(position, rotation, velocity, spin, part.block.node_ids)
 
 
-def _joint_fields(system: System) -> JointFields:
-    """Markers and axes of the joints that this rank owns, and their wrenches on the first body."""
+def _floating_states(part: BlockPart, bodies: Sequence[FloatingBody]) -> list[FloatingState]:
+    """Frames and coordinates of all bodies on every rank (collective)."""
+    elements, block = part.elements, part.block
+    assert isinstance(elements, FloatingBodies)
+    starts = np.cumsum([0, *(18 + 2 * body.reduced.size for body in bodies)])
+    table = np.zeros(starts[-1])
+    for group in elements.groups:
+        base, eta = group.coordinates(block.frames, block.velocity, block.acceleration)
+        for k, number in enumerate(group.body.tolist()):
+            own = table[starts[number] : starts[number + 1]]
+            own[:18] = base[k, :18]
+            own[18:].reshape(2, -1)[:, bodies[number].coordinates] = eta[k, :, :2].T
+    block.comm.Allreduce(MPI.IN_PLACE, table)
+    every = (table[a:b] for a, b in pairwise(starts))
+    return [FloatingState(one[:12], one[12:18], *one[18:].reshape(2, -1)) for one in every]
+
+
+def _joint_fields(system: System, shown: BoolArray) -> JointFields:
+    """Markers and axes of the joints that this rank owns, and their wrenches on the first body.
+
+    ``shown`` are those of all joints that have a picture.
+    """
     rows = system.constraints
-    owned = np.array([placed.owned for placed in rows.joints], dtype=bool)
+    owned = np.array([placed.owned and shown[placed.index] for placed in rows.joints], dtype=bool)
     first = rows.marker_start[:-1][owned]
     frames, wrench = rows.poses, rows.reactions()[first]
     axis = np.zeros((len(first), 3))
-    joints = [placed for placed in rows.joints if placed.owned]
+    joints = [placed for placed in rows.joints if placed.owned and shown[placed.index]]
     for i, placed in enumerate(joints):
         if placed.joint.direction is not None:
             turn = se3.rotation(frames[first[i]]) @ placed.poses[0].rotation.T
