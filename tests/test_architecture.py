@@ -20,6 +20,7 @@ LAYERS = [
     {"forms", "mesh"},
     {"core"},
     {"joints", "loads"},
+    {"reduction"},
     {"model"},
     {"elements", "bodies", "contact"},
     {"system"},
