@@ -78,7 +78,8 @@ def beam_body(
     dx = ufl.dx(domain)
 
     def strain(w: Any) -> Any:
-        return beam_strain(*ufl.split(w), axes)
+        u, theta = ufl.split(w)
+        return beam_strain(u, theta, axes)
 
     def at(place: Any) -> MassField:
         def moved(w: Any) -> Any:
@@ -119,7 +120,7 @@ def _polyline(owner: str, nodes: npt.ArrayLike, comm: MPI.Intracomm) -> mesh.Mes
     mine = np.array_split(np.arange(count, dtype=np.int64), comm.size)[comm.rank]
     cells = np.stack([mine, mine + 1], axis=1)
     own = np.array_split(np.arange(len(x)), comm.size)[comm.rank]
-    element = basix.ufl.element("Lagrange", "interval", 1, shape=(3,))
+    element: Any = basix.ufl.element("Lagrange", "interval", 1, shape=(3,))
     return mesh.create_mesh(comm, cells, element, np.array(x[own]))
 
 

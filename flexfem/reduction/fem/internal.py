@@ -8,7 +8,7 @@ from petsc4py import PETSc
 import numpy as np
 import scipy.linalg
 
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.reduction.fem.blocks import multiply, projected, same_everywhere
 from flexfem.reduction.fem.modes import dense_modes, sparse_modes
 from flexfem.reduction.fem.orientation import Orientation
@@ -64,7 +64,6 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
     Raises:
         ValueError: more modes than there are.
     """
-    comm = pieces.stiffness.comm.tompi4py()
 
     def moved(modes: FloatArray) -> FloatArray:
         return _moved_mass(pieces, modes)
@@ -114,11 +113,10 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
     relief = pieces.response.respond(multiply(pieces.mass, pieces.rigid))
     functions = _orthonormal(pieces, np.hstack([relief, inner]))
     values, functions = _ritz(pieces, functions)
-    assert comm is not None
     return pieces.orientation.turn(functions, values)
 
 
-def _pins(pieces: Pieces) -> FloatArray:
+def _pins(pieces: Pieces) -> BoolArray:
     """Rows that are fixed though no interface prescribes them."""
     pins = pieces.response.fixed.copy()
     pins[pieces.ties.fixed] = False

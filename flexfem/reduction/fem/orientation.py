@@ -37,7 +37,7 @@ class Orientation:
         """
         domain, rows = body.space.mesh, own_rows(body.space)
         self._comm = domain.comm
-        wave, phase = fem.Constant(domain, np.zeros(3)), fem.Constant(domain, 0.0)
+        wave, phase = fem.Constant(domain, np.zeros(3)), fem.Constant(domain, np.zeros(()))
         pull = fem.Constant(domain, np.zeros(3))
         v = ufl.TestFunction(body.space)
         middle = ufl.as_vector([float(x) for x in centre])
@@ -54,7 +54,7 @@ class Orientation:
         self.forces = np.zeros((rows, _FAMILY))
         for i in range(_FAMILY):
             wave.value[:] = rng.uniform(1.0, 6.0, 3) / size
-            phase.value = rng.uniform(0.0, 2.0 * np.pi)
+            phase.value[...] = rng.uniform(0.0, 2.0 * np.pi)
             pull.value[:] = rng.uniform(0.5, 1.5, 3)
             self.forces[:, i] = assemble_rows(form, rows)
 

@@ -25,7 +25,8 @@ def recover(body: LinearBody, functions: FloatArray) -> Recovery:
         functions: this rank's rows of the displacement functions (rows, n).
     """
     cells, corners = _faces(body.space.mesh)
-    used, own = np.unique(cells, return_inverse=True)
+    numbers, own = np.unique(cells, return_inverse=True)
+    used = numbers.astype(np.int32)
     reference = basix.cell.geometry(_cell_type(body.space.mesh))
     points, vertex_of = _points(body.space.mesh, used, len(reference))
     n = functions.shape[1]

@@ -112,6 +112,7 @@ def reduce_body(
         by_acceleration = -geometric.of(pieces.response.respond(loads), functions)
         by_interface = geometric.of(pieces.static, functions)
     k = len(held) - inner.shape[1]
+    rigid = pieces.rigid.shape[1] if places else 0
     squares = np.linalg.eigvalsh(stiffness[k:, k:]) if inner.shape[1] else np.zeros(0)
     return ReducedBody(
         ties_found.interfaces,
@@ -119,7 +120,7 @@ def reduce_body(
         moments,
         products,
         stiffness,
-        modal_damping(mass_matrix, stiffness, held, ratio) + factor * stiffness,
+        modal_damping(mass_matrix, stiffness, held, ratio, rigid) + factor * stiffness,
         ties_found.held,
         np.sqrt(np.maximum(squares, 0.0)),
         by_acceleration,

@@ -8,6 +8,7 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem, mesh
 
 from flexfem import _checks
@@ -28,7 +29,7 @@ class Region:
     """
 
     dimension: int
-    entities: IntArray
+    entities: npt.NDArray[np.int32]
     centroid: FloatArray
 
     def rows(self, space: fem.FunctionSpace, owned: int) -> IntArray:
@@ -37,7 +38,8 @@ class Region:
         width = space.dofmap.index_map_bs
         nodes = fem.locate_dofs_topological(space, self.dimension, self.entities)
         rows = (width * nodes[:, np.newaxis] + np.arange(width)).ravel()
-        return rows[rows < owned].astype(np.int64)
+        mine: IntArray = rows[rows < owned].astype(np.int64)
+        return mine
 
 
 def find_region(owner: str, domain: mesh.Mesh, where: Any) -> Region:

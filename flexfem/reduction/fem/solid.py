@@ -117,10 +117,11 @@ def plane_body(
     )
 
 
-def _constants(domain: mesh.Mesh, material: Material) -> tuple[fem.Constant, fem.Constant]:
+def _constants(domain: mesh.Mesh, material: Material) -> tuple[Any, Any]:
     """As data of the compiled forms: other materials need not compile them again."""
-    return tuple(
-        fem.Constant(domain, value) for value in (material.youngs_modulus, material.poisson_ratio)
+    return (
+        fem.Constant(domain, material.youngs_modulus),
+        fem.Constant(domain, material.poisson_ratio),
     )
 
 

@@ -80,7 +80,11 @@ def tie(
     """
     comm, rows = body.space.mesh.comm, own_rows(body.space)
     free = total(comm, np.abs(rigid_motions(body, np.zeros(3))).sum(axis=0)) > 0.0
-    interfaces, fixed, motions, conditions, averaged = [], [], [], [], []
+    interfaces: list[Interface] = []
+    fixed: list[IntArray] = []
+    averaged: list[IntArray] = []
+    motions: list[FloatArray] = []
+    conditions: list[FloatArray] = []
     for i, (name, where) in enumerate(places.items()):
         who = f'{owner}: interface "{name}"'
         region = find_region(who, body.space.mesh, where)
@@ -159,7 +163,7 @@ def _means(
     assert body.displacement is not None
     moved = body.displacement(v)
     work = ufl.dot(pick[0, :], moved) + ufl.dot(pick[1, :], ufl.cross(arm, moved))
-    form = fem.form(work * ufl.ds(domain, subdomain_data=tags, subdomain_id=1))
+    form = fem.form(work * ufl.Measure("ds", domain, 1, subdomain_data=tags))
     resultants = np.zeros((rows, 6))
     for i in range(6):
         pick.value[:] = 0.0
