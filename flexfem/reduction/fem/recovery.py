@@ -7,7 +7,7 @@ import basix
 import numpy as np
 from dolfinx import fem, mesh
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.reduction.fem.blocks import set_rows
 from flexfem.reduction.fem.linear_body import LinearBody
 from flexfem.reduction.reduced_body import Recovery
@@ -66,7 +66,7 @@ def _cell_type(domain: mesh.Mesh) -> Any:
     return getattr(basix.CellType, domain.topology.cell_type.name)
 
 
-def _points(domain: mesh.Mesh, cells: IntArray, corners: int) -> tuple[FloatArray, IntArray]:
+def _points(domain: mesh.Mesh, cells: IndexArray, corners: int) -> tuple[FloatArray, IntArray]:
     """Vertices of some cells and, for each corner of these, its number among them."""
     topology = domain.topology
     topology.create_connectivity(0, topology.dim)
