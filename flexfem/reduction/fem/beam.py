@@ -18,7 +18,7 @@ from flexfem.forms.linear_beam import beam_axes, beam_strain, second_order_work
 from flexfem.materials.section import Section
 from flexfem.reduction.fem.linear_body import LinearBody, MassField, rigid_displacement
 
-__all__ = ["beam_body"]
+__all__ = ["beam_body", "rigid_motion"]
 
 #: Part of the inertia that counts as round-off.
 _ROUND_OFF = 1e-10
@@ -92,7 +92,7 @@ def beam_body(
         space,
         lambda w, v: ufl.inner(ufl.dot(stiffness, strain(w)), strain(v)) * dx,
         [at(ufl.dot(axes, ufl.as_vector(point.tolist()))) for point in points],
-        rigid=lambda shift, turn: _rigid(space, shift, turn),
+        rigid=lambda shift, turn: rigid_motion(space, shift, turn),
         displacement=lambda w: ufl.split(w)[0],
         prestress=lambda w0, w, v: (
             second_order_work(ufl.dot(stiffness, strain(w0)), ufl.split(w), ufl.split(v), axes) * dx
@@ -101,7 +101,7 @@ def beam_body(
     )
 
 
-def _rigid(space: fem.FunctionSpace, shift: FloatArray, turn: FloatArray) -> fem.Function:
+def rigid_motion(space: fem.FunctionSpace, shift: FloatArray, turn: FloatArray) -> fem.Function:
     """Rigid motion of displacements and rotations."""
     function = fem.Function(space)
     rigid_displacement(function.sub(0), shift, turn)

@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Integrals of masses over a body: forms with data, compiled once and assembled for each entry."""
 
+from petsc4py import PETSc
+
 import numpy as np
 import ufl
 from dolfinx import fem
 
 from flexfem._types import FloatArray
 from flexfem.reduction.fem.blocks import (
-    AssembledMatrix,
+    ProjectedForm,
     assemble_rows,
-    multiply,
+    assembled_matrix,
     own_rows,
     projected,
     total,
+    with_neighbours,
 )
 from flexfem.reduction.fem.linear_body import LinearBody
 
@@ -39,12 +42,11 @@ class MassIntegrals:
                 for m in body.masses
             )
         )
-        self._inner = AssembledMatrix(
-            sum(
-                m.density * ufl.dot(m.displacement(v), ufl.dot(self._pair, m.displacement(u))) * dx
-                for m in body.masses
-            )
+        inner = sum(
+            m.density * ufl.dot(m.displacement(v), ufl.dot(self._pair, m.displacement(u))) * dx
+            for m in body.masses
         )
+        self._inner = ProjectedForm(inner, domain.comm)
         self._second = fem.form(
             sum(
                 m.density
@@ -58,11 +60,15 @@ class MassIntegrals:
         )
         self._whole = fem.form(sum(m.density * dx for m in body.masses))
 
-    def mass_matrix(self) -> "AssembledMatrix":
-        """Mass matrix of all rows, assembled; a later use of this object overwrites it."""
-        self._pair.value[:] = np.eye(3)
-        self._inner.assemble()
-        return self._inner
+    def mass_matrix(self) -> PETSc.Mat:
+        """Mass matrix of all rows (collective)."""
+        v, u = ufl.TestFunction(self.body.space), ufl.TrialFunction(self.body.space)
+        return assembled_matrix(
+            sum(
+                m.density * ufl.dot(m.displacement(v), m.displacement(u)) * ufl.dx(self._domain)
+                for m in self.body.masses
+            )
+        )
 
     def mass(self) -> float:
         """Whole mass, kg (collective)."""
@@ -110,6 +116,7 @@ class MassIntegrals:
         moments, products = np.zeros((3, n + 1)), np.zeros((3, 3, n + 1, n + 1))
         moments[:, 0], products[:, :, 0, 0] = self.first(), self.second()
         work = projected(comm, loads, basis)
+        whole = with_neighbours(self.body.space, basis)
         moments[:, 1:] = work[:3]
         # r_a with Phi_b is the work of the force rho r_a e_b
         mixed = work[3:].reshape(3, 3, n).transpose(1, 0, 2)
@@ -119,7 +126,7 @@ class MassIntegrals:
             for b in range(a, 3):
                 self._pair.value[:] = 0.0
                 self._pair.value[a, b] = 1.0
-                block = projected(comm, basis, multiply(self._inner.assemble(), basis))
+                block = self._inner.project(whole)
                 if a == b:
                     block = 0.5 * (block + block.T)
                 products[a, b, 1:, 1:] = block

@@ -10,7 +10,7 @@ import ufl
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray
 from flexfem.reduction.damping import modal_damping
-from flexfem.reduction.fem.blocks import AssembledMatrix, multiply, projected
+from flexfem.reduction.fem.blocks import assembled_matrix, multiply, projected, with_neighbours
 from flexfem.reduction.fem.geometric import GeometricStiffness
 from flexfem.reduction.fem.integrals import MassIntegrals
 from flexfem.reduction.fem.internal import BASES, LARGEST, Pieces, internal_functions
@@ -109,8 +109,9 @@ def reduce_body(
     by_acceleration = by_interface = None
     if geometric_stiffness:
         geometric = GeometricStiffness(body)
-        by_acceleration = -geometric.of(pieces.response.respond(loads), functions)
-        by_interface = geometric.of(pieces.static, functions)
+        whole = with_neighbours(body.space, functions)
+        by_acceleration = -geometric.of(pieces.response.respond(loads), whole)
+        by_interface = geometric.of_interfaces(ties_found, pieces.static, whole)
     k = len(held) - inner.shape[1]
     rigid = pieces.rigid.shape[1] if places else 0
     squares = np.linalg.eigvalsh(stiffness[k:, k:]) if inner.shape[1] else np.zeros(0)
@@ -166,8 +167,8 @@ def _prepare(owner: str, body: LinearBody, integrals: MassIntegrals, ties: Ties)
     centre = integrals.first() / mass
     spread = np.trace(integrals.second()) / mass - centre @ centre
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    stiffness = AssembledMatrix(body.elastic(u, v)).assemble()
-    mass_matrix = integrals.mass_matrix().mat.copy()
+    stiffness = assembled_matrix(body.elastic(u, v))
+    mass_matrix = integrals.mass_matrix()
     rigid = rigid_motions(body, centre)
     rigid = rigid[:, _present(comm, rigid)]
     _check_energy(owner, comm, stiffness, rigid)
