@@ -237,6 +237,12 @@ def _without_rigid_forces(stiffness: FloatArray, ties: Ties) -> FloatArray:
     """Remove round-off: rigid motions of the interfaces cause no force at all."""
     if not ties.interfaces:
         return stiffness
+    if len(ties.interfaces) == 1:
+        # all that it does is to move the body as one
+        alone = stiffness.copy()
+        alone[:6] = 0.0
+        alone[:, :6] = 0.0
+        return alone
     diagonal = np.diagonal(stiffness)
     weight = np.where(diagonal > 0.0, diagonal, 0.0)
     motions = np.zeros((len(stiffness), 6))
