@@ -27,7 +27,8 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from vtkmodules.vtkCommonCore import vtkLogger
 
-FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lines")  # what is coloured by a field
+# what is coloured by a field
+FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lines")
 SERIES = (*FLEXIBLE, "rigid_bodies", "joints")
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")

@@ -46,11 +46,22 @@ def build_surface_mesh(name: str, **parameters: float) -> SurfaceMesh:
 
 def _built[Mesh](name: str, parameters: dict[str, float], read: Callable[[], Mesh]) -> Mesh:
     """Build a mesh in a gmsh session of its own and read it."""
-    build = _load(name)
-    _check_parameters(name, build, parameters)
+    build = checked_build(name, parameters)
     with session(f"flexfem_{name}"):
         build(**parameters)
         return read()
+
+
+def checked_build(name: str, parameters: dict[str, float]) -> Build:
+    """Function that builds a mesh of the library, its parameters checked.
+
+    Raises:
+        TypeError: A parameter is of the wrong kind.
+        ValueError: Unknown mesh or parameter, or a value that is not positive.
+    """
+    build = _load(name)
+    _check_parameters(name, build, parameters)
+    return build
 
 
 def run_script(build: Build) -> None:
@@ -89,7 +100,9 @@ def _write(name: str, build: Build, parameters: dict[str, Any], output: Path) ->
 
     with session(f"flexfem_{name}"):
         build(**parameters)
-        if gmsh.model.getPhysicalGroups(2):
+        if gmsh.model.getPhysicalGroups(3):
+            pass  # of solids DOLFINx makes what it can
+        elif gmsh.model.getPhysicalGroups(2):
             SurfaceMesh.from_gmsh_model()
         else:
             LineMesh.from_gmsh_model()

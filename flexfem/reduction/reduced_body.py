@@ -11,6 +11,7 @@ ones kept here (inertia shape integrals; Shabana 2013, Dynamics of Multibody Sys
 Needs NumPy only: what makes these data of a mesh is in the other modules of this package.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -19,7 +20,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
 
-__all__ = ["Interface", "Recovery", "ReducedBody"]
+__all__ = ["Interface", "Recovery", "ReducedBody", "interface_motions"]
 
 #: Largest deviation from what must hold exactly that counts as round-off, relative. What a direct
 #: solver leaves for a slender body is near 1e-9; a wrong sign or unit makes a deviation near one.
@@ -47,6 +48,21 @@ class Interface:
         """
         owner = _checks.named(self, self.name)
         _checks.assign(self, position=_checks.vector(owner, "position", self.position))
+
+
+def interface_motions(interfaces: Sequence[Interface], held: BoolArray) -> FloatArray:
+    """(6 k, 6) coordinates of interfaces in unit displacements along and rotations about the axes.
+
+    Rows of coordinates that are held are zero.
+    """
+    motions = np.zeros((6 * len(interfaces), 6))
+    for i, interface in enumerate(interfaces):
+        x, y, z = interface.position
+        rows = motions[6 * i : 6 * i + 6]
+        rows[:] = np.eye(6)
+        rows[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    motions[held] = 0.0
+    return motions
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,12 +234,7 @@ class ReducedBody:
         Zero without interfaces, and in rows of coordinates that are held.
         """
         motions = np.zeros((self.size, 6))
-        for i, interface in enumerate(self.interfaces):
-            x, y, z = interface.position
-            rows = motions[6 * i : 6 * i + 6]
-            rows[:] = np.eye(6)
-            rows[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-        motions[: len(self.held)][self.held] = 0.0
+        motions[: len(self.held)] = interface_motions(self.interfaces, self.held)
         return motions
 
     @property

@@ -12,7 +12,8 @@ pytestmark = pytest.mark.serial
 
 NUMERICAL = {
     "relax", "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize",
-    "LinearModel",
+    "LinearModel", "LinearBody", "MassField", "solid_body", "plane_body", "beam_body", "shell_body",
+    "reduce_body",
 }  # fmt: skip
 
 
