@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled inertia, elastic and damping forces of bodies in a floating frame, in their coordinates.
 
-A particle is at ``x_F + R (y + z)`` with ``y = r + sum_i Phi_i eta_i`` and, where a body stiffens
-geometrically, the second-order displacement ``z = 1/2 sum_ij u_ij eta_i eta_j``. Its acceleration
-in the frame's axes, less gravity's, is ``A + W (y + z) + 2 Omega x (dy + dz) + ddy + ddz`` with
-``A = dV/dt + Omega x V - R^T g`` and ``W = skew(dOmega/dt) + skew(Omega)^2``. With the integrals of
-:class:`BodyData` sums over particles become sums over coordinates. Of the products of z those with
-the motion of the rigid body are kept: they are the ones of second order, and come from a kinetic
-energy of their own, so that momentum and energy are conserved.
+A particle is at ``x_F + R y`` with ``y = r + sum_i Phi_i eta_i``. Its acceleration in the frame's
+axes, less gravity's, is ``A + W y + 2 Omega x dy + ddy`` with ``A = dV/dt + Omega x V - R^T g`` and
+``W = skew(dOmega/dt) + skew(Omega)^2``. With the integrals of :class:`BodyData` sums over particles
+become sums over coordinates.
 
-Sources: Wallrapp, Schwertassek, Int. J. Numer. Methods Eng. 32 (1991) 1833 (integrals and geometric
-stiffening); Shabana, Dynamics of Multibody Systems (2005), ch. 5.
+A body that stiffens geometrically also moves by ``z = 1/2 sum_ij u_ij eta_i eta_j``, as a beam gets
+shorter when it bends. What counts is the work of accelerations ``a + B r`` on z: z is replaced by
+the field of this kind with the same work, whose twelve coefficients are further coordinates,
+``zeta_k = 1/2 eta Z_k eta``. So inertia forces remain those of particles that move: the mass matrix
+is positive definite, and momentum and energy are conserved.
+
+Sources: Shabana, Dynamics of Multibody Systems (2005), ch. 5 (integrals); Wallrapp, Schwertassek,
+Int. J. Numer. Methods Eng. 32 (1991) 1833 (geometric stiffening).
 """
 
 from typing import NamedTuple
@@ -18,26 +21,28 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.lie.compiled import inlined
+from flexfem.lie.compiled import inlined, kernel
 
 __all__ = [
-    "BodyData", "Fields", "add_elastic", "add_elastic_tangent", "body_acceleration", "fields_into",
-    "forces_into", "moment", "new_fields", "put_skew",
+    "BodyData", "Fields", "add_elastic", "add_elastic_tangent", "body_acceleration", "extend",
+    "fields_into", "fold", "forces_into", "moment", "new_fields", "put_skew",
 ]  # fmt: skip
 
 
 class BodyData(NamedTuple):
-    """Integrals over a body about its frame, in the frame's axes; n elastic coordinates.
+    """Integrals over a body about its frame, in the frame's axes.
+
+    There are n elastic coordinates, and N = n, or n + 12 with the coordinates zeta.
 
     Attributes:
         rest: (k, 3) interfaces at rest.
         mass: kg.
-        moments: (3, n + 1) integrals of ``rho Phi_j``, ``Phi_0 = r``.
-        products: (9 (n + 1), n + 1) of ``rho Phi_i,a Phi_j,b``, rows by (a, b, i).
+        moments: (3, N + 1) integrals of ``rho Phi_j``, ``Phi_0 = r``.
+        products: (9 (N + 1), N + 1) of ``rho Phi_i,a Phi_j,b``, rows by (a, b, i).
         stiffness, damping: (n, n).
-        bending: (12 n, n) integrals of ``rho u_ij,a``, then of ``rho r_b u_ij,a``, rows by
-            (a, i) and (a, b, i); none without geometric stiffening.
-        pulling: (6 k n, n) derivatives of the stiffness by the coordinates of the interfaces.
+        bending: (12 n, n) matrices Z_k one below the other; none without geometric stiffening.
+        pulling: (6 k n, n) derivatives of the stiffness by the coordinates of the interfaces; none
+            without geometric stiffening.
         compliance: (6 k, 6 k) inverse of the stiffness of these coordinates.
         conditions: (6, n) mean displacement and rotation of the body, which are zero; none where
             the frame is that of a node.
@@ -59,12 +64,10 @@ class Fields(NamedTuple):
     """Integrals with the present elastic displacement, see :func:`fields_into`.
 
     Attributes:
-        P: (3, n) integrals of ``rho Phi_i`` with the derivatives of z.
-        S: (3, 3) of ``rho (y + z)`` and its two derivatives in time, as columns.
-        D, L, N: (9,) of ``rho y_a y_b``, ``rho y_a dy_b`` and ``rho y_a ddy_b`` with z.
-        Y, U, Q: (9, n) of ``rho Phi_i,a`` times ``y_b``, ``dy_b`` and ``ddy_b``; Y with the
-            derivatives of z.
-        G: (12 n, 3) ``bending`` times the coordinates and their derivatives.
+        P: (3, N) integrals of ``rho Phi_i``.
+        S: (3, 3) of ``rho y`` and its two derivatives in time, as columns.
+        D, L, N: (9,) of ``rho y_a y_b``, ``rho y_a dy_b`` and ``rho y_a ddy_b``.
+        Y, U, Q: (9, N) of ``rho Phi_i,a`` times ``y_b``, ``dy_b`` and ``ddy_b``.
     """
 
     P: FloatArray
@@ -75,21 +78,53 @@ class Fields(NamedTuple):
     Y: FloatArray
     U: FloatArray
     Q: FloatArray
-    G: FloatArray
 
 
-@inlined
-def new_fields(n: int) -> Fields:
+@kernel
+def new_fields(data: BodyData) -> Fields:
     """Room for the fields of a body."""
+    n = data.moments.shape[1] - 1
     return Fields(
         np.empty((3, n)), np.empty((3, 3)), np.empty(9), np.empty(9), np.empty(9),
-        np.empty((9, n)), np.empty((9, n)), np.empty((9, n)), np.zeros((12 * n, 3)),
+        np.empty((9, n)), np.empty((9, n)), np.empty((9, n)),
     )  # fmt: skip
 
 
-@inlined
+@kernel
+def extend(data: BodyData, eta: FloatArray, G: FloatArray) -> FloatArray:
+    """All coordinates with their derivatives (N, 3) from the elastic ones (n, 3).
+
+    ``G`` (12 n, 3) gets the products of ``bending`` with these.
+    """
+    if not len(data.bending):
+        return eta
+    n = len(eta)
+    every = np.empty((n + 12, 3))
+    every[:n] = eta
+    G[:] = np.dot(data.bending, eta)
+    for k in range(12):
+        every[n + k] = 0.0
+        for i in range(n):
+            at = k * n + i
+            every[n + k, 0] += 0.5 * eta[i, 0] * G[at, 0]
+            every[n + k, 1] += eta[i, 1] * G[at, 0]
+            every[n + k, 2] += eta[i, 1] * G[at, 1] + eta[i, 0] * G[at, 2]
+    return every
+
+
+@kernel
+def fold(data: BodyData, G: FloatArray, every: FloatArray, force: FloatArray) -> None:
+    """Forces (6 + n,) on frame and elastic coordinates from those on all coordinates (6 + N,)."""
+    n = len(force) - 6
+    force[:] = every[: 6 + n]
+    for k in range(len(every) - 6 - n):
+        for i in range(n):
+            force[6 + i] += every[6 + n + k] * G[k * n + i, 0]
+
+
+@kernel
 def fields_into(data: BodyData, eta: FloatArray, f: Fields) -> None:
-    """Write the fields for coordinates and their derivatives (n, 3)."""
+    """Write the fields for all coordinates and their derivatives (N, 3)."""
     n = len(eta)
     full = np.zeros((n + 1, 3))
     full[0, 0] = 1.0
@@ -109,36 +144,6 @@ def fields_into(data: BodyData, eta: FloatArray, f: Fields) -> None:
             f.Q[ab, i] = products[first + 1 + i, 2]
     f.S[:] = np.dot(data.moments, full)
     f.P[:] = data.moments[:, 1:]
-    if len(data.bending):
-        _add_second_order(data, eta, f)
-
-
-@inlined
-def _add_second_order(data: BodyData, eta: FloatArray, f: Fields) -> None:
-    """Add what the second-order displacement changes."""
-    n = len(eta)
-    f.G[:] = np.dot(data.bending, eta)
-    for row in range(12):
-        z0, z1, z2 = 0.0, 0.0, 0.0
-        for i in range(n):
-            at = row * n + i
-            z0 += 0.5 * eta[i, 0] * f.G[at, 0]
-            z1 += eta[i, 1] * f.G[at, 0]
-            z2 += eta[i, 1] * f.G[at, 1] + eta[i, 0] * f.G[at, 2]
-            if row < 3:
-                f.P[row, i] += f.G[at, 0]
-            else:
-                f.Y[row - 3, i] += f.G[at, 0]
-        if row < 3:
-            f.S[row, 0] += z0
-            f.S[row, 1] += z1
-            f.S[row, 2] += z2
-        else:
-            a, b = (row - 3) // 3, (row - 3) % 3
-            f.D[3 * a + b] += z0
-            f.D[3 * b + a] += z0
-            f.L[3 * b + a] += z1
-            f.N[3 * b + a] += z2
 
 
 @inlined
@@ -150,7 +155,7 @@ def put_skew(v: FloatArray, out: FloatArray) -> None:
         out[3 * i + p], out[3 * i + q] = -v[q], v[p]
 
 
-@inlined
+@kernel
 def body_acceleration(
     base: FloatArray, gravity: FloatArray, A: FloatArray, W: FloatArray, C: FloatArray,
     weight: FloatArray,
@@ -185,13 +190,11 @@ def moment(Z: FloatArray, i: int) -> float:
     return component
 
 
-@inlined
+@kernel
 def forces_into(
-    data: BodyData, eta: FloatArray, f: Fields, A: FloatArray, W: FloatArray, C: FloatArray,
-    force: FloatArray,
-) -> None:  # fmt: skip
-    """Write inertia, elastic and damping forces (6 + n,) on frame and elastic coordinates."""
-    n = len(eta)
+    data: BodyData, f: Fields, A: FloatArray, W: FloatArray, C: FloatArray, force: FloatArray
+) -> None:
+    """Write inertia forces (6 + N,) on frame and all coordinates."""
     Z = np.empty(9)
     for i in range(3):
         force[i] = data.mass * A[i] + f.S[i, 2]
@@ -203,17 +206,16 @@ def forces_into(
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
         force[3 + i] = f.S[a, 0] * A[b] - f.S[b, 0] * A[a] + moment(Z, i)
-    for i in range(n):
+    for i in range(len(force) - 6):
         total = f.Q[0, i] + f.Q[4, i] + f.Q[8, i]
         for a in range(3):
             total += f.P[a, i] * A[a]
         for ab in range(9):
             total += W[ab] * f.Y[ab, i] + C[ab] * f.U[ab, i]
         force[6 + i] = total
-    add_elastic(data, eta, force[6:])
 
 
-@inlined
+@kernel
 def _pulls(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """``T_k eta`` (6k, n) and the strains (6k,) of the interfaces' coordinates with it."""
     count, n = len(data.compliance), len(x)
@@ -222,7 +224,7 @@ def _pulls(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return pulls, strains
 
 
-@inlined
+@kernel
 def add_elastic(data: BodyData, eta: FloatArray, force: FloatArray) -> None:
     """Add elastic and damping forces (n,).
 
@@ -242,7 +244,7 @@ def add_elastic(data: BodyData, eta: FloatArray, force: FloatArray) -> None:
                 force[i] += strains[k] * pulls[k, i]
 
 
-@inlined
+@kernel
 def add_elastic_tangent(data: BodyData, eta: FloatArray, K: FloatArray) -> None:
     """Add the derivatives (n, n) of the elastic forces by the coordinates."""
     n = len(eta)

@@ -20,7 +20,7 @@ __all__ = ["act", "first", "relative_motion", "rotation_into", "second", "third"
 _NEAR, _TERMS = 0.2, 24
 
 
-@inlined
+@kernel
 def act(
     X: FloatArray, right: FloatArray, left: FloatArray, affine: float, factor: float,
     out: FloatArray,
@@ -42,7 +42,7 @@ def act(
             out[k + j] += factor * (turned - carried)
 
 
-@inlined
+@kernel
 def _relative(F: FloatArray, H: FloatArray, X: FloatArray) -> None:
     """``H_F^-1 H_I``."""
     for i in range(3):
@@ -71,7 +71,7 @@ def _sine(X: FloatArray, i: int) -> float:
     return half
 
 
-@inlined
+@kernel
 def _factors(c: float, g: FloatArray) -> None:
     """``g = theta/sin(theta)`` and its first three derivatives by ``c = cos(theta)``.
 
@@ -98,7 +98,7 @@ def _factors(c: float, g: FloatArray) -> None:
     g[3] = (5.0 * c * g[2] + 4.0 * g[1]) / square
 
 
-@inlined
+@kernel
 def rotation_into(X: FloatArray, g: FloatArray, theta: FloatArray) -> None:
     """Write g and its derivatives (4,) and the rotation vector of a relative frame."""
     _factors(_cosine(X) - 0.5, g)
@@ -130,7 +130,7 @@ def third(X: FloatArray, g: FloatArray, A: FloatArray, B: FloatArray, i: int) ->
     return change
 
 
-@inlined
+@kernel
 def relative_motion(
     rest: FloatArray, nodes: IndexArray, base: FloatArray, frames: FloatArray,
     velocity: FloatArray, acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray,

@@ -14,8 +14,11 @@ from flexfem.core.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
 from flexfem.elements.floating_inertia import (
     BodyData,
     add_elastic,
+    add_elastic_tangent,
     body_acceleration,
+    extend,
     fields_into,
+    fold,
     forces_into,
     moment,
     new_fields,
@@ -30,13 +33,18 @@ from flexfem.elements.floating_kinematics import (
     write_columns,
 )
 from flexfem.elements.floating_mean_axes import carry, condense, locate, respond
-from flexfem.elements.floating_tangent import damping_into, mass_into, stiffness_into
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.elements.floating_tangent import (
+    damping_into,
+    fold_matrices,
+    mass_into,
+    stiffness_into,
+)
+from flexfem.lie.compiled import kernel
 
 __all__ = ["add_motion", "add_residual", "coordinates_into", "energies_into", "tangents_into"]
 
 
-@inlined
+@kernel
 def _state_into(
     data: BodyData, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
     acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray, base: FloatArray,
@@ -63,7 +71,7 @@ def coordinates_into(
         _state_into(data, nodes[b], frames, velocity, acceleration, X, g, out[b], base[b])
 
 
-@inlined
+@kernel
 def _add_to_nodes(
     nodes: IndexArray, columns: FloatArray, force: FloatArray, scale: float, residual: FloatArray
 ) -> None:
@@ -93,12 +101,18 @@ def add_residual(
     X, g, eta, force = np.empty((3, k, 12)), np.empty((k, 4)), np.empty((n, 3)), np.empty(6 + n)
     A, W, C, weight = np.empty(3), np.empty(9), np.empty(9), np.empty(3)
     units, columns, base = np.empty((12, 12)), np.empty((k, 6, 12)), np.empty(24)
-    f = new_fields(n)
+    f, G, every = (
+        new_fields(data),
+        np.empty((len(data.bending), 3)),
+        np.empty(5 + data.moments.shape[1]),
+    )
     for b in range(len(nodes)):
         _state_into(data, nodes[b], frames, velocity, acceleration, X, g, eta, base)
-        fields_into(data, eta, f)
+        fields_into(data, extend(data, eta, G), f)
         body_acceleration(base, gravity, A, W, C, weight)
-        forces_into(data, eta, f, A, W, C, force)
+        forces_into(data, f, A, W, C, every)
+        fold(data, G, every, force)
+        add_elastic(data, eta, force[6:])
         for c in range(k):
             write_columns(X[0, c], g[c], units, columns[c])
         if len(data.conditions):
@@ -106,7 +120,7 @@ def add_residual(
         _add_to_nodes(nodes[b], columns, force, scale, residual)
 
 
-@inlined
+@kernel
 def _put_changes(
     X: FloatArray, g: FloatArray, units: FloatArray, v: FloatArray, w: FloatArray,
     v_frame: FloatArray, w_frame: FloatArray, by_v: FloatArray, by_w: FloatArray, stiffness: float,
@@ -156,7 +170,7 @@ def _put_changes(
             )
 
 
-@inlined
+@kernel
 def _put_bent(
     X: FloatArray, g: FloatArray, units: FloatArray, force: FloatArray, out: FloatArray
 ) -> None:
@@ -182,7 +196,7 @@ def _put_bent(
         twist[i % 6] = 0.0
 
 
-@inlined
+@kernel
 def _put_interface(
     first_row: int, column: int, columns: FloatArray, changes: FloatArray, own_frame: bool,
     to_nodes: FloatArray, places: FloatArray, rates: FloatArray, jerks: FloatArray,
@@ -197,7 +211,7 @@ def _put_interface(
             rates[6 + row, at], jerks[6 + row, at] = changes[1, i, j], changes[2, i, j]
 
 
-@inlined
+@kernel
 def _put_frame(
     first_row: int, columns: FloatArray, changes: FloatArray, by_twist: FloatArray,
     to_nodes: FloatArray, places: FloatArray, rates: FloatArray, jerks: FloatArray,
@@ -227,22 +241,29 @@ def tangents_into(
     size = 6 * nodes.shape[1] + 6 * free
     X, g, eta, force = np.empty((3, k, 12)), np.empty((k, 4)), np.empty((n, 3)), np.empty(6 + n)
     A, W, C, weight = np.empty(3), np.empty(9), np.empty(9), np.empty(3)
-    M, D, K = np.empty((6 + n, 6 + n)), np.empty((6 + n, 6 + n)), np.empty((6 + n, n))
+    count = data.moments.shape[1] - 1
+    M_all, D_all = np.empty((6 + count, 6 + count)), np.empty((6 + count, 6 + count))
+    K_all, every = np.empty((6 + count, count)), np.empty(6 + count)
     units, columns, changes = np.empty((12, 12)), np.empty((k, 6, 12)), np.empty((3, 6, 12))
     by_v, by_w, bent = np.zeros((2, 36)), np.zeros((2, 36)), np.empty((12, 12))
     to_nodes, places = np.empty((6 + n, size)), np.empty((n, size))
     rates, jerks = np.empty((6 + n, size)), np.empty((6 + n, size))
     base, turned, moved = np.empty(24), np.zeros((n, 6)), np.zeros((6, size))
     directions, unit, nothing = np.empty((size, size)), np.eye(6).ravel(), np.zeros((2, 36))
-    f = new_fields(n)
+    f, G = new_fields(data), np.empty((len(data.bending), 3))
     for b in range(len(nodes)):
         others = _state_into(data, nodes[b], frames, velocity, acceleration, X, g, eta, base)
-        fields_into(data, eta, f)
+        fields_into(data, extend(data, eta, G), f)
         body_acceleration(base, gravity, A, W, C, weight)
-        forces_into(data, eta, f, A, W, C, force)
-        mass_into(data, f, M)
-        damping_into(data, f, base[12:18], M, C, D)
-        stiffness_into(data, eta, f, A, W, C, K)
+        forces_into(data, f, A, W, C, every)
+        mass_into(data, f, M_all)
+        damping_into(data, f, base[12:18], M_all, C, D_all)
+        stiffness_into(data, f, A, W, C, K_all)
+        M, D, K = fold_matrices(data, G, every, M_all, D_all, K_all)
+        fold(data, G, every, force)
+        add_elastic(data, eta, force[6:])
+        D[6:, 6:] += data.damping
+        add_elastic_tangent(data, eta, K[6:])
         to_nodes[:], places[:], rates[:], jerks[:] = 0.0, 0.0, 0.0, 0.0
         directions[:] = 0.0
         for i in range(6):
@@ -343,13 +364,13 @@ def add_motion(
     k, n = len(data.rest), len(data.stiffness)
     X, g, eta = np.empty((3, k, 12)), np.empty((k, 4)), np.empty((n, 3))
     p, h, spin, Z, base = np.empty(3), np.empty(3), np.empty(9), np.empty(9), np.empty(24)
-    f = new_fields(n)
+    f, G = new_fields(data), np.empty((len(data.bending), 3))
     for b in range(len(nodes)):
         if not chosen[b]:
             continue
         _state_into(data, nodes[b], frames, velocity, velocity, X, g, eta, base)
-        H, v = base[:12], base[12:18]
-        fields_into(data, eta, f)
+        H, v, every = base[:12], base[12:18], extend(data, eta, G)
+        fields_into(data, every, f)
         put_skew(v[3:], spin)
         for i in range(3):
             p[i] = data.mass * v[i] + f.S[i, 1]
@@ -363,13 +384,13 @@ def add_motion(
             a, c = (i + 1) % 3, (i + 2) % 3
             h[i] = f.S[a, 0] * v[c] - f.S[c, 0] * v[a] + moment(Z, i)
             energy += 0.5 * (v[i] * p[i] + v[3 + i] * h[i])
-        for i in range(n):
+        for i in range(len(every)):
             total = f.U[0, i] + f.U[4, i] + f.U[8, i]
             for a in range(3):
                 total += f.P[a, i] * v[a]
             for ab in range(9):
                 total += spin[ab] * f.Y[ab, i]
-            energy += 0.5 * eta[i, 1] * total
+            energy += 0.5 * every[i, 1] * total
         motion[KINETIC] += energy
         motion[MASS] += data.mass
         for i in range(3):

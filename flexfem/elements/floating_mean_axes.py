@@ -12,7 +12,7 @@ import numpy as np
 from flexfem._types import FloatArray, IndexArray
 from flexfem.elements.floating_inertia import BodyData
 from flexfem.elements.floating_kinematics import relative_motion, write_columns
-from flexfem.lie.compiled import inlined
+from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import retract_into
 
 __all__ = ["carry", "condense", "locate", "respond"]
@@ -21,7 +21,7 @@ __all__ = ["carry", "condense", "locate", "respond"]
 _STEPS, _SMALL = 30, 1e-14
 
 
-@inlined
+@kernel
 def _slope(data: BodyData, X: FloatArray, g: FloatArray, work: FloatArray) -> FloatArray:
     """Derivatives (6, 6) of the conditions by twists of the frame; ``work`` (18, 12)."""
     slope = np.zeros((6, 6))
@@ -32,7 +32,7 @@ def _slope(data: BodyData, X: FloatArray, g: FloatArray, work: FloatArray) -> Fl
     return slope
 
 
-@inlined
+@kernel
 def locate(
     data: BodyData, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
     acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray, base: FloatArray,
@@ -59,7 +59,7 @@ def locate(
     relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
 
 
-@inlined
+@kernel
 def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
     """Add the multipliers' forces to those on coordinates: none is left on the frame.
 
@@ -78,7 +78,7 @@ def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
     force[:6] = 0.0
 
 
-@inlined
+@kernel
 def respond(
     data: BodyData, places: FloatArray, rates: FloatArray, jerks: FloatArray, turned: FloatArray,
     moved: FloatArray,
@@ -113,7 +113,7 @@ def respond(
     jerks[6:] += np.dot(own, accelerations)
 
 
-@inlined
+@kernel
 def condense(
     data: BodyData, to_nodes: FloatArray, moved: FloatArray, bent: FloatArray, full: FloatArray
 ) -> FloatArray:

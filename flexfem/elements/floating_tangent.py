@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled matrices of bodies in a floating frame, in frame and elastic coordinates.
+"""Compiled matrices of bodies in a floating frame, in the twist of the frame and all coordinates.
 
 The forces depend on elastic coordinates, rates (twist of the frame, then those of the coordinates)
 and the rates of these; see ``floating_inertia`` for the notation.
@@ -8,19 +8,13 @@ and the rates of these; see ``floating_inertia`` for the notation.
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.elements.floating_inertia import (
-    BodyData,
-    Fields,
-    add_elastic_tangent,
-    moment,
-    put_skew,
-)
-from flexfem.lie.compiled import inlined
+from flexfem.elements.floating_inertia import BodyData, Fields, moment, put_skew
+from flexfem.lie.compiled import inlined, kernel
 
-__all__ = ["damping_into", "mass_into", "stiffness_into"]
+__all__ = ["damping_into", "fold_matrices", "mass_into", "stiffness_into"]
 
 
-@inlined
+@kernel
 def _put_field(W: FloatArray, C: FloatArray, f: Fields, Z: FloatArray, out: FloatArray) -> None:
     """Write the forces (6 + n,) of accelerations ``W y + C dy``; ``Z`` (9,) is work space."""
     for i in range(3):
@@ -45,10 +39,10 @@ def _products(data: BodyData, ab: int, i: int) -> FloatArray:
     return data.products[ab * data.moments.shape[1] + 1 + i, 1:]
 
 
-@inlined
+@kernel
 def mass_into(data: BodyData, f: Fields, M: FloatArray) -> None:
-    """Write the mass matrix (6 + n, 6 + n); its first three columns are the derivatives by A."""
-    n = len(data.stiffness)
+    """Write the mass matrix (6 + N, 6 + N); its first three columns are the derivatives by A."""
+    n = f.P.shape[1]
     W, none, Z = np.zeros(9), np.zeros(9), np.empty(9)
     unit, column = np.zeros(3), np.empty(6 + n)
     M[:3, :3] = 0.0
@@ -72,11 +66,11 @@ def mass_into(data: BodyData, f: Fields, M: FloatArray) -> None:
         M[6 + i, 6:] = _products(data, 0, i) + _products(data, 4, i) + _products(data, 8, i)
 
 
-@inlined
+@kernel
 def damping_into(
     data: BodyData, f: Fields, velocity: FloatArray, M: FloatArray, C: FloatArray, out: FloatArray
 ) -> None:
-    """Write the derivatives (6 + n, 6 + n) by twist of the frame and elastic rates.
+    """Write the derivatives (6 + N, 6 + N) by twist of the frame and rates.
 
     Args:
         data: of the body.
@@ -86,7 +80,7 @@ def damping_into(
         C: (9,) ``2 skew(Omega)``.
         out: the matrix.
     """
-    n = len(data.stiffness)
+    n = f.P.shape[1]
     W, twice, Z, S = np.zeros(9), np.empty(9), np.empty(9), np.empty(9)
     unit, column = np.zeros(3), np.empty(6 + n)
     spin = 0.5 * C
@@ -114,41 +108,39 @@ def damping_into(
         for i in range(3):
             out[i, 6 + j] = 0.0
             for m in range(3):
-                out[i, 6 + j] += C[3 * i + m] * f.P[m, j] + 2.0 * (i == m) * f.G[m * n + j, 1]
+                out[i, 6 + j] += C[3 * i + m] * f.P[m, j]
         for a in range(3):
             for b in range(3):
-                Z[3 * a + b] = 2.0 * f.G[(3 + 3 * b + a) * n + j, 1]
+                Z[3 * a + b] = 0.0
                 for m in range(3):
                     Z[3 * a + b] += C[3 * b + m] * f.Y[3 * m + a, j]
         for i in range(3):
             out[3 + i, 6 + j] = moment(Z, i)
     for i in range(n):
-        out[6 + i, 6:] = data.damping[i]
+        out[6 + i, 6:] = 0.0
         for ab in range(9):
             if C[ab] != 0.0:
                 out[6 + i, 6:] += C[ab] * _products(data, ab, i)
 
 
-@inlined
+@kernel
 def stiffness_into(
-    data: BodyData, eta: FloatArray, f: Fields, A: FloatArray, W: FloatArray, C: FloatArray,
-    out: FloatArray,
-) -> None:  # fmt: skip
-    """Write the derivatives (6 + n, n) by the elastic coordinates, see ``forces_into``."""
-    n = len(eta)
+    data: BodyData, f: Fields, A: FloatArray, W: FloatArray, C: FloatArray, out: FloatArray
+) -> None:
+    """Write the derivatives (6 + N, N) by all coordinates, see ``forces_into``."""
+    n = f.P.shape[1]
     Z = np.empty(9)
     for j in range(n):
         for i in range(3):
-            out[i, j] = f.G[i * n + j, 2]
+            out[i, j] = 0.0
             for m in range(3):
-                out[i, j] += W[3 * i + m] * f.P[m, j] + C[3 * i + m] * f.G[m * n + j, 1]
+                out[i, j] += W[3 * i + m] * f.P[m, j]
         for a in range(3):
             for b in range(3):
-                Z[3 * a + b] = f.Q[3 * a + b, j] + f.G[(3 + 3 * b + a) * n + j, 2]
+                Z[3 * a + b] = f.Q[3 * a + b, j]
                 for m in range(3):
                     both = f.Y[3 * a + m, j] + f.Y[3 * m + a, j]
-                    rate = f.U[3 * a + m, j] + f.G[(3 + 3 * m + a) * n + j, 1]
-                    Z[3 * a + b] += W[3 * b + m] * both + C[3 * b + m] * rate
+                    Z[3 * a + b] += W[3 * b + m] * both + C[3 * b + m] * f.U[3 * a + m, j]
         for i in range(3):
             a, b = (i + 1) % 3, (i + 2) % 3
             out[3 + i, j] = f.P[a, j] * A[b] - f.P[b, j] * A[a] + moment(Z, i)
@@ -157,9 +149,38 @@ def stiffness_into(
         for ab in range(9):
             if W[ab] != 0.0:
                 out[6 + i] += W[ab] * _products(data, ab, i)
-        if len(data.bending):
-            for a in range(3):
-                out[6 + i] += A[a] * data.bending[a * n + i]
-            for ab in range(9):
-                out[6 + i] += W[ab] * data.bending[(3 + ab) * n + i]
-    add_elastic_tangent(data, eta, out[6:])
+
+
+@kernel
+def fold_matrices(
+    data: BodyData, G: FloatArray, force: FloatArray, M: FloatArray, D: FloatArray, K: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Matrices in frame and elastic coordinates from those in all of them.
+
+    Args:
+        data: of the body.
+        G: (12 n, 3) see ``floating_inertia.extend``.
+        force: (6 + N,) forces on frame and all coordinates.
+        M: (6 + N, 6 + N) derivatives by accelerations.
+        D: (6 + N, 6 + N) derivatives by rates.
+        K: (6 + N, N) derivatives by coordinates.
+    """
+    if not len(data.bending):
+        return M, D, K
+    n = len(data.stiffness)
+    slopes = np.zeros((3, len(force), 6 + n))  # of all coordinates, their rates and rates of these
+    for i in range(6 + n):
+        slopes[0, i, i] = 1.0
+    for k in range(12):
+        for i in range(n):
+            for t in range(3):
+                slopes[t, 6 + n + k, 6 + i] = G[k * n + i, t]
+    back = slopes[0].T.copy()
+    bent = np.dot(K, np.ascontiguousarray(slopes[0, 6:, 6:]))
+    bent += np.dot(D, np.ascontiguousarray(slopes[1, :, 6:]))
+    bent += np.dot(M, np.ascontiguousarray(slopes[2, :, 6:]))
+    turned = np.dot(D, slopes[0]) + 2.0 * np.dot(M, slopes[1])
+    K, D, M = np.dot(back, bent), np.dot(back, turned), np.dot(back, np.dot(M, slopes[0]))
+    for k in range(12):
+        K[6:] += force[6 + n + k] * data.bending[k * n : (k + 1) * n]
+    return M, D, K

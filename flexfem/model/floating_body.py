@@ -81,7 +81,7 @@ class FloatingBody:
             frame = names[0] if names else MEAN_AXES
         if _checks.text(owner, "frame", frame) not in (*names, MEAN_AXES):
             known = ", ".join([*names, MEAN_AXES])
-            raise ValueError(f"{owner}: frame must be one of {known}, got {_checks.show(frame)}")
+            raise ValueError(f'{owner}: frame must be one of {known}, got "{frame}"')
         _checks.instance(owner, "stiffening", stiffening, bool)
         if stiffening and (
             reduced.acceleration_stiffness is None or reduced.interface_stiffness is None
@@ -173,7 +173,5 @@ class FloatingBody:
         names = [self.reduced.interfaces[i].name for i in self.relative]
         if marker.point not in names:
             known = ", ".join(interface.name for interface in self.reduced.interfaces) or "none"
-            raise ValueError(
-                f"{owner}: there is no interface {_checks.show(marker.point)}; it has {known}"
-            )
+            raise ValueError(f'{owner}: there is no interface "{marker.point}"; it has {known}')
         return own + names.index(str(marker.point))

@@ -17,6 +17,10 @@ from flexfem.model.floating_body import MEAN_AXES, FloatingBody
 __all__ = ["FloatingNodes", "body_data"]
 
 
+#: Part of the largest by which a body's extent in some direction counts as none.
+_FLAT = 1e-10
+
+
 class FloatingNodes:
     """Nodes of all bodies in floating frames, the same on every rank.
 
@@ -93,28 +97,63 @@ def body_data(body: FloatingBody) -> BodyData:
     products[:, :, 0, :] -= origin[:, np.newaxis, np.newaxis] * moments
     moments[:, 0] -= reduced.mass * origin
     products[:, :, :, 0] -= moments[:, np.newaxis] * origin[:, np.newaxis]
-    n, count = len(own), 6 * len(body.relative)
-    bending, pulling = np.empty((0, n)), np.empty((0, n))
-    if body.stiffening:
-        assert reduced.acceleration_stiffness is not None
-        assert reduced.interface_stiffness is not None
-        G = reduced.acceleration_stiffness[:, own][..., own].copy()
-        G[3:] -= np.einsum("b,aij->abij", origin, G[:3]).reshape(9, n, n)
-        bending = G.reshape(12 * n, n)
-        pulling = reduced.interface_stiffness[own[:count]][:, own][..., own].reshape(-1, n)
+    count = 6 * len(body.relative)
     stiffness = _locked(body, reduced.stiffness[np.ix_(own, own)])
+    bending, pulling = np.empty((0, len(own))), np.empty((0, len(own)))
+    conditions = _conditions(body, moments, products)
+    if body.stiffening:
+        assert reduced.interface_stiffness is not None
+        pulling = reduced.interface_stiffness[own[:count]][:, own][..., own]
+        moments, products, bending = _second_order(body, moments, products)
     return BodyData(
         rest=body.places[-len(body.relative) :] - origin if count else np.empty((0, 3)),
         mass=reduced.mass,
         moments=np.ascontiguousarray(moments),
-        products=np.ascontiguousarray(products.reshape(9 * (n + 1), n + 1)),
+        products=np.ascontiguousarray(products.reshape(-1, moments.shape[1])),
         stiffness=stiffness,
         damping=np.ascontiguousarray(reduced.damping[np.ix_(own, own)]),
-        bending=np.ascontiguousarray(bending),
-        pulling=np.ascontiguousarray(pulling),
+        bending=np.ascontiguousarray(bending.reshape(-1, len(own))),
+        pulling=np.ascontiguousarray(pulling.reshape(-1, len(own))),
         compliance=np.linalg.pinv(stiffness[:count, :count], hermitian=True),
-        conditions=_conditions(body, moments, products),
+        conditions=conditions,
     )
+
+
+def _second_order(
+    body: FloatingBody, moments: FloatArray, products: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Integrals with the fields ``a + B r`` as further functions, and these by coordinates.
+
+    Returns:
+        Moments (3, n + 13), products (3, 3, n + 13, n + 13), and matrices Z (12, n, n).
+    """
+    reduced, own = body.reduced, body.coordinates
+    assert reduced.acceleration_stiffness is not None
+    work = reduced.acceleration_stiffness[:, own][..., own].copy()
+    shift = np.einsum("b,aij->abij", body.origin, work[:3])
+    work[3:] -= shift.reshape(work[3:].shape)
+    # fields 1 and r_b, each along three axes: their products with all functions
+    scalars = np.concatenate([moments[np.newaxis], products[:, :, 0]])  # (4, 3, n + 1)
+    corner = np.zeros((4, 4))
+    corner[0, 0], corner[0, 1:], corner[1:, 0] = reduced.mass, moments[:, 0], moments[:, 0]
+    corner[1:, 1:] = products[:, :, 0, 0]
+    # by component: fields of acceleration a + B r along axis a are four of the twelve
+    by_axis = np.concatenate([work[:3, np.newaxis], work[3:].reshape(3, 3, *work.shape[1:])], 1)
+    diagonal = np.diag(corner)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))  # a flat body has no extent across
+    inverse = np.linalg.pinv(corner / np.outer(scale, scale), rcond=_FLAT, hermitian=True)
+    Z = np.einsum("qp,apij->aqij", inverse / np.outer(scale, scale), by_axis)
+    n = moments.shape[1]
+    wide, all_of = np.zeros((3, n + 12)), np.zeros((3, 3, n + 12, n + 12))
+    wide[:, :n], all_of[:, :, :n, :n] = moments, products
+    for a in range(3):
+        rows = slice(n + 4 * a, n + 4 * a + 4)
+        wide[a, rows] = corner[0]
+        all_of[a, :, rows, :n] = scalars.transpose(1, 0, 2)
+        all_of[:, a, :n, rows] = scalars.transpose(1, 2, 0)
+        for b in range(3):
+            all_of[a, b, rows, n + 4 * b : n + 4 * b + 4] = corner
+    return wide, all_of, Z.reshape(12, *work.shape[1:])
 
 
 def _locked(body: FloatingBody, stiffness: FloatArray) -> FloatArray:
