@@ -271,6 +271,10 @@ class ReducedBody:
         whole = self.products.transpose(0, 2, 1, 3).reshape(3 * (self.size + 1), -1)
         matrices = {"products": whole, "stiffness": self.stiffness, "damping": self.damping}
         for name, matrix in matrices.items():
+            diagonal = np.diagonal(matrix)
+            alone = np.abs(matrix[diagonal <= 0.0]).max(initial=0.0)
+            if alone > _ROUND_OFF * diagonal.max(initial=0.0):
+                _refuse(name, "positive semidefinite", f"a diagonal is {diagonal.min():.3g}")
             scale = _diagonal_scale(matrix)
             scaled = scale[:, None] * matrix * scale
             _check_small(name, "symmetric", scaled - scaled.T, 1.0)
