@@ -278,9 +278,10 @@ class ReducedBody:
             scale = _diagonal_scale(matrix)
             scaled = scale[:, None] * matrix * scale
             _check_small(name, "symmetric", scaled - scaled.T, 1.0)
-            # all diagonals are scaled to one
-            smallest = float(np.linalg.eigvalsh(scaled).min(initial=0.0))
-            if smallest < -_ROUND_OFF:
+            try:  # all diagonals are scaled to one
+                np.linalg.cholesky(scaled + _ROUND_OFF * np.eye(len(scaled)))
+            except np.linalg.LinAlgError:
+                smallest = float(np.linalg.eigvalsh(scaled)[0])
                 _refuse(name, "positive semidefinite", f"its smallest eigenvalue is {smallest:.3g}")
         for name in ("acceleration_stiffness", "interface_stiffness"):
             stack = getattr(self, name)

@@ -69,6 +69,7 @@ def test_mass_properties_of_two_masses() -> None:
         ({"moments": np.zeros((3, 12))}, "moments must hold 3 x 13 numbers"),
         ({"stiffness": np.diag(np.full(12, 1e3))}, "stiffness must be free of rigid motions"),
         ({"stiffness": -np.eye(12)}, "stiffness must be"),
+        ({"damping": np.eye(12) - 2.0 * (np.eye(12, k=1) + np.eye(12, k=-1))}, "smallest eigenv"),
         ({"damping": np.triu(np.ones((12, 12)))}, "damping must be symmetric"),
         ({"held": np.zeros(6, dtype=np.bool_)}, "held must hold 12 truth values"),
         ({"held": np.arange(12) == 2}, "must be zero for held coordinates"),

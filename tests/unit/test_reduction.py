@@ -166,6 +166,22 @@ def test_means_leave_the_ends_free_to_contract() -> None:
 
 
 @serial
+@pytest.mark.parametrize("kind", ["rigid", "average"])
+def test_frames_may_be_anywhere(kind: str) -> None:
+    shift = np.array([0.1, -0.2, 0.3])
+    ties = dict.fromkeys(ENDS, kind)
+    here = ff.reduce_body(box((4, 1, 1)), ENDS, modes=0, ties=ties)
+    there = ff.reduce_body(box((4, 1, 1)), ENDS, modes=0, ties=ties, positions={"right": shift})
+    np.testing.assert_array_equal(there.interfaces[1].position, shift)
+    # the frame here moves as the one there and turns with it
+    x, y, z = here.interfaces[1].position - shift
+    move = np.eye(12)
+    move[6:9, 9:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    expected = move.T @ here.stiffness @ move
+    np.testing.assert_allclose(there.stiffness, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@serial
 def test_stress_of_a_pulled_bar() -> None:
     body = ff.reduce_body(box(), ENDS, modes=0, ties=dict.fromkeys(ENDS, "average"))
     assert body.recovery is not None
@@ -284,6 +300,9 @@ def test_all_ranks_have_the_data_of_one() -> None:
     square = ff.Section.rectangle(0.03, 0.03, STEEL)
     pairs = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        plate = ff.shell_body(
+            sheet((4, 2), (1.0, 0.5), comm), ff.ShellSection.isotropic(0.01, STEEL)
+        )
         options = {"modes": 5, "geometric_stiffness": True, "damping_ratio": 0.01}
         solid = box((6, 1, 1), (0, -0.05, -0.05), (LENGTH, 0.05, 0.05), comm=comm)
         mixed = {"left": "average", "right": "rigid"}
@@ -291,6 +310,7 @@ def test_all_ranks_have_the_data_of_one() -> None:
             ff.reduce_body(beam(8, square, comm), NODES, **options),
             ff.reduce_body(solid, ENDS, ties=mixed, **options),
             ff.reduce_body(solid, modes=5, recovery=False),
+            ff.reduce_body(plate, ENDS, basis="free_free", **options),
         ))  # fmt: skip
     for many, one in zip(*pairs, strict=True):
         found = differences(one, many)
@@ -311,7 +331,9 @@ def test_all_ranks_have_the_data_of_one() -> None:
         ({}, "give one of modes, frequency and participation"),
         ({"modes": 2, "frequency": 10.0}, "give one of modes"),
         ({"modes": -1}, "modes must not be negative, got -1"),
-        ({"modes": 10**4}, "modes must be at most"),
+        ({"modes": 10**4}, "at most 45 modes of this mesh can be found, the number"),
+        ({"frequency": 1e9}, "modes of this mesh can be found, the frequency 1e.09 Hz asks"),
+        ({"participation": 0.5, "basis": "free_free"}, "participation is that of modes with"),
         ({"participation": 1.5}, "participation must be less than 1, got 1.5"),
         ({"modes": 2, "basis": "guyan"}, "basis must be one of .* got 'guyan'"),
         ({"modes": 2, "basis": "full"}, '"full" has all modes'),
@@ -324,7 +346,7 @@ def test_all_ranks_have_the_data_of_one() -> None:
 )
 def test_wrong_options_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        ff.reduce_body(beam(1), NODES, **options)
+        ff.reduce_body(beam(24), NODES, **options)
 
 
 @serial

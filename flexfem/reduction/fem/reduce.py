@@ -89,6 +89,11 @@ def reduce_body(
         choice = Choice()
     else:
         choice = Choice.checked(owner, modes, frequency, participation)
+    if choice.participation is not None and (basis != "craig_bampton" or not places):
+        raise ValueError(
+            f"{owner}: participation is that of modes with interfaces at rest: it needs interfaces "
+            'and the basis "craig_bampton"'
+        )
     ratio = _checks.number(owner, "damping_ratio", damping_ratio, nonnegative=True)
     factor = _checks.number(owner, "stiffness_damping", stiffness_damping, nonnegative=True)
     if geometric_stiffness and body.prestress is None:
