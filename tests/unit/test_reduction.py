@@ -350,6 +350,14 @@ def test_wrong_options_are_refused(options: dict[str, Any], message: str) -> Non
 
 
 @serial
+def test_full_bases_of_large_meshes_are_refused() -> None:
+    with pytest.raises(
+        ValueError, match='"full" can have 1500 unknowns at most, the mesh has 2025'
+    ):
+        ff.reduce_body(box((13, 2, 2)), ENDS, basis="full")
+
+
+@serial
 def test_wrong_regions_are_refused() -> None:
     solid = box((2, 1, 1), degree=1)
     cases: list[tuple[Any, str]] = [
