@@ -126,8 +126,8 @@ class ReducedBody:
         damping: (n, n), of the coordinates' rates.
         held: (6 k,) interface coordinates that the body does not have, those out of the plane of
             a plane mesh: zero in all other arrays, to be locked.
-        frequencies: (m,) angular frequencies of the internal functions, rad/s; zero for those that
-            are no modes.
+        frequencies: (m,) angular frequencies of the body in its internal functions, that is with
+            all interfaces at rest, ascending, rad/s.
         acceleration_stiffness: (12, n, n) stiffness by unit fields of acceleration with which the
             frame moves: 3 that are uniform, e_a, then 9 that are linear, r_b e_a at 3 + 3 a + b;
             minus the geometric stiffness of the stress under the body force rho times the field,

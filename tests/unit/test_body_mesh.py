@@ -13,6 +13,7 @@ from dolfinx import fem
 import flexfem as ff
 
 COMM = MPI.COMM_WORLD
+STEEL = ff.Material(2.1e11, 0.3, 7850.0)
 COARSE = {"size": 0.03}
 
 
@@ -31,6 +32,32 @@ def test_a_connecting_rod_and_its_bores() -> None:
         area = fem.form(one * ufl.Measure("ds", rod.mesh, tag, subdomain_data=tags))
         found = COMM.allreduce(fem.assemble_scalar(area))
         assert found == pytest.approx(2.0 * np.pi * radius * 0.03, rel=0.1)
+    regions = {name: rod.facets(name) for name in ("big_end", "small_end")}
+    body = ff.reduce_body(ff.solid_body(rod.mesh, STEEL, 1), regions, modes=1)
+    # centroids of bores: coarse facets are not symmetric; the other eye is far away
+    np.testing.assert_allclose(body.interfaces[0].position, np.zeros(3), atol=2e-3)
+    np.testing.assert_allclose(body.interfaces[1].position, [0.4, 0, 0], atol=2e-3)
+    assert body.mass == pytest.approx(7850.0 * volume, rel=1e-10)
+
+
+@pytest.mark.serial
+def test_a_flat_mesh_in_space_may_move_in_its_plane_only() -> None:
+    plate = ff.build_body_mesh("plate_with_hole", size=0.1, hole_size=0.05)
+    regions = {name: plate.facets(name) for name in ("left", "right")}
+    body = ff.reduce_body(
+        ff.plane_body(plate.mesh, 0.01, STEEL),
+        regions,
+        modes=1,
+        ties=dict.fromkeys(regions, "average"),
+    )
+    assert body.held.reshape(2, 6).tolist() == [[False, False, True, True, True, False]] * 2
+    solid = STEEL.youngs_modulus * 0.5 * 0.01 / 1.0
+    # a hole in an infinite plate adds 3 pi a^2 / area to the compliance; sides at 2.5 radii some
+    # more. Without the hole, or with all of it clamped, the ratio is 1 or more
+    dilute = 1.0 / (1.0 + 3.0 * np.pi * 0.01 / 0.5)
+    assert 0.95 * dilute < body.stiffness[0, 0] / solid < dilute
+    # a polygon instead of the round hole: a few per cent of its area
+    assert body.mass == pytest.approx(7850.0 * 0.01 * (0.5 - np.pi * 0.01), rel=5e-3)
 
 
 @pytest.mark.serial

@@ -63,6 +63,7 @@ def reduce_body(
         TypeError: an argument has the wrong type.
         ValueError: an argument is out of its range; a region is not there, overlaps another or
             cannot turn; the body is in pieces, or its rigid motions cost energy.
+        ArithmeticError: the eigensolver did not find the modes.
     """
     owner = "reduce_body"
     _checks.instance(owner, "body", body, LinearBody)
@@ -78,7 +79,10 @@ def reduce_body(
     integrals = MassIntegrals(body)
     ties_found = tie(owner, body, places, kinds, at)
     pieces = prepare(owner, body, integrals, ties_found)
-    inner = internal_functions(owner, pieces, basis, choice)
+    try:
+        inner = internal_functions(owner, pieces, basis, choice)
+    except ArithmeticError as error:
+        raise ArithmeticError(f"{owner}: {error}") from None
     functions = np.hstack([pieces.static, inner])
     held = np.concatenate([ties_found.held, np.zeros(inner.shape[1], dtype=np.bool_)])
 
