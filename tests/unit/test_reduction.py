@@ -2,6 +2,8 @@
 """From meshes and forms to reduced bodies: spaces, ties, choices of modes, ranks, refusals."""
 
 import dataclasses
+import subprocess
+import sys
 from typing import Any
 
 from mpi4py import MPI
@@ -319,6 +321,13 @@ def test_all_ranks_have_the_data_of_one() -> None:
         assert max(found.values()) < 1e-9, found
     cells = MPI.COMM_WORLD.allreduce(len(pairs[0][1].recovery.cells))
     assert cells == len(pairs[1][1].recovery.cells)
+
+
+@serial
+def test_files_can_be_written_after_reducing() -> None:
+    """PETSc's HDF5 library must not be the one that h5py finds: it cannot be imported then."""
+    program = "import flexfem as ff; ff.reduce_body, ff.shell_body; import h5py"
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 # -- refusals ---

@@ -58,7 +58,7 @@ class MassIntegrals:
 
     def mass_matrix(self) -> PETSc.Mat:
         """Mass matrix of all rows (collective)."""
-        return assembled_matrix(self._whole_inner)
+        return assembled_matrix(self._whole_inner, self._domain.comm)
 
     def mass(self) -> float:
         """Whole mass, kg (collective)."""

@@ -33,7 +33,7 @@ def prepare(owner: str, body: LinearBody, integrals: MassIntegrals, ties: Ties) 
     centre = integrals.first() / mass
     spread = np.trace(integrals.second()) / mass - centre @ centre
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    stiffness = assembled_matrix(body.elastic(u, v))
+    stiffness = assembled_matrix(body.elastic(u, v), comm)
     mass_matrix = integrals.mass_matrix()
     rigid = rigid_motions(body, centre)
     rigid = rigid[:, _present(comm, rigid)]
