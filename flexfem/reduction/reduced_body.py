@@ -126,8 +126,8 @@ class ReducedBody:
         damping: (n, n), of the coordinates' rates.
         held: (6 k,) interface coordinates that the body does not have, those out of the plane of
             a plane mesh: zero in all other arrays, to be locked.
-        frequencies: (m,) angular frequencies of the internal functions, rad/s; zero for those that
-            are no modes.
+        frequencies: (m,) angular frequencies of the body in its internal functions, that is with
+            all interfaces at rest, ascending, rad/s.
         acceleration_stiffness: (12, n, n) stiffness by unit fields of acceleration with which the
             frame moves: 3 that are uniform, e_a, then 9 that are linear, r_b e_a at 3 + 3 a + b;
             minus the geometric stiffness of the stress under the body force rho times the field,
@@ -271,12 +271,17 @@ class ReducedBody:
         whole = self.products.transpose(0, 2, 1, 3).reshape(3 * (self.size + 1), -1)
         matrices = {"products": whole, "stiffness": self.stiffness, "damping": self.damping}
         for name, matrix in matrices.items():
+            diagonal = np.diagonal(matrix)
+            alone = np.abs(matrix[diagonal <= 0.0]).max(initial=0.0)
+            if alone > _ROUND_OFF * diagonal.max(initial=0.0):
+                _refuse(name, "positive semidefinite", f"a diagonal is {diagonal.min():.3g}")
             scale = _diagonal_scale(matrix)
             scaled = scale[:, None] * matrix * scale
             _check_small(name, "symmetric", scaled - scaled.T, 1.0)
-            # all diagonals are scaled to one
-            smallest = float(np.linalg.eigvalsh(scaled).min(initial=0.0))
-            if smallest < -_ROUND_OFF:
+            try:  # all diagonals are scaled to one
+                np.linalg.cholesky(scaled + _ROUND_OFF * np.eye(len(scaled)))
+            except np.linalg.LinAlgError:
+                smallest = float(np.linalg.eigvalsh(scaled)[0])
                 _refuse(name, "positive semidefinite", f"its smallest eigenvalue is {smallest:.3g}")
         for name in ("acceleration_stiffness", "interface_stiffness"):
             stack = getattr(self, name)

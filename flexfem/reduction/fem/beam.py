@@ -57,10 +57,9 @@ def beam_body(
     if section.stiffness is None:
         raise ValueError(f"{owner}: the section must be linear, not have a law of its own")
     points = _mass_points(owner, section.inertia)
-    towards = None
+    direction = None
     if orientation is not None:
         direction = _checks.vector(owner, "orientation", orientation, nonzero=True)
-        towards = ufl.as_vector(direction.tolist())
     domain = line if isinstance(line, mesh.Mesh) else _polyline(owner, line, comm)
     if domain.topology.dim != 1 or domain.geometry.dim != 3:
         raise ValueError(f"{owner}: the mesh must be of intervals in three dimensions")
@@ -72,7 +71,9 @@ def beam_body(
             basix.ufl.element("Lagrange", cell, 2, shape=(3,)),
         ]),
     )  # fmt: skip
-    axes = beam_axes(domain, towards)
+    axes = beam_axes(
+        domain, None if direction is None else fem.Constant(domain, np.array(direction))
+    )
     stiffness = fem.Constant(domain, np.array(section.stiffness))
     x = ufl.SpatialCoordinate(domain)
     dx = ufl.dx(domain)
@@ -91,7 +92,7 @@ def beam_body(
     return LinearBody(
         space,
         lambda w, v: ufl.inner(ufl.dot(stiffness, strain(w)), strain(v)) * dx,
-        [at(ufl.dot(axes, ufl.as_vector(point.tolist()))) for point in points],
+        [at(ufl.dot(axes, fem.Constant(domain, point))) for point in points],
         rigid=lambda shift, turn: rigid_motion(space, shift, turn),
         displacement=lambda w: ufl.split(w)[0],
         prestress=lambda w0, w, v: (

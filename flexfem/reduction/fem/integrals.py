@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Integrals of masses over a body: forms with data, compiled once and assembled for each entry."""
 
+from typing import Any
+
 from petsc4py import PETSc
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 from flexfem._types import FloatArray
 from flexfem.reduction.fem.blocks import (
@@ -29,6 +31,7 @@ class MassIntegrals:
         """Compile the forms (collective)."""
         self.body = body
         self._domain = domain = body.space.mesh
+        masses = [(_density(domain, m.density), m.position, m.displacement) for m in body.masses]
         self._rows = own_rows(body.space)
         self._constant = fem.Constant(domain, np.zeros(3))
         self._linear = fem.Constant(domain, np.zeros((3, 3)))
@@ -36,39 +39,26 @@ class MassIntegrals:
         v, u, dx = ufl.TestFunction(body.space), ufl.TrialFunction(body.space), ufl.dx(domain)
         self._load = fem.form(
             sum(
-                m.density
-                * ufl.dot(self._constant + ufl.dot(self._linear, m.position), m.displacement(v))
-                * dx
-                for m in body.masses
+                rho * ufl.dot(self._constant + ufl.dot(self._linear, r), moved(v)) * dx
+                for rho, r, moved in masses
             )
         )
         inner = sum(
-            m.density * ufl.dot(m.displacement(v), ufl.dot(self._pair, m.displacement(u))) * dx
-            for m in body.masses
+            rho * ufl.dot(moved(v), ufl.dot(self._pair, moved(u))) * dx for rho, _, moved in masses
         )
         self._inner = ProjectedForm(inner, domain.comm)
+        self._whole_inner = sum(rho * ufl.dot(moved(v), moved(u)) * dx for rho, _, moved in masses)
         self._second = fem.form(
             sum(
-                m.density
-                * (
-                    ufl.dot(self._constant, m.position)
-                    + ufl.dot(m.position, ufl.dot(self._linear, m.position))
-                )
-                * dx
-                for m in body.masses
+                rho * (ufl.dot(self._constant, r) + ufl.dot(r, ufl.dot(self._linear, r))) * dx
+                for rho, r, _ in masses
             )
         )
-        self._whole = fem.form(sum(m.density * dx for m in body.masses))
+        self._whole = fem.form(sum(rho * dx for rho, _, _ in masses))
 
     def mass_matrix(self) -> PETSc.Mat:
         """Mass matrix of all rows (collective)."""
-        v, u = ufl.TestFunction(self.body.space), ufl.TrialFunction(self.body.space)
-        return assembled_matrix(
-            sum(
-                m.density * ufl.dot(m.displacement(v), m.displacement(u)) * ufl.dx(self._domain)
-                for m in self.body.masses
-            )
-        )
+        return assembled_matrix(self._whole_inner, self._domain.comm)
 
     def mass(self) -> float:
         """Whole mass, kg (collective)."""
@@ -132,3 +122,10 @@ class MassIntegrals:
                 products[a, b, 1:, 1:] = block
                 products[b, a, 1:, 1:] = block.T
         return moments, products
+
+
+def _density(domain: mesh.Mesh, density: Any) -> Any:
+    """Numbers as data of the forms: other densities need not compile them again."""
+    if isinstance(density, (int, float, np.number)):
+        return fem.Constant(domain, np.array(float(density)))
+    return density

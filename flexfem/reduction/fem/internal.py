@@ -24,6 +24,8 @@ BASES = ("craig_bampton", "free_free", "full")
 LARGEST = 1500
 #: Unknowns up to which all modes are computed at once.
 _DENSE = 300
+#: Unknowns for each mode that is computed alone.
+_SPARSE = 8
 #: Part of a function that is new, relative, below which it is none.
 _DEPENDENT = 1e-7
 
@@ -72,6 +74,7 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
         return choose_modes(owner, choice, spectrum, pieces.orientation, moved)
 
     size = pieces.stiffness.getSize()[0]
+    most = size // _SPARSE
     if basis == "full" or size <= _DENSE:
         every = dense_modes(
             pieces.stiffness, pieces.mass, pieces.response.fixed & ~_pins(pieces), pieces.conditions
@@ -88,6 +91,7 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
                 count,
             ),
             None,
+            most,
         )
     if basis != "free_free" or not pieces.ties.interfaces:
         return choose(clamped)
@@ -105,6 +109,7 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
                 count,
             ),
             None,
+            most,
         )
     modes = choose(free)
     inner = modes - pieces.static @ _interface_motion(pieces, modes)

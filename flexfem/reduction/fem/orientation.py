@@ -40,11 +40,10 @@ class Orientation:
         wave, phase = fem.Constant(domain, np.zeros(3)), fem.Constant(domain, np.zeros(()))
         pull = fem.Constant(domain, np.zeros(3))
         v = ufl.TestFunction(body.space)
-        middle = ufl.as_vector([float(x) for x in centre])
+        middle = fem.Constant(domain, np.array(centre))
         form = fem.form(
             sum(
-                m.density
-                * ufl.cos(ufl.dot(wave, m.position - middle) + phase)
+                ufl.cos(ufl.dot(wave, m.position - middle) + phase)
                 * ufl.dot(pull, m.displacement(v))
                 * ufl.dx(domain, degree=4)
                 for m in body.masses

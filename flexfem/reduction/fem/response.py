@@ -18,6 +18,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.la.nest import factorise
 from flexfem.reduction.fem.blocks import global_rows, multiply, projected, total
 
 __all__ = ["StaticResponse", "independent_rows"]
@@ -62,14 +63,14 @@ class StaticResponse:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.zeroRowsColumns(global_rows(matrix, np.flatnonzero(self.fixed)), diag=_mean(matrix))
         matrix.setOption(PETSc.Mat.Option.SPD, True)
-        self._pc = PETSc.PC().create(comm=matrix.comm)
-        self._pc.setType(PETSc.PC.Type.CHOLESKY)
-        self._pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-        self._pc.setOperators(matrix)
-        self._pc.setUp()
-        if self._pc.getFailedReason() != PETSc.PC.FailedReason.NOERROR:
+        ksp = PETSc.KSP().create(comm=matrix.comm)
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+        if not factorise(ksp, matrix):
             raise ArithmeticError("its stiffness is singular")
-        self._factor = self._pc.getFactorMatrix()
+        self._ksp, self._factor = ksp, pc.getFactorMatrix()
         self._solution = matrix.createVecRight()
         self._matrix = matrix
 

@@ -60,7 +60,7 @@ def shell_body(
     towards = None
     if orientation is not None:
         direction = _checks.vector(owner, "orientation", orientation, nonzero=True)
-        towards = ufl.as_vector(direction.tolist())
+        towards = fem.Constant(domain, np.array(direction))
     elif not _isotropic(section):
         raise ValueError(f"{owner}: the section has directions, and needs an orientation")
     cell = domain.basix_cell()
@@ -76,7 +76,7 @@ def shell_body(
     sheared = fem.Constant(domain, np.array(section.shear))
     drilling = fem.Constant(domain, np.array(_DRILLING * section.stiffness[2, 2]))
     thickness = fem.Constant(domain, np.array(section.thickness))
-    height = section.thickness / 12.0**0.5
+    height = fem.Constant(domain, np.array(section.thickness / 12.0**0.5))
     x, dx = ufl.SpatialCoordinate(domain), ufl.dx(domain)
 
     def strains(w: Any) -> Any:

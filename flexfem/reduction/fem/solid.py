@@ -3,6 +3,7 @@
 
 from typing import Any
 
+import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
@@ -89,13 +90,14 @@ def plane_body(
     """
     owner = f'plane_body "{name}"'
     _check(owner, domain, material, degree, 2)
-    t = _checks.number(owner, "thickness", thickness, positive=True)
+    width = _checks.number(owner, "thickness", thickness, positive=True)
     points = domain.geometry.x
     away = abs(points[:, 2]).max(initial=0.0)
-    if (away := max(domain.comm.allgather(float(away)))) > 1e-9 * t:
+    if (away := max(domain.comm.allgather(float(away)))) > 1e-9 * width:
         raise ValueError(f"{owner}: the mesh must lie at z = 0, got a point at a distance {away:g}")
     e, nu = _constants(domain, material)
     space = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    t = fem.Constant(domain, np.array(width))
     x = in_space(ufl.SpatialCoordinate(domain))
     # two sheets at this height have the second moment t^3/12 of the thickness
     height = ufl.as_vector([0.0, 0.0, t / 12.0**0.5])
@@ -110,7 +112,10 @@ def plane_body(
     return LinearBody(
         space,
         lambda u, v: ufl.inner(force(u), strain(v)) * ufl.dx(domain),
-        [MassField(0.5 * material.density * t, x + side * height, in_space) for side in (-1, 1)],
+        [
+            MassField(0.5 * material.density * width, x + side * height, in_space)
+            for side in (-1, 1)
+        ],
         prestress=lambda u0, u, v: prestress_work(force(u0), u, v) * ufl.dx(domain),
         stress=stress,
         name=name,

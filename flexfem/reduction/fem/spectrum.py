@@ -32,6 +32,14 @@ class Choice:
     frequency: float | None = None
     participation: float | None = None
 
+    def __str__(self) -> str:
+        """What was given."""
+        if self.frequency is not None:
+            return f"frequency {self.frequency:g} Hz"
+        if self.participation is not None:
+            return f"participation {self.participation:g}"
+        return f"number {self.number}"
+
     @classmethod
     def checked(
         cls, owner: str, number: object, frequency: object, participation: object
@@ -67,7 +75,10 @@ class Spectrum:
     """Modes that are computed when they are asked for."""
 
     def __init__(
-        self, compute: Callable[[int], tuple[FloatArray, FloatArray]], available: int | None
+        self,
+        compute: Callable[[int], tuple[FloatArray, FloatArray]],
+        available: int | None,
+        most: int = 0,
     ) -> None:
         """Create it.
 
@@ -75,8 +86,10 @@ class Spectrum:
             compute: from a count to at least that many eigenvalues and modes, if there are.
             available: number of modes that `compute` gives whatever the count, None if it gives
                 as many as it is asked for.
+            most: what it may be asked for then.
         """
-        self._compute, self._available = compute, available
+        self._compute, self._available, self.most = compute, available, available or most
+        self.endless = available is None
         self.values, self.modes = np.zeros(0), np.zeros((0, 0))
 
     def extend(self, count: int) -> bool:
@@ -112,6 +125,11 @@ def choose_modes(
     """
     count = choice.number if choice.number is not None else _FIRST
     while True:
+        if spectrum.endless and count > spectrum.most:
+            raise ValueError(
+                f"{owner}: at most {spectrum.most} modes of this mesh can be found, the {choice} "
+                "asks for more"
+            )
         more = spectrum.extend(count + _MORE)
         values = spectrum.values
         if choice.number is not None:

@@ -159,7 +159,7 @@ def _means(
     pick = fem.Constant(domain, np.zeros((2, 3)))
     x = ufl.SpatialCoordinate(domain)
     arm = ufl.as_vector([x[i] if i < len(x) else 0.0 * x[0] for i in range(3)])
-    arm = arm - ufl.as_vector([float(value) for value in position])
+    arm = arm - fem.Constant(domain, np.array(position))
     assert body.displacement is not None
     moved = body.displacement(v)
     work = ufl.dot(pick[0, :], moved) + ufl.dot(pick[1, :], ufl.cross(arm, moved))

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Files of reduced bodies: what is written is what is read, on any number of ranks."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.reduction.reduced_body import Recovery
+from tests.unit.test_reduced_body import two_masses
+
+COMM = MPI.COMM_WORLD
+
+pytestmark = pytest.mark.three_ranks
+
+
+def strip(rank: int) -> Recovery:
+    """Two triangles a rank, all figures different."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]) + np.array([2.0 * rank, 0, 0])
+    moves = np.arange(144.0).reshape(4, 3, 12) + 1000.0 * rank
+    stress = np.arange(144.0).reshape(2, 6, 12) - 1000.0 * rank
+    return Recovery(points, np.array([[0, 1, 2], [1, 3, 2]]), moves, stress)
+
+
+def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "rod.h5"
+    geometric = np.arange(12.0 * 144).reshape(12, 12, 12)
+    body = two_masses(
+        recovery=strip(COMM.rank), acceleration_stiffness=geometric + geometric.swapaxes(1, 2)
+    )
+    ff.save_reduced_body(path, body)
+    assert [p.name for p in shared_tmp_path.iterdir()] == ["rod.h5"]
+    back = ff.load_reduced_body(path)
+    assert [i.name for i in back.interfaces] == ["a", "b"]
+    np.testing.assert_array_equal(back.interfaces[1].position, body.interfaces[1].position)
+    for name in ("moments", "products", "stiffness", "damping", "held", "acceleration_stiffness"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(body, name))
+    assert back.interface_stiffness is None
+    alone = ff.load_reduced_body(path, MPI.COMM_SELF).recovery
+    assert alone is not None
+    assert back.recovery is not None
+    assert alone.stress is not None
+    assert len(alone.cells) == 2 * COMM.size
+    for rank in range(COMM.size):
+        part, rows = strip(rank), alone.cells[2 * rank : 2 * rank + 2]
+        np.testing.assert_array_equal(alone.points[rows], part.points[part.cells])
+        np.testing.assert_array_equal(alone.displacement[rows], part.displacement[part.cells])
+        np.testing.assert_array_equal(alone.stress[2 * rank : 2 * rank + 2], part.stress)
+    # the ranks' shares make the whole
+    shares = COMM.allgather(back.recovery.points[back.recovery.cells])
+    np.testing.assert_array_equal(np.concatenate(shares), alone.points[alone.cells])
+
+
+@pytest.mark.parametrize("damage", ["missing", "text", "other", "format", "changed", "cut"])
+def test_bad_files_are_refused_by_all_ranks(shared_tmp_path: Path, damage: str) -> None:
+    path = shared_tmp_path / "rod.h5"
+    messages = {
+        "missing": "No such file",
+        "text": "file signature not found",
+        "other": "no file of a reduced body",
+        "format": "its format is 9, not 1",
+        "changed": "it is damaged",
+        "cut": "truncated",
+    }
+    ff.save_reduced_body(path, two_masses())
+    if COMM.rank == 0:
+        if damage == "missing":
+            path.unlink()
+        elif damage == "text":
+            path.write_text("reduced")
+        elif damage == "cut":
+            path.write_bytes(path.read_bytes()[:5000])
+        elif damage == "other":
+            with h5py.File(path, "w") as file:
+                file["x"] = 1.0
+        else:
+            with h5py.File(path, "r+") as file:
+                if damage == "format":
+                    file.attrs["format"] = 9
+                else:
+                    file["stiffness"][0, 0] *= 1.0 + 1e-15
+    COMM.Barrier()
+    with pytest.raises(ValueError, match=messages[damage]) as caught:
+        ff.load_reduced_body(path)
+    assert str(caught.value).startswith("reduced body '")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_that_is_not_there_leaves_nothing(shared_tmp_path: Path) -> None:
+    body = replace(two_masses(), recovery=None)
+    with pytest.raises(OSError, match="No such file"):
+        ff.save_reduced_body(shared_tmp_path / "not" / "there.h5", body)
+    assert list(shared_tmp_path.iterdir()) == []
