@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 import scipy.optimize
+import scipy.sparse.linalg
 
 from flexfem._types import FloatArray
 from flexfem.moving_base.effects import Effects
@@ -100,18 +101,17 @@ def _basis(
 
 
 def modal_basis(
-    properties: BeamProperties, effects: Effects, modes: int, elements: int,
-    pull: bool = True,
-) -> Basis:  # fmt: skip
+    properties: BeamProperties, effects: Effects, modes: int, elements: int, stretch: bool = True
+) -> Basis:
     """Modes of the cantilever with its base at rest, lowest frequencies first (SLEPc).
 
     Args:
         properties: the beam.
         effects: what is taken into account.
-        modes: number n of functions.
+        modes: number of modes.
         elements: about as many cubic elements.
-        pull: the last function is the static displacement in a spinning beam, by
-            ``int rho x`` along the axis (orthogonal to the others): the lowest modes hardly
+        stretch: besides, two static functions: the displacements under the loads rho and rho x
+            along the axis, which are those of a spinning beam with a hub. The lowest modes hardly
             stretch.
 
     Raises:
@@ -121,22 +121,14 @@ def modal_basis(
     sections = section_values(properties, effects, quadrature.x)
     space = FiniteElements(properties, effects, sections, quadrature)
     stiffness, mass, load = space.matrices()
-    pull = pull and effects.extension
     most = space.size // 2
     if modes > most:
         raise ValueError(f"modes {modes}: {elements} elements have no more than {most}")
-    vectors = _eigenvectors(stiffness, mass, modes - pull) if modes > pull else None
-    parts = [] if vectors is None else [vectors]
-    if pull:
-        static = scipy.sparse.linalg.spsolve(stiffness.tocsc(), load)
-        size = np.sqrt(static @ (mass @ static))
-        if vectors is not None:
-            for _ in range(2):
-                static = static - vectors @ (vectors.T @ (mass @ static))
-        left = np.sqrt(static @ (mass @ static))
-        if left > _NOTHING * size:
-            parts.append(static[:, None] / left)
-    span = np.hstack(parts)
+    span = _eigenvectors(stiffness, mass, modes)
+    if stretch and effects.extension:
+        solve = scipy.sparse.linalg.splu(stiffness.tocsc()).solve
+        for column in load.T:
+            span = _extended(span, solve(column), mass)
 
     def at(operators: Sequence[object]) -> FloatArray:
         return np.array([o @ span for o in operators])  # type: ignore[operator]
@@ -146,6 +138,19 @@ def modal_basis(
     starts, ends = (space.operators(np.array([xi]))[0] for xi in (0.0, 1.0))
     nodes = np.concatenate([at(starts), at(ends)[:, -1:]], axis=1)
     return _basis(quadrature, sections, at(fields), at(slopes), twist @ span, nodes)
+
+
+def _extended(span: FloatArray, vector: FloatArray, mass: object) -> FloatArray:
+    """Mass-orthonormal columns with one more, unless it is in their span."""
+
+    def norm(x: FloatArray) -> float:
+        return float(np.sqrt(x @ (mass @ x)))  # type: ignore[operator]
+
+    left = vector / norm(vector)
+    for _ in range(2):
+        left = left - span @ (span.T @ (mass @ left))  # type: ignore[operator]
+    size = norm(left)
+    return np.column_stack([span, left / size]) if size > _NOTHING else span
 
 
 def _eigenvectors(stiffness: object, mass: object, count: int) -> FloatArray:

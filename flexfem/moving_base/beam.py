@@ -39,7 +39,7 @@ class MovingBaseBeam:
         properties: the beam's sections.
         base: how the base moves.
         effects: what the theory takes into account.
-        modes: number of functions.
+        modes: number of modes; two static functions of the stretch come on top.
         elements: about as many finite elements for them.
         analytic: numbers of analytic functions of s, u2, u3 and theta1 instead; None for modes.
         damping_ratio: of every mode with the base at rest.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a theory of the beam on a moving base takes into account."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 __all__ = ["THEORIES", "Effects", "effects_of"]
 
@@ -53,12 +53,13 @@ THEORIES = {
 }
 
 
-def effects_of(theory: str) -> Effects:
-    """Effects of a theory.
+def effects_of(theory: str, **changes: bool) -> Effects:
+    """Effects of a theory, some of them changed.
 
     Raises:
         ValueError: there is none of that name.
+        TypeError: there is no such effect.
     """
     if theory not in THEORIES:
         raise ValueError(f"theory '{theory}': there are {', '.join(THEORIES)}")
-    return THEORIES[theory]
+    return replace(THEORIES[theory], **changes)

@@ -137,8 +137,8 @@ class FiniteElements:
         )  # fmt: skip
         return (wide @ self._keep).tocsr()
 
-    def matrices(self) -> tuple[Matrix, Matrix, Matrix]:
-        """Stiffness and mass matrix, and centrifugal loads of unit spin about a2 or a3 (column)."""
+    def matrices(self) -> tuple[Matrix, Matrix, FloatArray]:
+        """Stiffness and mass matrix, and loads (size, 2) rho and rho x along the axis."""
         points = np.polynomial.legendre.leggauss(GAUSS)[0]
         fields, slopes, twist = self.operators(0.5 * (points + 1.0))
         s, w = self._sections, self.quadrature.weights
@@ -149,8 +149,8 @@ class FiniteElements:
             o.T @ (scipy.sparse.diags_array(w * m) @ o)
             for o, m in zip([*centres, *fields[3:]], masses, strict=True)
         )
-        pull = centres[0].T @ (w * s.mass * self.quadrature.x)
-        return stiffness.tocsr(), mass.tocsr(), pull
+        along = (w * s.mass)[:, None] * np.stack([np.ones_like(w), self.quadrature.x], axis=1)
+        return stiffness.tocsr(), mass.tocsr(), centres[0].T @ along
 
 
 def centre_displacements(fields: list, e: FloatArray) -> list:

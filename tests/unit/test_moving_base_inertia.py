@@ -18,7 +18,7 @@ from flexfem.moving_base.properties import BeamProperties, Piecewise
 
 pytestmark = pytest.mark.serial
 
-N = 7
+N = 9
 
 
 def properties(**changes: Any) -> BeamProperties:
@@ -80,7 +80,7 @@ def taylor(function: Callable[[Any], Any], d: Any) -> tuple[Any, Any, Any]:
 @pytest.fixture(scope="module")
 def case() -> tuple[Basis, Inertia]:
     effects = Effects()
-    basis = modal_basis(properties(), effects, N, 5)
+    basis = modal_basis(properties(), effects, N - 2, 5)
     return basis, inertia_of(basis, effects)
 
 
@@ -104,7 +104,7 @@ def test_coefficients_are_the_taylor_series_of_the_exact_mass_matrix(
 
 def test_matrices_of_mass_centres_are_the_published_ones(rng: np.random.Generator) -> None:
     effects = Effects(rotary_inertia=False, eccentricity=False)
-    basis = modal_basis(properties(), effects, N, 5)
+    basis = modal_basis(properties(), effects, N - 2, 5)
     v, a, omega, alpha = rng.normal(size=(4, 3))
     base = PrescribedBase(
         velocity=lambda t: v + t * a, acceleration=lambda t: a,
@@ -176,7 +176,7 @@ def test_equations_are_the_linearised_exact_lagrange_equations(
 def test_every_effect_counts(case: tuple[Basis, Inertia], left_out: str) -> None:
     basis, inertia = case
     less = replace(Effects(), **{left_out: False})
-    other = modal_basis(properties(), less, N, 5)
+    other = modal_basis(properties(), less, N - 2, 5)
     gone = {"extension": (0,), "in_plane": (1, 5), "out_of_plane": (2, 4), "torsion": (3,)}
     for field in gone.get(left_out, ()):
         assert not other.fields[field].any()
@@ -184,7 +184,7 @@ def test_every_effect_counts(case: tuple[Basis, Inertia], left_out: str) -> None
         assert np.allclose(other.frequencies, basis.frequencies)
         assert np.abs(inertia_of(basis, less).A2 - inertia.A2).max() > 1e-3
     else:
-        assert np.abs(other.frequencies / basis.frequencies - 1.0).max() > 1e-3
+        assert np.abs(other.frequencies[:4] / basis.frequencies[:4] - 1.0).max() > 1e-3
 
 
 def test_analytic_functions_give_frequencies_of_the_uniform_beam() -> None:
