@@ -78,9 +78,7 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.Option("theory", str, "consistent", "what the beam is computed with", choices=THEORIES),
-        ff.Option(
-            "eccentricity", float, 0.01875, "mass centre of the channel along a3", unit="m"
-        ),
+        ff.Option("eccentricity", float, 0.01875, "mass centre of the channel along a3", unit="m"),
         ff.Option("hub_radius", float, 8.0, "from the spin axis to the root", unit="m", minimum=0),
         ff.Option("modes", int, 10, "modes of the assumed-modes theories", minimum=1),
         ff.Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),

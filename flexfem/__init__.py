@@ -140,6 +140,7 @@ _MODULES = {
     "FreeBase": "moving_base.base",
     "MovingBaseBeam": "moving_base.beam",
     "exact_model": "moving_base.exact",
+    "segment_sections": "moving_base.exact",
     "TIP_COLUMNS": "moving_base.exact",
     "outboard_link": "moving_base.manipulator",
     "manipulator_base": "moving_base.manipulator",

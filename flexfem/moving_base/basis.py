@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -130,8 +131,8 @@ def modal_basis(
         for column in load.T:
             span = _extended(span, solve(column), mass)
 
-    def at(operators: Sequence[object]) -> FloatArray:
-        return np.array([o @ span for o in operators])  # type: ignore[operator]
+    def at(operators: Sequence[Any]) -> FloatArray:
+        return np.array([o @ span for o in operators])
 
     points = 0.5 * (np.polynomial.legendre.leggauss(GAUSS)[0] + 1.0)
     fields, slopes, twist = space.operators(points)
@@ -140,27 +141,27 @@ def modal_basis(
     return _basis(quadrature, sections, at(fields), at(slopes), twist @ span, nodes)
 
 
-def _extended(span: FloatArray, vector: FloatArray, mass: object) -> FloatArray:
+def _extended(span: FloatArray, vector: FloatArray, mass: Any) -> FloatArray:
     """Mass-orthonormal columns with one more, unless it is in their span."""
 
     def norm(x: FloatArray) -> float:
-        return float(np.sqrt(x @ (mass @ x)))  # type: ignore[operator]
+        return float(np.sqrt(x @ (mass @ x)))
 
     left = vector / norm(vector)
     for _ in range(2):
-        left = left - span @ (span.T @ (mass @ left))  # type: ignore[operator]
+        left = left - span @ (span.T @ (mass @ left))
     size = norm(left)
     return np.column_stack([span, left / size]) if size > _NOTHING else span
 
 
-def _eigenvectors(stiffness: object, mass: object, count: int) -> FloatArray:
+def _eigenvectors(stiffness: Any, mass: Any, count: int) -> FloatArray:
     """Mass-normalised modes of lowest frequency, (size, count), the same on every rank."""
-    from mpi4py import MPI  # noqa: PLC0415
+    from mpi4py import MPI
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
-    def petsc(a: object) -> PETSc.Mat:
-        a = a.tocsr()  # type: ignore[attr-defined]
+    def petsc(a: Any) -> PETSc.Mat:
+        a = a.tocsr()
         a.sort_indices()
         rows = (a.indptr.astype(PETSc.IntType), a.indices.astype(PETSc.IntType), a.data)
         return PETSc.Mat().createAIJ(a.shape, csr=rows, comm=MPI.COMM_SELF)
@@ -189,7 +190,7 @@ def _eigenvectors(stiffness: object, mass: object, count: int) -> FloatArray:
         raise ValueError(f"modes {count}: the eigenproblem gave {found}")
     out = np.array(vectors).T
     # exactly orthonormal, which modes of equal frequency need not be
-    gram = np.linalg.cholesky(out.T @ (mass @ out))  # type: ignore[operator]
+    gram = np.linalg.cholesky(out.T @ (mass @ out))
     normal: FloatArray = np.linalg.solve(gram, out.T).T
     return normal
 

@@ -5,14 +5,18 @@ Two theories with assumed modes, and when each fails:
 
 - *consistent* (Kane, Ryan, Banerjee 1987): the stretch of the axis is a coordinate, not the axial
   displacement, and velocities are linearised only after what has to be differentiated has been.
-  Spinning stiffens the beam. It is linear in the modal coordinates: displacements must stay small
-  against the length (some per cent), twist and slopes small against one radian, as forces that
-  grow with the deformed shape are missing: bending axes that turn with the twist, which matter where
-  a beam is bent statically and twists at the same time.
+  Spinning stiffens the beam. The equations are linear in the modal coordinates: deflections must be
+  small against the length, twist and slopes against one radian. Of forces that grow with the
+  deformation only the axial one is there. What is missing first is that a section which twists
+  takes its bending axes along, and that bending in two planes twists: thin open sections feel it
+  long before deflections are large. Spun up by 6 rad/s 8 m from the axis, the channel of
+  ``manipulator.py`` twists by 41 degrees; exact elements have 43, but leave the twist much earlier
+  and bend out of the plane by 0.03 m to the other side on the way. Lag (3 per cent), stretch and
+  the steady state (1 per cent) agree.
 - *conventional*: as in early codes for flexible bodies, axial displacement and deflection are
-  independent and linear. The transverse softening by the spin is there, the stiffening that
-  outweighs it is not: the lowest bending mode in the plane of rotation diverges once the spin
-  exceeds about its frequency. Out of the plane frequencies do not change with the spin at all.
+  independent and linear. The softening by the spin is there, the stiffening that outweighs it is
+  not: the lowest bending mode in the plane of rotation diverges once the spin exceeds its
+  frequency. Out of the plane frequencies do not change with the spin at all.
 
 Both use the modes of the cantilever at rest; fast spinning needs more of them than the frequencies
 of interest suggest, as its shapes become those of a string.

@@ -43,7 +43,9 @@ class Effects:
             ValueError: no field is left.
         """
         if not (self.extension or self.in_plane or self.out_of_plane or self.torsion):
-            raise ValueError("Effects: no field is left: extension, in_plane, out_of_plane, torsion")
+            raise ValueError(
+                "Effects: no field is left: extension, in_plane, out_of_plane, torsion"
+            )
 
 
 #: Theories by name.

@@ -219,14 +219,18 @@ class FreeBaseEquations(_BeamEquations):
         """
         n, zero = self.size, np.zeros(0)
         out = np.empty((n, n))
+        size = 1e-4 / (1.0 + dv + da)
         for j in range(n):
-            up, down = [], []
-            for sign, side in ((1.0, up), (-1.0, down)):
-                step = np.zeros(n)
-                step[j] = sign * 1e-4 / (1.0 + dv + da)
-                eta = np.concatenate([q[:12], q[12:] + step[6:]])
-                side.append(self.residual(t, eta, v + dv * step, a + da * step, zero))
-            out[:, j] = (up[0] - down[0]) * (0.5 * (1.0 + dv + da) / 1e-4)
+            step = np.zeros(n)
+            step[j] = size
+            up, down = (
+                self.residual(
+                    t, np.concatenate([q[:12], q[12:] + sign * step[6:]]),
+                    v + sign * dv * step, a + sign * da * step, zero,
+                )
+                for sign in (1.0, -1.0)
+            )  # fmt: skip
+            out[:, j] = (up - down) / (2.0 * size)
         return out
 
     def observe(self, motion: Motion) -> Sequence[float]:

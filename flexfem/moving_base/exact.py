@@ -8,6 +8,7 @@ that twists as much under an end torque (Vlasov, warping held at the segment's s
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from flexfem.core.marker import Ground, Marker
 from flexfem.joints.prescribed_rotation import PrescribedRotation
 from flexfem.joints.prescribed_translation import PrescribedTranslation
 from flexfem.joints.rigid import Rigid
-from flexfem.lie import se3, so3
 from flexfem.materials.section import Section
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.bodies import Beam, PointMass
@@ -32,7 +32,7 @@ from flexfem.moving_base.properties import (
 )
 from flexfem.moving_base.space import divide
 
-__all__ = ["exact_model", "segment_sections", "TIP_COLUMNS", "tip_in_base"]
+__all__ = ["TIP_COLUMNS", "exact_model", "segment_sections", "tip_in_base"]
 
 #: Of the tip, in the axes of the base: displacements (m), twist (rad), stretch (m).
 TIP_COLUMNS = ("u2", "u3", "theta1", "s")
@@ -75,7 +75,7 @@ def segment_sections(properties: BeamProperties, *, warping: bool = True) -> lis
             )
     out = []
     breaks = properties.breaks
-    for start, end in zip(breaks[:-1], breaks[1:], strict=True):
+    for start, end in pairwise(breaks):
         x = np.array([0.5 * (start + end)])
         at = {name: float(value[0]) for name, value in properties.at(x).items()}
         if warping:
@@ -115,6 +115,8 @@ def _stretch(length: float, states: Sequence[MarkerState]) -> float:
 
     The relative motion of two nodes is the helix that the element follows.
     """
+    from flexfem.lie import se3  # compiled code, which building a model does without
+
     x = np.array([state.position for state in states])
     R = np.array([state.rotation for state in states])
     steps = np.einsum("nba,nb->na", R[:-1], x[1:] - x[:-1])
@@ -166,7 +168,7 @@ def exact_model(
     # segments have nodes of their own, rigidly joined
     parts = [edges[(edges >= one.start) & (edges <= one.end)] for one in segments]
     first = np.cumsum([0, *(len(part) for part in parts)])
-    cells = [np.arange(a, b - 1) for a, b in zip(first[:-1], first[1:], strict=True)]
+    cells = [np.arange(a, b - 1) for a, b in pairwise(first)]
     at = np.cumsum([0, *(len(c) for c in cells)])
     names = [f"segment_{k + 1}" for k in range(len(parts))]
     groups = {name: np.arange(at[k], at[k + 1]) for k, name in enumerate(names)}
@@ -191,6 +193,8 @@ def exact_model(
         return base.frame(t)[:3] - origin
 
     def turned(t: float) -> FloatArray:
+        from flexfem.lie import so3
+
         vector: FloatArray = so3.log(base.frame(t)[3:].reshape(3, 3) @ axes.T)
         return vector
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Fields of a beam (s, u2, u3, theta1, theta2, theta3) in finite elements: stiffness and mass."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -13,7 +15,8 @@ from flexfem.moving_base.space import GAUSS, LineSpace, Quadrature
 
 __all__ = ["FiniteElements", "Sections", "section_values", "stiffness_of"]
 
-Matrix = scipy.sparse.csr_matrix
+#: SciPy sparse matrix, which has no types.
+Matrix = Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +66,12 @@ def section_values(properties: BeamProperties, effects: Effects, x: FloatArray) 
 
 
 def stiffness_of(
-    sections: Sections, weights: FloatArray, fields: list, slopes: list, twist: object
-) -> object:
+    sections: Sections,
+    weights: FloatArray,
+    fields: Sequence[Any],
+    slopes: Sequence[Any],
+    twist: Any,
+) -> Any:
     """Stiffness matrix from operators, or arrays (p, n), of fields, slopes and theta1''."""
     strains = [
         slopes[0], slopes[1] - fields[5], slopes[2] + fields[4], slopes[3], slopes[4], slopes[5],
@@ -153,10 +160,10 @@ class FiniteElements:
         return stiffness.tocsr(), mass.tocsr(), centres[0].T @ along
 
 
-def centre_displacements(fields: list, e: FloatArray) -> list:
+def centre_displacements(fields: Sequence[Any], e: FloatArray) -> list[Any]:
     """First-order displacements of the mass centres, u + theta x e, as operators or arrays."""
 
-    def times(values: FloatArray, operator: object) -> object:
+    def times(values: FloatArray, operator: Any) -> Any:
         return scipy.sparse.diags_array(values) @ operator
 
     u, theta = fields[:3], fields[3:]

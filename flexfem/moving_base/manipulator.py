@@ -17,7 +17,14 @@ from flexfem._types import FloatArray
 from flexfem.moving_base.base import PrescribedBase
 from flexfem.moving_base.properties import BeamProperties, Piecewise
 
-__all__ = ["Angle", "constant_angle", "manipulator_base", "outboard_link", "spin_up_angle", "smooth_turn"]
+__all__ = [
+    "Angle",
+    "constant_angle",
+    "manipulator_base",
+    "outboard_link",
+    "smooth_turn",
+    "spin_up_angle",
+]
 
 #: An angle (rad), its rate and its acceleration at a time (s).
 Angle = Callable[[float], tuple[float, float, float]]
@@ -52,7 +59,7 @@ def constant_angle(angle: float) -> Angle:
 
 
 def smooth_turn(start: float, by: float, duration: float) -> Angle:
-    """From ``start`` by ``by`` (rad) within ``duration`` (s), smoothly (a cycloid), then constant."""
+    """From ``start`` by ``by`` (rad) within ``duration`` (s) along a cycloid, then constant."""
     w = 2.0 * pi / duration
 
     def angle(t: float) -> tuple[float, float, float]:
@@ -87,8 +94,11 @@ def manipulator_base(
     """Motion of the outboard link's root and axes.
 
     Args:
-        psi1, psi2, psi3: joint angles.
-        link_1, link_2: lengths of the rigid links, m.
+        psi1: turn of the inner link about the vertical.
+        psi2: of the outer rigid link about a horizontal axis.
+        psi3: of the base relative to that link, about a parallel axis.
+        link_1: length of the inner link, m.
+        link_2: length of the outer rigid link, m.
     """
 
     def position(t: float) -> FloatArray:

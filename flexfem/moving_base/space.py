@@ -2,6 +2,7 @@
 """Finite-element functions on an interval as sparse operators, with exact running integrals."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse
@@ -19,7 +20,7 @@ def divide(breaks: FloatArray, elements: int) -> FloatArray:
     length = breaks[-1] - breaks[0]
     parts = [
         np.linspace(a, b, max(1, round(elements * (b - a) / length)) + 1)
-        for a, b in zip(breaks[:-1], breaks[1:], strict=True)
+        for a, b in pairwise(breaks)
     ]
     return np.unique(np.concatenate(parts))
 
