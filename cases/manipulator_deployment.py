@@ -4,8 +4,8 @@
 Links L1 and L2 are rigid, 8 m each; the outboard link is a box of 8/3 m and a channel of 16/3 m of
 aluminium whose mass centre is ``--eccentricity`` away from its axis along a3. Joint 1 turns L1
 about the vertical, joints 2 and 3 have horizontal axes. Folded at the start (all angles pi), each
-angle turns by ``-D (t - T/(2 pi) sin(2 pi t/T))/T`` within T = 15 s: D1 = pi/2, D2 = 3 pi/4 and D3 =
-``--outer-turn`` pi (1: the arm ends stretched; 0.5: the other reading of the source). No gravity.
+angle turns by ``-D (t - T/(2 pi) sin(2 pi t/T))/T`` within T = 15 s: D1 = pi/2, D2 = 3 pi/4 and
+D3 = ``--outer-turn`` pi (1: the arm ends stretched; 0.5: the source's other reading). No gravity.
 
 Theories (``--theory``), see also the case ``spin_up``: ``consistent`` and ``conventional`` assumed
 modes, geometrically exact ``beam`` elements, body in a ``floating`` frame. The motion is slow:
@@ -36,7 +36,7 @@ DURATION = 15.0
 
 
 def build(
-    *, theory: str, outer_turn: float, eccentricity: float, modes: int, elements: int,
+    *, theory: str, outer_turn: float, eccentricity: float, assumed_modes: int, elements: int,
     warping: bool,
 ) -> Any:  # fmt: skip
     """The outboard link on its prescribed base, or a model of exact elements."""
@@ -51,7 +51,7 @@ def build(
         return ff.exact_model(link, base, elements=elements, warping=warping, name="deployment")
     effects = ff.effects_of(theory, warping=warping)
     return ff.MovingBaseBeam(
-        properties=link, base=base, effects=effects, modes=modes, elements=elements
+        properties=link, base=base, effects=effects, modes=assumed_modes, elements=elements
     )
 
 
@@ -81,13 +81,13 @@ CASE = ff.Case(
         ff.Option(
             "eccentricity", float, 0.01875, "mass centre of the channel along a3", unit="m"
         ),
-        ff.Option("modes", int, 10, "modes of the assumed-modes theories", minimum=1),
+        ff.Option("assumed_modes", int, 10, "modes of the assumed-modes theories", minimum=1),
         ff.Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
         ff.Option("warping", bool, True, "torsion of the channel with its warping held"),
     ),
     dt=0.01,
     t_end=30.0,
-    smoke={"elements": 6, "modes": 4, "t_end": 0.1},
+    smoke={"elements": 6, "assumed_modes": 4, "t_end": 0.1},
     results=results,
 )  # fmt: skip
 

@@ -39,7 +39,7 @@ SPUN_UP = 15.0
 
 
 def build(
-    *, theory: str, eccentricity: float, hub_radius: float, modes: int, elements: int,
+    *, theory: str, eccentricity: float, hub_radius: float, assumed_modes: int, elements: int,
     warping: bool,
 ) -> Any:  # fmt: skip
     """The beam on its prescribed base, or a model of exact elements."""
@@ -54,7 +54,7 @@ def build(
         return ff.exact_model(link, base, elements=elements, warping=warping, name="spin_up")
     effects = ff.effects_of(theory, warping=warping)
     return ff.MovingBaseBeam(
-        properties=link, base=base, effects=effects, modes=modes, elements=elements
+        properties=link, base=base, effects=effects, modes=assumed_modes, elements=elements
     )
 
 
@@ -80,13 +80,13 @@ CASE = ff.Case(
         ff.Option("theory", str, "consistent", "what the beam is computed with", choices=THEORIES),
         ff.Option("eccentricity", float, 0.01875, "mass centre of the channel along a3", unit="m"),
         ff.Option("hub_radius", float, 8.0, "from the spin axis to the root", unit="m", minimum=0),
-        ff.Option("modes", int, 10, "modes of the assumed-modes theories", minimum=1),
+        ff.Option("assumed_modes", int, 10, "modes of the assumed-modes theories", minimum=1),
         ff.Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
         ff.Option("warping", bool, True, "torsion of the channel with its warping held"),
     ),
     dt=0.01,
     t_end=30.0,
-    smoke={"elements": 6, "modes": 4, "t_end": 0.1},
+    smoke={"elements": 6, "assumed_modes": 4, "t_end": 0.1},
     results=results,
 )
 

@@ -59,7 +59,7 @@ class _BeamEquations(Equations):
             "rotation": fields[3:].T @ R.T,
             **{f"e{i + 1}": sections[:, :, i] for i in range(3)},
         }
-        return {"beam": Picture(x + (straight + moved) @ R.T, cells, "line", data)}
+        return {"beams": Picture(x + (straight + moved) @ R.T, cells, "line", data)}
 
     def summary(self) -> Mapping[str, Any]:
         """Frequencies of the functions with the base at rest, Hz."""

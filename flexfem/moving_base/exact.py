@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from flexfem._types import FloatArray
 from flexfem.core.marker import Ground, Marker
@@ -193,9 +194,9 @@ def exact_model(
         return base.frame(t)[:3] - origin
 
     def turned(t: float) -> FloatArray:
-        from flexfem.lie import so3
-
-        vector: FloatArray = so3.log(base.frame(t)[3:].reshape(3, 3) @ axes.T)
+        # without compiled code, which building a model does without
+        rotation = Rotation.from_matrix(base.frame(t)[3:].reshape(3, 3) @ axes.T)
+        vector: FloatArray = rotation.as_rotvec()
         return vector
 
     def observe(t: float, *states: MarkerState) -> Sequence[float]:

@@ -38,6 +38,8 @@ __all__ = ["Source", "simulate_equations"]
 
 #: Halvings of a step that fails.
 _HALVINGS = 6
+#: Series that a run of a multibody model may have left in the folder.
+_OF_MODELS = ("beams", "beam_surfaces", "shells", "rigid_bodies", "joints")
 #: Options of multibody models that equations know nothing of, with the values they must have.
 _FOREIGN = {
     "integrator": "generalized_alpha", "redundant_constraints": "refuse", "start": "given",
@@ -251,6 +253,10 @@ class _Records:
         self._progress.close()
         if self._table is not None:
             self._table.close()
+        if self._folder is not None:
+            for name in _OF_MODELS:
+                if name not in self._series:
+                    VtuSeries(self._folder, name, self._comm).close()
         for series in self._series.values():
             series.close()
         if self._comm.rank or not self._rows:
