@@ -24,7 +24,7 @@ LAYERS = [
     {"model"},
     {"elements", "bodies", "contact"},
     {"system"},
-    {"solvers", "io"},
+    {"solvers", "io", "moving_base"},
     {"integrators"},
     {"simulation"},
     {"case"},
