@@ -6,6 +6,7 @@ are the checks that file and model belong together, and which files are kept.
 """
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -64,15 +65,18 @@ class SavedState:
                 f"was written by flexfem {version}, this is {flexfem.__version__}"
             )
 
-    def check(self, serial: Assembly) -> None:
+    def check(self, serial: Assembly | Mapping[str, str]) -> None:
         """Compare the model with the one that was run (collective).
+
+        Args:
+            serial: serial data of the model, or the fingerprint of what is no multibody model.
 
         Raises:
             InputError: they differ.
         """
         other: list[str] = []
         if self._comm.rank == 0:  # the model is the same on all ranks
-            then, now = self._file.header["model"], fingerprint(serial)
+            then, now = self._file.header["model"], _fingerprint(serial)
             other = [name for name in now if then.get(name) != now[name]]
         other = self._comm.bcast(other)
         if other:
@@ -132,14 +136,14 @@ class Checkpoints:
     """Writes the checkpoints of one run; the last two are kept."""
 
     def __init__(
-        self, simulation: _Stateful, serial: Assembly,
+        self, simulation: _Stateful, serial: Assembly | Mapping[str, str],
         options: RunOptions | RelaxationOptions, grid: TimeGrid, restart: Restart | None,
     ) -> None:  # fmt: skip
         """Note what all checkpoints of the run have in common.
 
         Args:
             simulation: whose state is written.
-            serial: serial data of its model.
+            serial: serial data of its model, or the fingerprint of what is no multibody model.
             options: of the run; without an output folder nothing is ever written.
             grid: its instants.
             restart: where the run goes on from, if it does.
@@ -158,7 +162,7 @@ class Checkpoints:
         system = self._simulation.system
         self._numberings = system.numberings()
         if system.comm.rank == 0:
-            self._header["model"] = fingerprint(self._serial)
+            self._header["model"] = _fingerprint(self._serial)
 
     def write(self, step: int, records: State) -> Path | None:
         """Write the accepted state (collective).
@@ -186,3 +190,8 @@ class Checkpoints:
         if comm.rank == 0:
             remove_files(self._folder, _NAME, self._kept)
         return path
+
+
+def _fingerprint(serial: Assembly | Mapping[str, str]) -> Mapping[str, str]:
+    """What a checkpoint is compared by."""
+    return serial if isinstance(serial, Mapping) else fingerprint(serial)
