@@ -23,7 +23,7 @@ LAYERS = [
     {"model"},
     {"elements", "bodies", "contact"},
     {"system"},
-    {"solvers", "io"},
+    {"solvers", "io", "formalisms"},
     {"integrators"},
     {"simulation"},
     {"case"},
