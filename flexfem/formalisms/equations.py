@@ -27,7 +27,7 @@ class MechanismEquations:
         constraints: number m of constraints, Euler parameters included.
         start: (q, q') as declared, not yet consistent with the constraints.
         nodes: meshes of the bodies and the places of their nodes among the coordinates, by name.
-        evaluations: how often the residual of all bodies has been evaluated.
+        bodies: their cells and kernels.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -53,11 +53,10 @@ class MechanismEquations:
         self.size = first
         self.start = np.concatenate(blocks), np.concatenate(rates)
         gravity = np.array(mechanism.gravity, dtype=np.float64)
-        self._bodies = [self._compile_body(body, gravity) for body in mechanism.bodies]
+        self.bodies = [self._compile_body(body, gravity) for body in mechanism.bodies]
         self._joints = [(j, self._compile_joint(j)) for j in self._all_joints()]
         self._forces = [(f, self._compile_joint(f)) for f in mechanism.forces]
         self.constraints = sum(joint.count for _, joint in self._joints)
-        self.evaluations = 0
         self._fields = np.zeros((3, self.size + 1))
 
     def _all_joints(self) -> list[Constraint]:
@@ -89,7 +88,7 @@ class MechanismEquations:
     @property
     def elements(self) -> int:
         """Number of cells of all bodies."""
-        return sum(len(body.entries) for body in self._bodies)
+        return sum(len(body.entries) for body in self.bodies)
 
     def _set(self, *parts: FloatArray) -> FloatArray:
         """Fields with a zero for entries that are held."""
@@ -99,16 +98,15 @@ class MechanismEquations:
 
     def vector(self, name: str, *state: FloatArray) -> FloatArray:
         """Vector of a form of the bodies at a state (q, q', q'') or the first of these."""
-        self.evaluations += 1
         fields, out = self._set(*state), np.zeros(self.size + 1)
-        for body in self._bodies:
+        for body in self.bodies:
             body.add_vector(name, fields, out)
         return out[:-1]
 
     def matrix(self, name: str, weights: Sequence[float], *state: FloatArray) -> FloatArray:
         """Matrix of a form of the bodies with these weights."""
         fields, out = self._set(*state), np.zeros((self.size + 1, self.size + 1))
-        for body in self._bodies:
+        for body in self.bodies:
             body.add_matrix(name, weights, fields, out)
         return out[:-1, :-1]
 
@@ -117,7 +115,7 @@ class MechanismEquations:
         fields = self._set(q, qd)
         parts = ((1.0, 0.0), (0.0, 1.0))
         kinetic, potential = (
-            sum(body.value("energy", part, fields) for body in self._bodies) for part in parts
+            sum(body.value("energy", part, fields) for body in self.bodies) for part in parts
         )
         return kinetic, potential
 

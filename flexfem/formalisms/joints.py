@@ -19,8 +19,8 @@ from flexfem.formalisms.frames import Frame
 from flexfem.formalisms.matter import Matter
 
 __all__ = [
-    "AppliedForce", "Constraint", "End", "EndState", "Motion", "angle", "coincidence",
-    "coordinates", "on_line", "parallel",
+    "AppliedForce", "Constraint", "End", "EndState", "Motion", "coincidence", "end_angle",
+    "end_position", "evaluate_motion", "on_line", "parallel",
 ]  # fmt: skip
 
 Expr = Any
@@ -156,7 +156,7 @@ def coincidence(first: EndState, second: EndState, data: Expr) -> list[Expr]:
     return [gap[i] for i in range(gap.ufl_shape[0])]
 
 
-def coordinates(end: EndState, data: Expr) -> list[Expr]:
+def end_position(end: EndState, data: Expr) -> list[Expr]:
     """Position of an end relative to the inertial point ``data``."""
     r = end.position
     return [r[i] - data[i] for i in range(r.ufl_shape[0])]
@@ -169,7 +169,7 @@ def on_line(end: EndState, data: Expr) -> list[Expr]:
     return [sum((r[i] - data[i]) * data[n + i] for i in range(n))]
 
 
-def angle(end: EndState, data: Expr) -> list[Expr]:
+def end_angle(end: EndState, data: Expr) -> list[Expr]:
     """Angle of an end in the plane."""
     return [end.angle]
 
