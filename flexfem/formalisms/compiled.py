@@ -14,7 +14,7 @@ import ufl
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.formalisms import loops
-from flexfem.formalisms.derivation import BodyEnergies
+from flexfem.formalisms.derivation import BodyEnergies, kernel_parts
 from flexfem.formalisms.frames import Frame
 from flexfem.formalisms.joints import AppliedForce, Constraint, EndState
 from flexfem.formalisms.matter import Matter
@@ -37,13 +37,15 @@ _ENERGIES: dict[tuple[Any, ...], BodyEnergies] = {}
 
 
 @cache
-def _body_kernel(energies_id: int, name: str) -> tuple[Kernel, tuple[str, ...]]:
-    """Kernel of a form of some energies, and the names of its constants in their order."""
+def _body_kernels(energies_id: int, name: str) -> list[tuple[Kernel, tuple[str, ...]]]:
+    """Kernels of a form of some energies, and the names of their constants in their order."""
     energies = next(e for e in _ENERGIES.values() if id(e) == energies_id)
-    form = getattr(energies, name)
-    kernel = compile_kernel(MPI.COMM_WORLD, form, energies.fields)
     names = {constant: name for name, constant in energies.constants.items()}
-    return kernel, tuple(names[c] for c in form.constants())
+    return [
+        (compile_kernel(MPI.COMM_WORLD, part, energies.fields), tuple(map(names.get, constants)))
+        for part in kernel_parts(getattr(energies, name))
+        for constants in [part.constants()]
+    ]
 
 
 class CompiledBody:
@@ -64,7 +66,7 @@ class CompiledBody:
         self._numbers = {name: np.array([value]) for name, value in numbers.items()}
         axes = energies.constants["gravity"].ufl_shape[0]
         self._numbers["gravity"] = gravity[:axes].copy()
-        self._calls: dict[str, tuple[tuple[Any, ...], FloatArray]] = {}
+        self._calls: dict[str, list[tuple[tuple[Any, ...], FloatArray]]] = {}
 
     def tiled(self, count: int) -> "CompiledBody":
         """The same with its cells repeated up to a number, for timings of kernels."""
@@ -75,35 +77,41 @@ class CompiledBody:
         other._calls = {}
         return other
 
-    def _call(self, name: str, weights: Sequence[float]) -> tuple[Any, ...]:
-        """What a loop over the cells needs before the fields."""
+    def _call(self, name: str, weights: Sequence[float]) -> list[tuple[Any, ...]]:
+        """What loops over the cells need before the fields, for each kernel of a form."""
         if name not in self._calls:
-            kernel, names = _body_kernel(id(self.energies), name)
-            numbers = self._numbers | {"weights": np.zeros(4)}
-            constants = np.concatenate([*(numbers[n] for n in names), np.zeros(1)])
-            before = names[: names.index("weights")] if "weights" in names else names
-            at = sum(len(numbers[n]) for n in before)
-            data = (kernel.address, kernel.offsets, self.entries, self.points, constants)
-            self._calls[name] = data, constants[at : at + 4]
-        data, room = self._calls[name]
+            self._calls[name] = [self._data(*pair) for pair in _body_kernels(id(self.energies), name)]
         if weights:
-            room[:] = 0.0
-            room[: len(weights)] = weights
-        return data
+            for _, room in self._calls[name]:
+                room[:] = 0.0
+                room[: len(weights)] = weights
+        return [data for data, _ in self._calls[name]]
+
+    def _data(self, kernel: Kernel, names: tuple[str, ...]) -> tuple[tuple[Any, ...], FloatArray]:
+        """What a loop needs before the fields, and the place of the weights in it."""
+        numbers = self._numbers | {"weights": np.zeros(4)}
+        constants = np.concatenate([*(numbers[n] for n in names), np.zeros(4)])
+        before = names[: names.index("weights")] if "weights" in names else names
+        at = sum(len(numbers[n]) for n in before)  # behind all constants if there are no weights
+        data = (kernel.address, kernel.offsets, self.entries, self.points, constants)
+        return data, constants[at : at + 4]
 
     def add_vector(self, name: str, fields: FloatArray, out: FloatArray) -> None:
         """Add the vector of a form, for example "lagrange", to ``out`` (n + 1)."""
-        loops.add_vector(*self._call(name, ()), fields, out)
+        for data in self._call(name, ()):
+            loops.add_vector(*data, fields, out)
 
     def add_matrix(
         self, name: str, weights: Sequence[float], fields: FloatArray, out: FloatArray
     ) -> None:
         """Add the matrix of a form with these weights to ``out`` (n + 1, n + 1)."""
-        loops.add_matrix(*self._call(name, weights), fields, out)
+        for data in self._call(name, weights):
+            loops.add_matrix(*data, fields, out)
 
     def value(self, name: str, weights: Sequence[float], fields: FloatArray) -> float:
         """Value of a form without arguments."""
-        return float(loops.evaluate(*self._call(name, weights), fields, 1)[0])
+        calls = self._call(name, weights)
+        return float(sum(loops.evaluate(*data, fields, 1)[0] for data in calls))
 
 
 class CompiledJoint:

@@ -21,7 +21,7 @@ from ufl.algorithms import expand_derivatives
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.corealg.traversal import unique_pre_traversal
 
-from flexfem.formalisms.derivation import BodyEnergies
+from flexfem.formalisms.derivation import BodyEnergies, kernel_parts
 
 __all__ = ["FORMS", "Count", "count_form", "count_formalism"]
 
@@ -64,7 +64,8 @@ def count_form(form: ufl.Form) -> Count:
     integrands = [integral.integrand() for one in lowered for integral in one.integrals()]
     nodes = {node for integrand in integrands for node in unique_pre_traversal(integrand)}
     terms = sum(_terms(integrand, {}) for integrand in integrands)
-    return Count(derivatives, len(nodes), terms, count_operations(form))
+    total = sum(count_operations(part) for part in kernel_parts(form))
+    return Count(derivatives, len(nodes), terms, total)
 
 
 def _derivatives(form: ufl.Form) -> int:
@@ -100,7 +101,7 @@ def _terms(expression: Any, known: dict[Any, int]) -> int:
 
 
 def count_operations(form: ufl.Form) -> int:
-    """Floating-point operations of the kernels generated for a form, for one cell."""
+    """Floating-point operations of the kernel generated for a form, for one cell."""
     from ffcx.analysis import analyze_ufl_objects
     from ffcx.codegeneration.backend import FFCXBackend
     from ffcx.codegeneration.integral_generator import IntegralGenerator

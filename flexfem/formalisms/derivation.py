@@ -24,10 +24,25 @@ import ufl
 from flexfem.formalisms.frames import Frame
 from flexfem.formalisms.matter import Matter
 
-__all__ = ["BodyEnergies"]
+__all__ = ["BodyEnergies", "kernel_parts"]
 
 Expr = Any
 _D = ufl.derivative
+
+
+def kernel_parts(form: ufl.Form) -> list[ufl.Form]:
+    """Parts of a form that may be compiled each as one kernel; those that vanish are left out.
+
+    FFCx takes what has a rule of one point for constant over the cell, and then finds that value
+    also where another rule of the same kernel asks for its own. So one-point rules go apart.
+    """
+    rules: dict[bool, list[Any]] = {}
+    for integral in form.integrals():
+        rules.setdefault(integral.metadata()["quadrature_degree"] <= 1, []).append(integral)
+    parts = [ufl.Form(integrals) for integrals in rules.values()]
+    if len(parts) == 1:
+        return parts
+    return [part for part in parts if not ufl.algorithms.expand_derivatives(part).empty()]
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,9 @@ lagrange       M q'' = Q - F(q, q', 0) - G^T lambda, F by three derivatives of L
 gibbs_appell   the same, F by one derivative of the energy of accelerations
 maggi          A^T (F - Q) = 0: one equation for each independent speed, no multipliers
 hamilton       q' = dH/dp = M^-1 p, p' = -dH/dq + Q - G^T lambda
+
+M may be singular where the constraints see to it that nothing moves without inertia: then q' = dH/dp
+is the solution of M q' = p on the constraints.
 """
 
 from dataclasses import dataclass
@@ -109,7 +112,7 @@ def accelerations(
         # the state of this formalism is (q, p), and what it gives is (q', p')
         p = equations.vector("momentum", q, qd)
         M = equations.matrix("hamilton", (1.0,), q, qd)
-        speeds = scipy.linalg.solve(M, p, assume_a="pos")
+        speeds = solve_constrained(M, G, p, equations.prescribed_rates(t))
         change = equations.matrix("hamilton", (0.0, 1.0), q, speeds) @ speeds
         f = equations.vector("force", q, speeds) + applied
         return solve_constrained(M, G, f - change, given)
@@ -137,12 +140,7 @@ def consistent_start(equations: MechanismEquations, t: float = 0.0) -> tuple[Flo
     """
     q, qd = (part.copy() for part in equations.start)
     M = equations.matrix("hamilton", (1.0,), q, qd)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-300))
-    if np.linalg.eigvalsh(scale[:, None] * M * scale)[0] < 1e-13:
-        raise InputError(
-            f'Mechanism "{equations.mechanism.name}": the mass matrix is singular; a body has no '
-            "mass, or elastic coordinates that move it like its frame must be held"
-        )
+    _check_inertia(equations, M, equations.jacobian(q))
     for _ in range(50):
         gap = equations.gaps(q, t)
         G = equations.jacobian(q)
@@ -159,3 +157,19 @@ def consistent_start(equations: MechanismEquations, t: float = 0.0) -> tuple[Flo
     G = equations.jacobian(q)
     wanted = equations.prescribed_rates(t) - G @ qd
     return q, qd + solve_constrained(M, G, np.zeros(equations.size), wanted)
+
+
+def _check_inertia(equations: MechanismEquations, M: FloatArray, G: FloatArray) -> None:
+    """Refuse motions without inertia that the constraints allow.
+
+    Raises:
+        InputError: there is one.
+    """
+    A = null_space(G, partition(G))
+    own = A.T @ M @ A
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(own), 1e-300))
+    if len(own) and np.linalg.eigvalsh(scale[:, None] * own * scale)[0] < 1e-13:
+        raise InputError(
+            f'Mechanism "{equations.mechanism.name}": the mass matrix is singular; a body has no '
+            "mass, or elastic coordinates that move it like its frame must be held"
+        )

@@ -22,7 +22,7 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.equations import Equations, Motion
 from flexfem.core.status import Status
-from flexfem.formalisms.formalism import Partition, accelerations, null_space, partition
+from flexfem.formalisms.formalism import Partition, accelerations, partition
 from flexfem.formalisms.motion import FormalismMotion
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.integrators.vector_alpha import factor
@@ -46,7 +46,6 @@ class _Point:
     v: FloatArray
     a: FloatArray
     A: FloatArray
-    G: FloatArray
 
 
 class MaggiAlpha:
@@ -83,8 +82,8 @@ class MaggiAlpha:
 
     def step(self, h: float) -> Status:
         """See :class:`Stepper`."""
-        G = self._equations.model.jacobian(self.motion.q)
-        if np.abs(null_space(G, self._split)).max(initial=0.0) > _LARGEST:
+        steep = not self._linearize(self.motion.q)
+        if steep or np.abs(self._slopes).max(initial=0.0) > _LARGEST:
             self._split_at(self.motion.q)
         status = self._attempt(h, False)
         if status is not Status.OK and self._matrix != "updated":
@@ -135,34 +134,44 @@ class MaggiAlpha:
         model, old, scheme, split = self._equations.model, self.motion, self._scheme, self._split
         free, bound, t = split.independent, split.dependent, self.motion.t + h
         q = old.q + step
-        for _ in range(_MOST_CLOSINGS):
-            gap, G = model.gaps(q, t), model.jacobian(q)
-            change = np.linalg.solve(G[:, bound], gap)
+        for k in range(_MOST_CLOSINGS):
+            if k % 3 == 0 and not self._linearize(q):
+                return None
+            change = self._inverse @ model.gaps(q, t)
             q[bound] -= change
             if not np.abs(change).max(initial=0.0) > _CLOSED * max(1.0, np.abs(q).max()):
                 break
         else:
             return None
-        if not np.isfinite(q).all():
+        if not np.isfinite(q).all() or (k and not self._linearize(q)):
             return None
-        G = model.jacobian(q)
         w = (q - old.q - h * old.v) / (scheme.beta * h * h)
         w -= (0.5 - scheme.beta) / scheme.beta * self._w
         v = old.v + h * ((1.0 - scheme.gamma) * self._w + scheme.gamma * w)
         a = (1.0 - scheme.alpha_m) * w + scheme.alpha_m * self._w - scheme.alpha_f * old.a
         a /= 1.0 - scheme.alpha_f
-        for rates, given in (
-            (v, lambda: model.prescribed_rates(t)),
-            (a, lambda: model.prescribed_accelerations(q, v, t)),
-        ):
-            rates[bound] = np.linalg.solve(G[:, bound], given() - G[:, free] @ rates[free])
-        return _Point(q, v, a, null_space(G, split), G)
+        A = np.zeros((len(q), len(free)))
+        A[free, np.arange(len(free))] = 1.0
+        A[bound] = self._slopes
+        v[bound] = self._slopes @ v[free] + self._inverse @ model.prescribed_rates(t)
+        given = model.prescribed_accelerations(q, v, t)
+        a[bound] = self._slopes @ a[free] + self._inverse @ given
+        return _Point(q, v, a, A)
+
+    def _linearize(self, q: FloatArray) -> bool:
+        """Slopes of dependent by independent coordinates; False where there are none."""
+        G, split = self._equations.model.jacobian(q), self._split
+        try:
+            self._inverse = np.linalg.inv(G[:, split.dependent])
+        except np.linalg.LinAlgError:
+            return False
+        self._slopes = -self._inverse @ G[:, split.independent]
+        return bool(np.isfinite(self._slopes).all())
 
     def _renew(self, h: float, scale: float, state: tuple[Any, ...]) -> None:
         """Factorise the iteration matrix A^T (K + C + M) A of a state."""
         t, point, F, dv, da = state
-        bound = self._split.dependent
-        multipliers = -np.linalg.solve(point.G[:, bound].T, F[bound])
+        multipliers = -self._inverse.T @ F[self._split.dependent]
         K = self._equations.force_tangent(t, point.q, point.v, point.a, multipliers, dv, da)
         self._solve = factor(scale * (point.A.T @ K @ point.A))
         self.counters["factorizations"] += 1
