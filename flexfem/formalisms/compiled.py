@@ -42,9 +42,11 @@ def _body_kernels(energies_id: int, name: str) -> list[tuple[Kernel, tuple[str, 
     energies = next(e for e in _ENERGIES.values() if id(e) == energies_id)
     names = {constant: name for name, constant in energies.constants.items()}
     return [
-        (compile_kernel(MPI.COMM_WORLD, part, energies.fields), tuple(map(names.get, constants)))
+        (
+            compile_kernel(MPI.COMM_WORLD, part, energies.fields),
+            tuple(names[constant] for constant in part.constants()),
+        )
         for part in kernel_parts(getattr(energies, name))
-        for constants in [part.constants()]
     ]
 
 
@@ -80,7 +82,8 @@ class CompiledBody:
     def _call(self, name: str, weights: Sequence[float]) -> list[tuple[Any, ...]]:
         """What loops over the cells need before the fields, for each kernel of a form."""
         if name not in self._calls:
-            self._calls[name] = [self._data(*pair) for pair in _body_kernels(id(self.energies), name)]
+            kernels = _body_kernels(id(self.energies), name)
+            self._calls[name] = [self._data(*pair) for pair in kernels]
         if weights:
             for _, room in self._calls[name]:
                 room[:] = 0.0
@@ -99,19 +102,21 @@ class CompiledBody:
     def add_vector(self, name: str, fields: FloatArray, out: FloatArray) -> None:
         """Add the vector of a form, for example "lagrange", to ``out`` (n + 1)."""
         for data in self._call(name, ()):
-            loops.add_vector(*data, fields, out)
+            loops.add_vector(*data, fields, out)  # type: ignore[call-arg]
 
     def add_matrix(
         self, name: str, weights: Sequence[float], fields: FloatArray, out: FloatArray
     ) -> None:
         """Add the matrix of a form with these weights to ``out`` (n + 1, n + 1)."""
         for data in self._call(name, weights):
-            loops.add_matrix(*data, fields, out)
+            loops.add_matrix(*data, fields, out)  # type: ignore[call-arg]
 
     def value(self, name: str, weights: Sequence[float], fields: FloatArray) -> float:
         """Value of a form without arguments."""
-        calls = self._call(name, weights)
-        return float(sum(loops.evaluate(*data, fields, 1)[0] for data in calls))
+        total = 0.0
+        for data in self._call(name, weights):
+            total += loops.evaluate(*data, fields, 1)[0]  # type: ignore[call-arg]
+        return float(total)
 
 
 class CompiledJoint:
@@ -165,7 +170,8 @@ class CompiledJoint:
         dx = ufl.dx(metadata={"quadrature_degree": 0})
         z, zd = self._z, self._zd
         test = ufl.TestFunction(self._space(self.count))
-        own, change = (make(z.ufl_function_space()) for make in (ufl.TestFunction, ufl.TrialFunction))
+        space = z.ufl_function_space()
+        own, change = ufl.TestFunction(space), ufl.TrialFunction(space)
         weighted = sum(test[i] * e for i, e in enumerate(values)) * dx
         work = sum(self._multipliers[i] * e for i, e in enumerate(values)) * dx
         return {
@@ -191,12 +197,13 @@ class CompiledJoint:
     def _evaluate(
         self, name: str, fields: FloatArray, size: int, multipliers: FloatArray | None = None
     ) -> FloatArray:
-        if self._kernels[name] is None:
+        compiled = self._kernels[name]
+        if compiled is None:
             return np.zeros(size)
-        _, data, room = self._kernels[name]
+        _, data, room = compiled
         if multipliers is not None:
             room[:] = multipliers
-        result: FloatArray = loops.evaluate(*data, fields, size)
+        result: FloatArray = loops.evaluate(*data, fields, size)  # type: ignore[call-arg]
         return result
 
     def values(self, fields: FloatArray) -> FloatArray:
@@ -237,5 +244,3 @@ def _states(
         states.append(EndState(frame, g, matter, x, u))
     rest = range(3 * len(ends), constant.ufl_shape[0])
     return [*states, ufl.as_vector([constant[j] for j in rest])]
-
-

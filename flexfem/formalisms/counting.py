@@ -88,7 +88,7 @@ def _terms(expression: Any, known: dict[Any, int]) -> int:
     elif isinstance(expression, ufl.algebra.Sum):
         count = sum(parts)
     elif isinstance(expression, ufl.algebra.Power):
-        exponent = expression.ufl_operands[1]
+        exponent: Any = expression.ufl_operands[1]
         count = parts[0] ** int(exponent) if float(exponent) in (1.0, 2.0, 3.0) else 1
     elif isinstance(expression, ufl.tensors.ListTensor):
         count = sum(parts)
@@ -108,7 +108,7 @@ def count_operations(form: ufl.Form) -> int:
     from ffcx.ir.representation import compute_ir
     from ffcx.options import get_options
 
-    options = get_options({})
+    options: dict[str, Any] = dict(get_options({}))
     analysis = analyze_ufl_objects([form], options["scalar_type"])
     ir = compute_ir(analysis, {}, "counted", options, False)
     total = 0
@@ -127,14 +127,14 @@ def _operations(node: Any) -> int:
         times = int(node.end.value) - int(node.begin.value)
         return times * _operations(node.body)
     own = 0
-    if isinstance(node, lnodes.Add | lnodes.Sub | lnodes.Mul | lnodes.Div | lnodes.Neg):
+    arithmetic = (
+        lnodes.Add, lnodes.Sub, lnodes.Mul, lnodes.Div, lnodes.Neg, lnodes.MathFunction,
+        lnodes.AssignAdd, lnodes.AssignSub, lnodes.AssignMul, lnodes.AssignDiv,
+    )  # fmt: skip
+    if isinstance(node, arithmetic):
         own = 1
     elif isinstance(node, lnodes.Sum | lnodes.Product):
         own = len(node.args) - 1
-    elif isinstance(node, lnodes.MathFunction):
-        own = 1
-    elif isinstance(node, lnodes.AssignOp) and not isinstance(node, lnodes.Assign):
-        own = 1
     return own + sum(_operations(part) for part in _parts(node))
 
 

@@ -27,10 +27,11 @@ from flexfem.formalisms.matter import Matter
 __all__ = ["BodyEnergies", "kernel_parts"]
 
 Expr = Any
+Form = Any
 _D = ufl.derivative
 
 
-def kernel_parts(form: ufl.Form) -> list[ufl.Form]:
+def kernel_parts(form: Form) -> list[Form]:
     """Parts of a form that may be compiled each as one kernel; those that vanish are left out.
 
     FFCx takes what has a rule of one point for constant over the cell, and then finds that value
@@ -74,9 +75,7 @@ class BodyEnergies:
     def space(self) -> ufl.FunctionSpace:
         """Space of all coordinates of a cell: elastic ones first, then those of the frame."""
         rigid = basix.ufl.element("DG", self.matter.cell, 0, shape=(self.frame.count,))
-        return ufl.FunctionSpace(
-            self.mesh, basix.ufl.mixed_element([self.elastic_element, rigid])
-        )
+        return ufl.FunctionSpace(self.mesh, basix.ufl.mixed_element([self.elastic_element, rigid]))
 
     @cached_property
     def fields(self) -> tuple[ufl.Coefficient, ufl.Coefficient, ufl.Coefficient]:
@@ -85,10 +84,11 @@ class BodyEnergies:
 
     @cached_property
     def constants(self) -> dict[str, ufl.Constant]:
-        """Numbers of the matter, "damping" (s), "gravity" (m/s^2) and "weights" of sums of forms."""
+        """Numbers of the matter, "damping" (s), "gravity" (m/s^2), "weights" of sums of forms."""
         x, u = ufl.SpatialCoordinate(self.mesh), ufl.split(self.fields[0])[0]
         axes = max(self.frame.dimension, self.matter.place(x, u).ufl_shape[0])
-        shapes = {name: () for name in [*self.matter.parameters, "damping"]}
+        names = [*self.matter.parameters, "damping"]
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(names, ())
         shapes |= {"gravity": (axes,), "weights": (4,)}
         return {name: ufl.Constant(self.mesh, shape=shape) for name, shape in shapes.items()}
 
@@ -121,22 +121,22 @@ class BodyEnergies:
         return [_D(r, q, qd) for _, r, _ in self.positions]
 
     @cached_property
-    def kinetic(self) -> ufl.Form:
+    def kinetic(self) -> Form:
         """Ec."""
         return self._inertia(self.velocities)
 
     @cached_property
-    def of_accelerations(self) -> ufl.Form:
+    def of_accelerations(self) -> Form:
         """Ea, the energy of accelerations (Gibbs' function)."""
         return self._inertia([self.rate(v) for v in self.velocities])
 
-    def _strain(self, field: ufl.Coefficient) -> ufl.Form:
+    def _strain(self, field: ufl.Coefficient) -> Form:
         u = ufl.split(field)[0]
         dx = ufl.dx(metadata={"quadrature_degree": self.matter.strain_degree})
         return self.matter.strain_energy(u, self.constants) * dx
 
     @cached_property
-    def potential(self) -> ufl.Form:
+    def potential(self) -> Form:
         """Strain energy and potential of gravity."""
         dx = ufl.dx(metadata={"quadrature_degree": 2 * self.matter.degree})
         g = self.constants["gravity"]
@@ -144,52 +144,52 @@ class BodyEnergies:
         return self._strain(self.fields[0]) - weight * dx
 
     @cached_property
-    def dissipation(self) -> ufl.Form:
+    def dissipation(self) -> Form:
         """Rayleigh's function: the strain energy of the rates times the damping."""
         return self.constants["damping"] * self._strain(self.fields[1])
 
     @cached_property
-    def lagrangian(self) -> ufl.Form:
+    def lagrangian(self) -> Form:
         """L = Ec - V."""
         return self.kinetic - self.potential
 
     @cached_property
-    def _test(self) -> ufl.Argument:
+    def _test(self) -> Expr:
         return ufl.TestFunction(self.space)
 
     @cached_property
-    def _trial(self) -> ufl.Argument:
+    def _trial(self) -> Expr:
         return ufl.TrialFunction(self.space)
 
     @cached_property
-    def momentum(self) -> ufl.Form:
+    def momentum(self) -> Form:
         """dL/dq': the momenta p."""
         return _D(self.lagrangian, self.fields[1], self._test)
 
     @cached_property
-    def _damping(self) -> ufl.Form:
+    def _damping(self) -> Form:
         return _D(self.dissipation, self.fields[1], self._test)
 
     @cached_property
-    def force(self) -> ufl.Form:
+    def force(self) -> Form:
         """dL/dq - dD/dq': the rates of the momenta without applied forces, -dH/dq + Q."""
         return _D(self.lagrangian, self.fields[0], self._test) - self._damping
 
     @cached_property
-    def lagrange(self) -> ufl.Form:
+    def lagrange(self) -> Form:
         """d/dt dL/dq' - dL/dq + dD/dq': three derivatives."""
         slope = _D(self.lagrangian, self.fields[0], self._test)
         return self.rate(self.momentum) - slope + self._damping
 
     @cached_property
-    def gibbs_appell(self) -> ufl.Form:
+    def gibbs_appell(self) -> Form:
         """dEa/dq'' + dV/dq + dD/dq': one derivative of the inertia."""
         q, _, qdd = self.fields
         slope = _D(self.potential, q, self._test)
         return _D(self.of_accelerations, qdd, self._test) + slope + self._damping
 
     @cached_property
-    def tangent(self) -> ufl.Form:
+    def tangent(self) -> Form:
         """weights[0] dF/dq + weights[1] dF/dq' + weights[2] dF/dq'' of the equations F.
 
         The equations of Lagrange and of Gibbs and Appell are the same functions, so that their
@@ -200,8 +200,8 @@ class BodyEnergies:
         return sum(terms, start=ufl.Form([]))
 
     @cached_property
-    def hamilton(self) -> ufl.Form:
-        """weights . (dp/dq', dp/dq, df/dq, df/dq') of momenta p and forces f."""
+    def hamilton(self) -> Form:
+        """Momenta p and forces f: weights . (dp/dq', dp/dq, df/dq, df/dq')."""
         q, qd, _ = self.fields
         p, f, w = self.momentum, self.force, self.constants["weights"]
         pairs = [(p, qd), (p, q), (f, q), (f, qd)]
@@ -209,7 +209,7 @@ class BodyEnergies:
         return sum(terms, start=ufl.Form([]))
 
     @cached_property
-    def energy(self) -> ufl.Form:
+    def energy(self) -> Form:
         """weights[0] Ec + weights[1] V."""
         w = self.constants["weights"]
         return w[0] * self.kinetic + w[1] * self.potential

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray
 from flexfem.formalisms.compiled import CompiledBody, CompiledJoint, energies_of
 from flexfem.formalisms.joints import AppliedForce, Constraint, End, evaluate_motion
 from flexfem.formalisms.mechanism import EnergyBody, Mechanism
@@ -195,5 +195,3 @@ def _norm(end: Any, data: Any) -> list[Any]:
     """Constraint of the coordinates of a spatial frame."""
     result: list[Any] = end.frame.norm(end.g)
     return result
-
-

@@ -9,8 +9,8 @@ gibbs_appell   the same, F by one derivative of the energy of accelerations
 maggi          A^T (F - Q) = 0: one equation for each independent speed, no multipliers
 hamilton       q' = dH/dp = M^-1 p, p' = -dH/dq + Q - G^T lambda
 
-M may be singular where the constraints see to it that nothing moves without inertia: then q' = dH/dp
-is the solution of M q' = p on the constraints.
+M may be singular where the constraints see to it that nothing moves without inertia: q' = dH/dp is
+the solution of M q' = p on the constraints.
 """
 
 from dataclasses import dataclass
@@ -130,7 +130,9 @@ def accelerations(
     return result
 
 
-def consistent_start(equations: MechanismEquations, t: float = 0.0) -> tuple[FloatArray, FloatArray]:
+def consistent_start(
+    equations: MechanismEquations, t: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """Declared coordinates and rates, moved the least until they satisfy the constraints.
 
     "The least" is measured by the kinetic energy of the change.

@@ -76,8 +76,9 @@ class EndState:
     @property
     def angle(self) -> Expr:
         """Angle of a frame in the plane, plus the rotation of a plane beam's node (rad)."""
-        beam = self.u is not None and self.u.ufl_shape[0] == 3 and self.matter.cell == "interval"
-        return self.g[2] + (self.u[2] if beam else 0.0)
+        if self.u is None or self.matter.cell != "interval" or self.u.ufl_shape[0] != 3:
+            return self.g[2]
+        return self.g[2] + self.u[2]
 
 
 Function = Callable[..., Sequence[Expr]]
@@ -109,7 +110,7 @@ class Constraint:
         """Check the arguments."""
         _check_joint(self)
         if self.motion is not None and not callable(self.motion):
-            raise TypeError(f'{self.owner}: motion must be a function, got {self.motion!r}')
+            raise TypeError(f"{self.owner}: motion must be a function, got {self.motion!r}")
 
     @property
     def owner(self) -> str:
@@ -142,7 +143,7 @@ class AppliedForce:
         """Check the arguments."""
         _check_joint(self)
         if not callable(self.force):
-            raise TypeError(f'{self.owner}: force must be a function, got {self.force!r}')
+            raise TypeError(f"{self.owner}: force must be a function, got {self.force!r}")
 
     @property
     def owner(self) -> str:

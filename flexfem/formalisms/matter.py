@@ -299,7 +299,7 @@ class Solid:
 
 
 def _isotropic(u: Expr, c: Mapping[str, Expr]) -> Expr:
-    """Energy of an isotropic material from the constants "first" (of the dilatation) and "shear"."""
+    """Energy of an isotropic material: "first" is the modulus of the dilatation."""
     import ufl
 
     strain = ufl.sym(ufl.grad(u))

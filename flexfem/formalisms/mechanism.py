@@ -143,12 +143,13 @@ class Mechanism:
             _checks.instance(owner, "a joint", joint, Constraint)
         for force in self.forces:
             _checks.instance(owner, "a force", force, AppliedForce)
-        names = [thing.name for thing in (*self.bodies, *self.joints, *self.forces)]
+        acting: list[Constraint | AppliedForce] = [*self.joints, *self.forces]
+        names = [body.name for body in self.bodies] + [one.name for one in acting]
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f'{owner}: the name "{name}" is used twice')
         known = {body.name for body in self.bodies}
-        ends = [(one.owner, end) for one in (*self.joints, *self.forces) for end in one.ends]
+        ends = [(one.owner, end) for one in acting for end in one.ends]
         if self.observed is not None:
             ends.append((f"{owner}, observed", self.observed))
         for user, end in ends:

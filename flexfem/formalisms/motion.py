@@ -7,6 +7,7 @@ object: see ``integrators.maggi_alpha`` and ``integrators.hamilton_midpoint``.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ class FormalismMotion(Equations):
         position = self.model.position(self._end, motion.q)
         return [*position, sum(self.model.energy(motion.q, motion.v))]
 
-    def summary(self) -> Mapping[str, object]:
+    def summary(self) -> Mapping[str, Any]:
         """See :class:`Equations`."""
         return {
             "formalism": self.formalism,

@@ -35,9 +35,9 @@ def cost_rows(study: FormalismStudy, options: RunOptions, comm: MPI.Comm) -> lis
 
     Columns after the labels: ``formalism``; ``derivatives``, ``nodes``, ``terms``, ``operations``
     per cell, see :mod:`flexfem.formalisms.counting`; ``unknowns`` and ``multipliers`` of the
-    mechanism; ``microseconds_per_cell`` of the kernels of the equations of motion; ``milliseconds_accelerations``
-    from a state to the accelerations, matrices and solution included; ``iterations_per_step`` and
-    ``milliseconds_per_step``.
+    mechanism; ``microseconds_per_cell`` of the kernels of the equations of motion;
+    ``milliseconds_accelerations`` from a state to the accelerations, matrices and solution
+    included; ``iterations_per_step`` and ``milliseconds_per_step``.
     """
     rows = []
     for key, mechanism in study.mechanisms.items():
@@ -147,7 +147,7 @@ def _cell(value: Any) -> str:
 
 
 def findings(rows: Sequence[Row], labels: Sequence[str]) -> str:
-    """What the figures say of the claims that Gibbs–Appell is the cheapest and Hamilton the dearest.
+    """What the figures say of claims that Gibbs–Appell is the cheapest and Hamilton the dearest.
 
     Every formalism is compared with Lagrange's on the same mechanism; without that there is nothing
     to compare with.

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from mpi4py import MPI
 
@@ -22,10 +22,10 @@ from flexfem.integrators.maggi_alpha import MaggiAlpha
 from flexfem.integrators.vector_alpha import VectorAlpha
 from flexfem.io.vtu_series import VtuSeries
 
-__all__ = ["SCHEMES", "BodyPictures", "DrawnMotion", "SideBySide"]
+__all__ = ["BodyPictures", "DrawnMotion", "SideBySide"]
 
 #: Scheme in time of each formalism.
-SCHEMES = {
+_SCHEMES: dict[str, Callable[[], Stepper]] = {
     "lagrange": VectorAlpha, "gibbs_appell": VectorAlpha, "maggi": MaggiAlpha,
     "hamilton": HamiltonMidpoint,
 }  # fmt: skip
@@ -43,7 +43,9 @@ class BodyPictures(FieldSeries):
         resume: float | None,
     ) -> None:  # fmt: skip
         """Open the series (collective); the first rank writes."""
-        self._comm, self._series, self._parts = comm, {}, {}
+        self._comm = comm
+        self._series: dict[str, VtuSeries] = {}
+        self._parts: dict[str, list[Any]] = {}
         for number, nodes in enumerate(model.nodes.values()):
             kind = _VTK[nodes.body.matter.cell]
             if kind not in self._series:
@@ -83,7 +85,7 @@ class DrawnMotion(FormalismMotion):
     def __init__(self, model: MechanismEquations, formalism: str) -> None:
         """Bring the declared state to the constraints."""
         super().__init__(model, formalism)
-        self.stepper = SCHEMES[formalism]()
+        self.stepper = _SCHEMES[formalism]()
 
     def fields(self, folder: Path, comm: Any, resume: float | None) -> BodyPictures:
         """See :class:`flexfem.core.equations.Equations`."""
@@ -102,10 +104,12 @@ class SideBySide(Equations):
     def __init__(self, model: MechanismEquations, formalisms: Sequence[str]) -> None:
         """Bring the declared state to the constraints."""
         self.motions = [DrawnMotion(model, name) for name in formalisms]
-        self.size = sum(motion.summary()["unknowns"] for motion in self.motions)  # type: ignore
-        self.multipliers = sum(motion.summary()["multipliers"] for motion in self.motions)  # type: ignore
+        sizes = [motion.summary() for motion in self.motions]
+        self.size = sum(size["unknowns"] for size in sizes)
+        self.multipliers = sum(size["multipliers"] for size in sizes)
         self.columns = [f"{m.formalism}_{name}" for m in self.motions for name in m.columns]
-        self.stepper: _Together = _Together(self.motions)
+        self._together = _Together(self.motions)
+        self.stepper = cast(Stepper, self._together)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """See :class:`flexfem.core.equations.Equations`."""
@@ -113,12 +117,18 @@ class SideBySide(Equations):
 
     def observe(self, motion: Motion) -> Sequence[float]:
         """See :class:`flexfem.core.equations.Equations`."""
-        pairs = zip(self.motions, self.stepper.steppers, strict=True)
+        pairs = zip(self.motions, self._together.steppers, strict=True)
         return [value for own, stepper in pairs for value in own.observe(stepper.motion)]
 
     def fields(self, folder: Path, comm: Any, resume: float | None) -> BodyPictures:
         """See :class:`flexfem.core.equations.Equations`."""
         return self.motions[0].fields(folder, comm, resume)
+
+    def summary(self) -> Mapping[str, Any]:
+        """See :class:`flexfem.core.equations.Equations`."""
+        names = [motion.formalism for motion in self.motions]
+        seconds = self._together.seconds.tolist()
+        return {"wall_seconds_of_formalisms": dict(zip(names, seconds, strict=True))}
 
     def identity(self) -> Mapping[str, str]:
         """See :class:`flexfem.core.equations.Equations`."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -27,7 +28,7 @@ __all__ = ["compare", "simulate"]
 class _Source:
     """What the driver of equations runs."""
 
-    drivers = Mechanism.drivers
+    drivers: Mapping[str, str] = Mechanism.drivers
 
     def __init__(self, mechanism: Mechanism, formalisms: tuple[str, ...]) -> None:
         self._mechanism, self._formalisms = mechanism, formalisms

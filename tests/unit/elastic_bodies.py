@@ -57,8 +57,8 @@ def chord(length: float, components: int, rotations: bool) -> Callable[[FloatArr
 
 
 def body(
-    name: str, element: str, spatial: bool, length: float, *, elements: int = 1, damping: float = 0.0,
-    degree: int = 1, **start: Any,
+    name: str, element: str, spatial: bool, length: float, *, elements: int = 1,
+    damping: float = 0.0, degree: int = 1, **start: Any,
 ) -> ff.EnergyBody:  # fmt: skip
     own = matter(element, spatial, damping=damping, degree=degree)
     frame = ff.SpatialFrame() if spatial else ff.PlanarFrame()

@@ -8,9 +8,10 @@ closed forms.
 
 from dataclasses import replace
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 import flexfem as ff
 from flexfem.formalisms.compiled import energies_of
@@ -27,7 +28,9 @@ def relative(a, b):
     return np.abs(np.asarray(a) - b).max() / np.abs(b).max()
 
 
-@pytest.fixture(scope="module", params=KINDS, ids=lambda kind: f"{kind[0]}-{'planar spatial'.split()[kind[1]]}")
+@pytest.fixture(
+    scope="module", params=KINDS, ids=lambda kind: f"{kind[0]}-{['planar', 'spatial'][kind[1]]}"
+)
 def pair(request):
     return MechanismEquations(eb.pair(*request.param, damping=0.01))
 
@@ -62,8 +65,12 @@ def test_equations_agree_away_from_any_motion(pair, rng):
 @pytest.mark.serial
 def test_momenta_and_forces_are_differences_of_the_energies(pair, rng):
     """Only the energies are evaluated: no derivative of UFL is trusted."""
-    pair = pair if not pair.mechanism.bodies[0].matter.damping else MechanismEquations(
-        replace(pair.mechanism, bodies=[_undamped(b) for b in pair.mechanism.bodies])
+    pair = (
+        pair
+        if not pair.mechanism.bodies[0].matter.damping
+        else MechanismEquations(
+            replace(pair.mechanism, bodies=[_undamped(b) for b in pair.mechanism.bodies])
+        )
     )
     q, v = eb.random_state(pair, rng)
 
@@ -126,8 +133,10 @@ class Hand:
         rho = material.density
         spin, eps, rest = (Constant(mesh, np.zeros(3)) for _ in range(3))
         turn = lambda b: ufl.cross(spin, ufl.cross(spin, b))  # noqa: E731
-        lame = material.youngs_modulus * material.poisson_ratio / (
-            (1 + material.poisson_ratio) * (1 - 2 * material.poisson_ratio)
+        lame = (
+            material.youngs_modulus
+            * material.poisson_ratio
+            / ((1 + material.poisson_ratio) * (1 - 2 * material.poisson_ratio))
         )
         strain = lambda b: ufl.sym(ufl.grad(b))  # noqa: E731
         stress = lame * ufl.tr(strain(u)) * ufl.Identity(3) + 2 * material.shear_modulus * strain(u)
