@@ -14,6 +14,7 @@ operations    additions, subtractions, multiplications, divisions and function c
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import ufl
@@ -51,6 +52,7 @@ class Count:
         )  # fmt: skip
 
 
+@cache
 def count_formalism(formalism: str, energies: BodyEnergies) -> Count:
     """Sizes of all forms of a formalism."""
     counts = [count_form(getattr(energies, name)) for name in FORMS[formalism]]

@@ -28,6 +28,7 @@ class MechanismEquations:
         start: (q, q') as declared, not yet consistent with the constraints.
         nodes: meshes of the bodies and the places of their nodes among the coordinates, by name.
         bodies: their cells and kernels.
+        of_frames: (n,) which coordinates are those of frames.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -52,6 +53,9 @@ class MechanismEquations:
             rates += [gd, elastic]
         self.size = first
         self.start = np.concatenate(blocks), np.concatenate(rates)
+        self.of_frames = np.zeros(first, dtype=bool)
+        for nodes in self.nodes.values():
+            self.of_frames[nodes.first : nodes.first + nodes.body.frame.count] = True
         gravity = np.array(mechanism.gravity, dtype=np.float64)
         self.bodies = [self._compile_body(body, gravity) for body in mechanism.bodies]
         self._joints = [(j, self._compile_joint(j)) for j in self._all_joints()]

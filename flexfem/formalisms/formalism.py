@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.formalisms.equations import MechanismEquations
 
 __all__ = ["Partition", "accelerations", "consistent_start", "null_space", "saddle", "unknowns"]
@@ -68,8 +68,15 @@ class Partition:
     independent: IntArray
 
 
-def partition(G: FloatArray) -> Partition:
+def partition(G: FloatArray, preferred: BoolArray) -> Partition:
     """Choose dependent coordinates by pivoting, largest first.
+
+    Those of frames are preferred: elastic forces do not depend on them, so that the stiff part of
+    A^T K A stays the same while a body turns, and a matrix can be kept.
+
+    Args:
+        G: constraint Jacobian (m, n).
+        preferred: (n,) coordinates that are taken where they are not a tenth of others.
 
     Raises:
         InputError: the constraints are redundant.
@@ -77,7 +84,7 @@ def partition(G: FloatArray) -> Partition:
     m, n = G.shape
     if m == 0:
         return Partition(np.zeros(0, dtype=np.int64), np.arange(n))
-    R, order = scipy.linalg.qr(G, pivoting=True, mode="r")
+    R, order = scipy.linalg.qr(np.where(preferred, 10.0, 1.0) * G, pivoting=True, mode="r")
     pivots = np.abs(np.diag(R))
     if m > n or pivots[-1] <= _RANK * pivots[0]:
         raise InputError("the constraints of the mechanism hold the same motion twice")
@@ -121,7 +128,7 @@ def accelerations(
     F = equations.vector(name, q, qd, zero) - applied
     if formalism != "maggi":
         return solve_constrained(M, G, -F, given)
-    split = partition(G)
+    split = partition(G, equations.of_frames)
     A, particular = null_space(G, split), np.zeros(n)
     if len(split.dependent):
         particular[split.dependent] = np.linalg.solve(G[:, split.dependent], given)
@@ -146,7 +153,7 @@ def consistent_start(
     for _ in range(50):
         gap = equations.gaps(q, t)
         G = equations.jacobian(q)
-        partition(G)
+        partition(G, equations.of_frames)
         step = solve_constrained(M, G, np.zeros(equations.size), -gap)
         q += step
         if np.abs(step).max() <= 1e-13 * max(1.0, np.abs(q).max()):
@@ -167,7 +174,7 @@ def _check_inertia(equations: MechanismEquations, M: FloatArray, G: FloatArray) 
     Raises:
         InputError: there is one.
     """
-    A = null_space(G, partition(G))
+    A = null_space(G, partition(G, equations.of_frames))
     own = A.T @ M @ A
     scale = 1.0 / np.sqrt(np.maximum(np.diag(own), 1e-300))
     if len(own) and np.linalg.eigvalsh(scale[:, None] * own * scale)[0] < 1e-13:

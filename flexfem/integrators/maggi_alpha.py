@@ -40,12 +40,15 @@ _LARGEST = 20.0
 
 @dataclass
 class _Point:
-    """A state on the constraints, with the null space there."""
+    """A state on the constraints, with the slopes of dependent by independent coordinates.
+
+    They are what is not the identity in the basis A of the null space.
+    """
 
     q: FloatArray
     v: FloatArray
     a: FloatArray
-    A: FloatArray
+    slopes: FloatArray
 
 
 class MaggiAlpha:
@@ -77,7 +80,8 @@ class MaggiAlpha:
         self._tolerance, self._matrix = options.tolerance, options.iteration_matrix
 
     def _split_at(self, q: FloatArray) -> None:
-        self._split: Partition = partition(self._equations.model.jacobian(q))
+        model = self._equations.model
+        self._split: Partition = partition(model.jacobian(q), model.of_frames)
         self._kept = None
 
     def step(self, h: float) -> Status:
@@ -92,7 +96,8 @@ class MaggiAlpha:
 
     def _attempt(self, h: float, fresh: bool) -> Status:
         """One step; with ``fresh`` matrices in every iteration."""
-        old, scheme, free = self.motion, self._scheme, self._split.independent
+        old, scheme = self.motion, self._scheme
+        free, bound = self._split.independent, self._split.dependent
         scale, weight = scheme.beta * h * h, (1.0 - scheme.alpha_m) / (1.0 - scheme.alpha_f)
         shifts = scheme.gamma / (scheme.beta * h), weight / scale
         step, last, t = h * old.v + 0.5 * h * h * self._w, np.inf, old.t + h
@@ -110,7 +115,9 @@ class MaggiAlpha:
                 self._renew(h, scale, (t, point, F, *shifts))
                 if self._solve is None:
                     return Status.SINGULAR
-            delta = point.A @ self._solve(-scale * (point.A.T @ F))
+            own = self._solve(-scale * (F[free] + F[bound] @ point.slopes))  # A^T F
+            delta = np.empty(len(F))
+            delta[free], delta[bound] = own, point.slopes @ own
             self.counters["newton_iterations"] += 1
             step = step + delta
             size = float(np.abs(delta).max(initial=0.0))
@@ -150,13 +157,10 @@ class MaggiAlpha:
         v = old.v + h * ((1.0 - scheme.gamma) * self._w + scheme.gamma * w)
         a = (1.0 - scheme.alpha_m) * w + scheme.alpha_m * self._w - scheme.alpha_f * old.a
         a /= 1.0 - scheme.alpha_f
-        A = np.zeros((len(q), len(free)))
-        A[free, np.arange(len(free))] = 1.0
-        A[bound] = self._slopes
         v[bound] = self._slopes @ v[free] + self._inverse @ model.prescribed_rates(t)
         given = model.prescribed_accelerations(q, v, t)
         a[bound] = self._slopes @ a[free] + self._inverse @ given
-        return _Point(q, v, a, A)
+        return _Point(q, v, a, self._slopes)
 
     def _linearize(self, q: FloatArray) -> bool:
         """Slopes of dependent by independent coordinates; False where there are none."""
@@ -173,7 +177,10 @@ class MaggiAlpha:
         t, point, F, dv, da = state
         multipliers = -self._inverse.T @ F[self._split.dependent]
         K = self._equations.force_tangent(t, point.q, point.v, point.a, multipliers, dv, da)
-        self._solve = factor(scale * (point.A.T @ K @ point.A))
+        free, bound, S = self._split.independent, self._split.dependent, point.slopes
+        own = K[np.ix_(free, free)] + K[np.ix_(free, bound)] @ S
+        own += S.T @ (K[np.ix_(bound, free)] + K[np.ix_(bound, bound)] @ S)
+        self._solve = factor(scale * own)
         self.counters["factorizations"] += 1
         self._kept = None if self._solve is None else h
 
