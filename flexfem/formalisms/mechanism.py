@@ -98,7 +98,7 @@ class EnergyBody:
         return mask
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Mechanism:
     """Bodies described by energies, joints and forces.
 
@@ -121,6 +121,10 @@ class Mechanism:
     observed: End | None = None
 
     drivers: ClassVar[dict[str, str]] = {"dynamics": "flexfem.simulation.formalisms:simulate"}
+
+    def __repr__(self) -> str:
+        """How messages call it."""
+        return f'Mechanism "{self.name}"'
 
     def validate(self) -> None:
         """Check that everything named exists.

@@ -11,7 +11,7 @@ from flexfem.formalisms.mechanism import FORMALISMS, Mechanism
 __all__ = ["FormalismStudy"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FormalismStudy:
     """Mechanisms whose equations several formalisms set up, with what each costs.
 
@@ -31,6 +31,10 @@ class FormalismStudy:
     steps: int = 10
 
     drivers: ClassVar[dict[str, str]] = {"dynamics": "flexfem.simulation.formalisms:compare"}
+
+    def __repr__(self) -> str:
+        """How messages call it."""
+        return f"FormalismStudy of {len(self.mechanisms)} mechanisms"
 
     def validate(self) -> None:
         """Check that everything fits.
