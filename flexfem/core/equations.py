@@ -17,26 +17,34 @@ whose ``equations(comm)`` does the expensive part when the run starts::
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
 
-__all__ = ["DRIVER", "Equations", "FieldSeries", "Motion", "Stepper"]
+__all__ = ["DRIVER", "Equations", "Motion", "Picture", "Stepper"]
 
 #: What carries out the motion in time of a source of equations.
 DRIVER = "flexfem.simulation.equations:simulate_equations"
 
 
-class FieldSeries(Protocol):
-    """Pictures of the motion."""
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What is seen at one instant, for a series of ParaView files.
 
-    def write(self, t: float, step: int, motion: "Motion") -> None:
-        """Write one instant (collective)."""
+    Attributes:
+        points: (n, 3), m.
+        cells: (k, nodes of a cell), numbers of points.
+        cell_type: "vertex", "line", "triangle" or "quad".
+        point_data, cell_data: arrays by name, (n, ...) and (k, ...).
+    """
 
-    def close(self) -> None:
-        """End the series (collective)."""
+    points: FloatArray
+    cells: IntArray
+    cell_type: str
+    point_data: Mapping[str, FloatArray] = field(default_factory=dict)
+    cell_data: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 class Motion:
@@ -111,9 +119,9 @@ class Equations:
         """One number per column."""
         raise NotImplementedError
 
-    def fields(self, folder: Path, comm: Any, resume: float | None) -> FieldSeries | None:
-        """Pictures in a folder, continued from a time on where it is given; None without any."""
-        return None
+    def pictures(self, motion: Motion) -> Mapping[str, Picture]:
+        """What is seen, by the names of the series, the same ones at all instants."""
+        return {}
 
     def summary(self) -> Mapping[str, Any]:
         """More entries of ``summary.json``."""

@@ -27,6 +27,7 @@ from flexfem.io.atomic import raise_together
 from flexfem.io.history import AngleColumns, HistoryWriter
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
+from flexfem.io.vtu_series import VtuSeries
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.interruption import Agreement, interruption
@@ -188,11 +189,12 @@ class _Records:
         self._columns = list(equations.columns)
         self._angles = AngleColumns(self._columns, list(equations.angles))
         self._rows: list[FloatArray] = []
-        self._table = self._fields = None
+        self._folder = options.output
+        self._table: HistoryWriter | None = None
+        self._series: dict[str, VtuSeries] = {}
         row = None if resume is None else resume.values["history"]
-        start = None if row is None else float(row[0])
+        self._resume = start = None if row is None else float(row[0])
         if options.output is not None:
-            self._fields = equations.fields(options.output, comm, start)
             self._table = HistoryWriter(
                 options.output / "history.csv", self._columns, comm, resume=start
             )
@@ -214,15 +216,24 @@ class _Records:
         self._rows.append(np.concatenate([[motion.t], row]))
         if self._table is not None:
             self._table.write(motion.t, row)
-        if self._fields is not None and (last or step % self._every == 0):
-            self._fields.write(motion.t, step, motion)
+        if last or step % self._every == 0:
+            self.picture(step, motion)
         counters = simulation.stepper.counters
         self._progress.update(motion.t, counters["newton_iterations"], counters["factorizations"])
 
     def picture(self, step: int, motion: Motion) -> None:
-        """Note the last good state in the pictures."""
-        if self._fields is not None:
-            self._fields.write(motion.t, step, motion)
+        """Write what is seen (collective); the first rank has all of it."""
+        if self._folder is None:
+            return
+        for name, seen in self._equations.pictures(motion).items():
+            if name not in self._series:
+                self._series[name] = VtuSeries(self._folder, name, self._comm, resume=self._resume)
+            mine = slice(None) if self._comm.rank == 0 else slice(0)
+            self._series[name].write(
+                motion.t, step, seen.points[mine], seen.cells[mine], seen.cell_type,
+                {key: values[mine] for key, values in seen.point_data.items()},
+                {key: values[mine] for key, values in seen.cell_data.items()},
+            )  # fmt: skip
 
     def state(self) -> State:
         """What the records go on from; the table is on disk first (collective)."""
@@ -240,8 +251,8 @@ class _Records:
         self._progress.close()
         if self._table is not None:
             self._table.close()
-        if self._fields is not None:
-            self._fields.close()
+        for series in self._series.values():
+            series.close()
         if self._comm.rank or not self._rows:
             return {}
         table = np.array(self._rows)

@@ -12,7 +12,7 @@ import scipy.sparse
 
 import flexfem as ff
 from flexfem._checks import InputError
-from flexfem.core.equations import DRIVER, Equations, Motion
+from flexfem.core.equations import DRIVER, Equations, Motion, Picture
 from flexfem.io.history import read_history
 from flexfem.lie import so3
 from flexfem.simulation.equations import simulate_equations
@@ -91,6 +91,10 @@ class Pendulum(Equations):
         out[:2, :2] = (da + 2.0 * multipliers[0]) * np.eye(2)
         out[:2, 2] = out[2, :2] = 2.0 * q
         return scipy.sparse.csr_matrix(out) if self.sparse else out
+
+    def pictures(self, motion: Motion) -> Any:
+        points = np.array([[0.0, 0.0, 0.0], [*motion.q, 0.0]])
+        return {"rod": Picture(points, np.array([[0, 1]]), "line", {"u": points})}
 
     def observe(self, motion: Motion) -> Any:
         q, v = motion.q, motion.v
@@ -191,6 +195,8 @@ def test_restart_goes_on_as_if_nothing_had_been(shared_tmp_path: Path) -> None:
     assert len(b["t"]) == 41
     for name, values in a.items():
         assert np.array_equal(values, b[name]), name
+    assert (folder / "rod.pvd").read_text() == (shared_tmp_path / "whole/rod.pvd").read_text()
+    assert (folder / "rod.pvd").read_text().count("timestep") == 5
 
 
 def test_failure_keeps_what_was_computed(shared_tmp_path: Path) -> None:
