@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, Motion
+from flexfem.core.equations import Equations, Motion, Picture
 from flexfem.formalisms.equations import MechanismEquations
 from flexfem.formalisms.formalism import consistent_start, saddle, unknowns
 from flexfem.formalisms.joints import End
 
 __all__ = ["FormalismMotion"]
+
+#: Cells of meshes as VTK calls them.
+_VTK = {"interval": "line", "triangle": "triangle", "tetrahedron": "tetra"}
 
 
 class FormalismMotion(Equations):
@@ -81,6 +84,26 @@ class FormalismMotion(Equations):
         """See :class:`Equations`."""
         position = self.model.position(self._end, motion.q)
         return [*position, sum(self.model.energy(motion.q, motion.v))]
+
+    def pictures(self, motion: Motion) -> Mapping[str, Picture]:
+        """Series ``bodies_<cells>`` of the deformed bodies, one for each type of cell.
+
+        Point data: ``displacement`` from the start, m. Cell data: ``body``, its number.
+        """
+        parts: dict[str, list[tuple[Any, ...]]] = {}
+        for number, nodes in enumerate(self.model.nodes.values()):
+            used, cells = nodes.corners()
+            now, then = nodes.positions(motion.q)[used], nodes.positions(self._start[0])[used]
+            own = parts.setdefault(_VTK[nodes.body.matter.cell], [])
+            first = sum(len(part[0]) for part in own)
+            own.append((now, now - then, cells + first, np.full(len(cells), number)))
+        pictures = {}
+        for kind, own in parts.items():
+            points, moved, cells, bodies = (np.concatenate(part) for part in zip(*own, strict=True))
+            pictures[f"bodies_{kind}"] = Picture(
+                points, cells, kind, {"displacement": moved}, {"body": bodies}
+            )
+        return pictures
 
     def summary(self) -> Mapping[str, Any]:
         """See :class:`Equations`."""

@@ -91,6 +91,13 @@ class BodyNodes:
         node = self.node(owner, point)
         return np.concatenate([frame, self.elastic[node]]), self.x[node]
 
+    def corners(self) -> tuple[IntArray, IntArray]:
+        """Nodes at the corners of cells, and the cells (m, corners) in numbers of these."""
+        count = self.points.shape[1] // 3
+        cells = np.asarray(self.space.dofmap.list)[:, :count]
+        used, local = np.unique(cells, return_inverse=True)
+        return used, local.reshape(cells.shape)
+
     def displacements(self, q: FloatArray) -> FloatArray:
         """Elastic displacements (nodes, components) in the frame."""
         extended = np.append(q, 0.0)  # what is held names the last entry

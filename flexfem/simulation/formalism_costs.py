@@ -19,7 +19,7 @@ from flexfem.formalisms.counting import FORMS, Count, count_formalism
 from flexfem.formalisms.equations import MechanismEquations
 from flexfem.formalisms.formalism import accelerations
 from flexfem.formalisms.study import FormalismStudy
-from flexfem.simulation.formalism_motion import DrawnMotion
+from flexfem.simulation.formalism_motion import SchemedMotion
 
 __all__ = ["cost_rows", "findings", "table_text"]
 
@@ -48,7 +48,7 @@ def cost_rows(study: FormalismStudy, options: RunOptions, comm: MPI.Comm) -> lis
             count = none
             if comm.rank == 0:
                 count = count_formalism(formalism, energies_of(body.matter, body.frame))
-            motion = DrawnMotion(model, formalism)
+            motion = SchemedMotion(model, formalism)
             sizes = motion.summary()
             rows.append(
                 dict(zip(study.labels, key, strict=True))
@@ -79,7 +79,7 @@ def _quickest(call: Callable[[], object]) -> float:
     return min(times)
 
 
-def _evaluation_times(motion: DrawnMotion) -> dict[str, float]:
+def _evaluation_times(motion: SchemedMotion) -> dict[str, float]:
     """Times of the kernels of one cell, and of the accelerations at the start."""
     model, formalism = motion.model, motion.formalism
     q, v = motion.start()
@@ -98,7 +98,7 @@ def _evaluation_times(motion: DrawnMotion) -> dict[str, float]:
     }
 
 
-def _step_times(motion: DrawnMotion, options: RunOptions, steps: int) -> dict[str, float]:
+def _step_times(motion: SchemedMotion, options: RunOptions, steps: int) -> dict[str, float]:
     """Iterations and time of some steps after the first, which loads compiled code."""
     stepper = motion.stepper
     assert stepper is not None
@@ -219,7 +219,7 @@ def _extremes(groups: Mapping[tuple[Any, ...], Mapping[str, Row]]) -> str:
         elif len(wrong) == len(known):
             verdict = "does not hold" if len(known) == 1 else f"holds in none of {len(known)}"
         else:
-            verdict = f"holds but in {', '.join(wrong)}"
+            verdict = f"holds except in {', '.join(wrong)}"
         verdicts.append(f'"{claim}" {verdict}')
     return f"Claims: {'; '.join(verdicts)}."
 

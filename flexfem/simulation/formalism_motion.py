@@ -5,91 +5,35 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, cast
-
-from mpi4py import MPI
 
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, FieldSeries, Motion, Stepper
+from flexfem.core.equations import Equations, Motion, Picture, Stepper
 from flexfem.core.status import Status
 from flexfem.formalisms.equations import MechanismEquations
 from flexfem.formalisms.motion import FormalismMotion
 from flexfem.integrators.hamilton_midpoint import HamiltonMidpoint
 from flexfem.integrators.maggi_alpha import MaggiAlpha
 from flexfem.integrators.vector_alpha import VectorAlpha
-from flexfem.io.vtu_series import VtuSeries
 
-__all__ = ["BodyPictures", "DrawnMotion", "SideBySide"]
+__all__ = ["SchemedMotion", "SideBySide"]
 
 #: Scheme in time of each formalism.
 _SCHEMES: dict[str, Callable[[], Stepper]] = {
     "lagrange": VectorAlpha, "gibbs_appell": VectorAlpha, "maggi": MaggiAlpha,
     "hamilton": HamiltonMidpoint,
 }  # fmt: skip
-_VTK = {"interval": "line", "triangle": "triangle", "tetrahedron": "tetra"}
 
 
-class BodyPictures(FieldSeries):
-    """Series ``bodies_<cells>`` of the deformed bodies, one for each type of cell.
-
-    Point data: ``displacement`` from the start, m. Cell data: ``body``, its number.
-    """
-
-    def __init__(
-        self, model: MechanismEquations, start: FloatArray, folder: Path, comm: MPI.Comm,
-        resume: float | None,
-    ) -> None:  # fmt: skip
-        """Open the series (collective); the first rank writes."""
-        self._comm = comm
-        self._series: dict[str, VtuSeries] = {}
-        self._parts: dict[str, list[Any]] = {}
-        for number, nodes in enumerate(model.nodes.values()):
-            kind = _VTK[nodes.body.matter.cell]
-            if kind not in self._series:
-                self._series[kind] = VtuSeries(folder, f"bodies_{kind}", comm, resume=resume)
-                self._parts[kind] = []
-            corners = nodes.points.shape[1] // 3
-            cells = np.asarray(nodes.space.dofmap.list)[:, :corners]
-            used, local = np.unique(cells, return_inverse=True)
-            self._parts[kind].append((number, nodes, used, local.reshape(cells.shape)))
-        self._start = start
-
-    def write(self, t: float, step: int, motion: Motion) -> None:
-        """See :class:`flexfem.core.equations.FieldSeries`."""
-        for kind, series in self._series.items():
-            points, moved, cells, bodies, first = [], [], [], [], 0
-            for number, nodes, used, local in self._parts[kind]:
-                points.append(nodes.positions(motion.q)[used])
-                moved.append(points[-1] - nodes.positions(self._start)[used])
-                cells.append(local + first)
-                bodies.append(np.full(len(local), number, dtype=np.int32))
-                first += len(used)
-            own = slice(None) if self._comm.rank == 0 else slice(0)
-            series.write(
-                t, step, np.concatenate(points)[own], np.concatenate(cells)[own], kind,
-                {"displacement": np.concatenate(moved)[own]}, {"body": np.concatenate(bodies)[own]},
-            )  # fmt: skip
-
-    def close(self) -> None:
-        """See :class:`flexfem.core.equations.FieldSeries`."""
-        for series in self._series.values():
-            series.close()
-
-
-class DrawnMotion(FormalismMotion):
-    """Equations of a mechanism with the scheme of their formalism and pictures of the bodies."""
+class SchemedMotion(FormalismMotion):
+    """Equations of a mechanism with the scheme in time of their formalism."""
 
     def __init__(self, model: MechanismEquations, formalism: str) -> None:
         """Bring the declared state to the constraints."""
         super().__init__(model, formalism)
         self.stepper = _SCHEMES[formalism]()
-
-    def fields(self, folder: Path, comm: Any, resume: float | None) -> BodyPictures:
-        """See :class:`flexfem.core.equations.Equations`."""
-        return BodyPictures(self.model, self.start()[0], folder, comm, resume)
 
 
 class SideBySide(Equations):
@@ -103,7 +47,7 @@ class SideBySide(Equations):
 
     def __init__(self, model: MechanismEquations, formalisms: Sequence[str]) -> None:
         """Bring the declared state to the constraints."""
-        self.motions = [DrawnMotion(model, name) for name in formalisms]
+        self.motions = [SchemedMotion(model, name) for name in formalisms]
         sizes = [motion.summary() for motion in self.motions]
         self.size = sum(size["unknowns"] for size in sizes)
         self.multipliers = sum(size["multipliers"] for size in sizes)
@@ -120,9 +64,9 @@ class SideBySide(Equations):
         pairs = zip(self.motions, self._together.steppers, strict=True)
         return [value for own, stepper in pairs for value in own.observe(stepper.motion)]
 
-    def fields(self, folder: Path, comm: Any, resume: float | None) -> BodyPictures:
+    def pictures(self, motion: Motion) -> Mapping[str, Picture]:
         """See :class:`flexfem.core.equations.Equations`."""
-        return self.motions[0].fields(folder, comm, resume)
+        return self.motions[0].pictures(motion)
 
     def summary(self) -> Mapping[str, Any]:
         """See :class:`flexfem.core.equations.Equations`."""
@@ -143,7 +87,7 @@ class _Together:
         seconds: wall time of the accepted steps of each.
     """
 
-    def __init__(self, motions: Sequence[DrawnMotion]) -> None:
+    def __init__(self, motions: Sequence[SchemedMotion]) -> None:
         self._motions = motions
         self.steppers: list[Stepper] = [motion.stepper for motion in motions]  # type: ignore[misc]
         self.seconds = np.zeros(len(motions))

@@ -19,7 +19,7 @@ from flexfem.io.summary import write_summary
 from flexfem.io.table import write_table
 from flexfem.simulation.equations import simulate_equations
 from flexfem.simulation.formalism_costs import cost_rows, findings, table_text
-from flexfem.simulation.formalism_motion import DrawnMotion, SideBySide
+from flexfem.simulation.formalism_motion import SchemedMotion, SideBySide
 from flexfem.simulation.outcome import Outcome, Results
 
 __all__ = ["compare", "simulate"]
@@ -41,7 +41,7 @@ class _Source:
         """The equations, the same on every rank (collective)."""
         model = MechanismEquations(self._mechanism)
         if len(self._formalisms) == 1:
-            return DrawnMotion(model, self._formalisms[0])
+            return SchemedMotion(model, self._formalisms[0])
         return SideBySide(model, self._formalisms)
 
 
