@@ -36,7 +36,7 @@ class Picture:
     Attributes:
         points: (n, 3), m.
         cells: (k, nodes of a cell), numbers of points.
-        cell_type: "vertex", "line", "triangle", "quad" or "tetra".
+        cell_type: "vertex", "line", "triangle" or "quad".
         point_data, cell_data: arrays by name, (n, ...) and (k, ...).
     """
 
