@@ -165,6 +165,8 @@ _MODULES = {
     "STATICS": "analyses.statics",
     "Outcome": "simulation.outcome",
     "simulate": "simulation.dynamics",
+    "simulate_mechanism": "simulation.formalisms",
+    "compare_formalisms": "simulation.formalisms",
     "solve_static": "simulation.statics",
     "relax": "simulation.relaxation",
     "find_modes": "simulation.modes",

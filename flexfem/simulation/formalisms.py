@@ -22,7 +22,7 @@ from flexfem.simulation.formalism_costs import cost_rows, findings, table_text
 from flexfem.simulation.formalism_motion import SchemedMotion, SideBySide
 from flexfem.simulation.outcome import Outcome, Results
 
-__all__ = ["compare", "simulate"]
+__all__ = ["compare_formalisms", "simulate_mechanism"]
 
 
 class _Source:
@@ -45,7 +45,7 @@ class _Source:
         return SideBySide(model, self._formalisms)
 
 
-def simulate(
+def simulate_mechanism(
     mechanism: Mechanism, options: RunOptions, *, case: str = "mechanism",
     results: Results | None = None, comm: MPI.Intracomm | None = None,
 ) -> Outcome:  # fmt: skip
@@ -69,16 +69,16 @@ def simulate(
     return simulate_equations(source, options, case=case, results=results, comm=comm)
 
 
-def compare(
+def compare_formalisms(
     study: FormalismStudy, options: RunOptions, *, case: str = "study",
     results: Results | None = None, comm: MPI.Intracomm | None = None,
 ) -> Outcome:  # fmt: skip
     """Run the first mechanism of a study by all its formalisms, and measure what they cost.
 
     Writes what a run writes, and ``table.csv``; prints the table and what is seen in it unless
-    the options ask for quiet (collective). Arguments, result and errors as of `simulate`.
+    the options ask for quiet (collective). Arguments, result and errors as of `simulate_mechanism`.
     """
-    _checks.instance("compare", "options", options, RunOptions)
+    _checks.instance("compare_formalisms", "options", options, RunOptions)
     comm = comm or MPI.COMM_WORLD
     source = _SourceOfStudy(study)
     outcome = simulate_equations(source, options, case=case, results=results, comm=comm)

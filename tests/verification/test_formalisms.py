@@ -13,7 +13,7 @@ from flexfem.formalisms.equations import MechanismEquations
 from flexfem.formalisms.formalism import accelerations, consistent_start
 from flexfem.simulation.formalism_costs import findings
 from flexfem.simulation.formalism_motion import SideBySide
-from flexfem.simulation.formalisms import compare, simulate
+from flexfem.simulation.formalisms import compare_formalisms, simulate_mechanism
 from tests.unit import elastic_bodies as eb
 
 pytestmark = pytest.mark.serial
@@ -81,15 +81,15 @@ def test_all_formalisms_converge_to_the_same_motion(spatial):
 
 def test_a_run_leaves_complete_results_and_goes_on(tmp_path):
     own = mechanism(False, formalism="maggi")
-    whole = simulate(own, options(1e-3, output=tmp_path / "whole", checkpoint_every=4))
+    whole = simulate_mechanism(own, options(1e-3, output=tmp_path / "whole", checkpoint_every=4))
     assert whole.status == "ok"
     summary = json.loads((tmp_path / "whole" / "summary.json").read_text())
     assert (summary["formalism"], summary["multipliers"], summary["steps"]) == ("maggi", 0, 20)
     assert (tmp_path / "whole" / "bodies_line.pvd").is_file()
-    part = simulate(own, options(1e-3, output=tmp_path / "part", checkpoint_every=4, t_end=8e-3))
+    part = simulate_mechanism(own, options(1e-3, output=tmp_path / "part", checkpoint_every=4, t_end=8e-3))
     assert part.status == "ok"
     restart = tmp_path / "part" / "checkpoint_000008.h5"
-    rest = simulate(own, options(1e-3, output=tmp_path / "part", restart=restart))
+    rest = simulate_mechanism(own, options(1e-3, output=tmp_path / "part", restart=restart))
     for name, values in whole.history.items():
         # nothing of the state is left out of the checkpoint
         np.testing.assert_allclose(rest.history[name], values, rtol=1e-11, atol=1e-12, err_msg=name)
@@ -98,10 +98,10 @@ def test_a_run_leaves_complete_results_and_goes_on(tmp_path):
 def test_a_study_restarts_all_its_formalisms(tmp_path):
     names = ("lagrange", "gibbs_appell", "hamilton")
     study = ff.FormalismStudy({("beam",): mechanism(False)}, ("element",), names, steps=1)
-    whole = compare(study, options(1e-3, t_end=4e-3))
-    compare(study, options(1e-3, t_end=2e-3, output=tmp_path, checkpoint_every=2))
+    whole = compare_formalisms(study, options(1e-3, t_end=4e-3))
+    compare_formalisms(study, options(1e-3, t_end=2e-3, output=tmp_path, checkpoint_every=2))
     restart = tmp_path / "checkpoint_000002.h5"
-    rest = compare(study, options(1e-3, t_end=4e-3, output=tmp_path, restart=restart))
+    rest = compare_formalisms(study, options(1e-3, t_end=4e-3, output=tmp_path, restart=restart))
     for name, values in whole.history.items():
         np.testing.assert_allclose(rest.history[name], values, rtol=1e-11, atol=1e-12, err_msg=name)
     rows = (tmp_path / "table.csv").read_text().splitlines()
@@ -157,7 +157,7 @@ BAD = {
 def test_mistakes_are_named_before_anything_is_written(message, tmp_path):
     own = replace(mechanism(False), observed=None, **BAD[message])
     with pytest.raises(ValueError, match=message):
-        simulate(own, options(1e-3, output=tmp_path / "results"))
+        simulate_mechanism(own, options(1e-3, output=tmp_path / "results"))
     assert not (tmp_path / "results").exists()
 
 
@@ -165,12 +165,12 @@ def test_bodies_that_slip_in_their_frames_are_refused():
     own = mechanism(False)
     loose = replace(own.bodies[0], held=lambda x: np.zeros(len(x), dtype=bool))
     with pytest.raises(ValueError, match="mass matrix is singular"):
-        simulate(replace(own, bodies=(loose, own.bodies[1])), options(1e-3))
+        simulate_mechanism(replace(own, bodies=(loose, own.bodies[1])), options(1e-3))
     wrong = replace(own.bodies[0], held=lambda x: np.zeros(1, dtype=bool))
     with pytest.raises(ValueError, match="held must return 2 or 2 x 3 truth values"):
-        simulate(replace(own, bodies=(wrong, own.bodies[1])), options(1e-3))
+        simulate_mechanism(replace(own, bodies=(wrong, own.bodies[1])), options(1e-3))
     with pytest.raises(ValueError, match="out of the plane"):
         replace(own.bodies[0], velocity=(0.0, 0.0, 1.0))
     other = replace(own.bodies[0], mesh=eb.mesh("plane", 0.5))
     with pytest.raises(ValueError, match="must have interval cells in 1 dimensions"):
-        simulate(replace(own, bodies=(other, own.bodies[1])), options(1e-3))
+        simulate_mechanism(replace(own, bodies=(other, own.bodies[1])), options(1e-3))
