@@ -120,7 +120,9 @@ class Mechanism:
     formalism: str = "lagrange"
     observed: End | None = None
 
-    drivers: ClassVar[dict[str, str]] = {"dynamics": "flexfem.simulation.formalisms:simulate_mechanism"}
+    drivers: ClassVar[dict[str, str]] = {
+        "dynamics": "flexfem.simulation.formalisms:simulate_mechanism"
+    }
 
     def __repr__(self) -> str:
         """How messages call it."""

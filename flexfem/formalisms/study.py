@@ -30,7 +30,9 @@ class FormalismStudy:
     formalisms: Sequence[str] = FORMALISMS
     steps: int = 10
 
-    drivers: ClassVar[dict[str, str]] = {"dynamics": "flexfem.simulation.formalisms:compare_formalisms"}
+    drivers: ClassVar[dict[str, str]] = {
+        "dynamics": "flexfem.simulation.formalisms:compare_formalisms"
+    }
 
     def __repr__(self) -> str:
         """How messages call it."""

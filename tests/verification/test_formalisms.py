@@ -86,7 +86,8 @@ def test_a_run_leaves_complete_results_and_goes_on(tmp_path):
     summary = json.loads((tmp_path / "whole" / "summary.json").read_text())
     assert (summary["formalism"], summary["multipliers"], summary["steps"]) == ("maggi", 0, 20)
     assert (tmp_path / "whole" / "bodies_line.pvd").is_file()
-    part = simulate_mechanism(own, options(1e-3, output=tmp_path / "part", checkpoint_every=4, t_end=8e-3))
+    short = options(1e-3, output=tmp_path / "part", checkpoint_every=4, t_end=8e-3)
+    part = simulate_mechanism(own, short)
     assert part.status == "ok"
     restart = tmp_path / "part" / "checkpoint_000008.h5"
     rest = simulate_mechanism(own, options(1e-3, output=tmp_path / "part", restart=restart))
