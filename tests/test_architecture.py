@@ -24,7 +24,7 @@ LAYERS = [
     {"model"},
     {"elements", "bodies", "contact"},
     {"system"},
-    {"solvers", "io", "moving_base"},
+    {"solvers", "io", "moving_base", "formalisms"},
     {"integrators"},
     {"simulation"},
     {"case"},

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 # VTK cell type number and nodes per cell
-_CELLS = {"vertex": (1, 1), "line": (3, 2), "triangle": (5, 3), "quad": (9, 4)}
+_CELLS = {
+    "vertex": (1, 1), "line": (3, 2), "triangle": (5, 3), "quad": (9, 4), "tetra": (10, 4),
+}  # fmt: skip
 _TYPE_NAMES = {"float64": "Float64", "float32": "Float32", "int32": "Int32", "uint8": "UInt8"}
 _ENDIAN = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
 
@@ -128,7 +130,7 @@ class VtuSeries:
             step: Step number, part of the file names.
             points: This rank's points (n, 3) in m.
             cells: This rank's cells (m, k), local point numbers.
-            cell_type: "vertex", "line", "triangle" or "quad".
+            cell_type: "vertex", "line", "triangle", "quad" or "tetra".
             point_data: Arrays (n,), (n, c) or (n, c, d), stored as float32 or int32.
             cell_data: Arrays (m,), (m, c) or (m, c, d), stored as float32 or int32.
 

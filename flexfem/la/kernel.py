@@ -7,7 +7,6 @@ that numba can cache the loop on disk.
 """
 
 from dataclasses import dataclass
-from math import prod
 from typing import Any
 
 from mpi4py import MPI
@@ -73,20 +72,13 @@ def compile_kernel(
     for k in range(ufcx.num_coefficients):
         coefficient = own[ufcx.original_coefficient_positions[k]]
         offsets[coefficients.index(coefficient)] = total
-        total += prod(coefficient.ufl_element().reference_value_shape) * _nodes(coefficient)
+        total += coefficient.ufl_element().dim
     offsets[-1] = total
     kernel = ufcx.form_integrals[0].tabulate_tensor_float64
     batch, owner = 0, None
     if batched:
         batch, owner = compile_batch(comm, compiled.module, _COMPILE_ARGUMENTS)
     return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, batch, (compiled, owner))
-
-
-def _nodes(coefficient: ufl.Coefficient) -> int:
-    """Number of points that carry the values of a Lagrange coefficient."""
-    element = coefficient.ufl_element()
-    count: int = element.dim // prod(element.reference_value_shape)
-    return count
 
 
 @intrinsic

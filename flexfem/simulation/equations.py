@@ -39,7 +39,10 @@ __all__ = ["Source", "simulate_equations"]
 #: Halvings of a step that fails.
 _HALVINGS = 6
 #: Series that a run of a multibody model may have left in the folder.
-_OF_MODELS = ("beams", "beam_surfaces", "shells", "rigid_bodies", "joints")
+_OF_MODELS = (
+    "beams", "beam_surfaces", "shells", "floating_bodies", "floating_lines", "rigid_bodies",
+    "joints",
+)  # fmt: skip
 #: Options of multibody models that equations know nothing of, with the values they must have.
 _FOREIGN = {
     "integrator": "generalized_alpha", "redundant_constraints": "refuse", "start": "given",

@@ -96,7 +96,12 @@ def test_series_gives_back_points_cells_and_arrays(shared_tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("kind", "cells", "vtk"),
-    [("vertex", [[0]], 1), ("triangle", [[0, 1, 2]], 5), ("quad", [[0, 1, 2, 3]], 9)],
+    [
+        ("vertex", [[0]], 1),
+        ("triangle", [[0, 1, 2]], 5),
+        ("quad", [[0, 1, 2, 3]], 9),
+        ("tetra", [[0, 1, 2, 3]], 10),
+    ],
 )
 def test_series_writes_other_cells(
     shared_tmp_path: Path, kind: str, cells: list[list[int]], vtk: int

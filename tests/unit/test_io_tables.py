@@ -16,6 +16,7 @@ import pytest
 from flexfem.io import HistoryWriter, Progress, read_history, write_summary
 from flexfem.io.atomic import replace_file
 from flexfem.io.history import AngleColumns
+from flexfem.io.table import write_table
 
 COMM = MPI.COMM_WORLD
 
@@ -180,3 +181,18 @@ def test_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     with Progress(2.0, True, unit="") as bar:  # a load factor
         bar.update(1.0, 4, 4)
     assert "t = 1 of 2, 4 iterations" in stream.getvalue()
+
+
+# -- tables of words and numbers ---
+
+
+def test_table_keeps_words_and_digits(shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "new" / "table.csv"
+    rows = [{"name": "a, b", "value": 0.1 + 0.2}, {"name": "c", "value": 3}]
+    write_table(path, rows, COMM)
+    write_table(path, rows, COMM)  # replaced, not appended to
+    assert path.read_text() == 'name,value\n"a, b",0.30000000000000004\nc,3\n'
+    with pytest.raises(ValueError, match="the same columns"):
+        write_table(path, [*rows, {"name": "d"}], COMM)
+    with pytest.raises(ValueError, match="there must be rows"):
+        write_table(path, [], COMM)

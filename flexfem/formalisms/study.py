@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Declaration of a comparison of formalisms on several mechanisms."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from flexfem import _checks
+from flexfem.formalisms.mechanism import FORMALISMS, Mechanism
+
+__all__ = ["FormalismStudy"]
+
+
+@dataclass(frozen=True, repr=False)
+class FormalismStudy:
+    """Mechanisms whose equations several formalisms set up, with what each costs.
+
+    The first mechanism is simulated to the end by all formalisms side by side; all of them take a
+    few steps for the table.
+
+    Args:
+        mechanisms: by what tells them apart in the table, in the order of ``labels``.
+        labels: names of the columns that tell the mechanisms apart, such as ("element", "motion").
+        formalisms: names among `FORMALISMS`.
+        steps: that are timed for the table.
+    """
+
+    mechanisms: Mapping[tuple[str, ...], Mechanism]
+    labels: Sequence[str]
+    formalisms: Sequence[str] = FORMALISMS
+    steps: int = 10
+
+    drivers: ClassVar[dict[str, str]] = {
+        "dynamics": "flexfem.simulation.formalisms:compare_formalisms"
+    }
+
+    def __repr__(self) -> str:
+        """How messages call it."""
+        return f"FormalismStudy of {len(self.mechanisms)} mechanisms"
+
+    def validate(self) -> None:
+        """Check that everything fits.
+
+        Raises:
+            TypeError: something has the wrong type.
+            ValueError: a value is not admissible.
+        """
+        if not self.mechanisms or not self.formalisms:
+            raise ValueError("FormalismStudy: it needs a mechanism and a formalism")
+        for name in self.formalisms:
+            if name not in FORMALISMS:
+                raise ValueError(
+                    f"FormalismStudy: formalisms are {', '.join(FORMALISMS)}, got {name!r}"
+                )
+        for key, mechanism in self.mechanisms.items():
+            if len(key) != len(self.labels):
+                raise ValueError(f"FormalismStudy: {key!r} must have {len(self.labels)} entries")
+            _checks.instance("FormalismStudy", f"mechanism {key!r}", mechanism, Mechanism)
+            mechanism.validate()
+        if isinstance(self.steps, bool) or not isinstance(self.steps, int) or self.steps < 1:
+            raise ValueError(f"FormalismStudy: steps must be a whole number > 0, got {self.steps}")
+
+    @property
+    def first(self) -> Any:
+        """The mechanism that is simulated to the end."""
+        return next(iter(self.mechanisms.values()))

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Generalized-alpha method in independent coordinates, for Maggi's equations.
+
+Constraints split the coordinates into dependent and independent ones. Only the latter are
+integrated; the others follow from the constraints on positions, velocities and accelerations, all
+of which hold to round-off at the end of every step. The equations are A^T (F - Q) = 0 with A a
+basis of the null space of G, so that no multipliers appear; those that the derivative of A calls
+for in the iteration matrix are recovered from the dependent rows.
+
+The split is made anew when the constraints no longer determine the dependent coordinates well.
+The acceleration-like variable of the scheme is carried for all coordinates, so that a new split
+does not disturb it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.equations import Equations, Motion
+from flexfem.core.status import Status
+from flexfem.formalisms.formalism import Partition, accelerations, partition
+from flexfem.formalisms.motion import FormalismMotion
+from flexfem.integrators.generalized_alpha import GeneralizedAlpha
+from flexfem.integrators.vector_alpha import factor
+
+__all__ = ["MaggiAlpha"]
+
+_MOST_ITERATIONS, _MOST_CLOSINGS = 20, 12
+#: Contraction above which a kept matrix is renewed.
+_SLOW = 0.3
+#: Relative size of the last correction of dependent coordinates.
+_CLOSED = 1e-12
+#: Entry of A above which the coordinates are split anew.
+_LARGEST = 20.0
+
+
+@dataclass
+class _Point:
+    """A state on the constraints, with the slopes of dependent by independent coordinates.
+
+    They are what is not the identity in the basis A of the null space.
+    """
+
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    slopes: FloatArray
+
+
+class MaggiAlpha:
+    """The scheme with its state; see :class:`flexfem.core.equations.Stepper`."""
+
+    def __init__(self) -> None:
+        """Nothing yet: :meth:`begin` or :meth:`restore` make the state."""
+        self.counters = {"newton_iterations": 0, "factorizations": 0, "residual_evaluations": 0}
+        self._solve: Any = None
+        self._kept: float | None = None
+
+    def begin(self, equations: Equations, options: Any) -> Status:
+        """See :class:`Stepper`."""
+        self._set(equations, options)
+        q, v = (part.copy() for part in self._equations.start())
+        a = accelerations("maggi", self._equations.model, q, v)
+        self._split_at(q)
+        if not np.isfinite(a).all():
+            return Status.SINGULAR
+        self.motion = Motion(0.0, q, v, a, np.zeros(0))
+        self._w = a.copy()
+        return Status.OK
+
+    def _set(self, equations: Equations, options: Any) -> None:
+        if not isinstance(equations, FormalismMotion):
+            raise InputError(f"MaggiAlpha: {type(equations).__name__} is no FormalismMotion")
+        self._equations = equations
+        self._scheme = GeneralizedAlpha(options.rho_inf)
+        self._tolerance, self._matrix = options.tolerance, options.iteration_matrix
+
+    def _split_at(self, q: FloatArray) -> None:
+        model = self._equations.model
+        self._split: Partition = partition(model.jacobian(q), model.of_frames)
+        self._kept = None
+
+    def step(self, h: float) -> Status:
+        """See :class:`Stepper`."""
+        steep = not self._linearize(self.motion.q)
+        if steep or np.abs(self._slopes).max(initial=0.0) > _LARGEST:
+            self._split_at(self.motion.q)
+        status = self._attempt(h, False)
+        if status is not Status.OK and self._matrix != "updated":
+            status = self._attempt(h, True)  # a kept matrix is no reason to fail
+        return status
+
+    def _attempt(self, h: float, fresh: bool) -> Status:
+        """One step; with ``fresh`` matrices in every iteration."""
+        old, scheme = self.motion, self._scheme
+        free, bound = self._split.independent, self._split.dependent
+        scale, weight = scheme.beta * h * h, (1.0 - scheme.alpha_m) / (1.0 - scheme.alpha_f)
+        shifts = scheme.gamma / (scheme.beta * h), weight / scale
+        step, last, t = h * old.v + 0.5 * h * h * self._w, np.inf, old.t + h
+        fresh = fresh or self._matrix == "updated"
+        for _ in range(_MOST_ITERATIONS):
+            point = self._close(h, step)
+            if point is None:
+                return Status.DIVERGED
+            step = point.q - old.q
+            F = self._equations.forces(t, point.q, point.v, point.a)
+            self.counters["residual_evaluations"] += 1
+            if not np.isfinite(F).all():
+                return Status.DIVERGED
+            if fresh or self._kept != h:
+                self._renew(h, scale, (t, point, F, *shifts))
+                if self._solve is None:
+                    return Status.SINGULAR
+            own = self._solve(-scale * (F[free] + F[bound] @ point.slopes))  # A^T F
+            delta = np.empty(len(F))
+            delta[free], delta[bound] = own, point.slopes @ own
+            self.counters["newton_iterations"] += 1
+            step = step + delta
+            size = float(np.abs(delta).max(initial=0.0))
+            if size <= self._tolerance:
+                break
+            if size > _SLOW * last and self._matrix == "auto":
+                self._kept = None
+            last = size
+        else:
+            return Status.NOT_CONVERGED
+        point = self._close(h, step)
+        if point is None or not len(free):
+            return Status.DIVERGED
+        weighted = (1.0 - scheme.alpha_f) * point.a + scheme.alpha_f * old.a
+        self._w = (weighted - scheme.alpha_m * self._w) / (1.0 - scheme.alpha_m)
+        self.motion = Motion(t, point.q, point.v, point.a, np.zeros(0))
+        return Status.OK
+
+    def _close(self, h: float, step: FloatArray) -> _Point | None:
+        """The state that the independent part of a step leads to; None where it has none."""
+        model, old, scheme, split = self._equations.model, self.motion, self._scheme, self._split
+        free, bound, t = split.independent, split.dependent, self.motion.t + h
+        q = old.q + step
+        for k in range(_MOST_CLOSINGS):
+            if k % 3 == 0 and not self._linearize(q):
+                return None
+            change = self._inverse @ model.gaps(q, t)
+            q[bound] -= change
+            if not np.abs(change).max(initial=0.0) > _CLOSED * max(1.0, np.abs(q).max()):
+                break
+        else:
+            return None
+        if not np.isfinite(q).all() or (k and not self._linearize(q)):
+            return None
+        w = (q - old.q - h * old.v) / (scheme.beta * h * h)
+        w -= (0.5 - scheme.beta) / scheme.beta * self._w
+        v = old.v + h * ((1.0 - scheme.gamma) * self._w + scheme.gamma * w)
+        a = (1.0 - scheme.alpha_m) * w + scheme.alpha_m * self._w - scheme.alpha_f * old.a
+        a /= 1.0 - scheme.alpha_f
+        v[bound] = self._slopes @ v[free] + self._inverse @ model.prescribed_rates(t)
+        given = model.prescribed_accelerations(q, v, t)
+        a[bound] = self._slopes @ a[free] + self._inverse @ given
+        return _Point(q, v, a, self._slopes)
+
+    def _linearize(self, q: FloatArray) -> bool:
+        """Slopes of dependent by independent coordinates; False where there are none."""
+        G, split = self._equations.model.jacobian(q), self._split
+        try:
+            self._inverse = np.linalg.inv(G[:, split.dependent])
+        except np.linalg.LinAlgError:
+            return False
+        self._slopes = -self._inverse @ G[:, split.independent]
+        return bool(np.isfinite(self._slopes).all())
+
+    def _renew(self, h: float, scale: float, state: tuple[Any, ...]) -> None:
+        """Factorise the iteration matrix A^T (K + C + M) A of a state."""
+        t, point, F, dv, da = state
+        multipliers = -self._inverse.T @ F[self._split.dependent]
+        K = self._equations.force_tangent(t, point.q, point.v, point.a, multipliers, dv, da)
+        free, bound, S = self._split.independent, self._split.dependent, point.slopes
+        own = K[np.ix_(free, free)] + K[np.ix_(free, bound)] @ S
+        own += S.T @ (K[np.ix_(bound, free)] + K[np.ix_(bound, bound)] @ S)
+        self._solve = factor(scale * own)
+        self.counters["factorizations"] += 1
+        self._kept = None if self._solve is None else h
+
+    def state(self) -> Mapping[str, FloatArray]:
+        """See :class:`Stepper`."""
+        m = self.motion
+        return {
+            "motion_t": np.array([m.t]), "motion_q": m.q, "motion_v": m.v, "motion_a": m.a,
+            "motion_w": self._w,
+            "motion_dependent": self._split.dependent.astype(np.float64),
+            "motion_counters": np.array(list(self.counters.values()), dtype=np.float64),
+        }  # fmt: skip
+
+    def restore(self, equations: Equations, options: Any, state: Mapping[str, FloatArray]) -> None:
+        """See :class:`Stepper`."""
+        self._set(equations, options)
+        q, v, a = (np.array(state[f"motion_{name}"]) for name in "qva")
+        self.motion = Motion(float(state["motion_t"][0]), q, v, a, np.zeros(0))
+        self._w = np.array(state["motion_w"])
+        dependent = np.array(state["motion_dependent"]).astype(np.int64)
+        self._split = Partition(dependent, np.setdiff1d(np.arange(len(q)), dependent))
+        counts = state["motion_counters"]
+        self.counters = {name: int(c) for name, c in zip(self.counters, counts, strict=True)}

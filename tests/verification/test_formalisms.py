@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Motions by four formalisms: against an integrator of another kind, and energies."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexfem as ff
+from flexfem.formalisms.equations import MechanismEquations
+from flexfem.formalisms.formalism import accelerations, consistent_start
+from flexfem.simulation.formalism_costs import findings
+from flexfem.simulation.formalism_motion import SideBySide
+from flexfem.simulation.formalisms import compare_formalisms, simulate_mechanism
+from tests.unit import elastic_bodies as eb
+
+pytestmark = pytest.mark.serial
+END = 0.02
+# a kept matrix is not part of a checkpoint: what it leaves open would part the runs
+EXACT = {"iteration_matrix": "updated"}
+
+
+def options(dt, t_end=END, **more):
+    given = {"dt": dt, "t_end": t_end, "rho_inf": 1.0, "tolerance": 1e-11, "quiet": True}
+    return ff.RunOptions(**given, **EXACT, **more)
+
+
+def mechanism(spatial, **more):
+    """Two beams that fall and turn, without applied forces."""
+    spin = np.array([0.0, 0.0, 6.0])
+    both = eb.pair("beam", spatial)
+    first = replace(both.bodies[0], angular_velocity=spin)
+    second = replace(
+        both.bodies[1], velocity=np.cross(spin, (0.5, 0.0, 0.0)),
+        angular_velocity=spin + ((1.0, 4.0, -3.0) if spatial else (0.0, 0.0, -3.0)),
+    )  # fmt: skip
+    return replace(both, bodies=(first, second), forces=(), **more)
+
+
+def reference(equations):
+    """Place of the observed end at the end, by an explicit method of order 8."""
+    q, v = consistent_start(equations)
+    n = equations.size
+
+    def rates(t, y):
+        return np.concatenate([y[n:], accelerations("lagrange", equations, y[:n], y[n:], t)])
+
+    end = solve_ivp(rates, (0.0, END), np.r_[q, v], method="DOP853", rtol=1e-9, atol=1e-11)
+    return equations.position(equations.mechanism.observed, end.y[:n, -1])
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+def test_all_formalisms_converge_to_the_same_motion(spatial):
+    own = mechanism(spatial)
+    model = MechanismEquations(own)
+    expected = reference(model)
+    ends, drifts = [], []
+    for steps in (40, 80):
+        both = SideBySide(model, ff.FORMALISMS)
+        settings = options(END / steps)
+        assert both.stepper.begin(both, settings).value == "ok"
+        first = np.array(both.observe(both.stepper.motion)).reshape(4, 4)
+        for _ in range(steps):
+            assert both.stepper.step(END / steps).value == "ok"
+        last = np.array(both.observe(both.stepper.motion)).reshape(4, 4)
+        ends.append(np.linalg.norm(last[:, :3] - expected, axis=1))
+        drifts.append(np.abs(last[:, 3] - first[:, 3]) / np.abs(first[:, 3]))
+        for stepper in both.stepper.steppers:
+            q, v = stepper.motion.q, stepper.motion.v
+            assert np.abs(model.gaps(q, END)).max() < 1e-9  # a drift of the constraints is 1e-5
+            if stepper is not both.stepper.steppers[0] and stepper is not both.stepper.steppers[1]:
+                assert np.abs(model.jacobian(q) @ v).max() < 1e-9  # so are the velocities here
+    # 0.1 m are travelled; the first order would halve the error only
+    assert (ends[0] < 1e-3).all()
+    assert (ends[0] / ends[1] > 3.2).all(), ends
+    # second order in the energy too, or round-off
+    assert (drifts[1] < np.maximum(0.35 * drifts[0], 1e-7)).all(), drifts
+
+
+def test_a_run_leaves_complete_results_and_goes_on(tmp_path):
+    own = mechanism(False, formalism="maggi")
+    whole = simulate_mechanism(own, options(1e-3, output=tmp_path / "whole", checkpoint_every=4))
+    assert whole.status == "ok"
+    summary = json.loads((tmp_path / "whole" / "summary.json").read_text())
+    assert (summary["formalism"], summary["multipliers"], summary["steps"]) == ("maggi", 0, 20)
+    assert (tmp_path / "whole" / "bodies_line.pvd").is_file()
+    short = options(1e-3, output=tmp_path / "part", checkpoint_every=4, t_end=8e-3)
+    part = simulate_mechanism(own, short)
+    assert part.status == "ok"
+    restart = tmp_path / "part" / "checkpoint_000008.h5"
+    rest = simulate_mechanism(own, options(1e-3, output=tmp_path / "part", restart=restart))
+    for name, values in whole.history.items():
+        # nothing of the state is left out of the checkpoint
+        np.testing.assert_allclose(rest.history[name], values, rtol=1e-11, atol=1e-12, err_msg=name)
+
+
+def test_a_study_restarts_all_its_formalisms(tmp_path):
+    names = ("lagrange", "gibbs_appell", "hamilton")
+    study = ff.FormalismStudy({("beam",): mechanism(False)}, ("element",), names, steps=1)
+    whole = compare_formalisms(study, options(1e-3, t_end=4e-3))
+    compare_formalisms(study, options(1e-3, t_end=2e-3, output=tmp_path, checkpoint_every=2))
+    restart = tmp_path / "checkpoint_000002.h5"
+    rest = compare_formalisms(study, options(1e-3, t_end=4e-3, output=tmp_path, restart=restart))
+    for name, values in whole.history.items():
+        np.testing.assert_allclose(rest.history[name], values, rtol=1e-11, atol=1e-12, err_msg=name)
+    rows = (tmp_path / "table.csv").read_text().splitlines()
+    assert rows[0].startswith("element,formalism,derivatives,nodes,terms,operations,unknowns,")
+    assert len(rows) == 4
+    assert "Gibbs-Appell takes" in rest.summary["findings"]
+
+
+def test_findings_say_what_the_figures_say():
+    def row(formalism, operations, unknowns, multipliers=2):
+        return {
+            "element": "beam", "formalism": formalism, "operations": operations,
+            "unknowns": unknowns, "multipliers": multipliers, "microseconds_per_cell": 1.0,
+            "milliseconds_per_step": operations,
+        }  # fmt: skip
+
+    rows = [row("lagrange", 100, 10), row("gibbs_appell", 150, 10), row("hamilton", 90, 20)]
+    text = " ".join(findings(rows, ["element"]).split())
+    assert "1.50 times the operations per cell" in text
+    assert '"Gibbs-Appell takes fewer operations than Lagrange" does not hold' in text
+    assert '"Hamilton takes the most operations" does not hold' in text
+    assert '"Hamilton has the most unknowns" holds' in text
+    assert "Maggi" not in text
+    assert "nothing to compare" in findings(rows[2:], ["element"])
+
+
+BAD = {
+    'there is no body "third"': {
+        "joints": (ff.Constraint("a", (ff.End("third"),), ff.end_position, (0.0,) * 3),)
+    },
+    'the name "first" is used twice': {
+        "joints": (ff.Constraint("first", (ff.End("first"),), ff.end_position, (0.0,) * 3),)
+    },
+    "formalism must be one of": {"formalism": "newton"},
+    "gravity must hold 3 numbers": {"gravity": (0.0, 1.0)},
+    "has no node at": {
+        "joints": (
+            ff.Constraint("a", (ff.End("first", (0.1, 0.0, 0.0)),), ff.end_position, (0.0,) * 3),
+        )
+    },
+    "hold the same motion twice": {
+        "joints": tuple(
+            ff.Constraint(n, (ff.End("first"),), ff.end_position, (0.0,) * 3) for n in "ab"
+        )
+    },
+    "must return numbers": {
+        "joints": (ff.Constraint("a", (ff.End("first"),), lambda end, data: [end.position]),)
+    },
+}
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_mistakes_are_named_before_anything_is_written(message, tmp_path):
+    own = replace(mechanism(False), observed=None, **BAD[message])
+    with pytest.raises(ValueError, match=message):
+        simulate_mechanism(own, options(1e-3, output=tmp_path / "results"))
+    assert not (tmp_path / "results").exists()
+
+
+def test_bodies_that_slip_in_their_frames_are_refused():
+    own = mechanism(False)
+    loose = replace(own.bodies[0], held=lambda x: np.zeros(len(x), dtype=bool))
+    with pytest.raises(ValueError, match="mass matrix is singular"):
+        simulate_mechanism(replace(own, bodies=(loose, own.bodies[1])), options(1e-3))
+    wrong = replace(own.bodies[0], held=lambda x: np.zeros(1, dtype=bool))
+    with pytest.raises(ValueError, match="held must return 2 or 2 x 3 truth values"):
+        simulate_mechanism(replace(own, bodies=(wrong, own.bodies[1])), options(1e-3))
+    with pytest.raises(ValueError, match="out of the plane"):
+        replace(own.bodies[0], velocity=(0.0, 0.0, 1.0))
+    other = replace(own.bodies[0], mesh=eb.mesh("plane", 0.5))
+    with pytest.raises(ValueError, match="must have interval cells in 1 dimensions"):
+        simulate_mechanism(replace(own, bodies=(other, own.bodies[1])), options(1e-3))
