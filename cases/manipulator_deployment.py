@@ -37,7 +37,7 @@ DURATION = 15.0
 
 def build(
     *, theory: str, outer_turn: float, eccentricity: float, assumed_modes: int, elements: int,
-    warping: bool,
+    bodies: int, body_modes: int, warping: bool,
 ) -> Any:  # fmt: skip
     """The outboard link on its prescribed base, or a model of exact elements."""
     link = ff.outboard_link(eccentricity)
@@ -46,7 +46,10 @@ def build(
         *(ff.smooth_turn(math.pi, -turn * math.pi, DURATION) for turn in turns)
     )
     if theory == "floating":
-        raise ValueError("theory floating: bodies in a floating frame are not available yet")
+        return ff.floating_model(
+            link, base, bodies=bodies, modes=body_modes, elements=elements, warping=warping,
+            name="deployment",
+        )  # fmt: skip
     if theory == "beam":
         return ff.exact_model(link, base, elements=elements, warping=warping, name="deployment")
     effects = ff.effects_of(theory, warping=warping)
@@ -83,6 +86,8 @@ CASE = ff.Case(
         ),
         ff.Option("assumed_modes", int, 10, "modes of the assumed-modes theories", minimum=1),
         ff.Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
+        ff.Option("bodies", int, 2, "of theory floating in each segment", minimum=1),
+        ff.Option("body_modes", int, 4, "modes of each of these bodies", minimum=0),
         ff.Option("warping", bool, True, "torsion of the channel with its warping held"),
     ),
     dt=0.01,

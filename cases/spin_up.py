@@ -40,7 +40,7 @@ SPUN_UP = 15.0
 
 def build(
     *, theory: str, eccentricity: float, hub_radius: float, assumed_modes: int, elements: int,
-    warping: bool,
+    bodies: int, body_modes: int, warping: bool,
 ) -> Any:  # fmt: skip
     """The beam on its prescribed base, or a model of exact elements."""
     link = ff.outboard_link(eccentricity)
@@ -49,7 +49,10 @@ def build(
         still, ff.spin_up_angle(duration=SPUN_UP), still, link_1=0.0, link_2=hub_radius
     )
     if theory == "floating":
-        raise ValueError("theory floating: bodies in a floating frame are not available yet")
+        return ff.floating_model(
+            link, base, bodies=bodies, modes=body_modes, elements=elements, warping=warping,
+            name="spin_up",
+        )  # fmt: skip
     if theory == "beam":
         return ff.exact_model(link, base, elements=elements, warping=warping, name="spin_up")
     effects = ff.effects_of(theory, warping=warping)
@@ -82,6 +85,8 @@ CASE = ff.Case(
         ff.Option("hub_radius", float, 8.0, "from the spin axis to the root", unit="m", minimum=0),
         ff.Option("assumed_modes", int, 10, "modes of the assumed-modes theories", minimum=1),
         ff.Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
+        ff.Option("bodies", int, 2, "of theory floating in each segment", minimum=1),
+        ff.Option("body_modes", int, 4, "modes of each of these bodies", minimum=0),
         ff.Option("warping", bool, True, "torsion of the channel with its warping held"),
     ),
     dt=0.01,

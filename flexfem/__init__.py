@@ -157,6 +157,7 @@ _MODULES = {
     "FreeBase": "moving_base.base",
     "MovingBaseBeam": "moving_base.beam",
     "exact_model": "moving_base.exact",
+    "floating_model": "moving_base.floating",
     "segment_sections": "moving_base.exact",
     "TIP_COLUMNS": "moving_base.exact",
     "outboard_link": "moving_base.manipulator",
