@@ -23,6 +23,7 @@ LAYERS = [
     {"model"},
     {"elements", "bodies", "contact"},
     {"system"},
+    {"kinematics"},
     {"solvers", "io"},
     {"integrators"},
     {"simulation"},
@@ -43,6 +44,7 @@ FORBIDDEN = {
     "lie": HEAVY | {"ufl"},
     "materials": HEAVY | {"numba", "ufl"},
     "model": HEAVY | {"numba", "ufl"},
+    "kinematics": {"dolfinx", "dolfinx_solver", "petsc4py", "slepc4py"},
     "joints": HEAVY | {"numba", "ufl"},
     "loads": HEAVY | {"numba", "ufl"},
 }
