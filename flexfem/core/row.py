@@ -65,8 +65,9 @@ class Law:
         kind: which law.
         stiffness: k, N/m or N m/rad.
         damping: c, N s/m or N m s/rad.
-        first, second: ``SPRING``: F_0 (N or N m); ``LIMIT``: lower and upper limit; ``FRICTION``: F_c (N or N m) and v_0 (m/s
-            or rad/s); ``NORMAL_FRICTION``: mu (1, or m for a moment) and v_0.
+        first, second: ``SPRING``: F_0 (N or N m) and nothing; ``LIMIT``: lower and upper limit;
+            ``FRICTION``: F_c (N or N m) and v_0 (m/s or rad/s); ``NORMAL_FRICTION``: mu (1, or m
+            for a moment) and v_0.
     """
 
     kind: LawKind

@@ -8,6 +8,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.joint import Joint
 from flexfem.core.pose import Pose
 from flexfem.kinematics.mechanism import RigidMechanism
 from flexfem.kinematics.moved_model import moved_model
@@ -22,8 +23,9 @@ _MEASURES = ("inertia", "distance")
 
 
 def assemble(
-    model: Model, *, keep: Sequence[str] = (), measure: str = "inertia", tolerance: float = 1e-9
-) -> Model:
+    model: Model, *, keep: Sequence[str] = (), also: Sequence[Joint] = (),
+    measure: str = "inertia", tolerance: float = 1e-9,
+) -> Model:  # fmt: skip
     """Move the bodies of a model so that its joints hold at the start.
 
     Gauss-Newton steps on the rigid rows of all joints that are not released, each the smallest
@@ -35,6 +37,8 @@ def assemble(
     Args:
         model: the model, which stays as it is.
         keep: names of bodies that stay where they are.
+        also: joints outside the model that must hold at the start as well, such as those that bring
+            the output of a mechanism to its place.
         measure: "inertia": small is a motion of little kinetic energy; "distance": motions of all
             bodies count alike, a turn by the way of a point one radius of gyration away.
         tolerance: largest gap that may be left, m or rad.
@@ -53,12 +57,14 @@ def assemble(
     _checks.instance("assemble", "model", model, Model)
     if measure not in _MEASURES:
         raise InputError(f"assemble: measure must be one of {', '.join(_MEASURES)}, got {measure}")
+    for joint in also:
+        _checks.instance("assemble", "also", joint, Joint)
     _checks.number("assemble", "tolerance", tolerance, positive=True)
     try:
         model.validate()
         serial = Assembly(model)
         parts = RigidParts(serial)
-        mechanism = RigidMechanism(serial, parts, serial.joints)
+        mechanism = RigidMechanism(serial, parts, [*serial.joints, *also])
         moving = np.ones(len(parts), dtype=np.bool_)
         moving[part_numbers(parts, keep, "assemble: keep")] = False
     except ValueError as error:

@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.line_points import NURBS as NURBS_ELEMENT
 from flexfem.core.line_points import line_jacobian
-from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.core.marker import Attachment, Ground
 from flexfem.lie import se3
 from flexfem.model.bodies import Beam
 from flexfem.model.shell import Shell
