@@ -36,6 +36,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -88,6 +89,7 @@ class Link:
         self.name, self.kind, self.height = f"link_{number}", kind, height
         self.axes, self.start = turn(angle), start
         self.end = start + LENGTH * self.axes[:, 0]
+        self.straight: list[ff.Rigid] = []
         first = {"se3": "start", "rigid": None, "segments": None}[kind]
         if kind == "se3":
             self.root, self.tip = (self._marker(self.name, point=p) for p in (first, "end"))
@@ -116,14 +118,15 @@ class Link:
         shape = ff.Box((piece, self.height, width))
         for i, name in enumerate(self.pieces):
             middle = self.start + (i + 0.5) * piece * self.axes[:, 0]
-            model.add(ff.RigidBody(name, mass, about_end, position=middle, rotation=self.axes,
+            model.add(ff.RigidBody(name, mass, about, position=middle, rotation=self.axes,
                                    shape=shape))  # fmt: skip
         stiffness = ALUMINIUM.youngs_modulus * width * self.height**3 / 12.0 / piece
-        for a, b in zip(self.pieces, self.pieces[1:], strict=False):
-            ends = (self._marker(a, offset=(0.5 * piece, 0.0, 0.0)),
-                    self._marker(b, offset=(-0.5 * piece, 0.0, 0.0)))  # fmt: skip
-            model.add(ff.Revolute(f"{b}_pin", *ends, axis=Z),
-                      ff.TorsionalSpringDamper(f"{b}_spring", *ends, axis=Z, stiffness=stiffness))  # fmt: skip
+        for before, after in pairwise(self.pieces):
+            a = self._marker(before, offset=(0.5 * piece, 0.0, 0.0))
+            b = self._marker(after, offset=(-0.5 * piece, 0.0, 0.0))
+            spring = ff.TorsionalSpringDamper(f"{after}_spring", a, b, axis=Z, stiffness=stiffness)
+            model.add(ff.Revolute(f"{after}_pin", a, b, axis=Z), spring)
+            self.straight.append(ff.Rigid(f"{after}_straight", a, b))
 
 
 def manipulator(
@@ -184,7 +187,7 @@ def torques(height: float, mode: str, path: Path) -> dict[int, ff.Spline]:
 def assembled(model: ff.Model, links: list[Link]) -> ff.Model:
     """The model with its joints closed and P at the origin."""
     centre = ff.PointOnLine("centre", ff.Ground(), links[1].tip, axis=Z)
-    return ff.assemble(model, also=[centre])
+    return ff.assemble(model, also=[centre, *(joint for link in links for joint in link.straight)])
 
 
 def build(
@@ -262,6 +265,7 @@ CASE = ff.Case(
     ),
     dt=2.5e-4,
     t_end=0.5,
+    presets={"closure": {"reduced": {"integrator": "independent_coordinates"}}},
 
     smoke={"elements": 2, "t_end": 1e-3},
     results=results,

@@ -197,7 +197,7 @@ class RigidMechanism:
         fall = np.zeros_like(accelerations)
         turns = se3.rotation(self.frames)
         fall[:, :3] = np.einsum("nji,j->ni", turns, self.gravity)
-        force = np.einsum("nij,nj->ni", M, accelerations - fall)
+        force: FloatArray = np.einsum("nij,nj->ni", M, accelerations - fall)
         p = np.einsum("nij,nj->ni", M, v)
         force[:, :3] += np.cross(v[:, 3:], p[:, :3])
         force[:, 3:] += np.cross(v[:, 3:], p[:, 3:]) + np.cross(v[:, :3], p[:, :3])
@@ -207,7 +207,8 @@ class RigidMechanism:
         """(n, 6) forces by which springs, dampers and actuators resist, but for some rows (r,)."""
         rows = self.rows
         forces = np.where(rows.rigid | left_out, 0.0, rows.values / _nonzero(rows.compliance))
-        return (forces @ self.jacobian()).reshape(-1, 6)
+        out: FloatArray = (forces @ self.jacobian()).reshape(-1, 6)
+        return out
 
     def load_forces(self, loads: PlacedLoads, t: float) -> FloatArray:
         """(n, 6) forces of loads on the parts at time t; see :func:`place_loads`."""

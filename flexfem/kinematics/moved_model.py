@@ -150,7 +150,8 @@ def _moved_orientation(model: Model, beam: Beam, motion: Pose) -> Orientation:
     """
     given, turn, back = beam.orientation, motion.rotation, motion.inverse()
     if given is not None and not callable(given):
-        return turn @ np.asarray(given)
+        directed: FloatArray = turn @ np.asarray(given)
+        return directed
     if given is not None:
         function: Callable[[FloatArray], Any] = given
         return lambda points: np.asarray(function(back.apply(points))) @ turn.T

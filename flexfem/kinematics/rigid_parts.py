@@ -39,13 +39,13 @@ class RigidParts:
         self.names: list[tuple[str, ...]] = [(body.name,) for body in model.rigid_bodies]
         frames = [serial.rigid_frames]
         inertia = [body.inertia_matrix for body in model.rigid_bodies]
-        nodes = {body.name: _nodes(serial, body) for body in (*model.beams, *model.shells)}
+        bodies: list[Beam | Shell] = [*model.beams, *model.shells]
+        nodes = {body.name: _nodes(serial, body) for body in bodies}
         for names in _clusters(nodes):
             self.names.append(names)
             middle = np.concatenate([nodes[name][0] for name in names]).mean(axis=0)
             frames.append(se3.frame(middle, np.eye(3))[np.newaxis])
-            bodies = (model[name] for name in names)
-            inertia.append(sum((_inertia(serial, b, frames[-1][0]) for b in bodies), _none()))
+            inertia.append(sum((_inertia(serial, model[n], frames[-1][0]) for n in names), _none()))
         self.frames: FloatArray = np.concatenate(frames)
         self.number = {name: i for i, names in enumerate(self.names) for name in names}
         for mass in model.point_masses:
@@ -133,7 +133,7 @@ def _curve_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArr
     jacobian = np.empty((6, 6 * nodes.shape[1] + 1))
     for e, q in np.ndindex(len(nodes), len(xi)):
         frames = np.ascontiguousarray(curves.frames[nodes[e]])
-        line_jacobian(NURBS_ELEMENT, frames, shape[e], xi[q], sections[e, q], jacobian)
+        line_jacobian(NURBS_ELEMENT, frames, shape[e], float(xi[q]), sections[e, q], jacobian)
     return _carried(origin, sections.reshape(-1, 12), body.section.inertia, lengths.ravel())
 
 

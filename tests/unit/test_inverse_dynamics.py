@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexfem as ff
 from flexfem.cli import load_case
-from flexfem.kinematics.differences import stencil
 
 Z = (0.0, 0.0, 1.0)
 G = 9.81
@@ -49,9 +47,7 @@ class PlanarManipulator:
             self.J[:, chain] = np.stack([by_x[0], by_y[0]], axis=-1)
             self.rates[:, chain] = w[0]
             half = 0.5 * self.length
-            ends = [(first, 1.0, 0.0), (second, 2.0, 1.0)]
-            for i, (way, on_first, on_second) in enumerate(ends):
-                on_first, on_second = (half, 0.0) if i == 0 else (self.length, half)
+            for i, (on_first, on_second) in enumerate([(half, 0.0), (self.length, half)]):
                 centre = on_first * (1j * e[0] - w[0] ** 2) * first
                 centre = centre + on_second * (1j * e[1] - w[1] ** 2) * second
                 for k, by in enumerate((by_x, by_y)):
