@@ -112,9 +112,8 @@ class Link:
             return
         piece = LENGTH / len(self.pieces)
         mass = section.mass_per_length * piece
-        about_end = np.diag(section.inertia)[3:] * piece + mass * piece**2 / 12.0 * np.eye(3)[
-            1:
-        ].sum(0)
+        slender = mass * piece**2 / 12.0 * np.array([0.0, 1.0, 1.0])
+        about = piece * np.diag(section.inertia)[3:] + slender
         shape = ff.Box((piece, self.height, width))
         for i, name in enumerate(self.pieces):
             middle = self.start + (i + 0.5) * piece * self.axes[:, 0]
