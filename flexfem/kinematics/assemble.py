@@ -20,6 +20,8 @@ from flexfem.system.assembly import Assembly
 __all__ = ["assemble"]
 
 _MEASURES = ("inertia", "distance")
+#: Least moment of inertia of a part relative to the sum of its three.
+_THIN = 1e-6
 
 
 def assemble(
@@ -86,7 +88,7 @@ def _weights(parts: RigidParts, measure: str) -> FloatArray:
         blocks /= masses[:, np.newaxis, np.newaxis]
     # thin bodies have no inertia about their own line
     moments = np.trace(blocks[:, 3:, 3:], axis1=1, axis2=2)
-    blocks[:, 3:, 3:] += 1e-3 * moments[:, np.newaxis, np.newaxis] * np.eye(3)
+    blocks[:, 3:, 3:] += _THIN * moments[:, np.newaxis, np.newaxis] * np.eye(3)
     full = np.zeros((6 * len(parts), 6 * len(parts)))
     for i, block in enumerate(blocks):
         full[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = block

@@ -232,17 +232,15 @@ class _Task:
         S = mechanism.jacobian()[self.held]
         left, sizes, right = np.linalg.svd(S, full_matrices=False)
         rank = int((sizes > _SINGULAR * sizes.max(initial=0.0)).sum())
+        names = ", ".join(joint.owner for joint in self.outputs)
         if not gap <= _REACHED:
-            worst = int(np.argmax(np.abs(rows.values * self.held)))
             raise ValueError(
-                f"{mechanism.joints[int(rows.joint_of_row[worst])].owner}: the motion is out of "
-                f"reach at t = {t:.6g} s, a gap of {gap:.6g} is left"
+                f"{names}: the motion is out of reach at t = {t:.6g} s, a gap of {gap:.6g} is left"
             )
         if rank < mechanism.size:
             raise ValueError(
-                f"{', '.join(j.owner for j in self.outputs)}: they leave {mechanism.size - rank} "
-                f"motions of the mechanism open at t = {t:.6g} s (a singular position, or "
-                "dependent outputs)"
+                f"{names}: they leave {mechanism.size - rank} motions of the mechanism open at "
+                f"t = {t:.6g} s (a singular position, or dependent outputs)"
             )
         inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T
         rows.accept()

@@ -24,9 +24,11 @@ __all__ = ["PlacedLoads", "RigidMechanism", "marker_key", "place_joint", "place_
 
 #: Rates and forces of rows count as they are.
 _UNIT = np.array([1.0, 1.0])
-#: Gap that counts as none; what rounding may leave; least progress of a step that is one, how many
-#: may make none.
-_CLOSED, _ROUNDING, _PROGRESS, _PATIENCE = 1e-15, 1e-11, 0.9, 8
+#: Gap that counts as none; what rounding may leave.
+_CLOSED, _ROUNDING = 1e-15, 1e-11
+#: Damping relative to the square of the largest singular value: the first, how it grows and falls,
+#: below which it is none, and above which nothing brings the parts nearer.
+_FIRST, _MORE, _LESS, _LITTLE, _MOST = 1e-4, 10.0, 0.1, 1e-6, 1e8
 #: Singular values below this part of the largest count as zero.
 _SINGULAR = 1e-10
 #: Largest turn of a part in one step, rad.
@@ -154,6 +156,8 @@ class RigidMechanism:
     ) -> float:  # fmt: skip
         """Move the parts onto chosen rows at time t by Gauss-Newton steps of least size.
 
+        Steps that do not bring them nearer are damped (Levenberg, Marquardt).
+
         Args:
             t: time of the drives, s.
             chosen: (r,) rows.
@@ -166,27 +170,35 @@ class RigidMechanism:
         """
         free = np.repeat(np.ones(len(self.parts), np.bool_) if moving is None else moving, 6)
         root = None if weights is None else np.linalg.cholesky(weights[np.ix_(free, free)])
-        best, stalled = np.inf, 0
+        self.at(t)
+        damping, gaps = 0.0, self.rows.values[chosen]
         for _ in range(iterations):
-            self.at(t)
-            gaps = self.rows.values[chosen]
             gap = float(np.abs(gaps).max(initial=0.0))
             if gap <= _CLOSED or not np.isfinite(gap):
                 break
-            stalled = 0 if gap < _PROGRESS * best else stalled + 1
-            if stalled > _PATIENCE or (stalled and gap < _ROUNDING):
-                break
-            best = min(best, gap)
             G = self.jacobian()[chosen][:, free]
             if root is not None:
                 G = np.linalg.solve(root, G.T).T
-            change = np.linalg.lstsq(G, -gaps, rcond=_SINGULAR)[0]
-            step = np.zeros(self.size)
-            step[free] = change if root is None else np.linalg.solve(root.T, change)
-            turn = float(np.abs(step.reshape(-1, 6)[:, 3:]).max(initial=0.0))
-            self.move(step * min(1.0, _TURN / turn) if turn > 0.0 else step)
-        self.at(t)
-        return float(np.abs(self.rows.values[chosen]).max(initial=0.0))
+            left, sizes, right = np.linalg.svd(G, full_matrices=False)
+            start, before = self.frames.copy(), float(np.linalg.norm(gaps))
+            while True:
+                change = -right.T @ (_damped(sizes, damping) * (left.T @ gaps))
+                step = np.zeros(self.size)
+                step[free] = change if root is None else np.linalg.solve(root.T, change)
+                turn = float(np.abs(step.reshape(-1, 6)[:, 3:]).max(initial=0.0))
+                self.move(step * min(1.0, _TURN / turn) if turn > 0.0 else step)
+                self.at(t)
+                gaps = self.rows.values[chosen]
+                if float(np.linalg.norm(gaps)) < before:
+                    damping = _LESS * damping if damping > _LITTLE else 0.0
+                    break
+                self.frames[:] = start
+                self.at(t)
+                gaps = self.rows.values[chosen]
+                if gap < _ROUNDING or damping > _MOST:
+                    return gap
+                damping = max(_MORE * damping, _FIRST)
+        return float(np.abs(gaps).max(initial=0.0))
 
     def inertial_forces(self, accelerations: FloatArray) -> FloatArray:
         """(n, 6) forces of inertia, gravity included, for local accelerations (n, 6).
@@ -245,6 +257,14 @@ def marker_key(marker: Marker | Ground) -> tuple[object, ...]:
     if isinstance(marker, Ground):
         return ("", tuple(marker.position.tolist()))
     return (marker.body, marker.point, tuple(marker.offset.tolist()))
+
+
+def _damped(sizes: FloatArray, damping: float) -> FloatArray:
+    """Inverse singular values, damped; none for those that are zero."""
+    largest = float(sizes.max(initial=0.0))
+    kept = sizes > _SINGULAR * largest
+    out: FloatArray = np.where(kept, sizes / (sizes**2 + damping * largest**2 + ~kept), 0.0)
+    return out
 
 
 def _nonzero(values: FloatArray) -> FloatArray:
