@@ -166,8 +166,8 @@ class _Step:
             if size <= self._tolerance:
                 return Status.OK
             system.counters.newton_iterations += 1
-            if renew:
-                motions.factor(self._shifts)
+            if renew and not motions.factor(self._shifts):
+                return Status.SINGULAR
             step, laws = motions.solve(motions.project(residual), motions.of_rows(rows.values))
             previous, size = size, float(max(np.abs(step).max(), np.abs(laws).max(initial=0.0)))
             if not np.isfinite(size) or size > _DIVERGENCE:

@@ -15,7 +15,6 @@ T. R. Kane, D. A. Levinson, Dynamics (1985)). Every rank holds the same arrays.
 from mpi4py import MPI
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.la.dense import gather_rows
@@ -75,23 +74,18 @@ class IndependentMotions:
         """
         self._G = self.gradient()
         G = self._G if self._combine is None else self._combine @ self._G
-        if not np.isfinite(G).all():
+        try:
+            self._follow: FloatArray = np.linalg.solve((G @ self._rest).T, self._rest.T).T
+        except np.linalg.LinAlgError:
             return False
-        self._factor = lu_factor(G @ self._rest, check_finite=False) if len(G) else None
-        self._theta = self._free - self._dependent(G @ self._free)
+        self._theta = self._free - self._follow @ (G @ self._free)
         return bool(np.isfinite(self._theta).all())
-
-    def _dependent(self, right: FloatArray) -> FloatArray:
-        """``Y (G Y)^-1`` times what the rows say."""
-        if self._factor is None:
-            return np.zeros((self.unknowns, *right.shape[1:]))
-        out: FloatArray = self._rest @ lu_solve(self._factor, right, check_finite=False)
-        return out
 
     def follow(self, values: FloatArray) -> FloatArray:
         """Dependent motion (n,) that changes the rigid rows by values (all rows)."""
         own = values[self.rigid]
-        return self._dependent(own if self._combine is None else self._combine @ own)
+        out: FloatArray = self._follow @ (own if self._combine is None else self._combine @ own)
+        return out
 
     def along_rows(self, motion: FloatArray) -> FloatArray:
         """(all rows,) change of the rigid rows along a motion (n,), zero for others."""
@@ -102,9 +96,8 @@ class IndependentMotions:
     def multipliers(self, residual: FloatArray) -> FloatArray:
         """(all rows,) multipliers of the rigid rows that balance a residual (n,)."""
         out = np.zeros(len(self.rigid))
-        if self._factor is not None:
-            found = lu_solve(self._factor, -(self._rest.T @ residual), trans=1, check_finite=False)
-            out[self.rigid] = found if self._combine is None else self._combine.T @ found
+        found = -(self._follow.T @ residual)
+        out[self.rigid] = found if self._combine is None else self._combine.T @ found
         return out
 
     def project(self, residual: FloatArray) -> FloatArray:
@@ -112,8 +105,8 @@ class IndependentMotions:
         found: FloatArray = self._theta.T @ residual
         return found
 
-    def factor(self, shifts: Shifts) -> None:
-        """Assemble and factorise the reduced tangent at the present state (collective)."""
+    def factor(self, shifts: Shifts) -> bool:
+        """Assemble and invert the reduced tangent at the present state; success (collective)."""
         tangent, count = self._tangent, len(self._system.parts)
         tangent.assemble(shifts)
         self._system.counters.factorizations += 1
@@ -129,7 +122,11 @@ class IndependentMotions:
             [self._theta.T @ own, self._theta.T @ A[:n, rows]],
             [A[rows, :n] @ self._theta, A[np.ix_(rows, rows)]],
         ])  # fmt: skip
-        self._reduced = lu_factor(reduced, check_finite=False)
+        try:
+            self._reduced = np.linalg.inv(reduced)
+        except np.linalg.LinAlgError:
+            return False
+        return True
 
     def solve(self, residual: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Step (n,) of the unknowns and (all rows,) of the multipliers of rows with laws.
@@ -139,7 +136,7 @@ class IndependentMotions:
             values: (all rows,) of which those with laws count.
         """
         right = np.concatenate([residual, values[~self.rigid]])
-        found = lu_solve(self._reduced, right, check_finite=False)
+        found = self._reduced @ right
         laws = np.zeros(len(self.rigid))
         laws[~self.rigid] = found[len(residual) :]
         return self._theta @ found[: len(residual)], laws
