@@ -21,13 +21,21 @@ plane only, so that no constraint is redundant. ``--closure reduced`` integrates
 velocities without multipliers.
 
 History: ``P_x, P_y`` and ``error_x, error_y``, what they are off the path, m; ``tau_1, tau_2,
-tau_3``, N m; ``angle_1 .. angle_6, rate_1 .. rate_6`` of the links' first sections from the X axis,
-rad and rad/s; ``axial_1, transverse_1, rotation_1`` and those of links 3 and 5: displacement of the
-end in the axes of the first section, m, and rotation against it, rad.
+tau_3``, N m; ``angle_1, angle_2, angle_3, angle_4, angle_5, angle_6`` of the links' first sections
+from the X axis, rad, and ``rate_1, rate_2, rate_3, rate_4, rate_5, rate_6``, rad/s; of the ends of
+links 1, 3, 5 in the axes of the first section ``axial_1, axial_3, axial_5`` and ``transverse_1,
+transverse_3, transverse_5``, m, and their rotation against it ``rotation_1, rotation_3,
+rotation_5``, rad.
 
-Expected (Liu et al., Math. Biosci. Eng. 20 (2023) 807, without figures that could be compared):
-axial deflections three orders of magnitude below transverse ones, errors that grow with time,
-those of mode 1 the most. Rigid links follow the path up to the error of the integration.
+Expected (Liu et al., Math. Biosci. Eng. 20 (2023) 807, in words only): axial deflections three
+orders of magnitude below transverse ones, redundant drives better than two, mode 2 the smoothest,
+errors that grow with time, those of mode 1 the most. Here the largest ends' deflections are 0.82,
+0.48, 0.72 mm in modes 1, 2, 3 and 1.7, 0.6, 1.3 um along the links, all of the latter from bending,
+-0.6 w^2/l; P ends off by 24.7, 0.5, 1.7 um and is off by 24.7, 16.4, 16.5 um at most. Only with
+``--speed rising`` do the errors of all modes grow to the end, to 40, 30, 30 um. Segments give 24.5,
+1.0, 1.5 um at the end. Within 0.05 s deflections reach 87, 50, 85 mm, a third of the links' length,
+and the axial ones 20, 6, 19 mm. Rigid links follow the path up to the error of the integration,
+below 0.2 um with the default step.
 Run: ``mpirun -n 2 python cases/parallel_manipulator.py --mode 2`` or, ten times as fast,
 ``python cases/parallel_manipulator.py --duration 0.05 --t-end 0.05 --dt 2.5e-5``.
 """
@@ -46,7 +54,7 @@ import flexfem as ff
 LENGTH, AREA, SIDE = 0.244, 40e-6, 0.5
 ALUMINIUM = ff.Material(70e9, 0.33, 2700.0)
 RADIUS, ANGLE = 0.03892, math.radians(111.75)
-SEGMENTS, SAMPLES = 8, 501
+SEGMENTS = 8
 CHAINS = (1, 2, 3)
 Z = (0.0, 0.0, 1.0)
 PINNED = ("z", "rx", "ry", "rz")  # two points together in the plane
@@ -154,7 +162,7 @@ def manipulator(
     return model, links
 
 
-def torques(height: float, mode: str, path: Path) -> dict[int, ff.Spline]:
+def torques(height: float, mode: str, path: Path, samples: int) -> dict[int, ff.Spline]:
     """Torques of the drives that move rigid links along the path, by chain."""
     model, links = manipulator(height, ("rigid", "rigid"), 1)
     model = assembled(model, links)
@@ -176,7 +184,7 @@ def torques(height: float, mode: str, path: Path) -> dict[int, ff.Spline]:
         for i in range(2)
     ]
     found = ff.inverse_dynamics(
-        model, outputs, drives, np.linspace(0.0, path.duration, SAMPLES), least
+        model, outputs, drives, np.linspace(0.0, path.duration, samples), least
     )
     return {
         chain: found.amplitude(drive.name) for chain, drive in zip(CHAINS, drives, strict=False)
@@ -191,7 +199,7 @@ def assembled(model: ff.Model, links: list[Link]) -> ff.Model:
 
 def build(
     *, mode: str, links: str, flexible: str, in_plane_height: float, elements: int,
-    duration: float, path: str, speed: str, closure: str,
+    duration: float, path: str, speed: str, samples: int, closure: str,
 ) -> ff.Model:  # fmt: skip
     """Model with the torques fed forward."""
     if links == "floating":
@@ -201,7 +209,7 @@ def build(
         "active": (links, "rigid"), "all": (links, links), "none": ("rigid", "rigid"),
     }[flexible]  # fmt: skip
     model, parts = manipulator(height, kinds, elements)
-    drives = torques(height, mode, way)
+    drives = torques(height, mode, way, samples)
     for chain, torque in drives.items():
         joint = model[f"A{chain}"]
         model.add(ff.Actuator(f"drive_{chain}", joint.a, joint.b, axis=Z, force=torque))
@@ -259,6 +267,7 @@ CASE = ff.Case(
         ff.Option("path", str, "spiral", "way of P", choices=("spiral", "line")),
         ff.Option("speed", str, "smooth", "along it: from rest to rest, or rising to the end",
                   choices=("smooth", "rising")),
+        ff.Option("samples", int, 501, "times at which torques are computed", minimum=6),
         ff.Option("closure", str, "multipliers", "of the loops",
                   choices=("multipliers", "reduced")),
     ),
@@ -266,7 +275,7 @@ CASE = ff.Case(
     t_end=0.5,
     presets={"closure": {"reduced": {"integrator": "independent_coordinates"}}},
 
-    smoke={"elements": 2, "t_end": 1e-3},
+    smoke={"elements": 2, "samples": 21, "t_end": 1e-3},
     results=results,
 )  # fmt: skip
 

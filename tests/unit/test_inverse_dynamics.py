@@ -103,8 +103,7 @@ def case() -> Any:
 
 
 @pytest.mark.serial
-def test_planar_manipulator(case, monkeypatch):
-    monkeypatch.setitem(case, "SAMPLES", 26)
+def test_planar_manipulator(case):
     path = case["Path"]("spiral", "smooth", 0.5)
     t = np.linspace(0.0, 0.5, 26)
     known = PlanarManipulator(t, 0.5, 5e-3)
@@ -118,7 +117,7 @@ def test_planar_manipulator(case, monkeypatch):
     ) / known.rates[1:-1]  # fmt: skip
     expected_of = {"torque": least, "1": two, "3": power, "2": known.least_joint_forces}
     for mode, expected in expected_of.items():
-        found = case["torques"](5e-3, mode, path)
+        found = case["torques"](5e-3, mode, path, 26)
         values = np.stack([spline.values for spline in found.values()], axis=1)
         values = values[1:-1] if mode == "3" else values
         # drives are differentiated to 1e-9; without the links' rotary inertia 0.1 would be missing

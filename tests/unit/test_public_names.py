@@ -12,7 +12,7 @@ pytestmark = pytest.mark.serial
 
 NUMERICAL = {
     "relax", "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize",
-    "LinearModel",
+    "LinearModel", "assemble", "inverse_dynamics", "InverseDynamics",
 }  # fmt: skip
 
 
