@@ -14,7 +14,9 @@ tau of the time, or with a speed that rises to the end, s = tau^2. The torques o
 this are fed forward: ``--mode 1`` with two drives, A1 and A2; with three ``--mode 2`` (least
 Euclidean norm of the forces at elbows and end effector), ``--mode 3`` (least norm of the drives'
 powers) and ``--mode torque`` (least norm of the torques). ``--flexible`` links are SE(3) beams,
-``--links segments`` makes them of 8 rigid segments with torsion springs between them.
+``--links segments`` makes them of 8 rigid segments with torsion springs between them, and
+``--links floating`` bodies in floating frames, of ``--elements`` beam elements (three as published)
+reduced to their ends and four modes; with ``--no-stiffening`` they do not get shorter as they bend.
 
 Elbows are revolute joints and the chains meet in joints that hold two points together in the
 plane only, so that no constraint is redundant. ``--closure reduced`` integrates independent
@@ -93,14 +95,13 @@ class Link:
     """A link of the manipulator: its bodies, and markers at its ends along it."""
 
     def __init__(self, number: int, start: Array, angle: float, height: float, kind: str) -> None:
-        """Place it roughly; ``kind`` is "rigid", "segments" or "se3"."""
+        """Place it roughly; ``kind`` is "rigid", "segments", "se3" or "floating"."""
         self.name, self.kind, self.height = f"link_{number}", kind, height
         self.axes, self.start = turn(angle), start
         self.end = start + LENGTH * self.axes[:, 0]
         self.straight: list[ff.Rigid] = []
-        first = {"se3": "start", "rigid": None, "segments": None}[kind]
-        if kind == "se3":
-            self.root, self.tip = (self._marker(self.name, point=p) for p in (first, "end"))
+        if kind in ("se3", "floating"):
+            self.root, self.tip = (self._marker(self.name, point=p) for p in ("start", "end"))
         else:
             pieces = SEGMENTS if kind == "segments" else 1
             names = [f"{self.name}_{i + 1}" for i in range(pieces)] if pieces > 1 else [self.name]
@@ -111,10 +112,19 @@ class Link:
     def _marker(self, body: str, **place: object) -> ff.Marker:
         return ff.Marker(body, rotation=self.axes, **place)  # type: ignore[arg-type]
 
-    def add_to(self, model: ff.Model) -> None:
-        """Add its bodies."""
+    def add_to(self, model: ff.Model, reduced: ff.ReducedBody | None) -> None:
+        """Add its bodies; ``reduced`` is what all links in floating frames have in common."""
         width = AREA / self.height
         section = ff.Section.rectangle(self.height, width, ALUMINIUM)
+        if self.kind == "floating":
+            assert reduced is not None
+            model.add(
+                ff.FloatingBody(
+                    self.name, reduced, position=self.start, rotation=self.axes,
+                    stiffening=reduced.interface_stiffness is not None,
+                )
+            )  # fmt: skip
+            return
         if self.kind == "se3":
             model.add(ff.Beam(self.name, section, orientation=tuple(self.axes[:, 1])))
             return
@@ -136,10 +146,21 @@ class Link:
             self.straight.append(ff.Rigid(f"{after}_straight", a, b))
 
 
+def reduced_link(height: float, elements: int, stiffening: bool) -> ff.ReducedBody:
+    """A link as beam elements, reduced to the motion of its ends and four modes (collective)."""
+    section = ff.Section.rectangle(height, AREA / height, ALUMINIUM)
+    line = np.linspace([0.0, 0.0, 0.0], [LENGTH, 0.0, 0.0], elements + 1)
+    return ff.reduce_body(
+        ff.beam_body(line, section, orientation=(0.0, 1.0, 0.0)),
+        {"start": line[0], "end": line[-1]}, modes=4, geometric_stiffness=stiffening,
+    )  # fmt: skip
+
+
 def manipulator(
-    height: float, kinds: tuple[str, str], elements: int
+    height: float, kinds: tuple[str, str], elements: int, stiffening: bool = True
 ) -> tuple[ff.Model, list[Link]]:
     """Bodies and joints of six links in rough positions; kinds of driven and following links."""
+    reduced = reduced_link(height, elements, stiffening) if "floating" in kinds else None
     links = []
     for chain in CHAINS:
         start = corner(chain)
@@ -150,7 +171,7 @@ def manipulator(
     mesh = ff.LineMesh.straight(lines, elements) if lines else None
     model = ff.Model("parallel_manipulator", mesh=mesh)
     for link in links:
-        link.add_to(model)
+        link.add_to(model, reduced)
     for chain in CHAINS:
         active, follower = links[2 * chain - 2 : 2 * chain]
         model.add(
@@ -199,16 +220,14 @@ def assembled(model: ff.Model, links: list[Link]) -> ff.Model:
 
 def build(
     *, mode: str, links: str, flexible: str, in_plane_height: float, elements: int,
-    duration: float, path: str, speed: str, samples: int, closure: str,
+    duration: float, path: str, speed: str, samples: int, closure: str, stiffening: bool,
 ) -> ff.Model:  # fmt: skip
     """Model with the torques fed forward."""
-    if links == "floating":
-        raise ValueError("links: floating-frame links are not there yet, take se3 or segments")
     height, way = 1e-3 * in_plane_height, Path(path, speed, duration)
     kinds = {
         "active": (links, "rigid"), "all": (links, links), "none": ("rigid", "rigid"),
     }[flexible]  # fmt: skip
-    model, parts = manipulator(height, kinds, elements)
+    model, parts = manipulator(height, kinds, elements, stiffening)
     drives = torques(height, mode, way, samples)
     for chain, torque in drives.items():
         joint = model[f"A{chain}"]
@@ -262,7 +281,8 @@ CASE = ff.Case(
         ff.Option("flexible", str, "active", "which links are flexible",
                   choices=("active", "all", "none")),
         ff.Option("in_plane_height", float, 5.0, "of the section", unit="mm", above=0.0),
-        ff.Option("elements", int, 8, "SE(3) beam elements of a flexible link", minimum=1),
+        ff.Option("elements", int, 8, "beam elements of a flexible link", minimum=1),
+        ff.Option("stiffening", bool, True, "of links in floating frames by forces and speed"),
         ff.Option("duration", float, 0.5, "of the path", unit="s", above=0.0),
         ff.Option("path", str, "spiral", "way of P", choices=("spiral", "line")),
         ff.Option("speed", str, "smooth", "along it: from rest to rest, or rising to the end",
@@ -273,8 +293,10 @@ CASE = ff.Case(
     ),
     dt=2.5e-4,
     t_end=0.5,
-    presets={"closure": {"reduced": {"integrator": "independent_coordinates"}}},
-
+    presets={
+        "closure": {"reduced": {"integrator": "independent_coordinates"}},
+        "links": {"floating": {"elements": 3}},
+    },
     smoke={"elements": 2, "samples": 21, "t_end": 1e-3},
     results=results,
 )  # fmt: skip

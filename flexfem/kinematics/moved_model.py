@@ -20,6 +20,7 @@ from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.nurbs_frames import control_frames
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.shell import Shell
 
@@ -65,8 +66,8 @@ class _Mover:
             return thing
         if isinstance(thing, Marker):
             return self._marker(thing)
-        if isinstance(thing, RigidBody):
-            return _moved_rigid_body(thing, self._motions[thing.name])
+        if isinstance(thing, (FloatingBody, RigidBody)):
+            return _moved_body(thing, self._motions[thing.name])
         if isinstance(thing, Beam):
             return _moved_beam(self._model, thing, self._motions[thing.name])
         if isinstance(thing, (list, tuple)):
@@ -118,7 +119,7 @@ def _has_fields(thing: Any) -> bool:
     return type(thing).__module__.startswith("flexfem.") and hasattr(thing, "__dict__")
 
 
-def _moved_rigid_body(body: RigidBody, motion: Pose) -> RigidBody:
+def _moved_body[Body: (FloatingBody, RigidBody)](body: Body, motion: Pose) -> Body:
     moved = copy(body)
     _checks.assign(
         moved,

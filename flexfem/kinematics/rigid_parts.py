@@ -10,7 +10,8 @@ from flexfem.core.line_points import NURBS as NURBS_ELEMENT
 from flexfem.core.line_points import line_jacobian
 from flexfem.core.marker import Attachment, Ground
 from flexfem.lie import se3
-from flexfem.model.bodies import Beam
+from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.floating_body import FloatingBody
 from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
 
@@ -21,13 +22,13 @@ _POINTS = 0.5 + 0.5 / np.sqrt(3.0) * np.array([-1.0, 1.0])
 
 
 class RigidParts:
-    """What moves as one: a rigid body, or beams or shells that share nodes, as they are unstrained.
+    """What moves as one: a rigid body, or a flexible one as it is unstrained, or some with nodes.
 
     Attributes:
-        names: of the bodies of each part.
+        names: of the bodies of each part; beams or shells that share nodes are one.
         number: part of each body by its name.
-        frames: (n, 12) frames at the start: those of rigid bodies; of others inertial axes in the
-            middle of their nodes.
+        frames: (n, 12) frames at the start: those of rigid bodies and of bodies in floating frames;
+            of others inertial axes in the middle of their nodes.
         inertia: (n, 6, 6) inertia matrices about these frames, in their axes, translation first.
             Shells count as thin: without the rotary inertia of their thickness.
     """
@@ -36,9 +37,10 @@ class RigidParts:
         """Find the parts of a model and sum up their masses."""
         model = serial.model
         self._serial = serial
-        self.names: list[tuple[str, ...]] = [(body.name,) for body in model.rigid_bodies]
-        frames = [serial.rigid_frames]
-        inertia = [body.inertia_matrix for body in model.rigid_bodies]
+        whole: list[RigidBody | FloatingBody] = [*model.rigid_bodies, *model.floating_bodies]
+        self.names: list[tuple[str, ...]] = [(body.name,) for body in whole]
+        frames = [np.empty((0, 12)), *(se3.frame(b.position, b.rotation)[None] for b in whole)]
+        inertia = [body.inertia_matrix for body in whole]
         bodies: list[Beam | Shell] = [*model.beams, *model.shells]
         nodes = {body.name: _nodes(serial, body) for body in bodies}
         for names in _clusters(nodes):
