@@ -66,7 +66,9 @@ class _Mover:
             return thing
         if isinstance(thing, Marker):
             return self._marker(thing)
-        if isinstance(thing, (FloatingBody, RigidBody)):
+        if isinstance(thing, RigidBody):
+            return _moved_body(thing, self._motions[thing.name])
+        if isinstance(thing, FloatingBody):
             return _moved_body(thing, self._motions[thing.name])
         if isinstance(thing, Beam):
             return _moved_beam(self._model, thing, self._motions[thing.name])

@@ -79,9 +79,12 @@ def test_double_pendulum_is_that_of_exact_beams():
     for kind in kinds:
         history = run(_floating(side=0.012, **kind), **settings)
         gaps.append(np.abs(_tip(history) - exact).max())
-        # of 1 J; a lost term of the inertia forces shows at 1e-1
-        assert np.abs(history["energy_balance"]).max() < 2e-3
-    print(gaps)
+        # of 2 J; the scheme's own error is 0.02 J at this step and falls with its square
+        assert np.abs(history["energy_balance"]).max() < 0.04
+    # bars that keep their length end 4 mm off; a rigid body of one more term 30 mm
+    assert gaps[0] < 6e-3
+    # those that get shorter as they bend 1 mm, of a tip that moves 0.2 m, in either frame
+    assert max(gaps[2:]) < 1.5e-3
 
 
 @pytest.mark.parametrize("frame", ["left", "mean_axes"])
@@ -110,26 +113,33 @@ def test_kept_and_fresh_matrices_agree(matrix):
 
 
 @pytest.mark.serial
-def test_free_body_conserves_momenta():
-    """A tumbling bar without interfaces that vibrates: its frame has the mean axes."""
-    reduced = bar((), modes=7)
-    model = ff.Model("free")
-    model.add(
-        ff.FloatingBody("bar", reduced, velocity=(1.0, 0.2, 0.0), angular_velocity=(3.0, 9.0, 5.0)),
-        ff.EnergyProbe("energy"),
-        ff.MomentumProbe("momentum"),
-        ff.PositionProbe("first", ff.AmplitudeMarker("bar", 0)),
-    )
-    history = run(model, 1e-4, 0.05)
-    for column in (f"momentum_p{axis}" for axis in "xyz"):
-        # generalized-alpha keeps linear momentum to round-off
-        assert np.ptp(history[column]) < 1e-10
-    for column in (f"momentum_l{axis}" for axis in "xyz"):
-        # of 5 kg m^2/s; without coupling of elastic and rigid momentum 1e-3
-        assert np.ptp(history[column]) < 2e-5
-    # centrifugal forces stretch it: without their work on the coordinates nothing does
-    assert np.ptp(history["energy_strain"]) > 1e-6
-    assert np.abs(history["energy_balance"]).max() < 1e-3
+@pytest.mark.parametrize("ends", [("left", "right"), ()])
+def test_free_body_conserves_momenta(ends):
+    """A tumbling bar, with ends and without, whose modes then do not stretch it."""
+    reduced, stretched = bar(ends, modes=4 if ends else 7), bool(ends)
+    drifts = []
+    for dt in (1e-4, 5e-5):
+        model = ff.Model("free")
+        model.add(
+            ff.FloatingBody(
+                "bar", reduced, frame="mean_axes", velocity=(1.0, 0.2, 0.0),
+                angular_velocity=(30.0, 90.0, 50.0),
+            ),
+            ff.EnergyProbe("energy"),
+            ff.MomentumProbe("momentum"),
+        )  # fmt: skip
+        history = run(model, dt, 0.02)
+        for column in (f"momentum_p{axis}" for axis in "xyz"):
+            # generalized-alpha keeps linear momentum to round-off
+            assert np.ptp(history[column]) < 1e-10
+        turned = [np.ptp(history[f"momentum_l{axis}"]) for axis in "xyz"]
+        drifts.append([np.abs(history["energy_balance"]).max(), max(turned)])
+    # of 32 kg m^2/s and 700 J; what the scheme loses falls with the square of the step, what a
+    # missing coupling loses does not
+    assert (np.array(drifts[0]) > 3.0 * np.array(drifts[1])).all()
+    assert drifts[1][1] < 1e-3
+    # centrifugal forces stretch and bend it
+    assert stretched == (np.ptp(history["energy_strain"]) > 1e-2)
 
 
 @pytest.mark.serial
