@@ -44,6 +44,8 @@ MORE = {
     "chain": ["--elements", "3"],
     "deployable_truss": ["--elements", "3"],
     "sliding_beam": ["--elements", "6", "--slider-elements", "3"],
+    # one reduction for each number of ranks
+    "connecting_rod": ["--elements", "3", "--reduced", "{folder}/rod.h5"],
 }
 
 
@@ -76,7 +78,7 @@ def histories(
             output = str(folder / f"{case}-{policy}-{split}")
             runs.append([
                 case, "--smoke", "--iteration-matrix", policy, "--split-above", split,
-                *MORE.get(case, []), "--output", output,
+                *(part.format(folder=folder) for part in MORE.get(case, [])), "--output", output,
             ])  # fmt: skip
             if policy == "auto":
                 outputs.append(output)
