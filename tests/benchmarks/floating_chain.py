@@ -38,21 +38,21 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 def bar() -> Any:
     """The bar on its mesh: a ``LinearBody``."""
-    from mpi4py import MPI
-
     import flexfem as ff
 
-    mesh = _box(MPI.COMM_SELF)
-    return ff.solid_body(mesh, ff.Material(MODULUS, POISSON, DENSITY), name="bar")
+    make = ff.solid_body  # imports what must come before dolfinx
+    return make(_box(), ff.Material(MODULUS, POISSON, DENSITY), name="bar")
 
 
-def _box(comm: Any) -> Any:
-    import flexfem.reduction.fem  # noqa: F401  (before dolfinx)
+def _box() -> Any:
+    """Its mesh."""
+    from mpi4py import MPI
+
     from dolfinx import mesh
 
     half = 0.5 * SIDE
     corners = [(0.0, -half, -half), (LENGTH, half, half)]
-    return mesh.create_box(comm, corners, (CELLS, 1, 1), mesh.CellType.hexahedron)
+    return mesh.create_box(MPI.COMM_SELF, corners, (CELLS, 1, 1), mesh.CellType.hexahedron)
 
 
 def near(x: np.ndarray) -> np.ndarray:
