@@ -11,7 +11,7 @@ arms they are the balance of angular momentum, too.
 
 from flexfem._types import FloatArray, IndexArray
 from flexfem.core.step_kernels import add, increment_rate, mean_turn, turn, turn_back, unit
-from flexfem.lie._blocks import cross, triple
+from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel
 
@@ -108,7 +108,10 @@ def add_mass_tangent(
     lever = add(triple(centres[node], 0), 1.0, arm)
     mean = mean_turn(H0, H1, add(lever, 1.0, _spin(r0, r1, arm, h)))
     share = mass / (6.0 * h) * (2.0 if a == b else 1.0)
+    still = dot(c, c) + dot(far_arm, far_arm) == 0.0
     for k in range(6):
+        if still and a != b and k > 2:
+            continue  # the far end's centre stays as its node turns
         u, t = unit(k), unit(k - 3)
         do = increment_rate(triple(increments[other], 3), t)
         do = (rate * do[0], rate * do[1], rate * do[2])
@@ -119,10 +122,10 @@ def add_mass_tangent(
         df = turn(frames[other], du)
         df = (share * df[0], share * df[1], share * df[2])
         dm = cross(mean, df)
-        if a == b:
+        if a == b and k > 2:
             dm = add(dm, 1.0, _own_change(t, do, lever, arm, H0, H1, r0, r1, h, total))
         df, dm = turn_back(H1, df), turn_back(H1, dm)
-        if a == b:
+        if a == b and k > 2:
             df = add(df, -1.0, cross(t, triple(force, 0)))
             dm = add(dm, -1.0, cross(t, triple(force, 3)))
         for i in range(3):

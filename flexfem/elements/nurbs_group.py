@@ -9,15 +9,10 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.elements.beam_material import Material, about_centres, symmetric
-from flexfem.elements.nurbs_inertia import (
-    add_inertia,
-    add_inertia_action,
-    add_inertia_tangent,
-    step_changes,
-    step_rates,
-)
+from flexfem.elements.beam_material import Material, symmetric
+from flexfem.elements.nurbs_inertia import step_changes, step_rates
 from flexfem.elements.nurbs_loops import add_action, add_residual, point_strains
+from flexfem.elements.nurbs_masses import NurbsMasses
 from flexfem.elements.nurbs_motion import add_element_motion
 from flexfem.elements.nurbs_tables import gauss, lanes, masses, points, unlaned
 from flexfem.elements.nurbs_tangent import tangent_into
@@ -26,8 +21,6 @@ from flexfem.la.batch import LANES
 from flexfem.la.kernel import Kernel, compile_kernel
 
 __all__ = ["NurbsCells", "NurbsGroup", "NurbsKernels"]
-
-_ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -104,54 +97,9 @@ class NurbsGroup:
         self._masses = masses(data.shape, data.nodes, start)
         self.lengths = self._masses.lengths
         self._inertias = symmetric(material.data[:, :21])
-        self._place_masses()
-
-    def _place_masses(self) -> None:
-        """Consistent masses at the mass centres, rotary inertia about these lumped at the nodes."""
-        cells, own = self.data.nodes, self._inertias[self.data.section]
-        mass = own[:, 0, 0]
-        self._products = mass[:, np.newaxis, np.newaxis] * self._masses.products
-        centres, rotary = about_centres(self._inertias)
-        rest = np.zeros_like(own)
-        rest[:, 3:, 3:] = rotary[self.data.section]
-        nodes, first, back = np.unique(cells.ravel(), return_index=True, return_inverse=True)
-        self._nodes: IntArray = nodes.astype(np.int64)
-        self._homes = np.stack(np.unravel_index(first, cells.shape), axis=1).astype(np.int64)
-        self._lumps = np.zeros((len(self._nodes), 6, 6))
-        lumps = self._masses.weights[..., np.newaxis, np.newaxis] * rest[:, np.newaxis]
-        np.add.at(self._lumps, back.ravel(), lumps.reshape(-1, 6, 6))
-        self._centres = None
-        if centres.any():  # beams share no nodes: a node's elements have one section
-            self._centres = np.zeros((len(self._start), 3))
-            self._centres[cells] = centres[self.data.section][:, np.newaxis]
-
-    def _at_centres(self, *twists: FloatArray) -> tuple[FloatArray, ...]:
-        """Local twists (n, 6) or their rates, or maps (n, 6, j) to them, of the mass centres."""
-        if self._centres is None:
-            return twists
-        moved = tuple(x.copy() for x in twists)
-        for x in moved:
-            c = self._centres if x.ndim == 2 else self._centres[:, :, np.newaxis]
-            x[:, :3] += np.cross(x[:, 3:], c, axis=1)
-        return moved
-
-    def _no_forces(self, out: FloatArray) -> FloatArray:
-        """Where to add forces on the mass centres; ``out`` itself if these are the nodes."""
-        return out if self._centres is None else np.zeros_like(out)
-
-    def _add_at_nodes(
-        self, forces: FloatArray, out: FloatArray, nodes: IndexArray | slice = _ALL
-    ) -> None:
-        """Add forces on the mass centres and their moments about the nodes to ``out``.
-
-        They are those of the nodes (n, 6), or rows (m, 36 k k) of matrices of the nodes (m, k).
-        """
-        if self._centres is None:
-            return
-        c = self._centres[nodes]
-        rows = forces.reshape(*c.shape[:-1], 6, -1)
-        rows[..., 3:, :] += np.cross(c[..., np.newaxis], rows[..., :3, :], axis=-2)
-        out += forces
+        self._inertia = NurbsMasses(
+            data.nodes, self._masses, self._inertias, data.section, len(start)
+        )
 
     def _start_strains(self, tables: FloatArray, cells: IndexArray) -> FloatArray:
         """Strains (b, q, 6, LANES) of the start as such."""
@@ -199,13 +147,7 @@ class NurbsGroup:
             *self._loop_data(self._kernels.residual, starts), block.frames, block.velocity, scale,
             block.residual,
         )  # fmt: skip
-        v, w = self._at_centres(block.velocity, block.acceleration)
-        forces = self._no_forces(block.residual)
-        add_inertia(
-            self._nodes, self.data.nodes, self._products, self._lumps, gravity, block.frames, v, w,
-            scale, forces,
-        )  # fmt: skip
-        self._add_at_nodes(forces, block.residual)
+        self._inertia.add_residual(block, gravity, scale)
 
     def _loop_data(
         self, kernel: Kernel, starts: FloatArray
@@ -232,7 +174,7 @@ class NurbsGroup:
         """
         by_v, by_w = np.empty((2, len(block.frames), 6, 6))
         step_rates(
-            self._nodes, block.inertial_rates(shifts) and not local, block.increment,
+            self._inertia.nodes, block.inertial_rates(shifts) and not local, block.increment,
             block.velocity, block.acceleration, shifts, by_v, by_w,
         )  # fmt: skip
         if shifts[0] == 0.0 and shifts[2] == 0.0:
@@ -242,13 +184,7 @@ class NurbsGroup:
                 *self._loop_data(self._kernels.tangent, self._assumed_starts(block.frames)),
                 block.frames, block.velocity, by_v, shifts[2], scale, values,
             )  # fmt: skip
-        v, w, by_v, by_w = self._at_centres(block.velocity, block.acceleration, by_v, by_w)
-        changes = self._no_forces(values)
-        add_inertia_tangent(
-            self._nodes, self.data.nodes, self._products, self._lumps, gravity, self._homes,
-            block.frames, v, w, by_v, by_w, shifts[2], scale, changes,
-        )  # fmt: skip
-        self._add_at_nodes(changes, values, self.data.nodes)
+        self._inertia.add_tangent(block, gravity, by_v, by_w, shifts[2], scale, values)
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
@@ -256,7 +192,7 @@ class NurbsGroup:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
         steps, dv, dw = np.empty((3, len(block.frames), 6))
         step_changes(
-            self._nodes, block.inertial_rates(shifts), block.increment, block.velocity,
+            self._inertia.nodes, block.inertial_rates(shifts), block.increment, block.velocity,
             block.acceleration, shifts, block.step, steps, dv, dw,
         )  # fmt: skip
         if shifts[0] != 0.0 or shifts[2] != 0.0:
@@ -264,13 +200,7 @@ class NurbsGroup:
                 *self._loop_data(self._kernels.action, self._starts), block.frames, block.velocity,
                 steps, dv, scale, block.residual,
             )  # fmt: skip
-        v, w, dv, dw = self._at_centres(block.velocity, block.acceleration, dv, dw)
-        forces = self._no_forces(block.residual)
-        add_inertia_action(
-            self._nodes, self.data.nodes, self._products, self._lumps, gravity, block.frames, v, w,
-            steps, dv, dw, scale, forces,
-        )  # fmt: skip
-        self._add_at_nodes(forces, block.residual)
+        self._inertia.add_action(block, gravity, steps, dv, dw, scale)
 
     def response(
         self, frames: FloatArray, at: IntArray, xi: FloatArray

@@ -34,6 +34,8 @@ from flexfem.forms.lie import Expr, se3_log, se3_relative_rate
 __all__ = ["BeamForms", "beam_forms"]
 
 
+#: Mass per length that is lost in the rounding of any other.
+_NO_MASS = 1e-100
 #: values at both ends of an element
 _Pair = tuple[Expr, Expr]
 
@@ -109,8 +111,9 @@ def _halves(twist: Expr) -> tuple[Expr, Expr]:
 
 def _about_centre(m: Expr) -> tuple[Expr, Expr, Expr]:
     """Mass, mass centre and rotary inertia about it, all per length, of a section inertia."""
-    mass, first = m[0, 0], (m[5, 1], m[3, 2], m[4, 0])
-    c = ufl.as_vector([ufl.conditional(ufl.gt(mass, 0.0), s / mass, 0.0) for s in first])
+    mass = m[0, 0]
+    # without mass the centre does not matter; a branch would keep the kernel from vectors
+    c = ufl.as_vector([m[5, 1], m[3, 2], m[4, 0]]) / (mass + _NO_MASS)
     turning = ufl.as_matrix([[m[3 + i, 3 + j] for j in range(3)] for i in range(3)])
     steiner = mass * (ufl.dot(c, c) * ufl.Identity(3) - ufl.outer(c, c))
     return mass, c, turning - steiner
@@ -138,14 +141,14 @@ def _inertial_work(
     """
     mass, c, rotary = _about_centre(m)
     # local twists of the mass centres, their rates, and the centres' inertial accelerations
-    v, a, w = ([_moved(twist, c) for twist in pair] for pair in (v, a, w))
-    b = [a[i][0] + ufl.cross(v[i][1], v[i][0]) for i in range(2)]
+    twists, rates, tests = ([_moved(x, c) for x in pair] for pair in (v, a, w))
+    b = [dV + ufl.cross(omega, V) for (V, omega), (dV, _) in zip(twists, rates, strict=True)]
     force, change = [], []
     for i, R in enumerate((R_12, R_12.T)):  # R turns the other end's components into this one's
         j = 1 - i
-        (u, spun), spin = w[i], v[i][1]
+        (u, spun), spin = tests[i], twists[i][1]
         turn, other = _halves(dw[i])[1], _halves(dw[j])[1]
-        moment = rotary * a[i][1] + ufl.cross(spin, rotary * spin)
+        moment = rotary * rates[i][1] + ufl.cross(spin, rotary * spin)
         force.append(length / 2 * ufl.dot(spun, moment))
         force.append(length / 6 * mass * ufl.dot(u, 2 * b[i] + R * b[j]))
         turned = R * ufl.cross(other, b[j]) - ufl.cross(turn, R * b[j])
