@@ -32,6 +32,7 @@ FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lin
 SERIES = (*FLEXIBLE, "rigid_bodies", "joints")
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
+UNITS |= {"von_mises": "Pa", "stress": "Pa", "deformation": "m"}
 UNITS |= {"angular_velocity": "rad/s"} | dict.fromkeys(("kappa1", "kappa2", "kappa3"), "1/m")
 GHOSTS = 5  # earlier instants in motion.png
 MAX_FRAMES = 120
@@ -241,7 +242,8 @@ def draw_flexible(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) 
     """Add beams or shells coloured by the field; returns the actor, None without the field."""
     colours = scalars(mesh, scene.field)
     if colours is None:
-        plotter.add_mesh(mesh, color="#4878a8", **style)
+        # grey: a colour of the bar would tell a value
+        plotter.add_mesh(mesh, color="#a7b0ba", **style)
         return None
     shown = pv.UnstructuredGrid(mesh, deep=False)
     if scene.field in mesh.point_data:
@@ -370,8 +372,8 @@ def arguments(argv: list[str] | None) -> argparse.Namespace:
         "--color",
         default="bending_moment",
         metavar="FIELD",
-        help="field or component on the beams (N, Q2, Q3, T, M2, M3, kappa1, velocity, ...); "
-        "default: %(default)s",
+        help="field or component on the beams (N, Q2, Q3, T, M2, M3, kappa1, velocity, ...) or "
+        "bodies in floating frames (von_mises, deformation, ...); default: %(default)s",
     )
     parser.add_argument("--interval", type=float, help="seconds between instants of motion.png")
     parser.add_argument("--no-animation", action="store_true", help="write motion.png only")

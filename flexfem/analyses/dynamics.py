@@ -14,6 +14,9 @@ INTEGRATORS = {
     "generalized_alpha": "flexfem.integrators.generalized_alpha:GeneralizedAlpha",
     "energy_momentum": "flexfem.integrators.energy_momentum:EnergyMomentum",
     "stabilized_index2": "flexfem.integrators.stabilized_index2:StabilizedIndex2",
+    "independent_coordinates": (
+        "flexfem.integrators.independent_coordinates:IndependentCoordinates"
+    ),
 }
 MAX_STEPS = 1e9  # more steps than anyone waits for: dt or t_end was mistyped
 
@@ -26,6 +29,7 @@ _RUN_OPTIONS = (
         str,
         "generalized_alpha",
         "scheme in time: stabilized_index2 satisfies the constraints on velocities as well, "
+        "independent_coordinates has no multipliers (small systems), "
         "energy_momentum keeps the energy with --rho-inf 1 and never adds to it",
         choices=tuple(INTEGRATORS),
     ),

@@ -9,7 +9,7 @@ joint is a new list of rows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -108,6 +108,14 @@ class Joint:
         """Axis of the joint at the start in inertial axes (unit vector), None if it has none."""
         return None
 
+    def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
+        """Its directions at another start, by field, where the bodies of its markers are turned.
+
+        Args:
+            turns: the rotation (3, 3) of each marker's body, in inertial axes.
+        """
+        return {}
+
     def parts(self, lines: Sequence[NodeRow | None]) -> Sequence[Joint]:
         """The joints between nodes that it consists of: itself, unless it joins lines of shells.
 
@@ -163,6 +171,10 @@ class AxisJoint(Joint):
     def direction(self) -> FloatArray:
         """See :attr:`Joint.direction`."""
         return unit(self.axis)
+
+    def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
+        """See :meth:`Joint.turned`."""
+        return {"axis": turns[0] @ self.direction}
 
 
 @dataclass(frozen=True, eq=False)

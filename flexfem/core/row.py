@@ -10,7 +10,17 @@ import numpy as np
 
 from flexfem._types import FloatArray
 
-__all__ = ["Law", "LawKind", "Row", "RowKind", "Term", "friction", "limit", "spring"]
+__all__ = [
+    "Law",
+    "LawKind",
+    "Row",
+    "RowKind",
+    "Term",
+    "applied",
+    "friction",
+    "limit",
+    "spring",
+]
 
 _ZERO = np.zeros(3)
 
@@ -37,7 +47,7 @@ class LawKind(IntEnum):
 
     #: none: the value is zero and the force whatever this takes
     RIGID = 0
-    #: F = k x + c v
+    #: F = k x + c v + F_0
     SPRING = 1
     #: zero within lower <= x <= upper; beyond by d, F = k d (1 + tanh(c v / (k d))) against it
     LIMIT = 2
@@ -55,8 +65,9 @@ class Law:
         kind: which law.
         stiffness: k, N/m or N m/rad.
         damping: c, N s/m or N m s/rad.
-        first, second: ``LIMIT``: lower and upper limit; ``FRICTION``: F_c (N or N m) and v_0 (m/s
-            or rad/s); ``NORMAL_FRICTION``: mu (1, or m for a moment) and v_0.
+        first, second: ``SPRING``: F_0 (N or N m) and nothing; ``LIMIT``: lower and upper limit;
+            ``FRICTION``: F_c (N or N m) and v_0 (m/s or rad/s); ``NORMAL_FRICTION``: mu (1, or m
+            for a moment) and v_0.
     """
 
     kind: LawKind
@@ -69,6 +80,11 @@ class Law:
 def spring(stiffness: float, damping: float) -> Law:
     """Linear spring and damper."""
     return Law(LawKind.SPRING, stiffness, damping)
+
+
+def applied(force: float) -> Law:
+    """A force (N or N m), whatever the row's value and rate."""
+    return Law(LawKind.SPRING, first=force)
 
 
 def limit(lower: float | None, upper: float | None, stiffness: float, damping: float) -> Law:

@@ -51,6 +51,20 @@ class FloatingGroup:
         coordinates_into(self.data, self.nodes, frames, velocity, acceleration, base, eta)
         return base, eta
 
+    def strains(self, coordinates: FloatArray) -> FloatArray:
+        """What of the coordinates (m, n) causes stress.
+
+        A body that stiffens geometrically gets shorter when it bends, which moves its interfaces
+        but stretches nothing; see ``floating_inertia.add_elastic``.
+        """
+        strained, n = coordinates.copy(), coordinates.shape[1]
+        if len(self.data.pulling):
+            count = len(self.data.compliance)
+            pulls = self.data.pulling.reshape(count, n, n)
+            work = 0.5 * np.einsum("kij,mi,mj->mk", pulls, coordinates, coordinates)
+            strained[:, :count] += work @ self.data.compliance
+        return strained
+
 
 class FloatingBodies:
     """Residual, tangent and energies of all bodies in floating frames of this rank.

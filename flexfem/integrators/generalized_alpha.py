@@ -27,14 +27,14 @@ from flexfem.solvers.newton import Equations, PositionLevel
 from flexfem.solvers.policies import Policy
 from flexfem.system.system import Shifts, System
 
-__all__ = ["GeneralizedAlpha"]
+__all__ = ["GeneralizedAlpha", "StepLaws", "step_laws"]
 
 #: Step sizes whose coefficients are kept.
 _SIZES = 32
 
 
 @dataclass(frozen=True)
-class _Laws:
+class StepLaws:
     """Coefficients of steps of one size.
 
     Attributes:
@@ -93,7 +93,7 @@ class GeneralizedAlpha(Integrator):
 
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
-        return _laws(self.rho_inf, h).shifts
+        return step_laws(self.rho_inf, h).shifts
 
     def _equations(self, h: float) -> Equations:
         """What is solved at the end of a step of size ``h`` (s)."""
@@ -101,7 +101,7 @@ class GeneralizedAlpha(Integrator):
 
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
-        laws, start = _laws(self.rho_inf, h), system.time
+        laws, start = step_laws(self.rho_inf, h), system.time
         equations = self._equations(h)
         system.set_time(start + h)
         status = solve_from_predictions(
@@ -127,7 +127,7 @@ class GeneralizedAlpha(Integrator):
         constraints then.
         """
         constant = 1.0 / 6.0 - self.beta - 0.5 * (self.alpha_m - self.alpha_f)
-        laws = _laws(self.rho_inf, h)
+        laws = step_laws(self.rho_inf, h)
         for part in system.parts:
             part.block.jump_to_step(laws.accept, constant * h * h)
         shifts = laws.shifts
@@ -138,12 +138,12 @@ class GeneralizedAlpha(Integrator):
 
     def accept(self, system: System, h: float) -> None:
         """See :meth:`Integrator.accept`."""
-        rows, laws = system.constraints, _laws(self.rho_inf, h)
+        rows, laws = system.constraints, step_laws(self.rho_inf, h)
         np.divide(rows.multipliers, laws.shifts.scale, out=rows.forces)
         system.accept(laws.accept, h)
 
 
-def _predict(system: System, laws: _Laws, prediction: Prediction) -> None:
+def _predict(system: System, laws: StepLaws, prediction: Prediction) -> None:
     """Start a step of the given laws with the predicted trial state."""
     system.predict(laws.predict[prediction], laws.rates)
     rows = system.constraints
@@ -151,7 +151,7 @@ def _predict(system: System, laws: _Laws, prediction: Prediction) -> None:
 
 
 @lru_cache(maxsize=_SIZES)
-def _laws(rho_inf: float, h: float) -> _Laws:
+def step_laws(rho_inf: float, h: float) -> StepLaws:
     """Coefficients of steps of size ``h`` (s).
 
     With n the increment: ``a = n/(beta h^2) - v0/(beta h) - (1/2 - beta)/beta a0``,
@@ -178,4 +178,4 @@ def _laws(rho_inf: float, h: float) -> _Laws:
     plain[1], rest[:2] = 0.0, 0.0
     shifts = Shifts(gamma / (beta * h), weight / scale, scale)
     rates = np.array([shifts.velocity, shifts.acceleration])
-    return _Laws(shifts, (rest, plain, curved), rates, accept)
+    return StepLaws(shifts, (rest, plain, curved), rates, accept)

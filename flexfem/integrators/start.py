@@ -17,8 +17,10 @@ from flexfem.system.system import MASS, System
 __all__ = [
     "check_gaps",
     "check_start",
+    "drives",
     "make_consistent",
     "project_velocities",
+    "second_rates",
     "start_consistently",
 ]
 
@@ -81,9 +83,9 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     status = project_velocities(system, tangent, dt, np.zeros(rows.size))
     if status is not Status.OK:
         return status
-    values, _ = _drives(system, dt)
+    values, _ = drives(system, dt)
     _evaluate(system)
-    accelerations = _second(system, dt, values)
+    accelerations = second_rates(system, dt, values)
     blocks = [-p.block.owned_residual for p in system.parts]
     for _ in range(_SWEEPS):
         if not tangent.solve(blocks, -_rigid(system, accelerations) - _compliant(system)):
@@ -120,7 +122,7 @@ def project_velocities(
     if not tangent.factor():
         return Status.SINGULAR
     zeros = [np.zeros_like(p.block.owned_residual) for p in system.parts]
-    _, rates = _drives(system, dt)
+    _, rates = drives(system, dt)
     if not tangent.solve(zeros, -_rigid(system, (1.0 + restitution) * rates)):
         return Status.SINGULAR
     for part in system.parts:
@@ -212,7 +214,7 @@ def check_gaps(system: System) -> None:
     raise InputError(texts[0])
 
 
-def _drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
+def drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
     """Row values at t, t + dt, t + 2 dt, t + 3 dt at held positions, and total rates at t."""
     rows, start = system.constraints, system.time
     values = []
@@ -226,7 +228,7 @@ def _drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
     return values, rows.rates() + by_time
 
 
-def _second(system: System, dt: float, values: list[FloatArray]) -> FloatArray:
+def second_rates(system: System, dt: float, values: list[FloatArray]) -> FloatArray:
     """Second time derivative of the rows at zero accelerations."""
     rows, start = system.constraints, system.time
     rates = []

@@ -36,12 +36,14 @@ class FloatingState:
         frame: (12,) floating frame.
         twist: (6,) its velocity and angular velocity in its own axes.
         coordinates, rates: (n,) all of the reduced body, those of the frame's interface are zero.
+        strains: (n,) the coordinates without what moves points but causes no stress.
     """
 
     frame: FloatArray
     twist: FloatArray
     coordinates: FloatArray
     rates: FloatArray
+    strains: FloatArray
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ def _piece(body: FloatingBody, data: Recovery, state: FloatingState) -> _Piece:
     start = body.position + data.points @ body.rotation.T
     position = x + local @ R.T
     stress = data.stress
-    values = np.zeros((len(data.cells), 6)) if stress is None else stress @ state.coordinates
+    values = np.zeros((len(data.cells), 6)) if stress is None else stress @ state.strains
     return _Piece(position, position - start, moved @ R.T, rate @ R.T, data.cells, values)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Constant-velocity joint."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +41,11 @@ class ConstantVelocity(AxisJoint):
             if float(self.direction @ unit(second)) < -1.0 + 1e-9:
                 shown = _checks.show(self.second_axis)
                 raise ValueError(f"{self.owner}: second_axis must not oppose axis, got {shown}")
+
+    def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
+        """See :meth:`Joint.turned`."""
+        second = unit(self.axis if self.second_axis is None else self.second_axis)
+        return {"axis": turns[0] @ unit(self.axis), "second_axis": turns[1] @ second}
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

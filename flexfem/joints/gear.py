@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Gear pair."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flexfem import _checks
@@ -66,6 +66,11 @@ class Gear(Joint):
     def direction(self) -> FloatArray:
         """See :attr:`Joint.direction`."""
         return unit(self.axis)
+
+    def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
+        """See :meth:`Joint.turned`."""
+        second = unit(self.axis if self.second_axis is None else self.second_axis)
+        return {"axis": turns[0] @ unit(self.axis), "second_axis": turns[2] @ second}
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

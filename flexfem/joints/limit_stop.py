@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """End stop."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +66,10 @@ class LimitStop(Joint):
     def direction(self) -> FloatArray | None:
         """See :attr:`Joint.direction`."""
         return None if self.axis is None else unit(self.axis)
+
+    def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
+        """See :meth:`Joint.turned`."""
+        return {} if self.axis is None else {"axis": turns[0] @ unit(self.axis)}
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`; raises ValueError for a distance that is zero at the start."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Prescribed relative translation."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, unit
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term
@@ -46,6 +47,10 @@ class PrescribedTranslation(Joint):
         _checks.function(
             self.owner, "displacement", self.displacement, () if self.axis is not None else (3,)
         )
+
+    def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
+        """See :meth:`Joint.turned`."""
+        return {} if self.axis is None else {"axis": turns[0] @ unit(self.axis)}
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

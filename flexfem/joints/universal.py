@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Universal joint."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from flexfem import _checks
+from flexfem._types import FloatArray
 from flexfem.core.joint import AxisJoint, coincidence, unit
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term
@@ -44,6 +45,11 @@ class Universal(AxisJoint):
                 f"{self.owner}: second_axis must be perpendicular to axis, got a cosine of "
                 f"{cosine:.6g}"
             )
+
+    def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
+        """See :meth:`Joint.turned`."""
+        second = unit(self.second_axis)
+        return {"axis": turns[0] @ unit(self.axis), "second_axis": turns[1] @ second}
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

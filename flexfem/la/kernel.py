@@ -20,10 +20,12 @@ from numba.extending import intrinsic
 
 from flexfem.la.batch import compile_batch
 
-__all__ = ["Kernel", "compile_kernel", "tabulate", "tabulate_batch"]
+__all__ = ["Kernel", "cell_form", "compile_kernel", "tabulate", "tabulate_batch"]
 
 #: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums.
 _COMPILE_ARGUMENTS = ["-O3", "-march=native", "-fno-math-errno", "-g0"]
+#: Of a kernel for one cell of which loops take the variant for several: only its text is needed.
+_QUICKLY = ["-O0", "-g0"]
 #: Seconds that a process waits for another one that compiles the same form.
 _PATIENCE = 120
 
@@ -33,7 +35,8 @@ class Kernel:
     """A compiled cell kernel.
 
     Attributes:
-        address: address of the function ``tabulate_tensor_float64``.
+        address: address of the function ``tabulate_tensor_float64``; not optimised where there is a
+            batch.
         offsets: where each coefficient of the form starts in the packed coefficients of one cell,
             -1 for a coefficient that the kernel does not use; one more entry holds the length.
         batch: address of the variant for several cells at once, 0 if it was not asked for.
@@ -44,6 +47,21 @@ class Kernel:
     offsets: npt.NDArray[np.int64]
     batch: int
     owner: Any
+
+
+def cell_form(comm: MPI.Intracomm, form: ufl.Form, *, batched: bool = False) -> Any:
+    """DOLFINx's compiled form behind a kernel (collective; cached on disk by FFCx).
+
+    Args:
+        comm: communicator whose first rank compiles.
+        form: form with one cell integral.
+        batched: loops take the variant for several cells.
+    """
+    from dolfinx.fem import compile_form
+
+    arguments = _QUICKLY if batched else _COMPILE_ARGUMENTS
+    options = {"cffi_extra_compile_args": arguments, "timeout": _PATIENCE}
+    return compile_form(comm, form, jit_options=options)
 
 
 def compile_kernel(
@@ -61,10 +79,7 @@ def compile_kernel(
         coefficients: the order in which offsets are reported.
         batched: compile the variant of ``flexfem.la.batch`` as well.
     """
-    from dolfinx.fem import compile_form
-
-    options = {"cffi_extra_compile_args": _COMPILE_ARGUMENTS, "timeout": _PATIENCE}
-    compiled = compile_form(comm, form, jit_options=options)
+    compiled = cell_form(comm, form, batched=batched)
     ufcx, ffi = compiled.ufcx_form, compiled.module.ffi
     own = form.coefficients()
     offsets = np.full(len(coefficients) + 1, -1, dtype=np.int64)

@@ -48,6 +48,12 @@ def _imported(path: Path, package: Path) -> list[Path]:
     return [file for file in files if file.is_file()]
 
 
+@cache
+def _stamp(file: str) -> str:
+    """That of a module as it was when this process first asked: all its loops have the same."""
+    return source_stamp(Path(file))
+
+
 class _OfPackage:
     """Locator of loops of this package, whose stamp is that of all they are made of."""
 
@@ -55,7 +61,7 @@ class _OfPackage:
 
     def get_source_stamp(self) -> str:
         """See :func:`source_stamp`."""
-        return source_stamp(Path(self._py_file))
+        return _stamp(self._py_file)
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Any:

@@ -44,6 +44,50 @@ class Table:
         return float(np.interp(t, self.times, self.values))
 
 
+@dataclass(frozen=True, eq=False, init=False)
+class Spline:
+    """Smooth function of time through given values, constant before the first and after the last.
+
+    An interpolating spline of odd degree p with p - 1 continuous derivatives between the ends; it
+    is off by a term of order p + 1 in the distance of the times.
+
+    Attributes:
+        times: Strictly increasing times, shape (n,), seconds.
+        values: Values at these times, shape (n,).
+        degree: 1, 3 or 5, below n.
+    """
+
+    times: FloatArray
+    values: FloatArray
+    degree: int
+
+    def __init__(self, times: npt.ArrayLike, values: npt.ArrayLike, degree: int = 5) -> None:
+        """Create a spline.
+
+        Raises:
+            TypeError: An argument does not consist of numbers.
+            ValueError: Another degree, too few times for it, different lengths, NaN, or times that
+                do not increase.
+        """
+        table = Table(times, values)
+        if degree not in (1, 3, 5):
+            raise ValueError(f"Spline: degree must be 1, 3 or 5, got {_checks.show(degree)}")
+        if len(table.times) <= degree:
+            raise ValueError(
+                f"Spline: degree {degree} needs more than {degree} times, got {len(table.times)}"
+            )
+        from scipy.interpolate import make_interp_spline
+
+        spline = make_interp_spline(table.times, table.values, k=degree)
+        _checks.assign(
+            self, times=table.times, values=table.values, degree=degree, _evaluate=spline
+        )
+
+    def __call__(self, t: float) -> float:
+        """Return the value at time `t` in seconds."""
+        return float(self._evaluate(min(max(t, self.times[0]), self.times[-1])))  # type: ignore[attr-defined]
+
+
 #: Transitions from 0 to 1 over tau in [0, 1].
 _PROFILES: dict[str, Callable[[float], float]] = {
     "linear": lambda tau: tau,

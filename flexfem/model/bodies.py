@@ -230,6 +230,14 @@ class RigidBody:
             shape=shape,
         )
 
+    @property
+    def inertia_matrix(self) -> FloatArray:
+        """Inertia matrix (6, 6) about the reference point in body axes, translation first."""
+        x, y, z = (self.mass * self.centre).tolist()
+        first = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        about_point = self.inertia - first @ first / self.mass
+        return np.block([[self.mass * np.eye(3), -first], [first, about_point]])
+
 
 @dataclass(frozen=True)
 class PointMass:

@@ -111,6 +111,13 @@ class FloatingBody:
         """Mass, kg."""
         return self.reduced.mass
 
+    @property
+    def inertia_matrix(self) -> FloatArray:
+        """Inertia matrix (6, 6) at rest about the origin in body axes, translation first."""
+        x, y, z = self.reduced.moments[:, 0].tolist()
+        first = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.block([[self.mass * np.eye(3), -first], [first, self.reduced.inertia]])
+
     @cached_property
     def relative(self) -> IntArray:
         """Interfaces other than the frame's own."""

@@ -161,6 +161,11 @@ class Model:
             raise ValueError(f'{self!r}: there is no "{name}"; it has {known}')
         return self._named[name]
 
+    @property
+    def things(self) -> tuple[Any, ...]:
+        """All named objects in the order they were added."""
+        return tuple(self._named.values())
+
     def get(self, name: str) -> Any | None:
         """Return the object of the given name, or None."""
         return self._named.get(name)

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from flexfem._types import FloatArray
+from flexfem.core.joint import Joint
 from flexfem.core.marker import Ground, Marker
 from flexfem.joints.prescribed_rotation import PrescribedRotation
 from flexfem.joints.prescribed_translation import PrescribedTranslation
@@ -33,7 +34,7 @@ from flexfem.moving_base.properties import (
 )
 from flexfem.moving_base.space import divide
 
-__all__ = ["TIP_COLUMNS", "exact_model", "segment_sections", "tip_in_base"]
+__all__ = ["TIP_COLUMNS", "Segment", "drive_root", "exact_model", "segment_sections", "tip_in_base"]
 
 #: Of the tip, in the axes of the base: displacements (m), twist (rad), stretch (m).
 TIP_COLUMNS = ("u2", "u3", "theta1", "s")
@@ -145,8 +146,6 @@ def exact_model(
     Raises:
         ValueError: a property is a function, or the base has no position or rotation.
     """
-    if base.position is None or base.rotation is None:
-        raise ValueError("PrescribedBase: a beam of finite elements needs position and rotation")
     segments = segment_sections(properties, warping=warping)
     edges = divide(properties.breaks, elements)
     frame = base.frame(0.0)
@@ -172,7 +171,31 @@ def exact_model(
         if k:
             model.add(Rigid(f"joint_{k}", Marker(names[k - 1], "end"), Marker(group, "start")))
     nodes.append(Marker(names[-1], "end", rotation=axes))
-    root, ground = Marker("segment_1", "start", rotation=np.eye(3)), Ground(tuple(origin))
+
+    def observe(t: float, *states: MarkerState) -> Sequence[float]:
+        tip = tip_in_base(base, t, states[-1])
+        return [*tip, _stretch(properties.length, states)]
+
+    model.add(*drive_root(base, Marker("segment_1", "start", rotation=np.eye(3))))
+    model.add(Probe("tip", nodes, TIP_COLUMNS, observe, unwrap=("theta1",)))
+    return model
+
+
+def drive_root(base: PrescribedBase, root: Marker) -> tuple[Joint, Joint]:
+    """Joints that move a root as a base moves.
+
+    Args:
+        base: its motion with ``position`` and ``rotation``.
+        root: marker with inertial axes at the start, where the base is then.
+
+    Raises:
+        ValueError: the base has no position or rotation.
+    """
+    if base.position is None or base.rotation is None:
+        raise ValueError("PrescribedBase: a beam of finite elements needs position and rotation")
+    frame = base.frame(0.0)
+    origin, axes = frame[:3], frame[3:].reshape(3, 3)
+    ground = Ground(tuple(origin))
 
     def moved(t: float) -> FloatArray:
         return base.frame(t)[:3] - origin
@@ -183,13 +206,7 @@ def exact_model(
         vector: FloatArray = rotation.as_rotvec()
         return vector
 
-    def observe(t: float, *states: MarkerState) -> Sequence[float]:
-        tip = tip_in_base(base, t, states[-1])
-        return [*tip, _stretch(properties.length, states)]
-
-    model.add(
+    return (
         PrescribedTranslation("base_translation", ground, root, moved),
         PrescribedRotation("base_rotation", ground, root, turned),
-        Probe("tip", nodes, TIP_COLUMNS, observe, unwrap=("theta1",)),
     )
-    return model

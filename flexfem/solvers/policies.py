@@ -36,7 +36,16 @@ _POSITIONS = PositionLevel()
 
 
 class Policy(Protocol):
-    """Solves the equations of one step."""
+    """Solves the equations of one step.
+
+    Attributes:
+        tolerance: largest step of an iteration at which it stops, see ``NewtonOptions``.
+    """
+
+    @property
+    def tolerance(self) -> float:
+        """See above."""
+        ...
 
     def solve(
         self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
@@ -63,6 +72,11 @@ class UpdatedPolicy:
     def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
         """Store what is needed."""
         self._system, self._options, self._tangent = system, options, tangent
+
+    @property
+    def tolerance(self) -> float:
+        """See :class:`Policy`."""
+        return self._options.tolerance
 
     def solve(
         self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
@@ -99,6 +113,11 @@ class FrozenPolicy:
         self._fallback = UpdatedPolicy(system, options, tangent)
         self._frozen = FrozenSolver(system)
         self._again: SolveAgain = self._frozen.again
+
+    @property
+    def tolerance(self) -> float:
+        """See :class:`Policy`."""
+        return self._options.tolerance
 
     def solve(
         self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS

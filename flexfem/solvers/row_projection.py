@@ -45,11 +45,13 @@ class RowProjection:
         """Forces of all rows at the trial state are added to the residuals; rows are evaluated."""
         rows = self._system.constraints
         if rows.size:
-            kind, stiffness, _, lower, upper = rows.elastic.T
+            kind, stiffness, _, first, upper = rows.elastic.T
+            lower = np.where(kind == LawKind.LIMIT, first, 0.0)
+            applied = np.where(kind == LawKind.SPRING, first, 0.0)
             values = rows.sums() - rows.targets
             beyond = values - np.clip(values, lower, upper)
             stretch = np.select([kind == LawKind.SPRING, kind == LawKind.LIMIT], [values, beyond])
-            pull = np.where(rows.active, stiffness * stretch, 0.0)
+            pull = np.where(rows.active, stiffness * stretch + applied, 0.0)
             rows.multipliers[:] = np.where(rows.rigid, rows.multipliers, pull)
         self._system.add_constraint_forces(rows.multipliers)
 

@@ -180,6 +180,7 @@ class Equilibrium:
         system, rows = self.system, self.system.constraints
         law, stiffness_of_row = rows.elastic[:, 0], rows.elastic[:, 1]
         damper = (law >= LawKind.FRICTION) | ((law == LawKind.SPRING) & (stiffness_of_row == 0.0))
+        rows.elastic[law >= LawKind.FRICTION, 3] = 0.0
         law[damper], stiffness_of_row[damper] = LawKind.SPRING, 1.0  # until the scale is known
         rows.elastic[:, 2] = 0.0
         loads = []

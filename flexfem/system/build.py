@@ -15,7 +15,7 @@ from flexfem.elements.family import ElementFamily
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
-from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.bodies import Beam, PointMass
 from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import JointEnds, connect, joint_ends
@@ -207,13 +207,6 @@ def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) ->
     )
 
 
-def _rigid_inertia(body: RigidBody) -> FloatArray:
-    """Inertia matrix (6, 6) about the reference point in body axes, translation first."""
-    first = body.mass * so3.skew(body.centre)
-    about_point = body.inertia - first @ so3.skew(body.centre)
-    return np.block([[body.mass * np.eye(3), -first], [first, about_point]])
-
-
 def _check_node(serial: Assembly, mass: PointMass) -> None:
     """Raise for a mass inside an element: the inertia of elements knows nothing of it."""
     try:
@@ -229,7 +222,7 @@ def _masses(serial: Assembly, kind: int, block: FrameBlock) -> NodeMasses:
     if kind == RIGID:
         nodes += range(block.owned)
         numbers = block.node_ids[: block.owned]
-        matrices += [_rigid_inertia(serial.model.rigid_bodies[i]) for i in numbers]
+        matrices += [serial.model.rigid_bodies[i].inertia_matrix for i in numbers]
     for mass in serial.model.point_masses:
         local = serial.local_node(mass.marker, kind, block)
         if local >= 0:

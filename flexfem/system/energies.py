@@ -103,7 +103,7 @@ class EnergyMeter:
         # a drive works on all its sides, any row works on a chosen body against another one
         self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
         self._springs = owned & ~crossing
-        self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID)
+        self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & ~driven
         self._work = self._dissipation = 0.0
         self._time = system.time
         refresh_rows(system)

@@ -89,7 +89,8 @@ def force_law(
         out: (4,).
     """
     if law[0] == SPRING:
-        out[0], out[1], out[2], out[3] = law[1] * value + law[2] * rate, law[1], law[2], 0.0
+        out[0] = law[3] + law[1] * value + law[2] * rate
+        out[1], out[2], out[3] = law[1], law[2], 0.0
     elif law[0] == LIMIT:
         _limit(law, value, rate, out)
     elif law[0] == NORMAL_FRICTION:

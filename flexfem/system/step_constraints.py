@@ -3,7 +3,7 @@
 
 Rigid rows hold at the end of the step. A spring pulls with ``k`` times the mean of its values at
 both ends, which is the change of its energy divided by that of its value; dampers see the mean
-rate.
+rate, and applied forces are means as well.
 """
 
 import numpy as np
@@ -37,6 +37,7 @@ class StepRows:
         self._terms0, self._terms = np.zeros(terms), np.zeros(terms)
         self._gradient = np.zeros((terms, 2, 6))
         self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)
+        self._applied0 = rows.elastic[:, 3].copy()
         self._values0, self._values = np.zeros(rows.size), np.zeros(rows.size)
         self._h = self._weight = self._memory = 1.0
 
@@ -59,10 +60,15 @@ class StepRows:
         self.evaluate()
         self._last[:] = self._values - self._values0
         self._targets0[:] = self._rows.targets
+        self._applied0[:] = self._rows.elastic[:, 3]
 
     def state(self) -> dict[str, FloatArray]:
         """What the next step needs of the last one, (r,) each."""
-        return {"last_changes": self._last, "last_targets": self._targets0}
+        return {
+            "last_changes": self._last,
+            "last_targets": self._targets0,
+            "last_applied": self._applied0,
+        }
 
     def _sums(self, terms: FloatArray) -> FloatArray:
         rows = self._rows
@@ -100,6 +106,7 @@ class StepRows:
         change = self._values - self._values0
         mean = 0.5 * (self._values + self._values0 - rows.targets - self._targets0)
         force = k * (mean + 0.5 * chi * (change - self._memory * self._last)) + c * change / h
+        force += 0.5 * (self._applied0 + rows.elastic[:, 3])
         slope = 0.5 * (1.0 + chi) * k + c / h
         scale = 1.0 / (1.0 / self._weight + slope)
         scale, slope, force = (

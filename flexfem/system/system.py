@@ -307,6 +307,16 @@ class System:
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: trial state becomes the state, and the best prediction is chosen."""
         self.choose_prediction([part.block.accept(law, h) for part in self.parts])
+        self._remember()
+
+    def take(self) -> None:
+        """Accept the trial state as it stands, with its velocities and accelerations."""
+        for part in self.parts:
+            part.block.take()
+        self._remember()
+
+    def _remember(self) -> None:
+        """Let elements, contacts and rows take note of the accepted state."""
         for part in self.parts:
             if part.elements is not None:
                 part.elements.exact()

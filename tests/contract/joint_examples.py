@@ -169,6 +169,16 @@ EXAMPLES |= {
             **RADIAL
         ),
     ),
+    "Actuator": Example(
+        ff.Actuator, 1, {"axis": AXIS, "force": lambda t: 0.7 - t}, APART, elastic=True
+    ),
+    "Actuator-translation": Example(
+        ff.Actuator, 1, {"axis": AXIS, "motion": "translation", "force": lambda t: 0.7 - t},
+        APART, elastic=True,
+    ),
+    "Actuator-distance": Example(
+        ff.Actuator, 1, {"motion": "distance", "force": lambda t: 0.7 - t}, APART, elastic=True
+    ),
     "Lock": Example(ff.Lock, 2, {}, ALONG, make=lambda: ff.Lock("joint", _slider(), locked=True)),
     "PrescribedDisplacement": Example(
         ff.PrescribedDisplacement, 1,

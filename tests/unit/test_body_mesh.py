@@ -41,6 +41,22 @@ def test_a_connecting_rod_and_its_bores() -> None:
 
 
 @pytest.mark.serial
+def test_a_band_around_the_middle_of_the_rod() -> None:
+    rod = ff.build_body_mesh("connecting_rod", gauge=0.01, **COARSE)
+    tags, tag = rod.facets("middle")
+    x = ufl.SpatialCoordinate(rod.mesh)
+    band = ufl.Measure("ds", rod.mesh, tag, subdomain_data=tags)
+    area, place = (
+        fem.assemble_scalar(fem.form(f * band)) for f in (fem.Constant(rod.mesh, 1.0), x[0])
+    )
+    # four sides; a face between the pieces would add 9e-4 m^2
+    assert area == pytest.approx(4.0 * 0.03 * 0.01, rel=1e-9)
+    assert place / area == pytest.approx(0.3, rel=1e-9)
+    with pytest.raises(ValueError, match="connecting_rod: gauge 0.6 is negative or reaches an eye"):
+        ff.build_body_mesh("connecting_rod", gauge=0.6)
+
+
+@pytest.mark.serial
 def test_a_flat_mesh_in_space_may_move_in_its_plane_only() -> None:
     plate = ff.build_body_mesh("plate_with_hole", size=0.1, hole_size=0.05)
     regions = {name: plate.facets(name) for name in ("left", "right")}

@@ -21,6 +21,7 @@ from tests.unit.director_triangles import (
     sparse_tangent,
     upright,
 )
+from tests.unit.references import QUICKLY
 from tests.unit.triangles import PATTERNS, isotropic, rectangle
 
 pytestmark = pytest.mark.serial
@@ -133,14 +134,14 @@ def test_loops_equal_the_assembled_form():
         ufl.as_vector(DIRECTION.tolist()),
     )  # fmt: skip
     energy = energy / abs(ufl.det(jacobian)) * ufl.dx(mesh, degree=2)
-    total = dolfinx.fem.assemble_scalar(dolfinx.fem.form(energy))
+    total = dolfinx.fem.assemble_scalar(dolfinx.fem.form(energy, jit_options=QUICKLY))
     # one energy in two ways: another quadrature or a missing factor is of order 1e-2
     np.testing.assert_allclose(made.energies(frames)[:, 3].sum(), total, rtol=1e-12)
     own = forces(made, frames)
     turns = frames[:, 3:].reshape(-1, 3, 3)
     for k, field in enumerate(present):
         force = np.zeros((len(at[k]), 3))
-        form = dolfinx.fem.form(ufl.derivative(energy, field))
+        form = dolfinx.fem.form(ufl.derivative(energy, field), jit_options=QUICKLY)
         force[order[k]] = dolfinx.fem.assemble_vector(form).array.reshape(-1, 3)
         nodes = np.arange(len(frames))[-len(force) :]
         local = np.einsum("nji,nj->ni", turns[nodes], force)

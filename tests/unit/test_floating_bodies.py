@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.elements.floating_bodies import FloatingGroup
 from flexfem.system.floating_nodes import body_data
 from tests.unit.particle_body import bar
 
@@ -55,6 +56,23 @@ def test_second_order_displacements_do_the_work_they_should(frame):
     assert data.moments @ every == pytest.approx(work[:3], rel=0, abs=1e-8 * scale)
     found = linear.T
     assert found == pytest.approx(about_frame, rel=0, abs=1e-8 * scale)
+
+
+@pytest.mark.parametrize("stiffening", [False, True])
+def test_a_bar_bent_to_an_arc_is_not_pulled(stiffening):
+    """Stresses follow from coordinates less the shortening by bending."""
+    body = ff.FloatingBody("bar", bar(stiffening=True, modes=0), stiffening=stiffening)
+    group = FloatingGroup(body_data(body), np.zeros((1, 2), dtype=np.int32), np.zeros(1))
+    angle = 0.1
+    arc = np.zeros((1, 6))
+    arc[0, [0, 1, 5]] = np.sin(angle) / angle - 1.0, (1.0 - np.cos(angle)) / angle, angle
+    shortening = angle**2 / 6.0
+    strains = group.strains(arc)
+    # the next term of the series is angle^2/20 of it
+    left = 0.0 if stiffening else -shortening
+    assert strains[0, 0] == pytest.approx(left, rel=0, abs=2e-3 * shortening)
+    # bending is as it was
+    assert strains[0, 1:] == pytest.approx(arc[0, 1:], rel=0, abs=1e-3 * angle)
 
 
 def test_mean_axes_are_at_the_centre_and_meet_rigid_motions(beam):

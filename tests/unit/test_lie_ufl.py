@@ -21,6 +21,7 @@ import ufl  # noqa: E402
 from flexfem._types import FloatArray  # noqa: E402
 from flexfem.forms import lie as forms  # noqa: E402
 from flexfem.lie import se3, so3  # noqa: E402
+from tests.unit.references import QUICKLY  # noqa: E402
 
 pytestmark = pytest.mark.serial
 
@@ -52,7 +53,7 @@ def evaluator(
     """One compiled expression for all parts, which are split again by name."""
     flat = {k: [e[i] for i in np.ndindex(*e.ufl_shape)] for k, e in parts.items()}
     everything = ufl.as_vector([entry for entries in flat.values() for entry in entries])
-    expression = dolfinx.fem.Expression(everything, np.array([[0.5]]))
+    expression = dolfinx.fem.Expression(everything, np.array([[0.5]]), jit_options=QUICKLY)
 
     def evaluate(w: FloatArray) -> dict[str, FloatArray]:
         twist_.value[:] = w

@@ -15,6 +15,7 @@ import pytest
 import flexfem as ff
 from flexfem.forms import lie
 from flexfem.lie import se3, so3
+from tests.unit.references import QUICKLY
 
 dolfinx = pytest.importorskip("dolfinx")
 
@@ -104,6 +105,10 @@ def _geometric(frames: np.ndarray, nodes: np.ndarray, dual: np.ndarray) -> np.nd
     return G.reshape(6 * k, 6 * k)
 
 
+def _form(form):
+    return dolfinx.fem.form(form, jit_options=QUICKLY)
+
+
 class _Broken:
     """Fields on a broken space over one unit interval per element, and the extraction to it."""
 
@@ -186,11 +191,11 @@ def test_internal_forces_and_their_derivatives(beam, broken):
     D = ufl.as_matrix(STIFFNESS.tolist())
     stored = 0.5 * ufl.dot(strain, D * strain) * broken.speed * points
     force = ufl.derivative(stored, q)
-    energy = dolfinx.fem.assemble_scalar(dolfinx.fem.form(stored))
+    energy = dolfinx.fem.assemble_scalar(_form(stored))
     # the same quadrature: round-off, against any slip in strains, weights or tables
     assert beam.energy() == pytest.approx(energy, rel=1e-12)
-    r_e = assemble_vector(dolfinx.fem.form(force))
-    K_e = assemble_matrix(dolfinx.fem.form(ufl.derivative(force, q)))
+    r_e = assemble_vector(_form(force))
+    K_e = assemble_matrix(_form(ufl.derivative(force, q)))
     K_e.assemble()
     M = fields.matrix()
     expected = M.createVecRight()
@@ -214,7 +219,7 @@ def test_consistent_masses(beam, broken):
     u, v = ufl.TrialFunction(fields.scalar), ufl.TestFunction(fields.scalar)
     points = ufl.dx(fields.mesh, metadata={"quadrature_degree": 31})
     form = MASS * u * v / broken.weight**2 * broken.speed * points
-    m_e = assemble_matrix(dolfinx.fem.form(form))
+    m_e = assemble_matrix(_form(form))
     m_e.assemble()
     M = PETSc.Mat().createAIJ((fields.dofs.size, n), comm=MPI.COMM_SELF)
     M.setUp()

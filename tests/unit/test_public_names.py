@@ -13,7 +13,8 @@ pytestmark = pytest.mark.serial
 NUMERICAL = {
     "relax", "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize",
     "LinearModel", "LinearBody", "MassField", "solid_body", "plane_body", "beam_body", "shell_body",
-    "reduce_body", "simulate_mechanism", "compare_formalisms",
+    "reduce_body", "floating_model", "simulate_mechanism", "compare_formalisms", "assemble",
+    "inverse_dynamics", "InverseDynamics",
 }  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from flexfem.elements.rotation_free import RotationFreeTriangles
 from flexfem.forms.shell import shell_energy, shell_forms, shell_strains
 from flexfem.la.kernel import compile_kernel, tabulate
 from flexfem.mesh.patches import EdgeRule, curvature_patches
+from tests.unit.references import QUICKLY
 from tests.unit.triangles import (
     adjacency,
     isotropic,
@@ -167,7 +168,9 @@ def _tabulate(address, tensor, data, constants, points):
     tabulate(address, tensor, data, constants, points)
 
 
-def test_loops_equal_the_kernels_of_the_form_at_a_point():
+def test_loops_equal_the_kernels_of_the_form_at_a_point(monkeypatch):
+    # to optimise these takes ten times as long as all else here, and no loop calls them
+    monkeypatch.setattr("flexfem.la.kernel._COMPILE_ARGUMENTS", QUICKLY["cffi_extra_compile_args"])
     made, _, points = shell(averaged=True, smoothed=True)
     forms = shell_forms()
     kernels = [
@@ -238,8 +241,9 @@ def test_loops_equal_the_assembled_form(averaged):
     f1, f2 = (ufl.dot(ufl.grad(q), axes[a, :]) for a in (0, 1))
     energy = shell_energy(shell_strains(f1, f2, k, constant(made.starts)), material) * ufl.dx
     residual = ufl.derivative(energy, unknowns)
-    tangent = dolfinx.fem.form(ufl.derivative(residual, unknowns))
-    force = M.T @ dolfinx.fem.assemble_vector(dolfinx.fem.form(residual)).array
+    tangent = dolfinx.fem.form(ufl.derivative(residual, unknowns), jit_options=QUICKLY)
+    vector = dolfinx.fem.assemble_vector(dolfinx.fem.form(residual, jit_options=QUICKLY))
+    force = M.T @ vector.array
     K = M.T @ dolfinx.fem.assemble_matrix(tangent).to_scipy() @ M
 
     # two derivations of one energy: a term that one of them lacks is of order 1e-2

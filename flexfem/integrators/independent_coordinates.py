@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Generalized-alpha method for independent velocities, without multipliers.
+
+Of the velocities only as many are integrated as the constraints leave, by the formulas of Chung and
+Hulbert (1993) as in ``generalized_alpha``; all others follow from the constraints, which hold for
+positions, velocities and accelerations at the end of every step, and the equations of motion are
+those along the independent motions (see ``flexfem.solvers.independent_motions``). An ordinary
+differential equation is solved: the stability of the scheme does not depend on the constraints, and
+multipliers, recovered where asked for, are as accurate as accelerations.
+
+Coordinate partitioning: R. A. Wehage, E. J. Haug, J. Mech. Des. 104 (1982) 247-255, here with
+the null space of the constraints at the start of the step in the place of chosen coordinates, as N.
+K. Mani, E. J. Haug, K. E. Atkinson, J. Mech., Trans., and Automation 107 (1985) 82-87.
+"""
+
+from typing import ClassVar
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.prediction import Prediction
+from flexfem.core.state import State
+from flexfem.core.status import Status
+from flexfem.integrators.generalized_alpha import GeneralizedAlpha, step_laws
+from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
+from flexfem.integrators.start import drives, second_rates
+from flexfem.solvers.independent_motions import IndependentMotions
+from flexfem.solvers.policies import Policy
+from flexfem.system.mechanics import Mechanics
+from flexfem.system.system import Shifts, System
+
+__all__ = ["IndependentCoordinates"]
+
+#: Unknowns of all bodies up to which matrices are dense.
+LARGEST = 2500
+#: Iterations of a step; those that bring positions onto the constraints; their gap that is none.
+_ITERATIONS, _CLOSING, _GAP = 25, 10, 1e-14
+#: Contraction of the steps above which the matrix is renewed.
+_SLOW = 0.2
+_DIVERGENCE = 1e3
+
+
+class IndependentCoordinates(Integrator):
+    """The scheme for systems of up to 2500 unknowns.
+
+    Attributes:
+        scheme: its coefficients.
+    """
+
+    order: ClassVar[int] = 2
+
+    def __init__(self, rho_inf: float = 0.9) -> None:
+        """Store the spectral radius at infinite frequency.
+
+        Raises:
+            ValueError: it lies outside [0, 1].
+        """
+        self.scheme = GeneralizedAlpha(rho_inf)
+        self._motions: IndependentMotions | None = None
+
+    def prepare(self, system: System) -> None:
+        """See :meth:`Integrator.prepare`.
+
+        Raises:
+            InputError: the system is too large for dense matrices.
+        """
+        if system.unknowns > LARGEST:
+            raise InputError(
+                f"the integrator independent_coordinates works with dense matrices: "
+                f"{system.unknowns} unknowns are more than {LARGEST}"
+            )
+        self._motions = IndependentMotions(system)
+
+    @property
+    def mechanics(self) -> Mechanics | None:
+        """See :attr:`Integrator.mechanics`."""
+        return None
+
+    def state(self, system: System) -> State:
+        """See :meth:`Integrator.state`."""
+        return State()
+
+    def restore(self, system: System, state: State) -> None:
+        """See :meth:`Integrator.restore`."""
+
+    def shifts(self, h: float) -> Shifts:
+        """See :meth:`Integrator.shifts`."""
+        return self.scheme.shifts(h)
+
+    def solve(self, system: System, policy: Policy, h: float) -> Status:
+        """See :meth:`Integrator.solve`."""
+        assert self._motions is not None
+        laws, start = step_laws(self.scheme.rho_inf, h), system.time
+        system.interface.update()
+        system.constraints.evaluate(laws.shifts.dynamics)
+        if not self._motions.begin():
+            return Status.SINGULAR
+        system.set_time(start + h)
+        step = _Step(system, self._motions, laws.shifts, h, policy.tolerance)
+
+        def predict(prediction: Prediction) -> None:
+            system.predict(laws.predict[prediction], laws.rates)
+            rows = system.constraints
+            rows.multipliers[:] = laws.shifts.scale * rows.forces
+
+        status = solve_from_predictions(system, predict, lambda _: step.solve())
+        if status is not Status.OK:
+            discard(system, start)
+        return status
+
+    def error(self, system: System, policy: Policy, h: float) -> float:
+        """See :meth:`Integrator.error`; the estimate is that of the generalized-alpha method."""
+        assert self._motions is not None
+        scheme, motions = self.scheme, self._motions
+        laws = step_laws(scheme.rho_inf, h)
+        constant = 1.0 / 6.0 - scheme.beta - 0.5 * (scheme.alpha_m - scheme.alpha_f)
+        for part in system.parts:
+            part.block.jump_to_step(laws.accept, constant * h * h)
+        system.multiply_mass(laws.shifts.acceleration * laws.shifts.scale)
+        residual = motions.project(motions.of_nodes("residual"))
+        step, _ = motions.solve(residual, np.zeros(len(motions.rigid)))
+        motions.to_steps(step)
+        return system.largest_step()
+
+    def accept(self, system: System, h: float) -> None:
+        """See :meth:`Integrator.accept`.
+
+        The acceleration-like variable a goes on by ``(1 - alpha_m) a + alpha_m a0 =
+        (1 - alpha_f) w + alpha_f w0`` from the accelerations w, which satisfy the constraints.
+        """
+        scheme, rows = self.scheme, system.constraints
+        old = [
+            {name: values.copy() for name, values in part.block.state().items()}
+            for part in system.parts
+        ]
+        np.divide(rows.multipliers, self.shifts(h).scale, out=rows.forces)
+        system.take()
+        for part, before in zip(system.parts, old, strict=True):
+            now = part.block.state()
+            total = (1.0 - scheme.alpha_f) * now["acceleration"]
+            total += scheme.alpha_f * before["acceleration"] - scheme.alpha_m * before["auxiliary"]
+            now["auxiliary"][:] = total / (1.0 - scheme.alpha_m)
+
+
+class _Step:
+    """One step from the predicted state."""
+
+    def __init__(
+        self, system: System, motions: IndependentMotions, shifts: Shifts, h: float,
+        tolerance: float,
+    ) -> None:  # fmt: skip
+        self._system, self._motions = system, motions
+        self._shifts, self._h, self._tolerance = shifts, h, tolerance
+
+    def solve(self) -> Status:
+        """Iterate until steps are below the tolerance; the state then satisfies the constraints."""
+        system, motions, rows = self._system, self._motions, self._system.constraints
+        size, previous, renew = np.inf, np.inf, True
+        for _ in range(_ITERATIONS):
+            if not (self._close() and self._rates()):
+                return Status.DIVERGED
+            residual = self._evaluate()
+            if not np.isfinite(residual).all():
+                return Status.DIVERGED
+            if size <= self._tolerance:
+                return Status.OK
+            system.counters.newton_iterations += 1
+            if renew and not motions.factor(self._shifts):
+                return Status.SINGULAR
+            step, laws = motions.solve(motions.project(residual), motions.of_rows(rows.values))
+            previous, size = size, float(max(np.abs(step).max(), np.abs(laws).max(initial=0.0)))
+            if not np.isfinite(size) or size > _DIVERGENCE:
+                return Status.DIVERGED
+            renew = size > _SLOW * previous and size > self._tolerance
+            motions.to_steps(-step)
+            system.correct(1.0)
+            rows.multipliers -= motions.to_rows(laws)
+        return Status.NOT_CONVERGED
+
+    def _close(self) -> bool:
+        """Bring positions onto the constraints along the dependent motions (collective)."""
+        system, motions, rows = self._system, self._motions, self._system.constraints
+        before = np.inf
+        for _ in range(_CLOSING):
+            system.interface.update()
+            rows.evaluate(self._shifts.dynamics)
+            gaps = motions.of_rows(rows.values * rows.rigid)
+            gap = float(np.abs(gaps).max(initial=0.0))
+            if not motions.look():
+                return False
+            if gap <= _GAP or gap >= 0.5 * before:
+                return gap <= self._tolerance
+            before = gap
+            motions.to_steps(-motions.follow(gaps))
+            system.correct(1.0)
+        return gap <= self._tolerance
+
+    def _rates(self) -> bool:
+        """Let dependent velocities and accelerations follow from the constraints (collective)."""
+        system, motions, rows = self._system, self._motions, self._system.constraints
+        system.interface.update()
+        driven = np.array([placed.joint.driven for placed in rows.joints], dtype=np.bool_)
+        moving = bool((driven[rows.joint_of_row] & rows.rigid & ~rows.held).any())
+        values: list[FloatArray] = []
+        if system.comm.allreduce(moving):
+            values, rates = drives(system, self._h)
+        else:
+            rates = rows.rates()
+        self._add("velocity", rates)
+        system.interface.update()
+        second = second_rates(system, self._h, values) if values else rows.second_rates()
+        rows.evaluate(self._shifts.dynamics)
+        along = motions.along_rows(motions.of_nodes("acceleration"))
+        self._add("acceleration", second, along)
+        return True
+
+    def _add(self, kind: str, rates: FloatArray, more: FloatArray | float = 0.0) -> None:
+        """Correct velocities or accelerations by what makes rates of the rigid rows vanish."""
+        motions, rows = self._motions, self._system.constraints
+        motions.to_steps(-motions.follow(motions.of_rows(rates * rows.rigid) + more))
+        for part in self._system.parts:
+            values: FloatArray = getattr(part.block, kind)
+            values += part.block.step
+
+    def _evaluate(self) -> FloatArray:
+        """Residual (n,) with the forces of all rows; those of rigid rows balance it (collective).
+
+        What they cannot balance is along the independent motions.
+        """
+        system, motions, rows = self._system, self._motions, self._system.constraints
+        rigid = rows.rigid
+        rows.multipliers[rigid] = 0.0
+        system.evaluate(self._shifts)
+        residual = motions.of_nodes("residual")
+        rows.multipliers[rigid] = motions.to_rows(motions.multipliers(residual))[rigid]
+        return residual

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Mechanisms whose bodies move as wholes: assembly of positions, inverse dynamics."""
