@@ -429,14 +429,14 @@ def test_mass_centres_off_the_axis_conserve(corner):
     simulation = _start(_eccentric(corner, weight=3.0), h)
     first = Measures(simulation).energy()
     energies, _ = _run(simulation, h, 40, every=4)
-    # Newton tolerance; a gradient at the end of the step or without the arm's term gives 1e-2
+    # Newton tolerance; a missing term of the arms is of the order of the squared step, 1e-3
     assert np.abs(energies - first).max() < 1e-9
     if corner:
         return  # two arms at one node: angular momentum is kept but for the order of the scheme
     simulation = _start(_eccentric(), h)
     first = Measures(simulation).momenta()
     _, momenta = _run(simulation, h, 40, every=4)
-    # first moments that are not moved to the centres lose the momenta of the size 10 by 1e-2
+    # the same masses with arms at the nodes, as beyond a corner, change it by 2e-3
     assert np.abs(momenta - first).max() < 1e-9
 
 
