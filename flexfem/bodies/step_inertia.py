@@ -5,9 +5,10 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.step_kernels import momentum_force, momentum_tangent
+from flexfem.lie import so3
 from flexfem.lie.compiled import kernel
 
-__all__ = ["add_step_inertia", "lump", "step_inertia_tangent"]
+__all__ = ["add_step_inertia", "lump", "moved_lumps", "step_inertia_tangent"]
 
 
 def lump(matrix: FloatArray) -> FloatArray:
@@ -15,6 +16,14 @@ def lump(matrix: FloatArray) -> FloatArray:
     first = np.stack([matrix[..., 5, 1], matrix[..., 3, 2], matrix[..., 4, 0]], axis=-1)
     rotary = matrix[..., 3:, 3:].reshape((*matrix.shape[:-2], 9))
     return np.concatenate([matrix[..., :1, 0], first, rotary], axis=-1)
+
+
+def moved_lumps(lumps: FloatArray, centres: FloatArray) -> FloatArray:
+    """The same masses (k, 13) with their moments about the points (k, 3)."""
+    mass, first, arm = lumps[:, :1], so3.skew(lumps[:, 1:4]), so3.skew(centres)
+    rotary = first @ arm + arm @ first - mass[:, np.newaxis] * (arm @ arm)
+    rotary = lumps[:, 4:] + rotary.reshape(-1, 9)
+    return np.concatenate([mass, lumps[:, 1:4] - mass * centres, rotary], axis=1)
 
 
 @kernel

@@ -15,7 +15,16 @@ They are summed into one array ``motion`` (11,), all components inertial:
 from flexfem._types import FloatArray
 from flexfem.lie.compiled import inlined
 
-__all__ = ["ANGULAR", "FIRST", "KINETIC", "LINEAR", "MASS", "WIDTH", "add_motion"]
+__all__ = [
+    "ANGULAR",
+    "FIRST",
+    "KINETIC",
+    "LINEAR",
+    "MASS",
+    "WIDTH",
+    "add_motion",
+    "centre_into",
+]
 
 KINETIC, MASS, FIRST, LINEAR, ANGULAR, WIDTH = 0, 1, 2, 5, 8, 11
 
@@ -52,3 +61,20 @@ def add_motion(
         # its part of x cross momentum
         motion[ANGULAR + i1] += H[i2] * force
         motion[ANGULAR + i2] -= H[i1] * force
+
+
+@inlined
+def centre_into(H: FloatArray, v: FloatArray, M: FloatArray, x: FloatArray, u: FloatArray) -> None:
+    """Write position and velocity (3,) of the mass centre, inertial axes; see :func:`add_motion`.
+
+    Without mass they are those of the frame.
+    """
+    per = 1.0 / M[0, 0] if M[0, 0] > 0.0 else 0.0
+    c0, c1, c2 = per * M[5, 1], per * M[3, 2], per * M[4, 0]
+    u0 = v[0] + v[4] * c2 - v[5] * c1
+    u1 = v[1] + v[5] * c0 - v[3] * c2
+    u2 = v[2] + v[3] * c1 - v[4] * c0
+    for i in range(3):
+        k = 3 + 3 * i
+        x[i] = H[i] + H[k] * c0 + H[k + 1] * c1 + H[k + 2] * c2
+        u[i] = H[k] * u0 + H[k + 1] * u1 + H[k + 2] * u2

@@ -23,6 +23,7 @@ __all__ = [
     "correct",
     "increment_rate",
     "mean_acceleration",
+    "mean_turn",
     "momentum_force",
     "momentum_tangent",
     "start",
@@ -65,7 +66,7 @@ def unit(k: int) -> Triple:
 
 
 @inlined
-def _mean_turn(H0: FloatArray, H1: FloatArray, v: Triple) -> Triple:
+def mean_turn(H0: FloatArray, H1: FloatArray, v: Triple) -> Triple:
     """``(R_0 + R_1)/2 v``."""
     a, b = turn(H0, v), turn(H1, v)
     return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
@@ -219,9 +220,9 @@ def momentum_force(
     m = (m[0] / h, m[1] / h, m[2] / h)
     # with this arm the work equals the change of v . d(R s)/dt
     arm = add(first, 0.25 * h, cross(add(o1, -1.0, o0), first))
-    m = add(m, 1.0, cross(_mean_turn(H0, H1, arm), a))
-    m = add(m, -1.0, cross(_mean_turn(H0, H1, first), g))
-    m = add(m, 1.0, cross(_mean_turn(H0, H1, centre), f))
+    m = add(m, 1.0, cross(mean_turn(H0, H1, arm), a))
+    m = add(m, -1.0, cross(mean_turn(H0, H1, first), g))
+    m = add(m, 1.0, cross(mean_turn(H0, H1, centre), f))
     local_f, local_m = turn_back(H1, f), turn_back(H1, m)
     for k in range(3):
         total[k], total[3 + k] = f[k], m[k]
@@ -256,12 +257,12 @@ def momentum_tangent(
         dm = turn(H1, add(_multiply(J, do), 1.0, cross(t, _multiply(J, o1))))
         dm = (dm[0] / h, dm[1] / h, dm[2] / h)
         darm = add((0.0, 0.0, 0.0), 0.5, turn(H1, cross(t, swing)))
-        darm = add(darm, 0.25 * h, _mean_turn(H0, H1, cross(do, first)))
+        darm = add(darm, 0.25 * h, mean_turn(H0, H1, cross(do, first)))
         dm = add(dm, 1.0, cross(darm, a))
-        dm = add(dm, 1.0, cross(_mean_turn(H0, H1, swing), da))
+        dm = add(dm, 1.0, cross(mean_turn(H0, H1, swing), da))
         dm = add(dm, -0.5, cross(turn(H1, cross(t, first)), g))
         dm = add(dm, 0.5, cross(turn(H1, cross(t, centre)), f))
-        dm = add(dm, 1.0, cross(_mean_turn(H0, H1, centre), df))
+        dm = add(dm, 1.0, cross(mean_turn(H0, H1, centre), df))
         df = add(turn_back(H1, df), -1.0, cross(t, triple(local, 0)))
         dm = add(turn_back(H1, dm), -1.0, cross(t, triple(local, 3)))
         for i in range(3):

@@ -10,7 +10,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_loops import add_action, add_residual, add_tangent
-from flexfem.elements.beam_material import Material, symmetric
+from flexfem.elements.beam_material import Material, about_centres, symmetric
 from flexfem.elements.beam_motion import add_cell_motion, cell_rates
 from flexfem.forms.beam import beam_forms
 from flexfem.la.kernel import compile_kernel
@@ -52,6 +52,7 @@ class BeamGroup:
         cell_data: what the compiled loops take of the cells: nodes, whether and how sections are
             turned, twists and lengths at the start, damping, sections and their material data.
         lengths: (m,) arc lengths at the start, m.
+        centres: (s, 3) mass centres of the sections, m; rotary: (s, 3, 3) inertia about them, kg m.
         turned: (m,) whether section axes differ from the axes of the nodes.
         assumed: (m, 6) change of the relative twists of all cells whose stress the tangent takes
             in place of the present one; None for the exact tangent.
@@ -83,6 +84,7 @@ class BeamGroup:
         turns = turns if self.turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
         self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
         self._inertias = symmetric(material.data[:, :21])
+        self.centres, self.rotary = about_centres(self._inertias)
         forms = beam_forms(material.damped, material.law)
         coefficients = tuple(forms.coefficients.values())
         self._residual = compile_kernel(comm, forms.residual, coefficients, batched=True)

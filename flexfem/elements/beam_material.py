@@ -93,6 +93,19 @@ def symmetric(upper: FloatArray) -> FloatArray:
     return matrices + np.swapaxes(np.triu(matrices, 1), -1, -2)
 
 
+def about_centres(inertias: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mass centres (s, 3), m, and rotary inertia about them (s, 3, 3) of section inertias.
+
+    A section without mass has its centre on the axis.
+    """
+    mass = inertias[:, 0, 0]
+    first = np.stack([inertias[:, 5, 1], inertias[:, 3, 2], inertias[:, 4, 0]], axis=1)
+    centres = first / np.where(mass > 0.0, mass, np.inf)[:, np.newaxis]
+    squares = np.sum(centres**2, axis=1)[:, np.newaxis, np.newaxis] * np.eye(3)
+    steiner = squares - centres[:, :, np.newaxis] * centres[:, np.newaxis]
+    return centres, inertias[:, 3:, 3:] - mass[:, np.newaxis, np.newaxis] * steiner
+
+
 def _data(sections: Sequence[Section], material: FloatArray) -> FloatArray:
     inertia = np.array([s.inertia[_UPPER] for s in sections])
     return np.ascontiguousarray(np.concatenate([inertia, material], axis=1))

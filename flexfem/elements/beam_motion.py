@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loops over beam cells for energies and momenta.
 
-The kinetic energy is that of ``forms.beam``: masses that move with the linear field of the nodes'
-inertial velocities, all else of the section's inertia lumped at the nodes.
+The kinetic energy is that of ``forms.beam``: masses that move with the linear field of the inertial
+velocities of the nodes' mass centres, the rotary inertia about these lumped at the nodes.
 """
 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
-from flexfem.core.motion import ANGULAR, KINETIC, add_motion
+from flexfem.core.motion import ANGULAR, KINETIC, add_motion, centre_into
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import inverse_tangent_apply
 
@@ -48,28 +48,25 @@ def add_cell_motion(
     velocity: FloatArray, motion: FloatArray,
 ) -> None:  # fmt: skip
     """Add energy and momenta of the chosen cells to ``motion``, see ``flexfem.core.motion``."""
-    H, v, p = np.empty((2, 12)), np.empty(6), np.empty(6)
+    H, v, p = np.empty(12), np.empty(6), np.empty(6)
+    x, u = np.empty((2, 3)), np.empty((2, 3))
     for c in range(cells.shape[0]):
         if not chosen[c]:
             continue
         M, turn = inertias[sections[c]], c * turned[c]
         for side in range(2):
             node = cells[c, side]
-            _section_state(frames[node], velocity[node], turned[c], turns[turn, side], H[side], v)
-            add_motion(H[side], v, M, 0.5 * lengths[c], p, motion)
+            _section_state(frames[node], velocity[node], turned[c], turns[turn, side], H, v)
+            add_motion(H, v, M, 0.5 * lengths[c], p, motion)
+            centre_into(H, v, M, x[side], u[side])
         # from masses at the ends to masses along the line
-        first, second = cells[c, 0], cells[c, 1]
         mass = M[0, 0] * lengths[c] / 6.0
         for i in range(3):
-            k = 3 + 3 * i
-            p[i] = 0.0
-            for j in range(3):
-                p[i] += frames[second, k + j] * velocity[second, j]
-                p[i] -= frames[first, k + j] * velocity[first, j]
+            p[i] = u[1, i] - u[0, i]
             motion[KINETIC] -= 0.5 * mass * p[i] * p[i]
         for i in range(3):
             i1, i2 = (i + 1) % 3, (i + 2) % 3
-            arm1, arm2 = H[0, i1] - H[1, i1], H[0, i2] - H[1, i2]
+            arm1, arm2 = x[0, i1] - x[1, i1], x[0, i2] - x[1, i2]
             motion[ANGULAR + i] += mass * (arm1 * p[i2] - arm2 * p[i1])
 
 

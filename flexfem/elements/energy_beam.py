@@ -46,19 +46,25 @@ class EnergyBeams:
     """Mean forces of all beams of this rank over a step and their derivatives.
 
     Attributes:
-        offset: a cell has its mass centre off the axis.
+        centres: (n, 3) mass centres of the sections at the nodes, node axes, m; the rates of a
+            step are the centres'.
+        offset: a cell's centre lies elsewhere, since its section is turned against the node.
     """
 
-    def __init__(self, comm: MPI.Intracomm, beams: BeamGroup) -> None:
-        """Compile the kernels (collective) and prepare the cells."""
+    def __init__(self, comm: MPI.Intracomm, beams: BeamGroup, count: int) -> None:
+        """Compile the kernels (collective) and prepare the cells at ``count`` nodes."""
         cells, turned, turns, twists, lengths, damping, sections, laws = beams.cell_data
         self._cells = (cells, turned, turns)
         self._sections, self._laws = sections, laws
         self._constants = np.zeros((len(cells), 14))
         self._constants[:, :6], self._constants[:, 12] = twists, lengths
         self._constants[:, 13] = damping
-        self._lumps = _lumps(beams)
-        self.offset = bool(np.any(self._lumps[:, :, :3]))
+        arms, rotary = _ends(beams)
+        self.centres = np.zeros((count, 3))
+        self.centres[cells] = beams.centres[sections][:, np.newaxis]
+        arms -= self.centres[cells]
+        self.offset = bool(np.any(np.abs(arms) > 1e-12 * np.abs(beams.centres).max(initial=0.0)))
+        self._lumps = np.concatenate([arms, rotary.reshape(-1, 2, 9)], axis=2)
         forms = beam_energy_forms()
         coefficients = tuple(forms.coefficients.values())
         self._force = compile_kernel(comm, forms.residual, coefficients)
@@ -79,8 +85,8 @@ class EnergyBeams:
         """Add ``scale`` times the mean force over the step to the residual (n, 6)."""
         add_force(
             self._force.address, self._force.offsets, state.law, *self._cells, self._constants,
-            self._sections, self._laws, self._lumps, state.frames0, state.frames, state.rates0,
-            state.rates, state.gravity, scale, residual,
+            self._sections, self._laws, self._lumps, self.centres, state.frames0, state.frames,
+            state.rates0, state.rates, state.gravity, scale, residual,
         )  # fmt: skip
 
     def tangent(self, state: StepState, scale: float) -> FloatArray:
@@ -88,24 +94,21 @@ class EnergyBeams:
         values = np.empty((len(self._constants), 144))
         add_tangent(
             self._force.address, self._tangent.address, self._force.offsets, state.law,
-            *self._cells, self._constants, self._sections, self._laws, self._lumps, state.frames0,
-            state.frames, state.increments, state.rates0, state.rates, state.gravity, scale,
-            values,
+            *self._cells, self._constants, self._sections, self._laws, self._lumps, self.centres,
+            state.frames0, state.frames, state.increments, state.rates0, state.rates,
+            state.gravity, scale, values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
 
 
-def _lumps(beams: BeamGroup) -> FloatArray:
-    """First moment and rotary inertia (m, 2, 12) of half a cell at either end, node axes."""
-    cells, turned, turns, _, lengths, _, sections, laws = beams.cell_data
-    upper = np.triu_indices(6)
-    inertia = np.zeros((len(laws), 6, 6))
-    inertia[:, upper[0], upper[1]] = laws[:, :21]
-    inertia[:, upper[1], upper[0]] = laws[:, :21]
-    m = 0.5 * lengths[:, np.newaxis, np.newaxis] * inertia[sections]
+def _ends(beams: BeamGroup) -> tuple[FloatArray, FloatArray]:
+    """Of the ends of all cells, in node axes: mass centre (m, 2, 3), rotary inertia (m, 2, 3, 3).
+
+    The latter is about the centre, and that of half a cell.
+    """
+    cells, turned, turns, _, lengths, _, sections, _ = beams.cell_data
     at = np.where(turned, np.arange(len(cells)), 0)
     Q = turns.reshape(-1, 2, 3, 3)[at]
-    first = np.stack([m[:, 5, 1], m[:, 3, 2], m[:, 4, 0]], axis=1)
-    rotary = np.einsum("csij,cjk,cslk->csil", Q, m[:, 3:, 3:], Q)
-    moment = np.einsum("csij,cj->csi", Q, first)
-    return np.concatenate([moment, rotary.reshape(-1, 2, 9)], axis=2)
+    half = 0.5 * lengths[:, np.newaxis, np.newaxis] * beams.rotary[sections]
+    arms = np.einsum("csij,cj->csi", Q, beams.centres[sections])
+    return arms, np.einsum("csij,cjk,cslk->csil", Q, half, Q)

@@ -5,6 +5,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.step_kernels import momentum_force, momentum_tangent, turn_back
+from flexfem.elements.energy_inertia import add_mass_tangent, mass_force
 from flexfem.la.kernel import tabulate
 from flexfem.lie._blocks import triple
 from flexfem.lie.compiled import inlined, kernel
@@ -62,32 +63,27 @@ def _put_cell(
 
 
 @inlined
-def _node_force(
-    force: FloatArray, side: int, other: int, mass: float, rates0: FloatArray, rates: FloatArray,
-    node: int, frames: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
-    """Force on one end in its axes at the end of the step; ``mass`` is that of the axis / (6 h)."""
+def _node_force(force: FloatArray, side: int, H: FloatArray, out: FloatArray) -> None:
+    """Internal force on one end in its axes at the end of the step."""
     sign = 1.0 if side == 1 else -1.0
+    f, m = turn_back(H, triple(force, 0)), turn_back(H, triple(force, 3 + 3 * side))
     for i in range(3):
-        change = 2.0 * (rates[node, i] - rates0[node, i]) + rates[other, i] - rates0[other, i]
-        out[i] = sign * force[i] + mass * change
-    f = turn_back(frames[node], triple(out, 0))
-    m = turn_back(frames[node], triple(force, 3 + 3 * side))
-    for i in range(3):
-        out[i], out[3 + i] = f[i], m[i]
+        out[i], out[3 + i] = sign * f[i], m[i]
 
 
 @kernel
 def add_force(
     address: int, offsets: IntArray, law: FloatArray, cells: IndexArray, turned: BoolArray,
     turns: FloatArray, constants: FloatArray, sections: IntArray, laws: FloatArray,
-    lumps: FloatArray, frames0: FloatArray, frames: FloatArray, rates0: FloatArray,
-    rates: FloatArray, gravity: FloatArray, scale: float, residual: FloatArray,
+    lumps: FloatArray, centres: FloatArray, frames0: FloatArray, frames: FloatArray,
+    rates0: FloatArray, rates: FloatArray, gravity: FloatArray, scale: float,
+    residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the mean force of all cells over the step to ``residual`` (n, 6).
 
     ``law`` (3,) holds half the dissipation, 1/h and the change of rates with increments; ``lumps``
-    (m, 2, 12) first moment and rotary inertia of both halves of each cell in node axes.
+    (m, 2, 12) arms from the ``centres`` (n, 3) of the nodes to those of both ends of each cell and
+    the rotary inertia of both halves, in node axes.
     """
     data, force, out = np.empty(offsets[-1]), np.empty(9), np.empty(6)
     total, none, h = np.empty(6), np.zeros(3), 1.0 / law[1]
@@ -101,13 +97,19 @@ def add_force(
         tabulate(address, force, data, law, points)  # type: ignore[call-arg]
         mass = laws[sections[c], 0] * constants[c, 12]
         for side in range(2):
-            node, other = cells[c, side], cells[c, 1 - side]
-            _node_force(force, side, other, mass / (6.0 * h), rates0, rates, node, frames, out)
+            node = cells[c, side]
+            _node_force(force, side, frames[node], out)
+            for i in range(6):
+                residual[node, i] += scale * out[i]
+            mass_force(
+                side, cells[c], mass, lumps[c], centres, frames0, frames, rates0, rates, gravity,
+                h, total, out,
+            )  # fmt: skip
             for i in range(6):
                 residual[node, i] += scale * out[i]
             momentum_force(
-                0.0, 0.5 * mass, lumps[c, side, :3], lumps[c, side, 3:].reshape(3, 3), none,
-                frames0[node], frames[node], rates0[node], rates[node], gravity, h, total, out,
+                0.0, 0.0, none, lumps[c, side, 3:].reshape(3, 3), none, frames0[node],
+                frames[node], rates0[node], rates[node], gravity, h, total, out,
             )  # fmt: skip
             for i in range(6):
                 residual[node, i] += scale * out[i]
@@ -128,18 +130,15 @@ def _entry(K: FloatArray, a: int, i: int, b: int, j: int) -> float:
 
 @kernel
 def _turn_blocks(
-    K: FloatArray, mass: float, first: FloatArray, second: FloatArray, a: int, b: int,
-    work: FloatArray, out: FloatArray,
+    K: FloatArray, first: FloatArray, second: FloatArray, a: int, b: int, work: FloatArray,
+    out: FloatArray,
 ) -> None:  # fmt: skip
     """Write the 6x6 block of ends (a, b) in their own axes to ``out`` (12, 12)."""
     Ha, Hb = (first if a == 0 else second), (first if b == 0 else second)
-    share = mass * (2.0 if a == b else 1.0)
     for i in range(6):
         for half in range(0, 6, 3):
             for k in range(3):
                 work[i, half + k] = _entry(K, a, i, b, half + k)
-            if i < 3 and half == 0:
-                work[i, i] += share
             v = turn_back(Hb, (work[i, half], work[i, half + 1], work[i, half + 2]))
             for k in range(3):
                 work[i, half + k] = v[k]
@@ -154,13 +153,13 @@ def _turn_blocks(
 def add_tangent(
     force_address: int, address: int, offsets: IntArray, law: FloatArray, cells: IndexArray,
     turned: BoolArray, turns: FloatArray, constants: FloatArray, sections: IntArray,
-    laws: FloatArray, lumps: FloatArray, frames0: FloatArray, frames: FloatArray,
-    increments: FloatArray, rates0: FloatArray, rates: FloatArray, gravity: FloatArray,
-    scale: float, values: FloatArray,
+    laws: FloatArray, lumps: FloatArray, centres: FloatArray, frames0: FloatArray,
+    frames: FloatArray, increments: FloatArray, rates0: FloatArray, rates: FloatArray,
+    gravity: FloatArray, scale: float, values: FloatArray,
 ) -> None:  # fmt: skip
     """Write ``scale`` times the derivative of :func:`add_force` along local twists (m, 144)."""
     data, force, K = np.empty(offsets[-1]), np.empty(9), np.empty(81)
-    out, work, lump = np.empty(6), np.empty((6, 6)), np.empty((6, 6))
+    out, work, lump, total = np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     none, h = np.zeros(3), 1.0 / law[1]
     points = np.zeros(6)
     points[3] = 1.0
@@ -174,17 +173,21 @@ def add_tangent(
         mass = laws[sections[c], 0] * constants[c, 12]
         result = values[c].reshape(12, 12)
         for a in range(2):
-            node, other = cells[c, a], cells[c, 1 - a]
+            node = cells[c, a]
+            mass_force(
+                a, cells[c], mass, lumps[c], centres, frames0, frames, rates0, rates, gravity, h,
+                total, out,
+            )  # fmt: skip
             for b in range(2):
-                _turn_blocks(
-                    K, mass * law[2] / (6.0 * h), frames[cells[c, 0]], frames[cells[c, 1]], a, b,
-                    work, result,
+                _turn_blocks(K, frames[cells[c, 0]], frames[cells[c, 1]], a, b, work, result)
+                add_mass_tangent(
+                    a, b, cells[c], mass, lumps[c], centres, frames0, frames, increments, rates0,
+                    rates, h, law[2], total, out, result,
                 )  # fmt: skip
-            _node_force(force, a, other, mass / (6.0 * h), rates0, rates, node, frames, out)
+            _node_force(force, a, frames[node], out)
             momentum_tangent(
-                0.0, 0.5 * mass, lumps[c, a, :3], lumps[c, a, 3:].reshape(3, 3), none,
-                frames0[node], frames[node], increments[node, 3:], rates0[node], rates[node],
-                gravity, h, law[2], lump,
+                0.0, 0.0, none, lumps[c, a, 3:].reshape(3, 3), none, frames0[node], frames[node],
+                increments[node, 3:], rates0[node], rates[node], gravity, h, law[2], lump,
             )  # fmt: skip
             for half in range(0, 6, 3):  # the node's axes turn: f x theta
                 for k in range(3):

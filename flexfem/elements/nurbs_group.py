@@ -10,14 +10,9 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_material import Material, symmetric
-from flexfem.elements.nurbs_inertia import (
-    add_inertia,
-    add_inertia_action,
-    add_inertia_tangent,
-    step_changes,
-    step_rates,
-)
+from flexfem.elements.nurbs_inertia import step_changes, step_rates
 from flexfem.elements.nurbs_loops import add_action, add_residual, point_strains
+from flexfem.elements.nurbs_masses import NurbsMasses
 from flexfem.elements.nurbs_motion import add_element_motion
 from flexfem.elements.nurbs_tables import gauss, lanes, masses, points, unlaned
 from flexfem.elements.nurbs_tangent import tangent_into
@@ -102,21 +97,9 @@ class NurbsGroup:
         self._masses = masses(data.shape, data.nodes, start)
         self.lengths = self._masses.lengths
         self._inertias = symmetric(material.data[:, :21])
-        self._place_masses()
-
-    def _place_masses(self) -> None:
-        """Consistent masses, and all else of the inertia lumped at the nodes."""
-        cells, own = self.data.nodes, self._inertias[self.data.section]
-        mass = own[:, 0, 0]
-        self._products = mass[:, np.newaxis, np.newaxis] * self._masses.products
-        rest = own.copy()
-        rest[:, range(3), range(3)] -= mass[:, np.newaxis]
-        nodes, first, back = np.unique(cells.ravel(), return_index=True, return_inverse=True)
-        self._nodes: IntArray = nodes.astype(np.int64)
-        self._homes = np.stack(np.unravel_index(first, cells.shape), axis=1).astype(np.int64)
-        self._lumps = np.zeros((len(self._nodes), 6, 6))
-        lumps = self._masses.weights[..., np.newaxis, np.newaxis] * rest[:, np.newaxis]
-        np.add.at(self._lumps, back.ravel(), lumps.reshape(-1, 6, 6))
+        self._inertia = NurbsMasses(
+            data.nodes, self._masses, self._inertias, data.section, len(start)
+        )
 
     def _start_strains(self, tables: FloatArray, cells: IndexArray) -> FloatArray:
         """Strains (b, q, 6, LANES) of the start as such."""
@@ -164,10 +147,7 @@ class NurbsGroup:
             *self._loop_data(self._kernels.residual, starts), block.frames, block.velocity, scale,
             block.residual,
         )  # fmt: skip
-        add_inertia(
-            self._nodes, self.data.nodes, self._products, self._lumps, gravity, block.frames,
-            block.velocity, block.acceleration, scale, block.residual,
-        )  # fmt: skip
+        self._inertia.add_residual(block, gravity, scale)
 
     def _loop_data(
         self, kernel: Kernel, starts: FloatArray
@@ -194,7 +174,7 @@ class NurbsGroup:
         """
         by_v, by_w = np.empty((2, len(block.frames), 6, 6))
         step_rates(
-            self._nodes, block.inertial_rates(shifts) and not local, block.increment,
+            self._inertia.nodes, block.inertial_rates(shifts) and not local, block.increment,
             block.velocity, block.acceleration, shifts, by_v, by_w,
         )  # fmt: skip
         if shifts[0] == 0.0 and shifts[2] == 0.0:
@@ -204,10 +184,7 @@ class NurbsGroup:
                 *self._loop_data(self._kernels.tangent, self._assumed_starts(block.frames)),
                 block.frames, block.velocity, by_v, shifts[2], scale, values,
             )  # fmt: skip
-        add_inertia_tangent(
-            self._nodes, self.data.nodes, self._products, self._lumps, gravity, self._homes,
-            block.frames, block.velocity, block.acceleration, by_v, by_w, shifts[2], scale, values,
-        )  # fmt: skip
+        self._inertia.add_tangent(block, gravity, by_v, by_w, shifts[2], scale, values)
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
@@ -215,7 +192,7 @@ class NurbsGroup:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
         steps, dv, dw = np.empty((3, len(block.frames), 6))
         step_changes(
-            self._nodes, block.inertial_rates(shifts), block.increment, block.velocity,
+            self._inertia.nodes, block.inertial_rates(shifts), block.increment, block.velocity,
             block.acceleration, shifts, block.step, steps, dv, dw,
         )  # fmt: skip
         if shifts[0] != 0.0 or shifts[2] != 0.0:
@@ -223,10 +200,7 @@ class NurbsGroup:
                 *self._loop_data(self._kernels.action, self._starts), block.frames, block.velocity,
                 steps, dv, scale, block.residual,
             )  # fmt: skip
-        add_inertia_action(
-            self._nodes, self.data.nodes, self._products, self._lumps, gravity, block.frames,
-            block.velocity, block.acceleration, steps, dv, dw, scale, block.residual,
-        )  # fmt: skip
+        self._inertia.add_action(block, gravity, steps, dv, dw, scale)
 
     def response(
         self, frames: FloatArray, at: IntArray, xi: FloatArray

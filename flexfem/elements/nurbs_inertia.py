@@ -3,9 +3,10 @@
 
 The kinetic energy is that of masses that move with the interpolated inertial velocities of the
 control points, ``1/2 sum_IJ m_IJ (R_I V_I) . (R_J V_J)`` with the constants ``m_IJ``, the integral
-of ``rho A N_I N_J``. Rotary inertia and the first moment are lumped at the control points, as in
+of ``rho A N_I N_J``, plus that of the rotary inertia lumped at the control points, as in
 ``forms.beam``. The force on node I is ``R_I^T sum_J m_IJ (b_J - g)`` with the inertial acceleration
-``b_J = R_J (dV_J/dt + Omega_J x V_J)``, and what the lump there adds.
+``b_J = R_J (dV_J/dt + Omega_J x V_J)``, and what the lump there adds. Where mass centres lie off
+the axis, velocities, accelerations and forces are those of the centres.
 
 ``nodes`` (u,) are the nodes of a group's elements, ``lumps`` (u, 6, 6) their lumps, in local axes.
 """

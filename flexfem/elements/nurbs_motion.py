@@ -4,7 +4,7 @@
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
-from flexfem.core.motion import ANGULAR, KINETIC, add_motion
+from flexfem.core.motion import ANGULAR, KINETIC, add_motion, centre_into
 from flexfem.lie.compiled import kernel
 
 __all__ = ["add_element_motion"]
@@ -21,7 +21,7 @@ def add_element_motion(
     ``products`` (m, k, k) and ``weights`` (m, k) are those of ``nurbs_tables.Masses``.
     """
     count, k = cells.shape
-    p, way, speed, inertial = np.empty(6), np.empty(3), np.empty(3), np.empty((k, 3))
+    p, way, speed, x, u = np.empty(6), np.empty(3), np.empty(3), np.empty((k, 3)), np.empty((k, 3))
     for c in range(count):
         if not chosen[c]:
             continue
@@ -29,16 +29,14 @@ def add_element_motion(
         for I in range(k):  # noqa: E741
             H, v = frames[cells[c, I]], velocity[cells[c, I]]
             add_motion(H, v, M, weights[c, I], p, motion)
-            for i in range(3):
-                j = 3 + 3 * i
-                inertial[I, i] = H[j] * v[0] + H[j + 1] * v[1] + H[j + 2] * v[2]
+            centre_into(H, v, M, x[I], u[I])
         # from masses at the nodes to masses along the line
         for I in range(k):  # noqa: E741
             for J in range(I):
                 mass = M[0, 0] * products[c, I, J]
                 for i in range(3):
-                    way[i] = frames[cells[c, I], i] - frames[cells[c, J], i]
-                    speed[i] = inertial[I, i] - inertial[J, i]
+                    way[i] = x[I, i] - x[J, i]
+                    speed[i] = u[I, i] - u[J, i]
                     motion[KINETIC] -= 0.5 * mass * speed[i] * speed[i]
                 for i in range(3):
                     i1, i2 = (i + 1) % 3, (i + 2) % 3

@@ -11,12 +11,15 @@ The fields are continuous piecewise linears; on an interval their nodal values c
 exactly as ``f(1/2) -/+ 1/2 df/dxi``, so one quadrature point carries the whole element. All
 increments and residuals are components in the nodes' own frames.
 
-The kinetic energy is that of masses that move with the linear field of the nodes' inertial
-velocities, ``1/2 sum_ij M_ij m (R_i V_i) . (R_j V_j)`` with ``M = L/6 [[2, 1], [1, 2]]``, plus that
-of the rotary inertia (and of the first moment, where the mass centre lies off the axis) lumped at
-the nodes. Translation is exact in any bent state; interpolated local velocities would lose the mass
-``theta^2/6`` of an element whose ends are turned by ``theta`` against each other. The
-Euler–Poincaré equations of this energy keep linear and angular momentum exactly (Noether).
+The kinetic energy is that of masses that move with the linear field of the inertial velocities of
+the nodes' mass centres c, ``1/2 sum_ij M_ij m (R_i V_ci) . (R_j V_cj)`` with
+``M = L/6 [[2, 1], [1, 2]]`` and ``V_c = V + Omega x c``, plus that of the rotary inertia about c,
+lumped at the nodes. Translation is exact in any bent state; interpolated local velocities would
+lose the mass ``theta^2/6`` of an element whose ends are turned by ``theta`` against each other.
+Both parts are positive wherever c lies; masses along the axis with their first moment lumped at the
+nodes would not be: where neighbours turn against each other, that moment meets a third of its mass
+only. The Euler–Poincaré equations of this energy keep linear and angular momentum exactly
+(Noether).
 """
 
 from dataclasses import dataclass
@@ -26,11 +29,13 @@ import basix.ufl
 import ufl
 
 from flexfem.forms.beam_law import LawExpressions, constant_field, interval_mesh, symmetric
-from flexfem.forms.lie import Expr, coadjoint_product, se3_log, se3_relative_rate
+from flexfem.forms.lie import Expr, se3_log, se3_relative_rate
 
 __all__ = ["BeamForms", "beam_forms"]
 
 
+#: Mass per length that is lost in the rounding of any other.
+_NO_MASS = 1e-100
 #: values at both ends of an element
 _Pair = tuple[Expr, Expr]
 
@@ -104,6 +109,22 @@ def _halves(twist: Expr) -> tuple[Expr, Expr]:
     )
 
 
+def _about_centre(m: Expr) -> tuple[Expr, Expr, Expr]:
+    """Mass, mass centre and rotary inertia about it, all per length, of a section inertia."""
+    mass = m[0, 0]
+    # without mass the centre does not matter; a branch would keep the kernel from vectors
+    c = ufl.as_vector([m[5, 1], m[3, 2], m[4, 0]]) / (mass + _NO_MASS)
+    turning = ufl.as_matrix([[m[3 + i, 3 + j] for j in range(3)] for i in range(3)])
+    steiner = mass * (ufl.dot(c, c) * ufl.Identity(3) - ufl.outer(c, c))
+    return mass, c, turning - steiner
+
+
+def _moved(twist: Expr, c: Expr) -> tuple[Expr, Expr]:
+    """Translation and rotation of a local twist, or of its rate, referred to the point ``c``."""
+    translation, rotation = _halves(twist)
+    return translation + ufl.cross(rotation, c), rotation
+
+
 def _inertial_work(
     length: Expr, m: Expr, R_12: Expr, v: _Pair, a: _Pair, w: _Pair, dw: _Pair
 ) -> _Pair:
@@ -118,16 +139,17 @@ def _inertial_work(
         w: test twists.
         dw: local twists by which the ends turn.
     """
-    mass = m[0, 0]
-    lumped = m - mass * ufl.as_matrix([[float(i == j < 3) for j in range(6)] for i in range(6)])
-    # inertial accelerations of the nodes in their own axes
-    b = [_halves(a[i])[0] + ufl.cross(_halves(v[i])[1], _halves(v[i])[0]) for i in range(2)]
+    mass, c, rotary = _about_centre(m)
+    # local twists of the mass centres, their rates, and the centres' inertial accelerations
+    twists, rates, tests = ([_moved(x, c) for x in pair] for pair in (v, a, w))
+    b = [dV + ufl.cross(omega, V) for (V, omega), (dV, _) in zip(twists, rates, strict=True)]
     force, change = [], []
     for i, R in enumerate((R_12, R_12.T)):  # R turns the other end's components into this one's
         j = 1 - i
-        u, turn, other = _halves(w[i])[0], _halves(dw[i])[1], _halves(dw[j])[1]
-        at_node = lumped * a[i] - coadjoint_product(v[i], lumped * v[i])
-        force.append(length / 2 * ufl.dot(w[i], at_node))
+        (u, spun), spin = tests[i], twists[i][1]
+        turn, other = _halves(dw[i])[1], _halves(dw[j])[1]
+        moment = rotary * rates[i][1] + ufl.cross(spin, rotary * spin)
+        force.append(length / 2 * ufl.dot(spun, moment))
         force.append(length / 6 * mass * ufl.dot(u, 2 * b[i] + R * b[j]))
         turned = R * ufl.cross(other, b[j]) - ufl.cross(turn, R * b[j])
         change.append(length / 6 * mass * ufl.dot(u, turned))

@@ -16,7 +16,6 @@ import ufl
 
 __all__ = [
     "Expr",
-    "coadjoint_product",
     "se3_inverse_tangent_apply",
     "se3_inverse_tangent_left",
     "se3_inverse_tangent_right",
@@ -223,12 +222,3 @@ def se3_inverse_tangent_right(w: Expr) -> Expr:
 def se3_inverse_tangent_left(w: Expr) -> Expr:
     """Inverse of the left tangent map as a 6x6 matrix."""
     return se3_inverse_tangent_right(-w)
-
-
-def coadjoint_product(v: Expr, p: Expr) -> Expr:
-    """``ad_v^T p = -(Omega x l, Omega x j + V x l)`` of ``v = (V, Omega)`` and ``p = (l, j)``."""
-    (velocity, omega), (linear, angular) = _split(v), _split(p)
-    return _join(
-        ufl.cross(linear, omega),
-        ufl.cross(angular, omega) + ufl.cross(linear, velocity),
-    )

@@ -25,6 +25,7 @@ _DECLARATION = (
 )
 _SOURCE = """\
 #include <math.h>
+#include <stdbool.h>
 #include <stdint.h>
 void tabulate_batch(double* restrict A, const double* restrict w, const double* restrict c,
                     const double* restrict coordinate_dofs)

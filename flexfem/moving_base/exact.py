@@ -21,7 +21,7 @@ from flexfem.joints.prescribed_translation import PrescribedTranslation
 from flexfem.joints.rigid import Rigid
 from flexfem.materials.section import Section
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.model.bodies import Beam, PointMass
+from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
 from flexfem.model.probe import MarkerState, Probe
 from flexfem.moving_base.base import PrescribedBase
@@ -46,16 +46,12 @@ class Segment:
 
     Attributes:
         start, end: along the beam, m.
-        section: with the rotary inertia about the mass centre, and the mass if it is on the axis.
-        mass_per_length: of mass that is off the axis and sits at the nodes, kg/m.
-        offset: of that mass in section axes, (3,), m.
+        section: of the beam there.
     """
 
     start: float
     end: float
     section: Section
-    mass_per_length: float
-    offset: FloatArray
 
 
 def segment_sections(properties: BeamProperties, *, warping: bool = True) -> list[Segment]:
@@ -89,13 +85,17 @@ def segment_sections(properties: BeamProperties, *, warping: bool = True) -> lis
         else:
             stiff = properties
         s = section_values(stiff, Effects(), x)
-        mass = float(s.mass[0])
-        offset = np.ascontiguousarray(s.eccentricity[:, 0])
-        moved = mass if offset.any() else 0.0
-        inertia = np.concatenate([np.full(3, mass - moved), s.rotary[:, 0]])
+        inertia = _section_inertia(float(s.mass[0]), s.eccentricity[:, 0], s.rotary[:, 0])
         section = Section.general(s.stiffness[:, 0], inertia)
-        out.append(Segment(float(start), float(end), section, moved, offset))
+        out.append(Segment(float(start), float(end), section))
     return out
+
+
+def _section_inertia(mass: float, centre: FloatArray, rotary: FloatArray) -> FloatArray:
+    """Inertia (6, 6) about the axis from moments of inertia (3,) about the mass centre."""
+    c = np.cross(centre, np.eye(3)).T  # its product with a vector is the vector product
+    first = mass * c
+    return np.block([[mass * np.eye(3), -first], [first, np.diag(rotary) - first @ c]])
 
 
 def tip_in_base(base: PrescribedBase, t: float, tip: MarkerState) -> FloatArray:
@@ -125,21 +125,6 @@ def _stretch(length: float, states: Sequence[MarkerState]) -> float:
     turns = np.swapaxes(R[:-1], 1, 2) @ R[1:]
     d = se3.log(np.concatenate([steps, turns.reshape(-1, 9)], axis=1))
     return float(d[:, 0].sum() - length)
-
-
-def _add_masses(model: Model, group: str, segment: Segment, nodes: FloatArray) -> None:
-    """Mass off the axis, lumped at the nodes.
-
-    Elements spread their mass along the axis and lump its first moment at the nodes: far from the
-    axis their mass matrix would not be positive.
-    """
-    if segment.mass_per_length == 0.0:
-        return
-    sizes = np.diff(nodes)
-    shares = 0.5 * (np.append(sizes, 0.0) + np.insert(sizes, 0, 0.0)) * segment.mass_per_length
-    for i, mass in enumerate(shares):
-        place = Marker(group, i / len(sizes), offset=segment.offset)
-        model.add(PointMass(f"{group}_mass_{i}", float(mass), place))
 
 
 def exact_model(
@@ -181,7 +166,6 @@ def exact_model(
     nodes = []
     for k, (group, segment) in enumerate(zip(names, segments, strict=True)):
         model.add(Beam(group, segment.section, orientation=tuple(axes[:, 1])))
-        _add_masses(model, group, segment, parts[k])
         count = len(cells[k])
         nodes += [Marker(group, float(i / count), rotation=axes) for i in range(count)]
         if k:

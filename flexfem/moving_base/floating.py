@@ -15,7 +15,6 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.marker import Marker
 from flexfem.joints.rigid import Rigid
-from flexfem.materials.section import Section
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.probe import MarkerState, Probe
@@ -91,15 +90,10 @@ def floating_model(
 def _reduced(
     segment: Segment, length: float, cells: int, modes: int, stiffening: bool
 ) -> ReducedBody:
-    """A piece of a segment, its mass off the axis included."""
-    inertia = segment.section.inertia.copy()
-    x, y, z = segment.offset
-    arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    inertia += segment.mass_per_length * np.block([[np.eye(3), -arm], [arm, -arm @ arm]])
-    section = Section.general(segment.section.stiffness, inertia)
+    """A piece of a segment."""
     line = np.linspace([0.0, 0.0, 0.0], [length, 0.0, 0.0], cells + 1)
     return reduce_body(
-        beam_body(line, section, orientation=(0.0, 1.0, 0.0)),
+        beam_body(line, segment.section, orientation=(0.0, 1.0, 0.0)),
         {"start": line[0], "end": line[-1]},
         modes=modes,
         geometric_stiffness=stiffening,

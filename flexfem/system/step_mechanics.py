@@ -15,13 +15,18 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.bodies.step_forces import add_step_forces, step_force_tangent
-from flexfem.bodies.step_inertia import add_step_inertia, lump, step_inertia_tangent
+from flexfem.bodies.step_inertia import (
+    add_step_inertia,
+    lump,
+    moved_lumps,
+    step_inertia_tangent,
+)
 from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import State
 from flexfem.core.step_kernels import correct, mean_acceleration, start
 from flexfem.elements.energy_beam import EnergyBeams, StepState
 from flexfem.elements.se3_beam import SE3Beams
-from flexfem.lie import se3, so3
+from flexfem.lie import se3
 from flexfem.system.placement import FLOATING, NURBS, SHELLS
 from flexfem.system.step_constraints import StepRows
 from flexfem.system.system import BlockPart, Shifts, System
@@ -47,13 +52,16 @@ class _Part:
         self.block, self.chi = block, chi
         self.beams = None
         if isinstance(part.elements, SE3Beams):
-            self.beams = EnergyBeams(system.comm, part.elements.linear)
+            self.beams = EnergyBeams(system.comm, part.elements.linear, count)
         self.centres, self.jumps = np.zeros((count, 3)), np.zeros((count, 6))
         self.base = np.zeros((count, 6))
         self.nodes, self.lumps = masses.nodes, lump(masses.matrices)
         self.entries: IntArray = np.arange(len(masses.nodes))
         if part.elements is None:
             self._centre(masses.matrices)
+        elif self.beams is not None:
+            self.centres = self.beams.centres
+            self.lumps = moved_lumps(self.lumps, self.centres[self.nodes])
         self.offset = bool(np.any(self.lumps[:, 1:4])) or (
             self.beams is not None and self.beams.offset
         )
@@ -73,13 +81,9 @@ class _Part:
         np.add.at(total, inverse, matrices)
         lumps = lump(total)
         centre = lumps[:, 1:4] / lumps[:, :1]
-        arm = so3.skew(centre)
-        rotary = total[:, 3:, 3:] + lumps[:, :1, np.newaxis] * (arm @ arm)
         self.centres[nodes] = centre
-        self.nodes = nodes
-        self.lumps = np.concatenate(
-            [lumps[:, :1], np.zeros_like(centre), rotary.reshape(-1, 9)], axis=1
-        )
+        self.nodes, self.lumps = nodes, moved_lumps(lumps, centre)
+        self.lumps[:, 1:4] = 0.0  # but for rounding
 
     def law(self, h: float) -> FloatArray:
         """See :class:`StepState`."""
@@ -178,8 +182,9 @@ class StepMechanics:
             offset = bool(system.comm.allreduce(int(offset)))
         if offset and self.chi > 0.0:
             raise InputError(
-                "EnergyMomentum: beams and masses with centres off the beams' axes need rho_inf 1 "
-                f"(no dissipation), got chi = {self.chi:.6g}"
+                "EnergyMomentum: a mass on a beam off the mass centres of its sections, and a beam "
+                "with a corner and mass centres off its axis, need rho_inf 1 (no dissipation), got "
+                f"chi = {self.chi:.6g}"
             )
 
     @property

@@ -3,11 +3,14 @@
 
 from mpi4py import MPI
 
+import basix.ufl
 import numba
 import numpy as np
 import pytest
+import ufl
 
 from flexfem.forms.beam import beam_forms
+from flexfem.forms.beam_law import constant_field, interval_mesh
 from flexfem.la.batch import LANES, _lane_by_lane
 from flexfem.la.kernel import compile_kernel, tabulate, tabulate_batch
 
@@ -39,6 +42,21 @@ def test_batched_kernel_treats_every_lane_as_the_kernel_of_one_cell(damped):
         # the same operations in the same order, but for contractions to fused products: an index
         # moved to a wrong lane changes every digit
         np.testing.assert_allclose(together[:, lane], alone, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.serial
+def test_batched_kernels_may_branch():
+    mesh = interval_mesh()
+    space = ufl.FunctionSpace(mesh, basix.ufl.element("Lagrange", "interval", 1))
+    f = constant_field(mesh)
+    value = ufl.conditional(ufl.gt(f, 0.0), f, -3.0 * f)
+    form = value / ufl.CellVolume(mesh) * ufl.TestFunction(space) * ufl.dx(mesh, degree=0)
+    kernel = compile_kernel(MPI.COMM_WORLD, form, (f,), batched=True)
+    data, found = np.linspace(-1.0, 1.0, LANES).reshape(1, LANES), np.zeros((2, LANES))
+    _batch(kernel.batch, found, data, np.zeros(1), np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]))
+    # one branch for all lanes gives some the wrong factor
+    expected = 0.5 * np.where(data > 0.0, data, -3.0 * data)
+    np.testing.assert_allclose(found, np.tile(expected, (2, 1)), rtol=1e-14)
 
 
 @pytest.mark.serial

@@ -87,7 +87,6 @@ def maps() -> Maps:
         "skew": forms.skew(theta),
         "right": forms.se3_inverse_tangent_right(w),
         "left": forms.se3_inverse_tangent_left(w),
-        "coadjoint": forms.coadjoint_product(w, v_1),
         "so3_log": forms.so3_log(R),
         "se3_log": forms.se3_log(x, R),
     }
@@ -104,8 +103,6 @@ def test_values(maps: Maps, angle: float) -> None:
     w = twist(angle)
     values = maps.values(w)
     right, left = se3.inverse_tangent(w), se3.inverse_tangent(-w)
-    coadjoint = np.empty(6)
-    se3.coadjoint_product(w, V_1, coadjoint)
     expected = {
         "so3_exp": so3.exp(w[3:]),
         "so3_tangent": so3.tangent(w[3:]),
@@ -115,7 +112,6 @@ def test_values(maps: Maps, angle: float) -> None:
         "skew": so3.skew(w[3:]),
         "right": right,
         "left": left,
-        "coadjoint": coadjoint,
     }
     for name, exact in expected.items():
         assert np.abs(values[name] - exact).max() <= 16 * EPS, name

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import flexfem as ff
 from flexfem.lie import se3, so3
-from tests.unit.sections import coupled_section
+from tests.unit.sections import coupled_section, shifted_sections
 
 pytestmark = pytest.mark.serial
 
@@ -482,6 +482,46 @@ def test_residual_is_the_rate_of_the_momenta(one_nurbs, degree, rng):
     # differences are good to 1e-9; an inertia force whose axes turn along the element misses the
     # rate by the square of its turning and loses momentum over a run
     np.testing.assert_allclose(rate, expected, atol=1e-7 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("degree", [1, 3])
+def test_mass_matrix_is_positive_for_any_offset_and_gives_the_kinetic_energy(
+    one_nurbs, degree, rng
+):
+    _, section, _ = shifted_sections()
+    beam = _curved(one_nurbs, degree, section, inertial=False)
+    beam.disturb(rng)
+    beam.block.increment[:] = 0.0  # else velocities change with a tangent map
+    block, shifts, size = beam.block, np.array([0.0, 1.0, 0.0]), 6 * len(beam.block.frames)
+    columns = [beam.product(e.reshape(-1, 6), shifts, 1.0).ravel() for e in np.eye(size)]
+    M = np.array(columns)
+    np.testing.assert_allclose(M, M.T, atol=1e-13)
+    # with first moments on the axis the least eigenvalues are negative, -0.04 and less
+    assert np.linalg.eigvalsh(M)[0] > 1e-5
+    motion, v = np.zeros(11), block.velocity.ravel()
+    beam.beams.add_motion(block, np.ones(3, dtype=bool), motion)
+    assert motion[0] == pytest.approx(0.5 * v @ M @ v, rel=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 3])
+def test_inertia_and_weight_of_an_offset_axis_are_those_of_the_centred_one(one_nurbs, degree, rng):
+    centred, section, c = shifted_sections()
+    points = np.linspace([0.1, 0.2, -0.1], [1.3, 0.9, 0.8], 2 * degree + 1)
+    beams = [one_nurbs(points, degree, s) for s in (section, centred)]
+    shift = se3.frame(c, np.eye(3))
+    X = se3.adjoint(se3.inverse(shift))
+    a, b = (beam.block for beam in beams)
+    beams[0].disturb(rng)
+    b.frames[:] = se3.compose(a.frames, shift)
+    b.velocity[:], b.acceleration[:] = a.velocity @ X.T, a.acceleration @ X.T
+    forces = []
+    for beam in beams:
+        beam.gravity = GRAVITY
+        moving = beam.residual()
+        beam.gravity, beam.block.velocity[:], beam.block.acceleration[:] = np.zeros(3), 0.0, 0.0
+        forces.append(moving - beam.residual())
+    # first moments on the axis miss forces of the size of the inertia itself
+    np.testing.assert_allclose(forces[0], forces[1] @ X, atol=1e-13 * np.abs(forces[0]).max())
 
 
 def test_weight_acts_at_the_mass_centre_of_the_section(one_nurbs):

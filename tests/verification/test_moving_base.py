@@ -296,11 +296,6 @@ def test_free_base_is_that_of_the_multibody_model() -> None:
         ),
         ff.PositionProbe("base", ff.Marker("hub")),
     )  # fmt: skip
-    for i in range(count + 1):
-        share = 0.5 if i in (0, count) else 1.0
-        mass = share * segment.mass_per_length * properties.length / count
-        place = ff.Marker("boom", i / count, offset=segment.offset)
-        model.add(ff.PointMass(f"mass_{i}", mass, place))
     options = ff.RunOptions(dt=0.01, t_end=2.0, quiet=True)
     exact = ff.simulate(model, options).history
     linear = simulate_equations(source, options).history
