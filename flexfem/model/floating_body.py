@@ -26,8 +26,7 @@ class FloatingBody:
 
     Displacements and rotations relative to the frame are small, as linear elasticity has them; the
     motion of the frame is not. Rotations of the interfaces count as rotation vectors, so that a
-    moderately bent slender body keeps its energy; what a body of several pieces does better is to
-    bend far.
+    slender body may bend moderately; one that bends far is better divided into several.
 
     Attributes:
         name: Unique name in the model.

@@ -124,7 +124,7 @@ class Assembly:
         nothing = np.empty((0, 12))
         curves = nothing if self.curves is None else self.curves.frames
         surface = nothing if self.surface is None else self.surface.frames
-        floating = nothing if self.floating is None else self.floating.places
+        floating = nothing if self.floating is None else self.floating.placed
         frames = np.concatenate([curves, surface, floating])
         return np.concatenate([self.points, se3.position(frames)])
 

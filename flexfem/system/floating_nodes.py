@@ -58,7 +58,7 @@ class FloatingNodes:
         held[:, :3] = np.arange(3 * len(held)).reshape(-1, 3) >= body.reduced.modes
 
     @property
-    def places(self) -> FloatArray:
+    def placed(self) -> FloatArray:
         """Frames (p, 12) at the start of the nodes that have a place in space."""
         frames: FloatArray = self.frames[~self.held[:, 3]]
         return frames
