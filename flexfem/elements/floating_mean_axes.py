@@ -17,8 +17,44 @@ from flexfem.lie.se3 import retract_into
 
 __all__ = ["carry", "condense", "locate", "respond"]
 
-#: Newton steps to the frame, and what is left of the last one.
-_STEPS, _SMALL = 30, 1e-14
+#: Newton steps to the frame, and the largest of the last one, whose square is far below round-off.
+_STEPS, _SMALL = 30, 1e-9
+
+
+@kernel
+def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution (6, s) by elimination with pivots: LAPACK's takes ten seconds to compile."""
+    A, X = matrix.copy(), right.copy()
+    n, columns = X.shape
+    for c in range(n):
+        pivot = c
+        for i in range(c + 1, n):
+            if abs(A[i, c]) > abs(A[pivot, c]):
+                pivot = i
+        for j in range(n):
+            A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
+        for j in range(columns):
+            X[c, j], X[pivot, j] = X[pivot, j], X[c, j]
+        for i in range(n):
+            if i != c:
+                factor = A[i, c] / A[c, c]
+                for j in range(c, n):
+                    A[i, j] -= factor * A[c, j]
+                for j in range(columns):
+                    X[i, j] -= factor * X[c, j]
+    for i in range(n):
+        for j in range(columns):
+            X[i, j] /= A[i, i]
+    return X
+
+
+@kernel
+def _add_slope(data: BodyData, c: int, columns: FloatArray, slope: FloatArray) -> None:
+    """Add an interface's part of the derivatives (6, 6) of the conditions by the frame's twist."""
+    for i in range(6):
+        for j in range(6):
+            for m in range(6):
+                slope[i, j] += data.conditions[i, 6 * c + m] * columns[m, j]
 
 
 @kernel
@@ -27,8 +63,7 @@ def _slope(data: BodyData, X: FloatArray, g: FloatArray, work: FloatArray) -> Fl
     slope = np.zeros((6, 6))
     for c in range(len(data.rest)):
         write_columns(X[c], g[c], work[:12], work[12:])
-        own = np.ascontiguousarray(work[12:, :6])
-        slope += np.dot(np.ascontiguousarray(data.conditions[:, 6 * c : 6 * c + 6]), own)
+        _add_slope(data, c, work[12:], slope)
     return slope
 
 
@@ -45,18 +80,24 @@ def locate(
         for j in range(3):
             start[i] -= H[3 + 3 * i + j] * data.rest[0, j]
     work = np.empty((18, 12))
+    last = False
     for _ in range(_STEPS):
         retract_into(start, step, base[:12])
         start[:] = base[:12]
         relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
         slope = _slope(data, X[0], g, work)
-        step = -np.linalg.solve(slope, np.dot(data.conditions, eta[:, 0].copy()))
-        if not np.abs(step).max() > _SMALL:
+        if last:
             break
-    base[12:18] = -np.linalg.solve(slope, np.dot(data.conditions, eta[:, 1].copy()))
-    relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
-    base[18:] = -np.linalg.solve(slope, np.dot(data.conditions, eta[:, 2].copy()))
-    relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
+        moved = _solve(slope, np.dot(data.conditions, eta))
+        last = True
+        for i in range(6):
+            step[i] = -moved[i, 0]
+            last = last and not abs(step[i]) > _SMALL
+    for t in range(1, 3):
+        moved = _solve(slope, np.dot(data.conditions, eta))
+        for i in range(6):
+            base[6 + 6 * t + i] = -moved[i, t]
+        relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
 
 
 @kernel
@@ -68,13 +109,20 @@ def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
         columns: (k, 6, 12) derivatives of the interfaces' coordinates.
         force: (6 + n,) on frame and coordinates.
     """
-    slope, load = np.zeros((6, 6)), force[:6].copy()
+    slope, turned, load = np.zeros((6, 6)), np.empty((6, 6)), np.empty((6, 1))
+    load[:, 0] = force[:6]
     for c in range(len(columns)):
-        own = np.ascontiguousarray(columns[c, :, :6])
-        slope += np.dot(np.ascontiguousarray(data.conditions[:, 6 * c : 6 * c + 6]), own)
-        load += np.dot(own.T.copy(), force[6 + 6 * c : 12 + 6 * c])
-    multipliers = -np.linalg.solve(slope.T.copy(), load)
-    force[6:] += np.dot(data.conditions.T.copy(), multipliers)
+        _add_slope(data, c, columns[c], slope)
+        for j in range(6):
+            for i in range(6):
+                load[j, 0] += columns[c, i, j] * force[6 + 6 * c + i]
+    for i in range(6):
+        for j in range(6):
+            turned[i, j] = slope[j, i]
+    multipliers = _solve(turned, load)
+    for j in range(data.conditions.shape[1]):
+        for i in range(6):
+            force[6 + j] -= data.conditions[i, j] * multipliers[i, 0]
     force[:6] = 0.0
 
 
@@ -95,8 +143,7 @@ def respond(
         moved: (6, s) gets the steps of the frame.
     """
     own = np.ascontiguousarray(places[:, :6])
-    inverse = np.linalg.inv(np.dot(data.conditions, own))
-    back = -np.dot(inverse, data.conditions)
+    back = -_solve(np.dot(data.conditions, own), data.conditions)
     moved[:] = np.dot(back, places)
     by_place, by_place_twice = (
         np.ascontiguousarray(rates[6:, :6]), np.ascontiguousarray(jerks[6:, :6])
@@ -129,7 +176,7 @@ def condense(
     total = full + bent + np.dot(np.ascontiguousarray(bent[:, :6]), moved)
     gradient = np.dot(data.conditions, np.ascontiguousarray(to_nodes[6:]))
     slope = np.ascontiguousarray(gradient[:, :6])
-    multipliers = -np.linalg.solve(slope.T.copy(), np.ascontiguousarray(total[:6]))
-    total += np.dot(gradient.T.copy(), multipliers)
+    multipliers = _solve(slope.T.copy(), np.ascontiguousarray(total[:6]))
+    total -= np.dot(gradient.T.copy(), multipliers)
     own: FloatArray = total[6:, 6:]
     return own
