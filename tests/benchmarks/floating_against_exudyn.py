@@ -7,7 +7,7 @@ Run from the source tree, on a quiet machine::
 
 The model is in ``floating_chain.py``. The programs take turns (A B A B ...), each run in a fresh
 process; the smallest time counts. Besides the plain bar, whose functions are Exudyn's, flexfem is
-timed with mean axes and with geometric stiffening, which Exudyn's object has not.
+timed with mean axes and with geometric stiffening, which the bars in Exudyn have not.
 """
 
 import argparse
