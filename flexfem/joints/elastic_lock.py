@@ -17,8 +17,8 @@ __all__ = ["ElasticLock"]
 class ElasticLock(Joint):
     """Keeps an interface (b) as it is at rest relative to the floating frame (a) of its body.
 
-    The axes of both markers are those of the body at rest. A body in one plane does not move out
-    of it: the model adds the locks that its bodies need.
+    The axes of marker a are those of the body at rest. A body in one plane does not move out of it:
+    the model adds the locks that its bodies need.
 
     Attributes:
         locked: which of displacement (3) and rotation (3) are kept, as numbers from 0 to 5.
@@ -30,6 +30,7 @@ class ElasticLock(Joint):
         """See :meth:`Joint.rows`."""
         a, b = poses
         start, axes = a.rotation.T @ (b.position - a.position), np.eye(3)
+        turned = a.rotation.T @ b.rotation
         rows = []
         for i in self.locked:
             if i < 3:
@@ -39,8 +40,8 @@ class ElasticLock(Joint):
             rows.append(
                 Row(
                     (
-                        Term(RowKind.AXES, u=axes[q], v=axes[p], factor=0.5),
-                        Term(RowKind.AXES, u=axes[p], v=axes[q], factor=-0.5),
+                        Term(RowKind.AXES, u=axes[q], v=turned[p].copy(), factor=0.5),
+                        Term(RowKind.AXES, u=axes[p], v=turned[q].copy(), factor=-0.5),
                     )
                 )
             )

@@ -13,6 +13,7 @@ import numpy as np
 import flexfem as ff
 from flexfem.core.joint import Joint
 from flexfem.core.pose import Pose
+from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.lie import se3, so3
 from flexfem.system.constraints import Constraints
 from flexfem.system.row_table import PlacedJoint
@@ -59,6 +60,7 @@ EXAMPLES = {
     "Spherical": Example(ff.Spherical, 3, {}, HERE),
     "Revolute": Example(ff.Revolute, 5, {"axis": AXIS}, HERE),
     "Rigid": Example(ff.Rigid, 6, {}, HERE),
+    "ElasticLock": Example(ElasticLock, 3, {"locked": (2, 3, 4)}, APART),
     "Cylindrical": Example(ff.Cylindrical, 4, {"axis": AXIS}, ALONG),
     "Prismatic": Example(ff.Prismatic, 5, {"axis": AXIS}, ALONG),
     "PointOnLine": Example(ff.PointOnLine, 2, {"axis": AXIS}, ALONG),

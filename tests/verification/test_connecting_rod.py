@@ -15,13 +15,13 @@ def histories(tmp_path_factory):
     """Histories of a short run that bends the rod by a thousandth of its length."""
     case = load_case("connecting_rod")
     file = tmp_path_factory.mktemp("rod") / "rod.h5"
-    given = {"size": 0.02, "internal_modes": 6, "elements": 32, "moment": 300.0}
+    given = {"size": 0.02, "internal_modes": 6, "elements": 16, "moment": 300.0}
     kinds = {"beam": {"rod": "beam"}, "pin": {}, "mean": {"frame": "mean_axes"}}
     found = {}
     for name, kind in kinds.items():
         values = case.values(given | kind | {"reduced": str(file)})
         model = case.build(**{option.name: values[option.name] for option in case.options})
-        found[name] = run(model, 1e-4, 0.08, tolerance=1e-8)
+        found[name] = run(model, 2e-4, 0.05, tolerance=1e-8)
     return found
 
 
@@ -29,9 +29,9 @@ def test_solid_rod_bends_as_the_beam_does(histories):
     beam, solid = histories["beam"], histories["pin"]
     size = np.abs(beam["rod_deflection"]).max()
     assert size > 1e-4
-    # vibrations drift apart by 4 %, as the mesh is coarse and frequencies differ by some 1e-3; eyes
-    # of half the mass make it 87 %
-    assert np.abs(solid["rod_deflection"] - beam["rod_deflection"]).max() < 0.06 * size
+    # vibrations drift apart by 11 %, as meshes and steps are coarse; eyes of half the mass make it
+    # 87 %
+    assert np.abs(solid["rod_deflection"] - beam["rod_deflection"]).max() < 0.15 * size
     # with eyes of half the mass the crank gets 13 % further
     assert solid["crank_angle"][-1] == pytest.approx(beam["crank_angle"][-1], rel=2e-3)
 
@@ -40,7 +40,7 @@ def test_frames_agree(histories):
     """Small displacements are the same in all of them, up to squares."""
     pin, mean = histories["pin"], histories["mean"]
     size = np.abs(pin["rod_deflection"]).max()
-    # they are 1.5e-3 apart; without geometric stiffening, which each frame lacks in its own way,
+    # they are 1.3e-3 apart; without geometric stiffening, which each frame lacks in its own way,
     # 3.5e-2, and the angles 4e-5
     assert np.abs(pin["rod_deflection"] - mean["rod_deflection"]).max() < 5e-3 * size
     assert pin["crank_angle"] == pytest.approx(mean["crank_angle"], rel=0, abs=2e-5)
