@@ -15,9 +15,9 @@ of second order in the deflections: the exact twist differs by 30 per cent of it
 in each segment, which turn with the channel, are 0.5 per cent off in both deflections and 5 in the
 twist.
 
-History (tip, in the axes of the base, L2's end): ``u2`` (m, in the plane of joints 2 and 3), ``u3``
-(m, across), ``theta1`` (rad, twist), ``s`` (m, stretch along the deformed axis; of ``beam`` the sum
-of the elements' extensions).
+History: of the tip in the axes of the base, L2's end, ``u2`` (m, in the plane of joints 2 and 3),
+``u3`` (m, across), ``theta1`` (rad, twist), ``s`` (m, stretch along the deformed axis; of ``beam``
+the sum of the elements' extensions).
 
 Figure: ``python postprocess/compare_runs.py results/manipulator_deployment results/beam``.
 Run: ``python cases/manipulator_deployment.py --theory beam --output results/beam``.

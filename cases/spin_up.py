@@ -22,9 +22,9 @@ with two bodies in each segment 57 % and 107 %, with four 16 % and 44 %, with ei
 Without hub and eccentricity ``consistent`` and ``floating`` follow the exact beam within 0.1 % of
 the largest lag, 0.2 m.
 
-History (tip, in the axes of the base): ``u2`` (m, in the plane of rotation), ``u3`` (m, along the
-spin axis), ``theta1`` (rad, twist), ``s`` (m, stretch along the deformed axis; of ``beam`` the sum
-of the elements' extensions).
+History: of the tip in the axes of the base, ``u2`` (m, in the plane of rotation), ``u3`` (m, along
+the spin axis), ``theta1`` (rad, twist), ``s`` (m, stretch along the deformed axis; of ``beam`` the
+sum of the elements' extensions).
 
 Figure of several runs: ``python postprocess/compare_runs.py results/consistent results/beam``.
 Run: ``python cases/spin_up.py --theory beam --output results/beam``.

@@ -29,8 +29,8 @@ _RUN_OPTIONS = (
         str,
         "generalized_alpha",
         "scheme in time: stabilized_index2 satisfies the constraints on velocities as well, "
-        "independent_coordinates has no multipliers (small systems), "
-        "energy_momentum keeps the energy with --rho-inf 1 and never adds to it",
+        "energy_momentum keeps the energy with --rho-inf 1 and never adds to it, "
+        "independent_coordinates has no multipliers and is for small systems",
         choices=tuple(INTEGRATORS),
     ),
     Option(
