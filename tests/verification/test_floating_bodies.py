@@ -87,6 +87,7 @@ def test_double_pendulum_is_that_of_exact_beams():
     assert max(gaps[2:]) < 1.5e-3
 
 
+@pytest.mark.three_ranks
 @pytest.mark.parametrize("frame", ["left", "mean_axes"])
 def test_ranks_agree(frame):
     """Bodies on other ranks than the ground and each other."""
