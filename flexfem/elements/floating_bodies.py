@@ -16,7 +16,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.runs import starts
-from flexfem.elements.floating_inertia import BodyData
+from flexfem.elements.floating_inertia import BodyData, interface_strains
 from flexfem.elements.floating_loops import (
     add_motion,
     add_residual,
@@ -57,12 +57,11 @@ class FloatingGroup:
         A body that stiffens geometrically gets shorter when it bends, which moves its interfaces
         but stretches nothing; see ``floating_inertia.add_elastic``.
         """
-        strained, n = coordinates.copy(), coordinates.shape[1]
+        strained = coordinates.copy()
         if len(self.data.pulling):
-            count = len(self.data.compliance)
-            pulls = self.data.pulling.reshape(count, n, n)
-            work = 0.5 * np.einsum("kij,mi,mj->mk", pulls, coordinates, coordinates)
-            strained[:, :count] += work @ self.data.compliance
+            for own in strained:
+                _, strains = interface_strains(self.data, own)
+                own[: len(strains)] = strains
         return strained
 
 

@@ -25,7 +25,7 @@ from flexfem.lie.compiled import inlined, kernel
 
 __all__ = [
     "BodyData", "Fields", "add_elastic", "add_elastic_tangent", "body_acceleration", "extend",
-    "fields_into", "fold", "forces_into", "moment", "new_fields", "put_skew",
+    "fields_into", "fold", "forces_into", "interface_strains", "moment", "new_fields", "put_skew",
 ]  # fmt: skip
 
 
@@ -216,8 +216,11 @@ def forces_into(
 
 
 @kernel
-def _pulls(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``T_k eta`` (6k, n) and the strains (6k,) of the interfaces' coordinates with it."""
+def interface_strains(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``T_k eta`` (6k, n) and the strains (6k,) of the interfaces' coordinates with it.
+
+    Only for bodies that stiffen geometrically.
+    """
     count, n = len(data.compliance), len(x)
     pulls = np.dot(data.pulling, x).reshape(count, n)
     strains = x[:count] + np.dot(data.compliance, 0.5 * np.dot(pulls, x))
@@ -237,7 +240,7 @@ def add_elastic(data: BodyData, eta: FloatArray, force: FloatArray) -> None:
     for i in range(len(x)):
         force[i] += own[i]
     if len(data.pulling):
-        pulls, strains = _pulls(data, x)
+        pulls, strains = interface_strains(data, x)
         for k in range(len(strains)):
             force[k] += 0.5 * np.dot(pulls[k], x)
             for i in range(len(x)):
@@ -251,7 +254,7 @@ def add_elastic_tangent(data: BodyData, eta: FloatArray, K: FloatArray) -> None:
     K += data.stiffness
     if not len(data.pulling):
         return
-    pulls, strains = _pulls(data, eta[:, 0].copy())
+    pulls, strains = interface_strains(data, eta[:, 0].copy())
     for k in range(len(strains)):
         for i in range(n):
             K[k, i] += pulls[k, i]

@@ -20,6 +20,7 @@ from flexfem.elements.floating_inertia import (
     fields_into,
     fold,
     forces_into,
+    interface_strains,
     moment,
     new_fields,
     put_skew,
@@ -244,7 +245,7 @@ def tangents_into(
     count = data.moments.shape[1] - 1
     M_all, D_all = np.empty((6 + count, 6 + count)), np.empty((6 + count, 6 + count))
     K_all, every = np.empty((6 + count, count)), np.empty(6 + count)
-    units, columns, changes = np.empty((12, 12)), np.empty((k, 6, 12)), np.empty((3, 6, 12))
+    units, columns, changes = np.empty((k, 12, 12)), np.empty((k, 6, 12)), np.empty((3, 6, 12))
     by_v, by_w, bent = np.zeros((2, 36)), np.zeros((2, 36)), np.empty((12, 12))
     to_nodes, places = np.empty((6 + n, size)), np.empty((n, size))
     rates, jerks = np.empty((6 + n, size)), np.empty((6 + n, size))
@@ -277,22 +278,31 @@ def tangents_into(
                 for j in range(6):
                     rates[i, j], jerks[i, j] = by_v[0, 6 * i + j], by_w[0, 6 * i + j]
         for c in range(k):
-            write_columns(X[0, c], g[c], units, columns[c])
+            write_columns(X[0, c], g[c], units[c], columns[c])
         if free:
             carry(data, columns, force)
         for c in range(k):
             node, column = others[c], 6 + 6 * c
             v, w = velocity[node], acceleration[node]
-            write_columns(X[0, c], g[c], units, columns[c])
             if free:
                 nothing[0] = unit
                 _put_changes(
-                    X[:, c], g[c], units, v, w, base[12:18], base[18:], nothing, by_w, 0.0, changes
+                    X[:, c],
+                    g[c],
+                    units[c],
+                    v,
+                    w,
+                    base[12:18],
+                    base[18:],
+                    nothing,
+                    by_w,
+                    0.0,
+                    changes,
                 )
                 by_twist = changes.copy()
                 nothing[0] = 0.0
                 _put_changes(
-                    X[:, c], g[c], units, v, w, base[12:18], base[18:], nothing, nothing, 1.0,
+                    X[:, c], g[c], units[c], v, w, base[12:18], base[18:], nothing, nothing, 1.0,
                     changes,
                 )  # fmt: skip
                 _put_frame(
@@ -300,12 +310,22 @@ def tangents_into(
                 )
             step_rates_into(inertial, increments[node], v, w, shifts, by_v[1], by_w[1])
             _put_changes(
-                X[:, c], g[c], units, v, w, base[12:18], base[18:], by_v, by_w, shifts[2], changes
+                X[:, c],
+                g[c],
+                units[c],
+                v,
+                w,
+                base[12:18],
+                base[18:],
+                by_v,
+                by_w,
+                shifts[2],
+                changes,
             )
             _put_interface(
                 6 * c, column, columns[c], changes, not free, to_nodes, places, rates, jerks
             )
-            _put_bent(X[0, c], g[c], units, force[6 + 6 * c : 12 + 6 * c], bent)
+            _put_bent(X[0, c], g[c], units[c], force[6 + 6 * c : 12 + 6 * c], bent)
             for j in range(12):
                 for i in range(12):
                     row, at = i if i < 6 else column + i - 6, j if j < 6 else column + j - 6
@@ -337,22 +357,16 @@ def tangents_into(
 def energies_into(data: BodyData, nodes: IndexArray, frames: FloatArray, out: FloatArray) -> None:
     """Write the strain energies (m,) of all bodies."""
     k, n = len(data.rest), len(data.stiffness)
-    X, g, eta, force = np.empty((3, k, 12)), np.empty((k, 4)), np.zeros((n, 3)), np.empty(n)
+    X, g, eta = np.empty((3, k, 12)), np.empty((k, 4)), np.empty((n, 3))
     still, base = np.zeros((len(frames), 6)), np.empty(24)
     for b in range(len(nodes)):
         _state_into(data, nodes[b], frames, still, still, X, g, eta, base)
         x = eta[:, 0].copy()
+        out[b] = 0.5 * np.dot(x, np.dot(data.stiffness, x))
         if len(data.pulling):
-            count = len(data.compliance)
-            pulls = np.dot(data.pulling, x).reshape(count, n)
-            tau = 0.5 * np.dot(pulls, x)
-            out[b] = 0.5 * np.dot(x, np.dot(data.stiffness, x)) + np.dot(
-                tau, x[:count] + 0.5 * np.dot(data.compliance, tau)
-            )
-        else:
-            force[:] = 0.0
-            add_elastic(data, eta, force)
-            out[b] = 0.5 * np.dot(force, x)
+            pulls, strains = interface_strains(data, x)
+            both = x[: len(strains)] + strains
+            out[b] += 0.25 * np.dot(np.dot(pulls, x), both)
 
 
 @kernel
