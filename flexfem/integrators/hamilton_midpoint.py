@@ -25,27 +25,17 @@ from flexfem.core.equations import Equations, Motion
 from flexfem.core.status import Status
 from flexfem.formalisms.formalism import accelerations, saddle
 from flexfem.formalisms.motion import FormalismMotion
-from flexfem.integrators.vector_alpha import factor
+from flexfem.integrators.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper, factor
 
 __all__ = ["HamiltonMidpoint"]
 
-_MOST_ITERATIONS = 20
-#: Contraction above which a kept matrix is renewed.
-_SLOW = 0.3
 
-
-class HamiltonMidpoint:
+class HamiltonMidpoint(VectorStepper):
     """The scheme with its state; see :class:`flexfem.core.equations.Stepper`.
 
     Attributes:
         momenta: p (n,) that belong to ``motion``.
     """
-
-    def __init__(self) -> None:
-        """Nothing yet: :meth:`begin` or :meth:`restore` make the state."""
-        self.counters = {"newton_iterations": 0, "factorizations": 0, "residual_evaluations": 0}
-        self._solve: Any = None
-        self._kept: float | None = None
 
     def begin(self, equations: Equations, options: Any) -> Status:
         """See :class:`Stepper`."""
@@ -65,13 +55,6 @@ class HamiltonMidpoint:
         self._equations = equations
         self._tolerance, self._matrix = options.tolerance, options.iteration_matrix
 
-    def step(self, h: float) -> Status:
-        """See :class:`Stepper`."""
-        status = self._attempt(h, False)
-        if status is not Status.OK and self._matrix != "updated":
-            status = self._attempt(h, True)  # a kept matrix is no reason to fail
-        return status
-
     def _attempt(self, h: float, fresh: bool) -> Status:
         """One step; with ``fresh`` matrices in every iteration."""
         model, old = self._equations.model, self.motion
@@ -80,7 +63,7 @@ class HamiltonMidpoint:
         # in the equations times h, the unknown is h^2/2 lambda
         step, forces = h * old.v + 0.5 * h * h * old.a, 0.5 * h * h * old.multipliers
         last, fresh = np.inf, fresh or self._matrix == "updated"
-        for _ in range(_MOST_ITERATIONS):
+        for _ in range(MOST_ITERATIONS):
             p, f = self._midpoint(h, step)
             r = h * (p - self.momenta) - 0.5 * h * h * f + forces @ G0
             r = np.concatenate([r, model.gaps(old.q + step, t)])
@@ -94,7 +77,7 @@ class HamiltonMidpoint:
             size = float(np.abs(delta).max(initial=0.0))
             if size <= self._tolerance:
                 break
-            if size > _SLOW * last and self._matrix == "auto":
+            if size > SLOW * last and self._matrix == "auto":
                 self._kept = None
             last = size
         else:
@@ -118,10 +101,7 @@ class HamiltonMidpoint:
         none = np.zeros(model.constraints)
         model.add_constraint_stiffness(q, old.t + 0.5 * h, none, change)
         G1 = model.jacobian(old.q + step)
-        self._solve = factor(saddle(K + 0.25 * h * h * change, G1, G0))
-        self.counters["factorizations"] += 1
-        self._kept = None if self._solve is None else h
-        return self._solve is not None
+        return self._keep(saddle(K + 0.25 * h * h * change, G1, G0), h)
 
     def _accept(self, h: float, step: FloatArray, multipliers: FloatArray) -> Status:
         """Momenta and velocities at the end of the step."""
@@ -141,21 +121,8 @@ class HamiltonMidpoint:
         self.motion = Motion(t, q, v, (v - old.v) / h, multipliers)
         return Status.OK
 
-    def state(self) -> Mapping[str, FloatArray]:
-        """See :class:`Stepper`."""
-        m = self.motion
-        return {
-            "motion_t": np.array([m.t]), "motion_q": m.q, "motion_v": m.v, "motion_a": m.a,
-            "motion_multipliers": m.multipliers, "motion_p": self.momenta,
-            "motion_counters": np.array(list(self.counters.values()), dtype=np.float64),
-        }  # fmt: skip
+    def _memory(self) -> dict[str, FloatArray]:
+        return {"motion_p": self.momenta}
 
-    def restore(self, equations: Equations, options: Any, state: Mapping[str, FloatArray]) -> None:
-        """See :class:`Stepper`."""
-        self._set(equations, options)
-        names = ("q", "v", "a", "multipliers")
-        t = float(state["motion_t"][0])
-        self.motion = Motion(t, *(np.array(state[f"motion_{name}"]) for name in names))
+    def _recall(self, state: Mapping[str, FloatArray]) -> None:
         self.momenta = np.array(state["motion_p"])
-        counts = state["motion_counters"]
-        self.counters = {name: int(c) for name, c in zip(self.counters, counts, strict=True)}

@@ -25,13 +25,11 @@ from flexfem.core.status import Status
 from flexfem.formalisms.formalism import Partition, accelerations, partition
 from flexfem.formalisms.motion import FormalismMotion
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.integrators.vector_alpha import factor
+from flexfem.integrators.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper
 
 __all__ = ["MaggiAlpha"]
 
-_MOST_ITERATIONS, _MOST_CLOSINGS = 20, 12
-#: Contraction above which a kept matrix is renewed.
-_SLOW = 0.3
+_MOST_CLOSINGS = 12
 #: Relative size of the last correction of dependent coordinates.
 _CLOSED = 1e-12
 #: Entry of A above which the coordinates are split anew.
@@ -51,14 +49,8 @@ class _Point:
     slopes: FloatArray
 
 
-class MaggiAlpha:
+class MaggiAlpha(VectorStepper):
     """The scheme with its state; see :class:`flexfem.core.equations.Stepper`."""
-
-    def __init__(self) -> None:
-        """Nothing yet: :meth:`begin` or :meth:`restore` make the state."""
-        self.counters = {"newton_iterations": 0, "factorizations": 0, "residual_evaluations": 0}
-        self._solve: Any = None
-        self._kept: float | None = None
 
     def begin(self, equations: Equations, options: Any) -> Status:
         """See :class:`Stepper`."""
@@ -89,10 +81,7 @@ class MaggiAlpha:
         steep = not self._linearize(self.motion.q)
         if steep or np.abs(self._slopes).max(initial=0.0) > _LARGEST:
             self._split_at(self.motion.q)
-        status = self._attempt(h, False)
-        if status is not Status.OK and self._matrix != "updated":
-            status = self._attempt(h, True)  # a kept matrix is no reason to fail
-        return status
+        return super().step(h)
 
     def _attempt(self, h: float, fresh: bool) -> Status:
         """One step; with ``fresh`` matrices in every iteration."""
@@ -102,7 +91,7 @@ class MaggiAlpha:
         shifts = scheme.gamma / (scheme.beta * h), weight / scale
         step, last, t = h * old.v + 0.5 * h * h * self._w, np.inf, old.t + h
         fresh = fresh or self._matrix == "updated"
-        for _ in range(_MOST_ITERATIONS):
+        for _ in range(MOST_ITERATIONS):
             point = self._close(h, step)
             if point is None:
                 return Status.DIVERGED
@@ -111,10 +100,9 @@ class MaggiAlpha:
             self.counters["residual_evaluations"] += 1
             if not np.isfinite(F).all():
                 return Status.DIVERGED
-            if fresh or self._kept != h:
-                self._renew(h, scale, (t, point, F, *shifts))
-                if self._solve is None:
-                    return Status.SINGULAR
+            exact = fresh or self._kept != h
+            if exact and not self._renew(h, scale, (t, point, F, *shifts)):
+                return Status.SINGULAR
             own = self._solve(-scale * (F[free] + F[bound] @ point.slopes))  # A^T F
             delta = np.empty(len(F))
             delta[free], delta[bound] = own, point.slopes @ own
@@ -123,7 +111,7 @@ class MaggiAlpha:
             size = float(np.abs(delta).max(initial=0.0))
             if size <= self._tolerance:
                 break
-            if size > _SLOW * last and self._matrix == "auto":
+            if size > SLOW * last and self._matrix == "auto":
                 self._kept = None
             last = size
         else:
@@ -172,35 +160,22 @@ class MaggiAlpha:
         self._slopes = -self._inverse @ G[:, split.independent]
         return bool(np.isfinite(self._slopes).all())
 
-    def _renew(self, h: float, scale: float, state: tuple[Any, ...]) -> None:
-        """Factorise the iteration matrix A^T (K + C + M) A of a state."""
+    def _renew(self, h: float, scale: float, state: tuple[Any, ...]) -> bool:
+        """Factorise the iteration matrix A^T (K + C + M) A of a state; False if it is singular."""
         t, point, F, dv, da = state
         multipliers = -self._inverse.T @ F[self._split.dependent]
         K = self._equations.force_tangent(t, point.q, point.v, point.a, multipliers, dv, da)
         free, bound, S = self._split.independent, self._split.dependent, point.slopes
         own = K[np.ix_(free, free)] + K[np.ix_(free, bound)] @ S
         own += S.T @ (K[np.ix_(bound, free)] + K[np.ix_(bound, bound)] @ S)
-        self._solve = factor(scale * own)
-        self.counters["factorizations"] += 1
-        self._kept = None if self._solve is None else h
+        return self._keep(scale * own, h)
 
-    def state(self) -> Mapping[str, FloatArray]:
-        """See :class:`Stepper`."""
-        m = self.motion
+    def _memory(self) -> dict[str, FloatArray]:
         return {
-            "motion_t": np.array([m.t]), "motion_q": m.q, "motion_v": m.v, "motion_a": m.a,
-            "motion_w": self._w,
-            "motion_dependent": self._split.dependent.astype(np.float64),
-            "motion_counters": np.array(list(self.counters.values()), dtype=np.float64),
+            "motion_w": self._w, "motion_dependent": self._split.dependent.astype(np.float64)
         }  # fmt: skip
 
-    def restore(self, equations: Equations, options: Any, state: Mapping[str, FloatArray]) -> None:
-        """See :class:`Stepper`."""
-        self._set(equations, options)
-        q, v, a = (np.array(state[f"motion_{name}"]) for name in "qva")
-        self.motion = Motion(float(state["motion_t"][0]), q, v, a, np.zeros(0))
+    def _recall(self, state: Mapping[str, FloatArray]) -> None:
         self._w = np.array(state["motion_w"])
         dependent = np.array(state["motion_dependent"]).astype(np.int64)
-        self._split = Partition(dependent, np.setdiff1d(np.arange(len(q)), dependent))
-        counts = state["motion_counters"]
-        self.counters = {name: int(c) for name, c in zip(self.counters, counts, strict=True)}
+        self._split = Partition(dependent, np.setdiff1d(np.arange(len(self._w)), dependent))

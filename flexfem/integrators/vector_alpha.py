@@ -12,21 +12,17 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse
-import scipy.sparse.linalg
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.equations import Equations, Motion
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
+from flexfem.integrators.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper, factor
 
-__all__ = ["VectorAlpha", "factor"]
+__all__ = ["VectorAlpha"]
 
-_MOST_ITERATIONS = 20
-#: Contraction above which a kept matrix is renewed.
-_SLOW = 0.3
 #: Forward differences of the fourth order for a first, of the third for a second derivative.
 _FIRST = np.array([-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25])
 _SECOND = np.array([35.0 / 12.0, -26.0 / 3.0, 9.5, -14.0 / 3.0, 11.0 / 12.0])
@@ -34,14 +30,8 @@ _SECOND = np.array([35.0 / 12.0, -26.0 / 3.0, 9.5, -14.0 / 3.0, 11.0 / 12.0])
 _VIOLATED = 1e-6
 
 
-class VectorAlpha:
+class VectorAlpha(VectorStepper):
     """The scheme with its state; see :class:`flexfem.core.equations.Stepper`."""
-
-    def __init__(self) -> None:
-        """Nothing yet: :meth:`begin` or :meth:`restore` make the state."""
-        self.counters = {"newton_iterations": 0, "factorizations": 0, "residual_evaluations": 0}
-        self._solve: Any = None
-        self._kept: float | None = None  # step of the kept matrix
 
     def begin(self, equations: Equations, options: Any) -> Status:
         """See :class:`Stepper`."""
@@ -91,15 +81,6 @@ class VectorAlpha:
                 raise InputError(f"{what} {k} of the equations is {values[k]:.3g} at the start")
         return _SECOND @ phi / h**2
 
-    def step(self, h: float) -> Status:
-        """See :class:`Stepper`."""
-        status = Status.NOT_CONVERGED
-        for fresh in (False, True):  # a kept matrix is no reason to fail
-            status = self._attempt(h, fresh)
-            if status is Status.OK or self._matrix == "updated":
-                break
-        return status
-
     def _attempt(self, h: float, fresh: bool) -> Status:
         """One step; with ``fresh`` matrices in every iteration."""
         eq, old, scheme = self._equations, self.motion, self._scheme
@@ -111,7 +92,7 @@ class VectorAlpha:
         forces, last = scale * old.multipliers, np.inf
         fresh = fresh or self._matrix == "updated"
         fresh = fresh or (self._matrix == "auto" and eq.linear and not eq.constant)
-        for iteration in range(_MOST_ITERATIONS):
+        for iteration in range(MOST_ITERATIONS):
             w = (step - h * old.v) / scale - (0.5 - beta) / beta * self._w
             v = old.v + h * ((1.0 - gamma) * self._w + gamma * w)
             a = weight * w + rest
@@ -133,7 +114,7 @@ class VectorAlpha:
                 break
             if size > 2.0 * last and iteration > 2:
                 return Status.DIVERGED
-            if size > _SLOW * last and self._matrix == "auto":
+            if size > SLOW * last and self._matrix == "auto":
                 self._kept = None
             last = size
         else:
@@ -156,29 +137,13 @@ class VectorAlpha:
             matrix = scipy.sparse.diags(rows) @ matrix @ scipy.sparse.diags(columns)
         else:
             matrix = rows[:, None] * matrix * columns
-        self._solve = factor(matrix)
-        self.counters["factorizations"] += 1
-        self._kept = None if self._solve is None else h
-        return self._solve is not None
+        return self._keep(matrix, h)
 
-    def state(self) -> Mapping[str, FloatArray]:
-        """See :class:`Stepper`."""
-        m = self.motion
-        return {
-            "motion_t": np.array([m.t]), "motion_q": m.q, "motion_v": m.v, "motion_a": m.a,
-            "motion_multipliers": m.multipliers, "motion_w": self._w,
-            "motion_counters": np.array(list(self.counters.values()), dtype=np.float64),
-        }  # fmt: skip
+    def _memory(self) -> dict[str, FloatArray]:
+        return {"motion_w": self._w}
 
-    def restore(self, equations: Equations, options: Any, state: Mapping[str, FloatArray]) -> None:
-        """See :class:`Stepper`."""
-        self._set(equations, options)
-        names = ("q", "v", "a", "multipliers")
-        t = float(state["motion_t"][0])
-        self.motion = Motion(t, *(np.array(state[f"motion_{name}"]) for name in names))
+    def _recall(self, state: Mapping[str, FloatArray]) -> None:
         self._w = np.array(state["motion_w"])
-        counts = state["motion_counters"]
-        self.counters = {name: int(c) for name, c in zip(self.counters, counts, strict=True)}
 
 
 def _square(matrix: Any, n: int) -> Any:
@@ -189,17 +154,3 @@ def _square(matrix: Any, n: int) -> Any:
     out = matrix.copy()
     out[n:], out[:, n:] = 0.0, 0.0
     return out
-
-
-def factor(matrix: Any) -> Any:
-    """Function that solves with a dense or sparse matrix; None if it is singular."""
-    if scipy.sparse.issparse(matrix):
-        try:
-            return scipy.sparse.linalg.splu(matrix.tocsc()).solve
-        except RuntimeError:
-            return None
-    (getrf, getrs) = scipy.linalg.get_lapack_funcs(("getrf", "getrs"), (matrix,))
-    lu, pivots, info = getrf(matrix)
-    if info != 0 or not np.isfinite(lu).all():
-        return None
-    return lambda b: getrs(lu, pivots, b)[0]
