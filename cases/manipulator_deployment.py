@@ -33,31 +33,17 @@ import numpy.typing as npt
 
 import flexfem as ff
 
-THEORIES = ("consistent", "conventional", "beam", "floating")
 DURATION = 15.0
 
 
-def build(
-    *, theory: str, outer_turn: float, eccentricity: float, assumed_modes: int, elements: int,
-    bodies: int, body_modes: int, warping: bool,
-) -> Any:  # fmt: skip
-    """The outboard link on its prescribed base, or a model of exact elements."""
+def build(*, outer_turn: float, eccentricity: float, **theory: Any) -> Any:
+    """The outboard link on its prescribed base, by the theory that is asked for."""
     link = ff.outboard_link(eccentricity)
     turns = (0.5, 0.75, outer_turn)
     base = ff.manipulator_base(
         *(ff.smooth_turn(math.pi, -turn * math.pi, DURATION) for turn in turns)
     )
-    if theory == "floating":
-        return ff.floating_model(
-            link, base, bodies=bodies, modes=body_modes, elements=elements, warping=warping,
-            name="deployment",
-        )  # fmt: skip
-    if theory == "beam":
-        return ff.exact_model(link, base, elements=elements, warping=warping, name="deployment")
-    effects = ff.effects_of(theory, warping=warping)
-    return ff.MovingBaseBeam(
-        properties=link, base=base, effects=effects, modes=assumed_modes, elements=elements
-    )
+    return ff.beam_by_theory(link, base, "deployment", **theory)
 
 
 def results(history: Mapping[str, npt.NDArray[np.float64]]) -> dict[str, float]:
@@ -78,7 +64,6 @@ CASE = ff.Case(
     description=__doc__,
     build=build,
     options=(
-        ff.Option("theory", str, "consistent", "what the beam is computed with", choices=THEORIES),
         ff.Option(
             "outer_turn", float, 1.0, "turn of joint 3 in multiples of pi, 1 or 0.5",
             above=0, maximum=2,
@@ -86,11 +71,7 @@ CASE = ff.Case(
         ff.Option(
             "eccentricity", float, 0.01875, "mass centre of the channel along a3", unit="m"
         ),
-        ff.Option("assumed_modes", int, 10, "modes of the assumed-modes theories", minimum=1),
-        ff.Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
-        ff.Option("bodies", int, 2, "of theory floating in each segment", minimum=1),
-        ff.Option("body_modes", int, 4, "modes of each of these bodies", minimum=0),
-        ff.Option("warping", bool, True, "torsion of the channel with its warping held"),
+        *ff.THEORY_OPTIONS,
     ),
     dt=0.01,
     t_end=30.0,

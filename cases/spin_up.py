@@ -39,31 +39,17 @@ import numpy.typing as npt
 
 import flexfem as ff
 
-THEORIES = ("consistent", "conventional", "beam", "floating")
 SPUN_UP = 15.0
 
 
-def build(
-    *, theory: str, eccentricity: float, hub_radius: float, assumed_modes: int, elements: int,
-    bodies: int, body_modes: int, warping: bool,
-) -> Any:  # fmt: skip
-    """The beam on its prescribed base, or a model of exact elements."""
+def build(*, eccentricity: float, hub_radius: float, **theory: Any) -> Any:
+    """The outboard link on its prescribed base, by the theory that is asked for."""
     link = ff.outboard_link(eccentricity)
     still = ff.constant_angle(0.0)
     base = ff.manipulator_base(
         still, ff.spin_up_angle(duration=SPUN_UP), still, link_1=0.0, link_2=hub_radius
     )
-    if theory == "floating":
-        return ff.floating_model(
-            link, base, bodies=bodies, modes=body_modes, elements=elements, warping=warping,
-            name="spin_up",
-        )  # fmt: skip
-    if theory == "beam":
-        return ff.exact_model(link, base, elements=elements, warping=warping, name="spin_up")
-    effects = ff.effects_of(theory, warping=warping)
-    return ff.MovingBaseBeam(
-        properties=link, base=base, effects=effects, modes=assumed_modes, elements=elements
-    )
+    return ff.beam_by_theory(link, base, "spin_up", **theory)
 
 
 def results(history: Mapping[str, npt.NDArray[np.float64]]) -> dict[str, float]:
@@ -85,14 +71,9 @@ CASE = ff.Case(
     description=__doc__,
     build=build,
     options=(
-        ff.Option("theory", str, "consistent", "what the beam is computed with", choices=THEORIES),
         ff.Option("eccentricity", float, 0.01875, "mass centre of the channel along a3", unit="m"),
         ff.Option("hub_radius", float, 8.0, "from the spin axis to the root", unit="m", minimum=0),
-        ff.Option("assumed_modes", int, 10, "modes of the assumed-modes theories", minimum=1),
-        ff.Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
-        ff.Option("bodies", int, 2, "of theory floating in each segment", minimum=1),
-        ff.Option("body_modes", int, 4, "modes of each of these bodies", minimum=0),
-        ff.Option("warping", bool, True, "torsion of the channel with its warping held"),
+        *ff.THEORY_OPTIONS,
     ),
     dt=0.01,
     t_end=30.0,

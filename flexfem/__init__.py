@@ -161,6 +161,8 @@ _MODULES = {
     "exact_model": "moving_base.exact",
     "floating_model": "moving_base.floating",
     "segment_sections": "moving_base.exact",
+    "beam_by_theory": "moving_base.theories",
+    "THEORY_OPTIONS": "moving_base.theories",
     "TIP_COLUMNS": "moving_base.exact",
     "outboard_link": "moving_base.manipulator",
     "manipulator_base": "moving_base.manipulator",
