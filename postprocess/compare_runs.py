@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -43,6 +44,22 @@ def load(folders: list[Path], after: float) -> dict[str, Table]:
     return tables
 
 
+def dress(panel: Any, column: str) -> None:
+    """Label and grid of the panel of a column."""
+    panel.set_ylabel(column)
+    panel.grid(color="#d9dee4", linewidth=0.7)
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.margins(x=0.01)
+
+
+def columns_of_all(tables: dict[str, Table], columns: str | None) -> list[str]:
+    """Columns asked for, by default those of the first run; all runs must have them."""
+    for label, table in tables.items():
+        columns = ",".join(choose(table, columns, "t", Path(label) / "history.csv"))
+    assert columns is not None  # there is a run
+    return columns.split(",")
+
+
 def plot(tables: dict[str, Table], columns: list[str], path: Path) -> None:
     """Write the picture of runs that all have these columns."""
     figure, axes = plt.subplots(
@@ -56,10 +73,7 @@ def plot(tables: dict[str, Table], columns: list[str], path: Path) -> None:
     for panel, column in zip(axes[:, 0], columns, strict=True):
         for label, table in tables.items():
             panel.plot(table["t"], table[column], linewidth=1.4, label=label)
-        panel.set_ylabel(column)
-        panel.grid(color="#d9dee4", linewidth=0.7)
-        panel.spines[["top", "right"]].set_visible(False)
-        panel.margins(x=0.01)
+        dress(panel, column)
     axes[0, 0].legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     axes[-1, 0].set_xlabel("t (s)")
     figure.savefig(path, dpi=140)
@@ -81,10 +95,7 @@ def main(argv: list[str] | None = None) -> int:
     target = options.output or options.folders[0] / "comparison.png"
     try:
         tables = load(options.folders, options.after)
-        columns = options.columns
-        for label, table in tables.items():
-            columns = ",".join(choose(table, columns, "t", Path(label) / "history.csv"))
-        plot(tables, columns.split(","), target)
+        plot(tables, columns_of_all(tables, options.columns), target)
     except (PlotError, OSError, ValueError) as exc:
         print(f"compare_runs.py: {exc}", file=sys.stderr)
         return 2

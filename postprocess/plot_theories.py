@@ -23,8 +23,8 @@ mpl.use("Agg")  # before pyplot, which would look for a display
 
 import matplotlib.pyplot as plt
 import numpy as np
-from compare_runs import Table, load
-from plot_history import PlotError, choose
+from compare_runs import Table, columns_of_all, dress, load
+from plot_history import PlotError
 
 #: One style for each run: lines on top of each other stay visible.
 _STYLES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
@@ -68,10 +68,7 @@ def plot(tables: dict[str, Table], columns: list[str], factor: float, path: Path
                     xytext=(6, 0), textcoords="offset points", color=f"C{i}", fontsize=8,
                 )  # fmt: skip
         panel.set_ylim(low, high)
-        panel.set_ylabel(column)
-        panel.grid(color="#d9dee4", linewidth=0.7)
-        panel.spines[["top", "right"]].set_visible(False)
-        panel.margins(x=0.01)
+        dress(panel, column)
     for panel in axes.flat[len(columns) :]:
         panel.set_axis_off()
     axes[0, 0].legend(frameon=False, loc="upper center", ncols=len(tables), fontsize=9)
@@ -101,10 +98,7 @@ def main(argv: list[str] | None = None) -> int:
     target = options.output or options.folders[0] / "theories.png"
     try:
         tables = load(options.folders, -np.inf)
-        columns = options.columns
-        for label, table in tables.items():
-            columns = ",".join(choose(table, columns, "t", Path(label) / "history.csv"))
-        plot(tables, columns.split(","), options.factor, target)
+        plot(tables, columns_of_all(tables, options.columns), options.factor, target)
     except (PlotError, OSError, ValueError) as exc:
         print(f"plot_theories.py: {exc}", file=sys.stderr)
         return 2
