@@ -178,8 +178,41 @@ class BeamMatter:
         )
 
 
+class _Continuum:
+    """Matter without rotations: as many displacements as its mesh has dimensions."""
+
+    degree: int
+    components: ClassVar[int]
+
+    @property
+    def strain_degree(self) -> int:
+        """Exact."""
+        return 2 * self.degree - 2
+
+    def place(self, x: Expr, u: Expr) -> Expr:
+        """See :class:`Matter`."""
+        import ufl
+
+        return ufl.as_vector([x[i] + u[i] for i in range(self.components)])
+
+    def direction(self, u: Expr, e: Expr) -> Expr:
+        """See :class:`Matter`; a node has no rotation."""
+        return e
+
+    def inertia(self, x: Expr, u: Expr, c: Mapping[str, Expr]) -> list[tuple[Expr, Expr, bool]]:
+        """See :class:`Matter`."""
+        return [(c["density"], self.place(x, u), True)]
+
+    def strain_energy(self, u: Expr, c: Mapping[str, Expr]) -> Expr:
+        """Of an isotropic material: "first" is the modulus of the dilatation."""
+        import ufl
+
+        strain = ufl.sym(ufl.grad(u))
+        return 0.5 * c["first"] * ufl.tr(strain) ** 2 + c["shear"] * ufl.inner(strain, strain)
+
+
 @dataclass(frozen=True)
-class PlaneStress:
+class PlaneStress(_Continuum):
     """Thin plate in its plane, the first two axes of the frame; in space it moves as a membrane.
 
     Args:
@@ -205,11 +238,6 @@ class PlaneStress:
         _check(self, "thickness")
 
     @property
-    def strain_degree(self) -> int:
-        """Exact."""
-        return 2 * self.degree - 2
-
-    @property
     def parameters(self) -> Mapping[str, float]:
         """Density and stiffness per area."""
         m, nu = self.material, self.material.poisson_ratio
@@ -219,27 +247,9 @@ class PlaneStress:
             "shear": m.shear_modulus * self.thickness,
         }
 
-    def place(self, x: Expr, u: Expr) -> Expr:
-        """See :class:`Matter`."""
-        import ufl
-
-        return ufl.as_vector([x[0] + u[0], x[1] + u[1]])
-
-    def direction(self, u: Expr, e: Expr) -> Expr:
-        """See :class:`Matter`; a node has no rotation."""
-        return e
-
-    def inertia(self, x: Expr, u: Expr, c: Mapping[str, Expr]) -> list[tuple[Expr, Expr, bool]]:
-        """See :class:`Matter`."""
-        return [(c["density"], self.place(x, u), True)]
-
-    def strain_energy(self, u: Expr, c: Mapping[str, Expr]) -> Expr:
-        """See :class:`Matter`."""
-        return _isotropic(u, c)
-
 
 @dataclass(frozen=True)
-class Solid:
+class Solid(_Continuum):
     """Isotropic solid.
 
     Args:
@@ -265,11 +275,6 @@ class Solid:
             raise ValueError("Solid: poisson_ratio must be below 0.5, got 0.5")
 
     @property
-    def strain_degree(self) -> int:
-        """Exact."""
-        return 2 * self.degree - 2
-
-    @property
     def parameters(self) -> Mapping[str, float]:
         """Density and Lamé's constants."""
         m, nu = self.material, self.material.poisson_ratio
@@ -278,32 +283,6 @@ class Solid:
             "first": m.youngs_modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)),
             "shear": m.shear_modulus,
         }
-
-    def place(self, x: Expr, u: Expr) -> Expr:
-        """See :class:`Matter`."""
-        import ufl
-
-        return ufl.as_vector([x[i] + u[i] for i in range(3)])
-
-    def direction(self, u: Expr, e: Expr) -> Expr:
-        """See :class:`Matter`; a node has no rotation."""
-        return e
-
-    def inertia(self, x: Expr, u: Expr, c: Mapping[str, Expr]) -> list[tuple[Expr, Expr, bool]]:
-        """See :class:`Matter`."""
-        return [(c["density"], self.place(x, u), True)]
-
-    def strain_energy(self, u: Expr, c: Mapping[str, Expr]) -> Expr:
-        """See :class:`Matter`."""
-        return _isotropic(u, c)
-
-
-def _isotropic(u: Expr, c: Mapping[str, Expr]) -> Expr:
-    """Energy of an isotropic material: "first" is the modulus of the dilatation."""
-    import ufl
-
-    strain = ufl.sym(ufl.grad(u))
-    return 0.5 * c["first"] * ufl.tr(strain) ** 2 + c["shear"] * ufl.inner(strain, strain)
 
 
 def _check(matter: Any, *sizes: str) -> None:
