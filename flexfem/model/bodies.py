@@ -233,10 +233,22 @@ class RigidBody:
     @property
     def inertia_matrix(self) -> FloatArray:
         """Inertia matrix (6, 6) about the reference point in body axes, translation first."""
-        x, y, z = (self.mass * self.centre).tolist()
-        first = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        about_point = self.inertia - first @ first / self.mass
-        return np.block([[self.mass * np.eye(3), -first], [first, about_point]])
+        c = self.centre
+        about_point = self.inertia + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
+        return inertia_matrix(self.mass, self.mass * c, about_point)
+
+
+def inertia_matrix(mass: float, moment: FloatArray, inertia: FloatArray) -> FloatArray:
+    """Inertia matrix (6, 6), translation first, from what is known about one point.
+
+    Args:
+        mass: kg.
+        moment: First moment of mass, (3,), kg m.
+        inertia: Inertia tensor, (3, 3), kg m^2.
+    """
+    x, y, z = moment.tolist()
+    first = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[mass * np.eye(3), -first], [first, inertia]])
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import AmplitudeMarker, Marker
+from flexfem.model.bodies import inertia_matrix
 from flexfem.reduction.reduced_body import ReducedBody
 
 __all__ = ["MEAN_AXES", "FloatingBody"]
@@ -113,9 +114,7 @@ class FloatingBody:
     @property
     def inertia_matrix(self) -> FloatArray:
         """Inertia matrix (6, 6) at rest about the origin in body axes, translation first."""
-        x, y, z = self.reduced.moments[:, 0].tolist()
-        first = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return np.block([[self.mass * np.eye(3), -first], [first, self.reduced.inertia]])
+        return inertia_matrix(self.mass, self.reduced.moments[:, 0], self.reduced.inertia)
 
     @cached_property
     def relative(self) -> IntArray:
