@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 
 import flexfem as ff
-from flexfem import cli, launch
+from flexfem import cli, launch, resources
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.analyses.modes import MODES, ModeOptions
 from flexfem.case import Case
+from flexfem.cli.commands import list as listing
 from flexfem.options import Option
 
 pytestmark = pytest.mark.serial
@@ -260,7 +261,7 @@ def test_help_explains_options_with_units_and_defaults(
 def test_list_names_every_shipped_case(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.command(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(cli.shipped_files("cases"))
+    assert [line.split()[0] for line in lines] == list(resources.shipped_files("cases"))
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -272,7 +273,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        ([], "{run,list}"),
+        ([], "COMMAND"),
         (["walk"], "walk"),
         (["run"], "NAME"),
         (["run", "--dt", "1"], "--dt"),
@@ -293,7 +294,7 @@ def test_what_cannot_be_run(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(cli, "shipped_files", lambda _: {"slider_crank": own_case})
+    monkeypatch.setattr(listing, "shipped_files", lambda _: {"slider_crank": own_case})
     Path("data.msh").touch()
     Path("empty.py").touch()
     Path("broken.py").write_text("x = 1\nx +\n")

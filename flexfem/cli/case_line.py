@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The command line of a case: its own options and those of its analysis."""
+
+import argparse
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from flexfem.analyses.analysis import Analysis
+from flexfem.analyses.modes import MODES
+from flexfem.analyses.relaxation import RELAXATION
+from flexfem.analyses.statics import STATICS
+from flexfem.case import Case
+from flexfem.cli.usage import Parser, UsageError, file, folder, join_negative_values
+from flexfem.options import Option, Settings
+
+_METAVARS = {int: "N", float: "X", str: "TEXT"}
+#: Files that analyses start from.
+_FILES = {
+    "restart": "checkpoint to go on from, on any number of ranks; --t-end may be later",
+    "state": "checkpoint of a motion or relaxation of the same model, whose state is looked at",
+}
+_OUTPUTS = """\
+Writes history.csv (one row per step), summary.json and ParaView files into the output folder.
+Put "mpirun -n N" in front to run on N MPI ranks.
+"""
+
+
+def parse(
+    case: Case, argv: Sequence[str], *, prog: str | None = None
+) -> tuple[Case, dict[str, Any], Settings]:
+    """Read a case's command line.
+
+    Args:
+        case: The case.
+        argv: Arguments without the program's name.
+        prog: Name of the command in help and messages.
+
+    Returns:
+        The case under the analysis that was asked for, the keyword arguments of its ``build``, and
+        the numerical options.
+
+    Raises:
+        UsageError: If an option is unknown or a value is not admissible.
+        SystemExit: After ``--help``.
+    """
+    analyses = _analyses(case)
+    case = _chosen(case, analyses, argv)
+    parser = _case_parser(case, analyses, prog)
+    given = vars(parser.parse_args(join_negative_values(argv)))
+    output = given.pop("output", Path("results") / case.folder)
+    more = {name: given.pop(name) for name in _FILES if name in given}
+    quiet, smoke = given.pop("quiet"), given.pop("smoke")
+    given.pop("analysis", None)
+    values = case.values(given, smoke=smoke)
+    parameters = {option.name: values[option.name] for option in case.options}
+    settings = case.analysis.settings
+    numbers = {option.name: values[option.name] for option in settings.OPTIONS}
+    try:
+        _check_output(output)
+        return case, parameters, settings(**numbers, **more, output=output, quiet=quiet)
+    except (OSError, ValueError) as error:
+        raise UsageError(str(error)) from error
+
+
+def _analyses(case: Case) -> dict[str, Analysis]:
+    """Analyses that the model of a case may undergo: its own first."""
+    return {one.name: one for one in (case.analysis, STATICS, MODES, RELAXATION)}
+
+
+def _chosen(case: Case, analyses: Mapping[str, Analysis], argv: Sequence[str]) -> Case:
+    """The case under the analysis that the arguments name.
+
+    Raises:
+        UsageError: The case has options that this analysis has as well.
+    """
+    parser = Parser(add_help=False)
+    parser.add_argument("--analysis", nargs="?", default=case.analysis.name)
+    name = parser.parse_known_args(argv)[0].analysis
+    if name == case.analysis.name or name not in analyses:
+        return case  # an unknown name is refused with all other arguments
+    try:
+        return case.under(analyses[name])
+    except ValueError as error:
+        raise UsageError(f"argument --analysis: {error}") from error
+
+
+def _case_parser(case: Case, analyses: Mapping[str, Analysis], prog: str | None) -> Parser:
+    """A parser whose result holds only what was given, so that --smoke can set the rest."""
+    parser = Parser(
+        prog=prog,
+        description=case.description or case.summary,
+        epilog=_OUTPUTS,
+        argument_default=argparse.SUPPRESS,
+    )
+    own = parser.add_argument_group("this case")
+    common = parser.add_argument_group("all cases")
+    common.add_argument(
+        "--analysis",
+        choices=analyses,
+        help=f"what is done with the model (default: {next(iter(analyses))})",
+    )
+    for option in case.all_options():
+        group = own if option in case.options else common
+        _add_option(group, option, case.other_defaults(option.name))
+    common.add_argument(
+        "--output",
+        type=folder,
+        metavar="DIR",
+        help=f"folder of the results (default: {Path('results') / case.folder})",
+    )
+    known = {field.name for field in fields(case.analysis.settings)}
+    for name, text in _FILES.items():
+        if name in known:
+            common.add_argument(f"--{name}", type=file, metavar="FILE", help=text)
+    common.add_argument(
+        "--quiet", action="store_true", default=False, help="no progress bar, errors only"
+    )
+    common.add_argument(
+        "--smoke", action="store_true", default=False, help="a few steps on a tiny mesh"
+    )
+    return parser
+
+
+def _add_option(group: argparse._ArgumentGroup, option: Option, others: str) -> None:
+    unit = f" [{option.unit}]" if option.unit else ""
+    default = "" if option.default is None else f" (default: {option.default}{others})"
+    text = f"{option.help}{unit}{default}".replace("%", "%%")
+    if option.kind is bool:
+        group.add_argument(option.flag, action=argparse.BooleanOptionalAction, help=text)
+        return
+
+    def read(value: str) -> Any:
+        try:
+            return option.parse(value)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    choices = "{" + ",".join(map(str, option.choices)) + "}" if option.choices else None
+    group.add_argument(option.flag, type=read, help=text, metavar=choices or _METAVARS[option.kind])
+
+
+def _check_output(folder: Path) -> None:
+    """Refuse a folder that cannot be written before anything is computed.
+
+    Raises:
+        OSError: If the folder is a file, or cannot be created.
+    """
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        reason = f"'{existing}' is not a folder"
+    elif not os.access(existing, os.W_OK | os.X_OK):
+        reason = f"no permission to write in '{existing}'"
+    else:
+        return
+    raise OSError(f"argument --output: '{folder}' cannot be used, {reason}")

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Find a case, build its model, run it."""
+
+import difflib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexfem import launch
+from flexfem._checks import InputError
+from flexfem.case import Case
+from flexfem.cli.case_line import parse
+from flexfem.cli.usage import UsageError, exit_code
+from flexfem.options import Settings
+from flexfem.resources import load_module, shipped_files
+
+if TYPE_CHECKING:
+    from flexfem.model.model import Model
+
+
+def main(case: Case, argv: Sequence[str] | None = None, *, prog: str | None = None) -> int:
+    """Run a case from the command line.
+
+    Args:
+        case: What to run.
+        argv: Arguments; those of the process by default.
+        prog: Name of the command in help and messages.
+
+    Returns:
+        The exit code.
+    """
+    arguments = sys.argv[1:] if argv is None else argv
+    return exit_code(lambda: run_case(case, arguments, prog))
+
+
+def load_case(name: str) -> Case:
+    """Load a shipped case by its name, or the user's own by the path of its file.
+
+    Raises:
+        UsageError: If there is no such case, or the file does not define one.
+    """
+    path = Path(name)
+    if path.suffix == ".py" or os.sep in name:
+        sys.path.insert(0, str(path.resolve().parent))  # as if it had been started by itself
+    else:
+        path = _shipped_case(name)
+    try:
+        case = getattr(load_module(path, "flexfem_case"), "CASE", None)
+    except (OSError, ValueError, TypeError) as error:
+        raise UsageError(f"case '{name}': {error}") from error
+    if not isinstance(case, Case):
+        raise UsageError(f"case '{name}': the file does not define CASE = flexfem.Case(...)")
+    return case
+
+
+def _shipped_case(name: str) -> Path:
+    try:
+        cases = shipped_files("cases")
+    except FileNotFoundError as error:
+        raise UsageError(str(error)) from error
+    if name not in cases:
+        near = difflib.get_close_matches(name, cases)
+        hint = "did you mean " + " or ".join(near) if near else "known are " + ", ".join(cases)
+        raise UsageError(f"unknown case '{name}': {hint}")
+    return cases[name]
+
+
+def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
+    """Read the command line of a case and run it; returns the exit code.
+
+    Raises:
+        UsageError: An option, a value or the model is not admissible.
+    """
+    case, parameters, options = parse(case, argv, prog=prog)
+    model, folders = _prepare(case, parameters, options)
+
+    try:
+        outcome = case.analysis.run(model, options, case=case.name, results=case.results)
+    except InputError as error:
+        for folder in folders:
+            folder.rmdir()
+        raise UsageError(str(error), agreed=True) from error
+    except OSError as error:
+        launch.say(f"failed: {error}", error=True)
+        launch.abort(1)
+        return 1
+    if outcome.status != "ok":
+        launch.say(f"failed: {outcome.status}", error=True)
+        return 1
+    if not options.quiet:
+        launch.say(f"results are in {options.output}")
+    return 0
+
+
+def _prepare(
+    case: Case, parameters: Mapping[str, Any], options: Settings
+) -> tuple["Model", list[Path]]:
+    """Build and validate the model and create the output folder; ranks agree on success.
+
+    Returns:
+        The model, and the folders that this process has created, innermost first.
+    """
+    from flexfem.model.model import Model
+
+    message, created = "", []
+    try:
+        model = case.build(**parameters)
+        if not isinstance(model, Model) and not hasattr(model, "drivers"):
+            raise TypeError(f"case '{case.name}': build returned {model!r}, not a Model")
+        model.validate()
+        if launch.rank() == 0 and options.output is not None:
+            path = options.output
+            created = [folder for folder in (path, *path.parents) if not folder.exists()]
+            path.mkdir(parents=True, exist_ok=True)
+    except (OSError, TypeError, ValueError) as error:
+        message = str(error) or type(error).__name__
+    message = launch.first_message(message)
+    if message:
+        for folder in created:
+            folder.rmdir()
+        raise UsageError(message, agreed=True)
+    return model, created

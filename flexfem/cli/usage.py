@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What all command lines share: parser, wrong input in one line, exit codes."""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from flexfem import launch
+
+#: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
+_PATIENCE = 0.5
+
+
+class UsageError(Exception):
+    """Wrong input from the user; the message is what to print, in one line.
+
+    Args:
+        message: The message.
+        agreed: All ranks know it already.
+    """
+
+    def __init__(self, message: str, *, agreed: bool = False) -> None:
+        """Keep the message."""
+        super().__init__(message)
+        self.agreed = agreed
+
+
+class Parser(argparse.ArgumentParser):
+    """Prints on rank 0 only and reports wrong input as UsageError."""
+
+    def __init__(self, **arguments: Any) -> None:
+        """Options cannot be shortened; texts keep their line breaks."""
+        super().__init__(
+            allow_abbrev=False,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            **arguments,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Wrong input in one line, with where to read on."""
+        raise UsageError(f"{message} (see {self.prog} --help)")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if launch.rank() == 0:
+            super()._print_message(message, file)
+
+
+def exit_code(action: Callable[[], int]) -> int:
+    """Turn the user's errors and Ctrl-C into one line and an exit code; the rest ends all ranks.
+
+    Whatever ends before a run starts is told to the other ranks, which may have got further.
+    """
+    sys.excepthook = launch.excepthook
+    try:
+        return action()
+    except UsageError as error:
+        message = str(error) if error.agreed else launch.first_message(str(error))
+        launch.say("error: " + " ".join(message.split()), error=True)
+        return 2
+    except SystemExit:
+        if message := launch.first_message(""):
+            launch.say("error: " + " ".join(message.split()), error=True)
+            return 2
+        raise
+    except launch.Interrupted as stop:  # all ranks have ended alike
+        launch.say(str(stop), error=True)
+        return stop.code
+    except KeyboardInterrupt:
+        if launch.rank() > 0:
+            time.sleep(_PATIENCE)  # whoever gets here next: the first rank may hang in a receive
+        print("interrupted", file=sys.stderr, flush=True)
+        launch.abort(130)
+        return 130
+
+
+def join_negative_values(argv: Sequence[str]) -> list[str]:
+    """Write ``--x -1e-3`` as ``--x=-1e-3``, which argparse would take for two options."""
+    joined: list[str] = []
+    for argument in argv:
+        follows_option = bool(joined) and joined[-1].startswith("--") and "=" not in joined[-1]
+        if follows_option and argument.startswith("-") and _is_number(argument):
+            joined[-1] += "=" + argument
+        else:
+            joined.append(argument)
+    return joined
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def folder(text: str) -> Path:
+    """A folder as an argument."""
+    if not text:
+        raise argparse.ArgumentTypeError("must name a folder, got ''")
+    return Path(text)
+
+
+def file(text: str) -> Path:
+    """A file as an argument."""
+    if not text:
+        raise argparse.ArgumentTypeError("must name a file, got ''")
+    return Path(text)
