@@ -8,7 +8,8 @@ range of the others is cut off there, and the time is noted:
     python postprocess/plot_theories.py results/consistent results/conventional results/beam
 
 The range is that of the runs that stay within ``--factor`` (default 3) times the smallest extent of
-all; the picture is theories.png in the first folder unless named.
+all. Columns that are nothing but round-off in all runs are left out unless they are named. The
+picture is theories.png in the first folder unless named.
 """
 
 from __future__ import annotations
@@ -28,6 +29,20 @@ from plot_history import PlotError
 
 #: One style for each run: lines on top of each other stay visible.
 _STYLES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
+
+
+#: Columns so much smaller than the largest one of a run are what rounding leaves of zero.
+_ROUND_OFF = 1e-9
+
+
+def without_round_off(tables: dict[str, Table], columns: list[str]) -> list[str]:
+    """The columns that are something in one run at least."""
+    kept = set()
+    for table in tables.values():
+        sizes = {column: float(np.abs(table[column]).max()) for column in columns}
+        largest = max(sizes.values())
+        kept |= {column for column, size in sizes.items() if not size <= _ROUND_OFF * largest}
+    return [column for column in columns if column in kept]
 
 
 def common_range(tables: dict[str, Table], column: str, factor: float) -> tuple[float, float]:
@@ -83,7 +98,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("folders", type=Path, nargs="+", metavar="RESULTS_DIR")
     parser.add_argument(
-        "--columns", metavar="A,B", help="columns to plot (default: all of the first folder)"
+        "--columns", metavar="A,B", help="columns to plot (default: those of the first folder)"
     )
     parser.add_argument(
         "--factor",
@@ -98,7 +113,10 @@ def main(argv: list[str] | None = None) -> int:
     target = options.output or options.folders[0] / "theories.png"
     try:
         tables = load(options.folders, -np.inf)
-        plot(tables, columns_of_all(tables, options.columns), options.factor, target)
+        columns = columns_of_all(tables, options.columns)
+        if options.columns is None:
+            columns = without_round_off(tables, columns)
+        plot(tables, columns, options.factor, target)
     except (PlotError, OSError, ValueError) as exc:
         print(f"plot_theories.py: {exc}", file=sys.stderr)
         return 2
