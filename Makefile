@@ -17,6 +17,8 @@ GIVE_WAY := MPIR_CVAR_ENABLE_HEAVY_YIELD=1
 # Ranks share the cores; threads of BLAS and OpenMP on top make timings and sums vary.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# Hundreds of short runs would compile the package's Python each time.
+unexport PYTHONDONTWRITEBYTECODE
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-16s %s\n", $$1, $$2}' Makefile
@@ -45,6 +47,8 @@ lint: $(STAMP) ## style, types, architecture
 	$(BIN)/mypy flexfem
 	$(BIN)/python -m pytest -q tests/test_architecture.py
 
+# Tests compile generated C more often than they need it fast: half the time for half the effort.
+test: export FLEXFEM_CFLAGS := -O1 -march=native -fno-math-errno
 test: $(STAMP) ## lint, then all tests on 1 and 2 ranks, some on 3
 	@# loops that all tests of floating bodies need are compiled on the core that linters leave idle
 	@$(BIN)/python -m tests.warm_up & compiled=$$!; \

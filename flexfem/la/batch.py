@@ -6,6 +6,7 @@ over :data:`LANES` cells, whose data lie side by side, is vectorised by the C co
 the speed with eight lanes of 512 bits, three times with four.
 """
 
+import hashlib
 import importlib.util
 import re
 import tempfile
@@ -56,7 +57,8 @@ def compile_batch(comm: MPI.Intracomm, module: Any, arguments: list[str]) -> tup
     """
     library = Path(module.__file__)
     source = library.with_name(library.name.split(".", 1)[0] + ".c")
-    name = f"{source.stem}_batch{LANES}"
+    kind = hashlib.blake2b(" ".join(arguments).encode(), digest_size=4).hexdigest()
+    name = f"{source.stem}_batch{LANES}_{kind}"
     if comm.rank == 0 and _library(source.parent, name) is None:
         _compile(source, name, [*arguments, *_ARGUMENTS])
     comm.Barrier()

@@ -6,6 +6,7 @@ by address from numba code (:func:`tabulate`). The address is an ordinary argume
 that numba can cache the loop on disk.
 """
 
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,8 +23,12 @@ from flexfem.la.batch import compile_batch
 
 __all__ = ["Kernel", "cell_form", "compile_kernel", "tabulate", "tabulate_batch"]
 
-#: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums.
-_COMPILE_ARGUMENTS = ["-O3", "-march=native", "-fno-math-errno", "-g0"]
+#: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums. The
+#: variable is for clusters whose nodes differ, and for those who compile more than they compute.
+_COMPILE_ARGUMENTS = [
+    *os.environ.get("FLEXFEM_CFLAGS", "-O3 -march=native -fno-math-errno").split(),
+    "-g0",
+]
 #: Of a kernel for one cell of which loops take the variant for several: only its text is needed.
 _QUICKLY = ["-O0", "-g0"]
 #: Seconds that a process waits for another one that compiles the same form.
