@@ -24,24 +24,37 @@ def rank() -> int:
 
 def launched_in_parallel() -> bool:
     """Whether a launcher started more than one rank, as far as the environment tells."""
-    sizes = [int(os.environ[name]) for name in _SIZE_VARIABLES if name in os.environ]
-    if sizes:
-        return max(sizes) > 1
+    started = ranks_started()
+    if started is not None:
+        return started > 1
     return any(name in os.environ for name in _RANK_VARIABLES)  # PMIx does not tell the size
 
 
+def ranks_started() -> int | None:
+    """How many ranks the launcher says it started; None where it does not tell."""
+    return max(
+        (int(os.environ[name]) for name in _SIZE_VARIABLES if name in os.environ), default=None
+    )
+
+
 def say(text: str, *, error: bool = False) -> None:
-    """Print one text on rank 0."""
-    if rank() == 0:
-        print(text, file=sys.stderr if error else sys.stdout, flush=True)
+    """Print one text on rank 0; whoever reads no further (``| head``) does not end a run."""
+    if rank() != 0:
+        return
+    stream = sys.stderr if error else sys.stdout
+    try:
+        print(text, file=stream, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def first_message(message: str) -> str:
     """The first message that is not empty on any rank; collective when launched in parallel."""
     if not launched_in_parallel():
         return message
-    from mpi4py import MPI
+    from flexfem.installation import require
 
+    MPI = require("mpi4py.MPI")
     return next(filter(None, MPI.COMM_WORLD.allgather(message)), "")
 
 

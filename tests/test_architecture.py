@@ -14,7 +14,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # From low to high: a package may import those on the lines above its own. Those on one line do not
 # import each other, save the small modules of the first.
 LAYERS = [
-    {"_types", "_checks", "resources", "launch", "options"},
+    {"_types", "_checks", "resources", "launch", "options", "installation"},
     {"analyses"},
     {"lie", "la", "materials"},
     {"forms", "mesh"},

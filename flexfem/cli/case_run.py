@@ -13,6 +13,7 @@ from flexfem._checks import InputError
 from flexfem.case import Case
 from flexfem.cli.case_line import parse
 from flexfem.cli.usage import UsageError, exit_code
+from flexfem.installation import InstallationError
 from flexfem.options import Settings
 from flexfem.resources import load_module, shipped_files
 
@@ -48,7 +49,7 @@ def load_case(name: str) -> Case:
         path = _shipped_case(name)
     try:
         case = getattr(load_module(path, "flexfem_case"), "CASE", None)
-    except (OSError, ValueError, TypeError) as error:
+    except (ImportError, OSError, ValueError, TypeError) as error:
         raise UsageError(f"case '{name}': {error}") from error
     if not isinstance(case, Case):
         raise UsageError(f"case '{name}': the file does not define CASE = flexfem.Case(...)")
@@ -78,7 +79,7 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
 
     try:
         outcome = case.analysis.run(model, options, case=case.name, results=case.results)
-    except InputError as error:
+    except (InputError, InstallationError) as error:
         for folder in folders:
             folder.rmdir()
         raise UsageError(str(error), agreed=True) from error
@@ -114,7 +115,7 @@ def _prepare(
             path = options.output
             created = [folder for folder in (path, *path.parents) if not folder.exists()]
             path.mkdir(parents=True, exist_ok=True)
-    except (OSError, TypeError, ValueError) as error:
+    except (InstallationError, OSError, TypeError, ValueError) as error:
         message = str(error) or type(error).__name__
     message = launch.first_message(message)
     if message:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from flexfem import launch
+from flexfem.installation import InstallationError
 
 #: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
 _PATIENCE = 0.5
@@ -49,7 +50,9 @@ class Parser(argparse.ArgumentParser):
 
 
 def exit_code(action: Callable[[], int]) -> int:
-    """Turn the user's errors and Ctrl-C into one line and an exit code; the rest ends all ranks.
+    """Turn errors of the user or of the installation, and Ctrl-C, into one line and an exit code.
+
+    The rest ends all ranks.
 
     Whatever ends before a run starts is told to the other ranks, which may have got further.
     """
@@ -59,6 +62,9 @@ def exit_code(action: Callable[[], int]) -> int:
     except UsageError as error:
         message = str(error) if error.agreed else launch.first_message(str(error))
         launch.say("error: " + " ".join(message.split()), error=True)
+        return 2
+    except InstallationError as error:  # the same on all ranks
+        launch.say(f"error: {error}", error=True)
         return 2
     except SystemExit:
         if message := launch.first_message(""):

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexfem import _checks
+from flexfem.installation import load_dolfinx
 from flexfem.mesh.gmsh_reader import merge, session
 from flexfem.mesh.library import checked_build
 
@@ -80,8 +81,7 @@ def read_body_mesh(path: str | Path, comm: MPI.Intracomm | None = None) -> BodyM
 
 def _distributed(owner: str, make: Callable[[], None], comm: MPI.Intracomm | None) -> BodyMesh:
     """Make a gmsh model on the first rank and distribute it."""
-    with suppress(ImportError):  # absent beside other builds of DOLFINx
-        import dolfinx_solver  # noqa: F401
+    load_dolfinx()
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD if comm is None else comm

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.installation import require
 from flexfem.mesh.topology import edge_keys
 
 
@@ -40,9 +41,11 @@ def session(name: str) -> Iterator[None]:
 
     Args:
         name: Name of the model.
-    """
-    import gmsh
 
+    Raises:
+        InstallationError: gmsh is missing, or a system library that it needs.
+    """
+    gmsh = require("gmsh")
     own = not gmsh.isInitialized()
     if own:
         # Without signal handlers it works in any thread; configuration files are the user's own

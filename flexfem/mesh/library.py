@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flexfem import _checks
+from flexfem.installation import require
 from flexfem.mesh.gmsh_reader import session
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -118,6 +119,7 @@ def _load(name: str) -> Build:
     known = shipped_files("meshes")
     if name not in known:
         raise ValueError(f'mesh "{name}" is not in the library: {", ".join(known)}')
+    require("gmsh")  # which the file is about to import
     build: Build = load_module(known[name], "flexfem_meshes").build
     return build
 

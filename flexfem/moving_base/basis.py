@@ -11,6 +11,7 @@ import scipy.optimize
 import scipy.sparse.linalg
 
 from flexfem._types import FloatArray
+from flexfem.installation import load_dolfinx
 from flexfem.moving_base.effects import Effects
 from flexfem.moving_base.fields import (
     FiniteElements,
@@ -156,6 +157,7 @@ def _extended(span: FloatArray, vector: FloatArray, mass: Any) -> FloatArray:
 
 def _eigenvectors(stiffness: Any, mass: Any, count: int) -> FloatArray:
     """Mass-normalised modes of lowest frequency, (size, count), the same on every rank."""
+    load_dolfinx()
     from mpi4py import MPI
     from petsc4py import PETSc
     from slepc4py import SLEPc

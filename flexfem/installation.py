@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What flexfem needs of other packages: found and checked in one place, refused in one line.
+
+DOLFINx and its PETSc come in many builds (wheels, conda-forge, Debian, containers). With a wrong one
+a run would fail somewhere deep, or each rank would compute by itself; here they are looked at before
+anything is computed.
+"""
+
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from flexfem import launch
+
+__all__ = ["DOLFINX", "InstallationError", "check_packages", "load_dolfinx", "require"]
+
+#: The series of DOLFINx, and of Basix, that flexfem is written for; any release of it will do.
+DOLFINX = "0.11"
+#: Where DOLFINx comes from, for those who have none or another one.
+_SOURCES = (
+    'pip install "flexfem[dolfinx]", or fenics-dolfinx=0.11 of conda-forge, or '
+    "python3-dolfinx-real of Debian"
+)
+#: Packages without which no analysis gets to its end, h5py when the first checkpoint is due.
+_PACKAGES = ("scipy", "numba", "h5py", "tqdm")
+
+
+class InstallationError(ImportError):
+    """A package that flexfem needs is missing, or of a kind that it cannot work with.
+
+    All ranks find the same. The message is one line that says what to install.
+    """
+
+
+def require(name: str) -> ModuleType:
+    """Import a package that flexfem needs.
+
+    Raises:
+        InstallationError: it is missing, or a shared library that it needs is.
+    """
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name.split(".")[0]:
+            raise InstallationError(f"{name} cannot be imported: {_line(error)}") from error
+        raise _missing(error.name) from error
+    except (ImportError, OSError, RuntimeError) as error:
+        raise InstallationError(
+            f"{name} cannot be imported: {_line(error)} (a shared library that it needs is "
+            "missing or of another version)"
+        ) from error
+
+
+@cache
+def check_packages() -> None:
+    """Check what is needed besides DOLFINx itself: Python packages, UFL and Basix.
+
+    Raises:
+        InstallationError: one is missing, or belongs to another DOLFINx.
+    """
+    for name in _PACKAGES:
+        if find_spec(name) is None:
+            raise _missing(name)
+    for name in ("ufl", "basix"):
+        if find_spec(name) is None:
+            raise InstallationError(f"DOLFINx is not installed (there is no {name}): {_SOURCES}")
+    _check_version("Basix", require("basix"))
+
+
+@cache
+def load_dolfinx() -> None:
+    """Import DOLFINx and PETSc in the order that their wheels need, and check them.
+
+    Raises:
+        InstallationError: they are missing, of another version, built for complex or single
+            numbers, without MUMPS or SLEPc, or with another MPI than that which started the ranks.
+    """
+    if find_spec("dolfinx_solver") is not None:  # the binary wheel, which must come first
+        try:
+            import_module("dolfinx_solver")
+        except Exception as error:  # it has several of its own, and says what to uninstall
+            raise InstallationError(f"dolfinx_solver: {_line(error)}") from error
+    for name in ("mpi4py", "dolfinx"):
+        if find_spec(name) is None:
+            raise InstallationError(f"DOLFINx is not installed (there is no {name}): {_SOURCES}")
+    _check_mpi(require("mpi4py.MPI"))
+    dolfinx = require("dolfinx")
+    _check_version("DOLFINx", dolfinx)
+    if find_spec("petsc4py") is None or not getattr(dolfinx, "has_petsc4py", True):
+        raise InstallationError(
+            f"the DOLFINx in {_place(dolfinx)} has no petsc4py, which flexfem needs: {_SOURCES}"
+        )
+    _check_petsc(require("petsc4py.PETSc"))
+    if find_spec("slepc4py") is None:
+        raise InstallationError(
+            "slepc4py is not installed, with which modes are found: slepc4py of conda-forge, "
+            "python3-slepc4py-real of Debian; the wheels of flexfem[dolfinx] hold it"
+        )
+    check_packages()
+
+
+def _check_version(what: str, module: ModuleType) -> None:
+    found = str(getattr(module, "__version__", "of an unknown version"))
+    if found.split(".")[:2] != DOLFINX.split("."):
+        raise InstallationError(
+            f"{what} {found} is installed in {_place(module)}, flexfem needs {DOLFINX}: {_SOURCES}"
+        )
+
+
+def _check_petsc(petsc: Any) -> None:
+    """Refuse numbers that are not real and double, and a PETSc without its direct solver."""
+    place, scalar = _place(petsc), np.dtype(petsc.ScalarType)
+    if scalar != np.float64:
+        kind = "complex" if scalar.kind == "c" else "single"
+        raise InstallationError(
+            f"the PETSc in {place} computes with {kind} numbers ({scalar}), flexfem needs real "
+            'double ones: dolfinx-solver-real of PyPI, "petsc=*=real*" of conda-forge, '
+            "python3-dolfinx-real of Debian (PETSC_DIR chooses among those installed)"
+        )
+    if not petsc.Sys.hasExternalPackage("mumps"):
+        raise InstallationError(
+            f"the PETSc in {place} has no MUMPS, with which flexfem solves: configure it with "
+            f"--download-mumps --download-scalapack, or {_SOURCES}"
+        )
+
+
+def _check_mpi(mpi: Any) -> None:
+    """Refuse ranks that do not know of each other: each would compute, and write, all by itself."""
+    started, seen = launch.ranks_started(), mpi.COMM_WORLD.size
+    if started is not None and started > 1 and seen == 1:
+        name, version = mpi.get_vendor()
+        raise InstallationError(
+            f"{started} ranks were started, but {name} {'.'.join(map(str, version))} sees one only: "
+            "start them with the mpirun of that MPI (that of the wheels is beside python in the "
+            "virtual environment)"
+        )
+
+
+def _missing(name: str) -> InstallationError:
+    return InstallationError(
+        f"{name} is not installed, which flexfem needs: pip install {name}, or its package of "
+        "conda-forge or Debian"
+    )
+
+
+def _place(module: Any) -> str:
+    """Folder that a module was found in."""
+    return str(getattr(module, "__file__", "an unknown place")).rpartition("/")[0]
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())
