@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What flexfem needs of other packages: found and checked in one place, refused in one line.
 
-DOLFINx and its PETSc come in many builds (wheels, conda-forge, Debian, containers). With a wrong one
-a run would fail somewhere deep, or each rank would compute by itself; here they are looked at before
-anything is computed.
+DOLFINx and its PETSc come in many builds (wheels, conda-forge, Debian, containers). With a wrong
+one a run would fail somewhere deep, or each rank would compute by itself; here they are looked at
+before anything is computed.
 """
 
 from functools import cache
@@ -132,9 +132,10 @@ def _check_mpi(mpi: Any) -> None:
     """Refuse ranks that do not know of each other: each would compute, and write, all by itself."""
     started, seen = launch.ranks_started(), mpi.COMM_WORLD.size
     if started is not None and started > 1 and seen == 1:
-        name, version = mpi.get_vendor()
+        name, numbers = mpi.get_vendor()
+        version = ".".join(map(str, numbers))
         raise InstallationError(
-            f"{started} ranks were started, but {name} {'.'.join(map(str, version))} sees one only: "
+            f"{started} ranks were started, but {name} {version} sees one only: "
             "start them with the mpirun of that MPI (that of the wheels is beside python in the "
             "virtual environment)"
         )

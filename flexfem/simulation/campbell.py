@@ -17,6 +17,7 @@ from flexfem.model.model import Model
 from flexfem.simulation.modes import modes_at
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results, conclude
+from flexfem.simulation.reasons import MODES, with_hint
 from flexfem.solvers.mode_shapes import Modes
 from flexfem.solvers.tracking import follow, whirl
 
@@ -88,11 +89,13 @@ def _sweep(
     for speed in np.linspace(options.spin, options.spin_end, options.speeds).tolist():
         status = point.settle(speed)
         if status is not Status.OK:
-            return reached, found, senses, f"{status.value} at the spin {speed:.6g} rad/s"
+            text = f"{status.value} at the spin {speed:.6g} rad/s"
+            return reached, found, senses, with_hint(text, MODES.get(status))
         more = min(_MORE * options.modes, point.freedoms - options.modes)
         modes = modes_at(point, options, more)
         if len(modes) == 0:
-            return reached, found, senses, f"no mode converged at the spin {speed:.6g} rad/s"
+            text = f"no mode converged at the spin {speed:.6g} rad/s"
+            return reached, found, senses, with_hint(text, "ask for fewer modes, or more speeds")
         sign = -1.0 if speed < 0.0 else 1.0
         reached.append(speed)
         found.append(modes)

@@ -19,7 +19,7 @@ from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
-from flexfem.simulation.reasons import not_finite
+from flexfem.simulation.reasons import ITERATED, MOTION, moves_most, not_finite, with_hint
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.stepping import HALVINGS, Simulation
 from flexfem.simulation.time_grid import TimeGrid
@@ -151,7 +151,7 @@ class _Run:
 
 
 def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
-    """The status in words, with the time and with a drive or load that is not a number."""
+    """The status in words, with the time, where, and what to try (collective)."""
     if status is Status.OK:
         return "ok"
     t = simulation.time
@@ -169,7 +169,10 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
     # the start looks three steps ahead to differentiate drives
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])
     culprit = not_finite(simulation.serial, ahead)
-    return f"{culprit} after t = {t:.6g} s" if culprit else f"{status.value} at t = {t:.6g} s"
+    if culprit:
+        return f"{culprit} after t = {t:.6g} s"
+    where = moves_most(simulation.serial, simulation.system) if status in ITERATED else ""
+    return with_hint(f"{status.value} at t = {t:.6g} s{where}", MOTION.get(status))
 
 
 def _summary(simulation: Simulation, case: str, reason: str, wall: float) -> dict[str, Any]:

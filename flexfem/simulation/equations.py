@@ -32,6 +32,7 @@ from flexfem.launch import Interrupted, StopSignals
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude
+from flexfem.simulation.reasons import EQUATIONS, with_hint
 from flexfem.simulation.time_grid import TimeGrid
 
 __all__ = ["Source", "simulate_equations"]
@@ -336,7 +337,7 @@ class _Run:
             return self._conclude("ok")
         started = self._simulation.status is Status.OK
         t = self._simulation.stepper.motion.t if started else 0.0
-        return self._conclude(f"{status.value} at t = {t:.6g} s")
+        return self._conclude(with_hint(f"{status.value} at t = {t:.6g} s", EQUATIONS.get(status)))
 
     def _conclude(self, reason: str) -> Outcome:
         simulation = self._simulation

@@ -18,6 +18,7 @@ from flexfem.io.state_space import write_arrays
 from flexfem.model.model import Model
 from flexfem.model.probe import Probe
 from flexfem.simulation.operating_point import OperatingPoint
+from flexfem.simulation.reasons import MODES, with_hint
 from flexfem.solvers.mode_shapes import ComplexArray, find
 from flexfem.solvers.reduction import Reduction, reduce_equations
 from flexfem.system.probe_rates import probe_rates
@@ -94,7 +95,14 @@ def linearize(
     if status is not Status.OK:
         nothing = np.zeros((0, 0))
         return LinearModel(
-            nothing, nothing, nothing, nothing, (), outputs, np.zeros(0), status.value
+            nothing,
+            nothing,
+            nothing,
+            nothing,
+            (),
+            outputs,
+            np.zeros(0),
+            with_hint(status.value, MODES.get(status)),
         )
     shapes = None
     if options.modes > 0:

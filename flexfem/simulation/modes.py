@@ -20,6 +20,7 @@ from flexfem.io.summary import remove_summary
 from flexfem.model.model import Model
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results, conclude
+from flexfem.simulation.reasons import MODES, with_hint
 from flexfem.solvers.mode_shapes import Modes, find
 
 __all__ = ["ModesOutcome", "find_modes", "modes_at"]
@@ -104,9 +105,12 @@ def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Mode
 def _reason(status: Status, options: ModeOptions, found: Modes | None) -> str:
     if found is None:
         what = "steady rotation" if options.spin else "equilibrium"
-        return f"{status.value} in the search for the {what}"
+        return with_hint(f"{status.value} in the search for the {what}", MODES.get(status))
     if len(found) < options.modes:
-        return f"only {len(found)} of {options.modes} modes converged"
+        return with_hint(
+            f"only {len(found)} of {options.modes} modes converged",
+            "ask for fewer modes or a larger accuracy, or give a target near them",
+        )
     return "ok"
 
 

@@ -19,7 +19,7 @@ from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
-from flexfem.simulation.reasons import not_finite
+from flexfem.simulation.reasons import RELAXATION, not_finite, with_hint
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.setup import set_up
 from flexfem.simulation.time_grid import TimeGrid
@@ -172,12 +172,14 @@ class _Run:
         if self._finite and self._converged(reached):
             return "ok"
         if self._finite:
-            return (
+            return with_hint(
                 f"not in equilibrium after {at} iterations: residual {reached.residual:.3g} of the "
-                f"applied forces, largest step {reached.step:.3g}"
+                f"applied forces, largest step {reached.step:.3g}",
+                RELAXATION[0],
             )
-        culprit = not_finite(self._serial, np.array([self._options.at_time]))
-        return f"{culprit or 'the relaxation diverged'} after {at} iterations"
+        if culprit := not_finite(self._serial, np.array([self._options.at_time])):
+            return f"{culprit} after {at} iterations"
+        return with_hint(f"the relaxation diverged after {at} iterations", RELAXATION[1])
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""

@@ -21,7 +21,7 @@ from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import check_held, rest
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
-from flexfem.simulation.reasons import not_finite
+from flexfem.simulation.reasons import ITERATED, STATICS, moves_most, not_finite, with_hint
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.setup import set_up
 from flexfem.solvers.buckling import LinearBuckling
@@ -282,17 +282,23 @@ class _Run:
         fields.close()
 
     def reason(self, status: Status) -> str:
-        """The status in words, with the load factor."""
+        """The status in words, with the load factor, where, and what to try (collective)."""
         if status is Status.OK:
             return "ok"
         t, options = self.equilibrium.loading.t, self._options
         if status is Status.LEFT:
             return f"{self._departures.reason} after t = {t:.6g}"
         if self._steps == options.max_steps:
-            return f"not at the end after {options.max_steps} arc-length steps, t = {t:.6g}"
+            return with_hint(
+                f"not at the end after {options.max_steps} arc-length steps, t = {t:.6g}",
+                "take more max_steps or a larger arc_length, or a stop_value that is reached",
+            )
         h = options.t_end / options.load_steps
         culprit = not_finite(self._serial, t + h * np.array([0.5**_HALVINGS, 0.5, 1.0]))
-        return f"{culprit} after t = {t:.6g}" if culprit else f"{status.value} at t = {t:.6g}"
+        if culprit:
+            return f"{culprit} after t = {t:.6g}"
+        where = moves_most(self._serial, self.system) if status in ITERATED else ""
+        return with_hint(f"{status.value} at t = {t:.6g}{where}", STATICS.get(status))
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
