@@ -21,6 +21,10 @@ class InputError(ValueError):
     """Wrong input noticed by all ranks alike, before anything is computed or written."""
 
 
+class NumericalError(ArithmeticError):
+    """A computation that came to nothing where a model is being made; the same on all ranks."""
+
+
 def show(value: object, length: int = 72) -> str:
     """Return `value` on one line, shortened to about `length` characters."""
     text = " ".join(repr(value).split())

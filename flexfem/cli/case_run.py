@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexfem import launch
-from flexfem._checks import InputError
+from flexfem._checks import InputError, NumericalError
 from flexfem.case import Case
 from flexfem.cli.case_line import parse
 from flexfem.cli.usage import UsageError, exit_code
@@ -75,7 +75,11 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
         UsageError: An option, a value or the model is not admissible.
     """
     case, parameters, options = parse(case, argv, prog=prog)
-    model, folders = _prepare(case, parameters, options)
+    try:
+        model, folders = _prepare(case, parameters, options)
+    except NumericalError as error:
+        launch.say(f"failed: {error}", error=True)
+        return 1
 
     try:
         outcome = case.analysis.run(model, options, case=case.name, results=case.results)

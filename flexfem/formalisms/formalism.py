@@ -87,7 +87,12 @@ def partition(G: FloatArray, preferred: BoolArray) -> Partition:
     R, order = scipy.linalg.qr(np.where(preferred, 10.0, 1.0) * G, pivoting=True, mode="r")
     pivots = np.abs(np.diag(R))
     if m > n or pivots[-1] <= _RANK * pivots[0]:
-        raise InputError("the constraints of the mechanism hold the same motion twice")
+        excess = m - int((pivots > _RANK * pivots[0]).sum())
+        raise InputError(
+            f"Mechanism: {excess} of {m} constraints are redundant (its joints hold the same "
+            "motion twice, or the position is singular); leave out what others hold already, or "
+            "start elsewhere"
+        )
     return Partition(np.sort(order[:m]), np.sort(order[m:]))
 
 
@@ -161,7 +166,7 @@ def consistent_start(
     else:
         raise InputError(
             f'Mechanism "{equations.mechanism.name}": its joints cannot be closed at the start, '
-            f"a gap of {np.abs(gap).max():g} is left"
+            f"a gap of {np.abs(gap).max():g} is left; place its bodies nearer to each other"
         )
     G = equations.jacobian(q)
     wanted = equations.prescribed_rates(t) - G @ qd

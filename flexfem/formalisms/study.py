@@ -46,7 +46,10 @@ class FormalismStudy:
             ValueError: a value is not admissible.
         """
         if not self.mechanisms or not self.formalisms:
-            raise ValueError("FormalismStudy: it needs a mechanism and a formalism")
+            got = f"{len(self.mechanisms)} and {len(self.formalisms)}"
+            raise ValueError(
+                f"FormalismStudy: mechanisms and formalisms must hold at least one each, got {got}"
+            )
         for name in self.formalisms:
             if name not in FORMALISMS:
                 raise ValueError(

@@ -89,7 +89,8 @@ def check_independence(system: System) -> None:
     more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
     raise InputError(
         f"{', '.join(names[:_NAMES])}{more}: {excess} of {total} constraints are redundant "
-        "(the joints hold the same motion twice, or the position is singular)"
+        "(the joints hold the same motion twice, or the position is singular); leave out what "
+        "others hold already, or let a motion carry it with redundant_constraints least_norm"
     )
 
 

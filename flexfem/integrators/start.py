@@ -209,7 +209,10 @@ def check_gaps(system: System) -> None:
     text = None
     if first in worst:
         joint, gap = worst[first]
-        text = f"{joint.owner}: the markers violate the joint at the start by {gap:.6g}"
+        text = (
+            f"{joint.owner}: the markers violate the joint at the start by {gap:.6g} (m or rad); "
+            "place the bodies so that it holds, or let flexfem.assemble move them"
+        )
     texts = [t for t in system.comm.allgather(text) if t is not None]
     raise InputError(texts[0])
 

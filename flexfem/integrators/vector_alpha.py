@@ -78,7 +78,10 @@ class VectorAlpha(VectorStepper):
             k = int(np.argmax(np.abs(values)))
             limit = _VIOLATED * (1.0 if what == "constraint" else 1.0 + 1e3 * np.abs(v).max())
             if not abs(values[k]) <= limit:
-                raise InputError(f"{what} {k} of the equations is {values[k]:.3g} at the start")
+                raise InputError(
+                    f"{what} {k} of the equations is {values[k]:.3g} at the start; start with "
+                    "coordinates and velocities that satisfy it"
+                )
         return _SECOND @ phi / h**2
 
     def _attempt(self, h: float, fresh: bool) -> Status:

@@ -40,6 +40,8 @@ _FORMAT = 1
 _BLOCK = 512  # bytes of the user block: the least that HDF5 has
 _SEAL = re.compile(rb"flexfem checkpoint\nformat (\d+)\nbytes (\d+)\nblake2b ([0-9a-f]{64})\n")
 _MARK = b"flexfem checkpoint\n"
+#: What can be done about a damaged one: the last two are kept.
+_OTHER = "take the other one that is kept"
 
 
 def write_checkpoint(
@@ -246,14 +248,16 @@ def _check_seal(path: Path) -> None:
             raise ValueError("is not a checkpoint of flexfem")
         found = _SEAL.match(block)
         if found is None or block != _seal(int(found[1]), int(found[2]), found[3].decode()):
-            raise ValueError("is damaged in its first 512 bytes")
+            raise ValueError(f"is damaged in its first 512 bytes; {_OTHER}")
         if int(found[1]) != _FORMAT:
             raise ValueError(f"has format {int(found[1])}, this version reads format {_FORMAT}")
         size, digest = _digest(file)
     if size != int(found[2]):
-        raise ValueError(f"is damaged: {_BLOCK + size} bytes instead of {_BLOCK + int(found[2])}")
+        raise ValueError(
+            f"is damaged: {_BLOCK + size} bytes instead of {_BLOCK + int(found[2])}; {_OTHER}"
+        )
     if digest != found[3].decode():
-        raise ValueError("is damaged: its contents do not have the checksum they had")
+        raise ValueError(f"is damaged: its contents do not have the checksum they had; {_OTHER}")
 
 
 def _lay_out(

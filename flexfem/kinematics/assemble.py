@@ -106,7 +106,10 @@ def _check_closed(mechanism: RigidMechanism, tolerance: float, what: str) -> Non
     worst = int(np.argmax(gaps)) if len(gaps) else 0
     if len(gaps) and not gaps[worst] <= tolerance:
         joint = mechanism.joints[int(rows.joint_of_row[worst])]
-        raise InputError(f"{joint.owner}: it {what}, a gap of {gaps[worst]:.6g} is left")
+        raise InputError(
+            f"{joint.owner}: it {what}, a gap of {gaps[worst]:.6g} is left; place the bodies "
+            "nearer to where they fit, or check lengths and axes"
+        )
 
 
 def _check_start(model: Model, tolerance: float) -> None:

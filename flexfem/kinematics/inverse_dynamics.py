@@ -235,7 +235,8 @@ class _Task:
         names = ", ".join(joint.owner for joint in self.outputs)
         if not gap <= _REACHED:
             raise ValueError(
-                f"{names}: the motion is out of reach at t = {t:.6g} s, a gap of {gap:.6g} is left"
+                f"{names}: the motion is out of reach at t = {t:.6g} s, a gap of {gap:.6g} is "
+                "left; prescribe one that the mechanism can follow, in steps that do not jump"
             )
         if rank < mechanism.size:
             raise ValueError(

@@ -10,6 +10,7 @@ import scipy.linalg
 import scipy.optimize
 import scipy.sparse.linalg
 
+from flexfem._checks import NumericalError
 from flexfem._types import FloatArray
 from flexfem.installation import load_dolfinx
 from flexfem.moving_base.effects import Effects
@@ -118,6 +119,7 @@ def modal_basis(
 
     Raises:
         ValueError: there are not as many functions in the elements.
+        NumericalError: the eigensolver did not find them (an ArithmeticError).
     """
     quadrature = Quadrature.of(divide(properties.breaks, elements))
     sections = section_values(properties, effects, quadrature.x)
@@ -189,7 +191,9 @@ def _eigenvectors(stiffness: Any, mass: Any, count: int) -> FloatArray:
     for thing in (eps, k, m, first, one):
         thing.destroy()
     if found < count:
-        raise ValueError(f"modes {count}: the eigenproblem gave {found}")
+        raise NumericalError(
+            f"modes {count}: the eigenproblem gave {found}; take fewer modes or more elements"
+        )
     out = np.array(vectors).T
     # exactly orthonormal, which modes of equal frequency need not be
     gram = np.linalg.cholesky(out.T @ (mass @ out))

@@ -62,7 +62,8 @@ class SavedState:
         version = self._file.header["flexfem"]
         if version != flexfem.__version__:
             raise self._file.refuse(
-                f"was written by flexfem {version}, this is {flexfem.__version__}"
+                f"was written by flexfem {version}, this is {flexfem.__version__}; go on with that "
+                "version, or start anew"
             )
 
     def check(self, serial: Assembly | Mapping[str, str]) -> None:
@@ -80,7 +81,10 @@ class SavedState:
             other = [name for name in now if then.get(name) != now[name]]
         other = self._comm.bcast(other)
         if other:
-            raise self._file.refuse(f"belongs to another model, other {', '.join(other)}")
+            raise self._file.refuse(
+                f"belongs to another model, other {', '.join(other)}; go on with the case and the "
+                "options that wrote it"
+            )
 
     def restore(self, target: _Restorable, system: System) -> None:
         """Put a system, or what steps it, where the checkpoint left it (collective).

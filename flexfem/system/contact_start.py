@@ -16,6 +16,9 @@ from flexfem.system.contact_surfaces import ContactPass, ContactSurfaces
 
 __all__ = ["check_start"]
 
+#: What can be done about all of it.
+_APART = "move them apart, or make the contact thinner"
+
 
 def check_start(points: ContactPoints, described: Sequence[ContactSurfaces]) -> None:
     """Check all contacts of a model.
@@ -45,7 +48,7 @@ def _check_depth(
         raise ValueError(
             f"{owner}: at the start {_body(points, node)} penetrates "
             f"{points.names[points.body[triangle]]} by {made.deepest:g} m at node "
-            f"{_number(points, node)}, more than half of the distance at which they touch"
+            f"{_number(points, node)}, more than half of the distance at which they touch; {_APART}"
         )
 
 
@@ -62,7 +65,7 @@ def _check_crossing(points: ContactPoints, owner: str, each: ContactPass) -> Non
         other = points.names[points.body[each.chosen[triangle]]]
         raise ValueError(
             f"{owner}: at the start {_body(points, a)} goes through {other} between nodes "
-            f"{_number(points, a)} and {_number(points, b)}"
+            f"{_number(points, a)} and {_number(points, b)}; {_APART}"
         )
 
 
@@ -85,7 +88,7 @@ def _check_inside(points: ContactPoints, owner: str, one: ContactSurfaces) -> No
             where = "outside" if surface.inside else "inside"
             raise ValueError(
                 f"{owner}: at the start {_body(points, node)} is {where} of "
-                f"{points.names[points.body[rows[0]]]} at node {_number(points, node)}"
+                f"{points.names[points.body[rows[0]]]} at node {_number(points, node)}; {_APART}"
             )
 
 
@@ -110,7 +113,7 @@ def _check_rigid(points: ContactPoints, owner: str, one: ContactSurfaces) -> Non
             raise ValueError(
                 f"{owner}: at the start {_body(points, node)} penetrates a rigid "
                 f"{place.shape.kind.name.lower()} by {-gaps[worst]:g} m at node "
-                f"{_number(points, node)}, more than half of its thickness"
+                f"{_number(points, node)}, more than half of its thickness; {_APART}"
             )
 
 

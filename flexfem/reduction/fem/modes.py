@@ -78,7 +78,9 @@ def sparse_modes(
     eps.solve()
     found = eps.getConverged()
     if found < count:
-        raise ArithmeticError(f"only {found} of {count} modes were found")
+        raise ArithmeticError(
+            f"only {found} of {count} modes were found; ask for fewer, or refine the mesh"
+        )
     vector = stiffness.createVecRight()
     modes = np.zeros((vector.getLocalSize(), count))
     for i in range(count):

@@ -48,7 +48,10 @@ def prepare(owner: str, body: LinearBody, integrals: MassIntegrals, ties: Ties) 
             means[np.arange(len(ties.averaged)), ties.averaged] = 1.0
         static = response.move(ties.motion, means)
     except ArithmeticError as error:
-        raise ValueError(f"{owner}: the interfaces do not hold the body: {error}") from None
+        raise ValueError(
+            f"{owner}: the interfaces do not hold the body: {error}; take larger ones or more, so "
+            "that it cannot move or turn while they are at rest"
+        ) from None
     _check_contained(owner, body, ties, static)
     return Pieces(
         stiffness,

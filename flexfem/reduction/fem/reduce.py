@@ -63,7 +63,7 @@ def reduce_body(
         TypeError: an argument has the wrong type.
         ValueError: an argument is out of its range; a region is not there, overlaps another or
             cannot turn; the body is in pieces, or its rigid motions cost energy.
-        ArithmeticError: the eigensolver did not find the modes.
+        NumericalError: the eigensolver did not find the modes (an ArithmeticError).
     """
     owner = "reduce_body"
     _checks.instance(owner, "body", body, LinearBody)
@@ -82,7 +82,7 @@ def reduce_body(
     try:
         inner = internal_functions(owner, pieces, basis, choice)
     except ArithmeticError as error:
-        raise ArithmeticError(f"{owner}: {error}") from None
+        raise _checks.NumericalError(f"{owner}: {error}") from None
     functions = np.hstack([pieces.static, inner])
     held = np.concatenate([ties_found.held, np.zeros(inner.shape[1], dtype=np.bool_)])
 
