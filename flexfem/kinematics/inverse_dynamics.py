@@ -194,7 +194,8 @@ class _Task:
         if not gap.max(initial=0.0) <= 1e-6:
             worst = mechanism.joints[int(mechanism.rows.joint_of_row[int(np.argmax(gap))])]
             raise ValueError(
-                f"{worst.owner}: the markers violate the joint at the start by {gap.max():.6g}"
+                f"{worst.owner}: the markers violate the joint at the start by {gap.max():.6g} "
+                "(m or rad); place the bodies so that it holds, or let flexfem.assemble move them"
             )
         freedoms = mechanism.size - _rank(mechanism.jacobian()[self.passive])
         prescribed = int(self.driven.sum())

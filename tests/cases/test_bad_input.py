@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from flexfem import cli
+from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
 
@@ -149,6 +150,22 @@ COMMANDS = {
     "run lee_frame --stop-column up --stop-value 1": ("stop_column 'up'", "down, right"),
     "run deep_arch --elements 5": ("elements must be even", "5"),
     "run bend_45 --torsion none": ("--torsion", "'none'", "square, polar"),
+    "run parallel_manipulator --mode 4": ("--mode", "'4'", "1, 2, 3, torque"),
+    "run parallel_manipulator --links rubber": ("--links", "'rubber'", "segments"),
+    "run parallel_manipulator --flexible some": ("--flexible", "'some'"),
+    "run parallel_manipulator --in-plane-height 0": ("--in-plane-height", "'0'"),
+    "run parallel_manipulator --samples 5": ("--samples", "'5'"),
+    "run parallel_manipulator --closure open": ("--closure", "'open'", "reduced"),
+    "run parallel_manipulator --duration -1": ("--duration", "'-1'"),
+    "run manipulator_deployment --theory naive": ("--theory", "'naive'", "consistent"),
+    "run manipulator_deployment --assumed-modes 0": ("--assumed-modes", "'0'"),
+    "run spin_up --hub-radius -1": ("--hub-radius", "'-1'"),
+    "run spin_up --bodies 0": ("--bodies", "'0'"),
+    "run connecting_rod --frame middle": ("--frame", "'middle'", "mean_axes"),
+    "run connecting_rod --internal-modes -1": ("--internal-modes", "'-1'"),
+    "run connecting_rod --reduced nowhere/rod.h5": ("nowhere/rod.h5", "no such folder"),
+    "run formalisms --formalism newton": ("--formalism", "'newton'", "maggi"),
+    "run formalisms --elements 0": ("--elements", "'0'"),
     "run heavytop": ("heavytop", "heavy_top"),
     "run own": ("'own'", "chain"),
     "run nowhere/own.py": ("nowhere/own.py",),
@@ -244,6 +261,7 @@ def check_message(text: str, parts: tuple[str, ...]) -> None:
     assert text.startswith("error: ")
     for part in parts:
         assert part in text
+    assert_on_page(text.removeprefix("error: ").rstrip())
 
 
 def refused(

@@ -24,6 +24,7 @@ from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.model.bodies import Beam, Box, Cylinder, PointMass, RigidBody, Sphere
 from flexfem.model.model import Model
 from flexfem.model.probe import PositionProbe, Probe
+from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
 
@@ -477,6 +478,7 @@ def expect(message, function, *arguments):
     assert re.match(rf".*{message}", text), text
     assert "\n" not in text
     assert len(text) < 400
+    assert_on_page(text)
 
 
 @pytest.mark.parametrize(("make", "message"), CONSTRUCTORS, ids=[m for _, m in CONSTRUCTORS])
