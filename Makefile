@@ -1,7 +1,7 @@
 # Every target makes the set-up it needs in .venv; "make help" lists them.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test lint verification bench check-paraview clean
+.PHONY: help setup run test lint verification bench dist check-paraview clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -67,6 +67,9 @@ verification: $(STAMP) ## all benchmarks at full meshes: writes tests/verificati
 bench: $(BENCH_STAMP) ## timings, against Exudyn where it has the same problem
 	$(BIN)/python tests/benchmarks/chain_against_exudyn.py --ranks 2
 	$(BIN)/python tests/benchmarks/scaling.py
+
+dist: $(STAMP) ## wheel and sdist in dist/
+	$(BIN)/python -m hatchling build -d dist
 
 check-paraview: $(STAMP) ## open short runs of all cases, on 1 and 2 ranks, in the installed ParaView
 	@set -e; folders=; for case in $$(cd cases && ls *.py | sed 's/\.py$$//'); do \
