@@ -45,7 +45,8 @@ def say(text: str, *, error: bool = False) -> None:
     try:
         print(text, file=stream, flush=True)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        # what is still in the stream's buffer must go somewhere when the process ends
+        os.dup2(os.memfd_create("unread"), stream.fileno())
 
 
 def first_message(message: str) -> str:

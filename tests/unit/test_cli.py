@@ -57,6 +57,13 @@ if __name__ == "__main__":
     sys.exit(ff.main(CASE))
 """
 
+NO_MODES = """\
+    if length == 7.0:
+        from flexfem._checks import NumericalError
+
+        raise NumericalError("body: only 1 of 9 modes were found")
+"""
+
 BAD = {
     "--dt 0": ("--dt", "'0'"),
     "--dt -1e-3": ("--dt", "'-1e-3'"),
@@ -209,6 +216,38 @@ def test_interrupt(
 ) -> None:
     assert cli.command(["run", str(own_case), "--length", "5"]) == 128 + signal.SIGINT
     assert one_line(capsys) == "interrupted\n"
+
+
+def test_failure_while_the_model_is_made(
+    own_case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = own_case.read_text().replace("    return None if", NO_MODES + "    return None if")
+    own_case.write_text(text)
+    assert cli.command(["run", str(own_case), "--length", "7", "--output", "a/b"]) == 1
+    assert one_line(capsys) == "failed: body: only 1 of 9 modes were found\n"
+    assert not (own_case.parent / "a").exists()
+
+
+def test_case_that_imports_what_is_not_there(
+    own_case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own_case.write_text("import not_installed\n" + own_case.read_text())
+    assert cli.command(["run", str(own_case)]) == 2
+    message = one_line(capsys)
+    assert "own.py" in message
+    assert "not_installed" in message
+
+
+def test_who_reads_no_further_does_not_end_a_run() -> None:
+    """Like ``| head``: the pipe is closed before anything is said."""
+    program = (
+        "import os, sys\n"
+        "read, write = os.pipe(); os.dup2(write, 1); os.close(write); os.close(read)\n"
+        "from flexfem import launch\n"
+        "launch.say('lost'); launch.say('lost, too'); launch.say('heard', error=True)\n"
+    )
+    ended = run_python("-c", program)
+    assert (ended.returncode, ended.stderr) == (0, "heard\n")
 
 
 def test_unexpected_errors_keep_their_traceback(own_case: Path) -> None:
