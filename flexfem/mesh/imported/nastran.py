@@ -158,9 +158,11 @@ class _Reader:
             keys: list[Key] = [("", i) for i in listed if ("", i) in there]
             lost = any(exact and ("", i) not in there for i, exact in listed.items())
             if kind in ("", what) and keys and not lost:
-                sets = self.deck.node_sets if what == "GRID" else self.deck.element_sets
-                sets.add(name, keys)
-                self.deck.optional.add(name)
+                if what == "GRID":
+                    self.deck.node_sets.add(name, keys)
+                else:
+                    self.deck.element_sets.add(name, keys)
+                    self.deck.optional.add(name)
                 self.deck.skipped.pop(name, None)
 
     def _listed(self, card: Card, items: list[str]) -> dict[int, bool]:

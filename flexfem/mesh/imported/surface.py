@@ -54,11 +54,14 @@ def surface_data(
     used = np.zeros(len(file.points), dtype=np.bool_)
     used[rows] = True
     named = file.one_nodes("nodes", nodes, used)
+    owners = np.zeros(len(element), dtype=np.int64)
+    for number, members in enumerate(sets.values()):
+        owners[np.isin(element, members)] = number
     return SurfaceData(
         file.points[rows],
         triangles,
-        {name: np.flatnonzero(np.isin(element, members)) for name, members in sets.items()},
-        _Lines(file, rows, triangles).found(lines),
+        {name: np.flatnonzero(owners == number) for number, name in enumerate(sets)},
+        _Lines(file, rows, triangles, owners).found(lines),
         {name: int(np.searchsorted(rows, node)) for name, node in named.items()},
         None if np.isnan(middles).all() else middles,
     )
@@ -133,14 +136,20 @@ def _quadrilateral_middles(
 class _Lines:
     """Lines along edges of triangles, from sets of lines, of edges and of nodes."""
 
-    def __init__(self, file: MeshFile, rows: IntArray, triangles: IntArray) -> None:
+    def __init__(
+        self, file: MeshFile, rows: IntArray, triangles: IntArray, bodies: IntArray
+    ) -> None:
         self.file, self.rows = file, rows
         count = len(rows)
         edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        keys, first, times = np.unique(
-            edge_keys(edges, count), return_index=True, return_counts=True
+        keys = edge_keys(edges, count)
+        self.keys, first = np.unique(keys, return_index=True)
+        self.edges = edges[first]
+        # at the boundary of a body, whatever other bodies are beside it
+        own, times = np.unique(
+            np.column_stack([keys, np.repeat(bodies, 3)]), axis=0, return_counts=True
         )
-        self.keys, self.edges, self.boundary = keys, edges[first], times == 1
+        self.boundary = np.isin(self.keys, own[times == 1, 0])
         self.local = np.full(len(file.points), -1)
         self.local[rows] = np.arange(count)
 
