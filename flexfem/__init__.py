@@ -107,6 +107,8 @@ _MODULES = {
     "beam_body": "reduction.fem.beam",
     "shell_body": "reduction.fem.shell",
     "reduce_body": "reduction.fem.reduce",
+    "read_materials": "io.section_table",
+    "read_sections": "io.section_table",
     "save_reduced_body": "io.reduced_body_file",
     "load_reduced_body": "io.reduced_body_file",
     "Spherical": "joints.spherical",
