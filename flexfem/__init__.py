@@ -61,6 +61,7 @@ _MODULES = {
     "Beam": "model.bodies",
     "Shell": "model.shell",
     "SHELL_ELEMENTS": "model.shell",
+    "weld": "model.weld",
     "Contact": "model.contact",
     "ContactProbe": "model.contact",
     "RigidCylinder": "model.rigid_surface",

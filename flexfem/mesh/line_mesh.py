@@ -164,6 +164,7 @@ def read_mesh(
     merge: float | None = None,
     lines: Sequence[str] | None = None,
     points: Sequence[str] | None = None,
+    separate: bool = False,
 ) -> LineMesh:
     """Read the lines of a mesh file: gmsh, Abaqus, Nastran or VTK.
 
@@ -179,19 +180,24 @@ def read_mesh(
         lines: Element sets to take; None for all.
         points: Node sets to take; None for those of one node. A set of several is NAME_1, NAME_2
             and so on, in the order of the file.
+        separate: Give each group nodes of its own, as beams of a model need them. Those that it
+            shared with other groups are points called GROUP_seam_1 and so on, for joints (see
+            :func:`weld`). Another point there is on the first of these groups.
 
     Returns:
         The mesh.
 
     Raises:
         TypeError: An argument is of the wrong kind.
-        ValueError: The file is missing or unreadable, or has no lines or no such set.
+        ValueError: The file is missing or unreadable, has no lines or no such set, or groups
+            that are to be separate share lines.
     """
     from flexfem.mesh.imported.lines import line_data
     from flexfem.mesh.imported.read import read_mesh_file
 
     file = read_mesh_file(Path(path), scale, merge)
-    data = line_data(file, lines, points)
+    _checks.instance(file.owner, "separate", separate, bool)
+    data = line_data(file, lines, points, separate)
     try:
         return LineMesh(*data)
     except ValueError as error:

@@ -136,3 +136,106 @@ def test_curved_cells_stay_curved(kind, tmp_path, gmsh_model) -> None:
     assert found["start"] == pytest.approx(0.5, rel=1e-12)
     exact = 0.25 * np.pi * 3.0 * 0.5
     assert found["ring"] == pytest.approx(exact, rel=5e-3)
+
+
+CORNERS = np.array([
+    [-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1],
+    [-1, 1, 1],
+])  # fmt: skip
+BOTTOM, TOP, UPRIGHT = (
+    [(0, 1), (1, 2), (2, 3), (3, 0)],
+    [(4, 5), (5, 6), (6, 7), (7, 4)],
+    [(0, 4), (1, 5), (2, 6), (3, 7)],
+)
+
+
+def bent(places: np.ndarray) -> np.ndarray:
+    """A cube (n, 3) bent so that the middle of each edge is off its chord in its own way."""
+    x, y, z = places.T
+    return np.column_stack([
+        x + 0.1 * z * z * (2 + y), y + 0.07 * x * x - 0.05 * z * z, z + 0.06 * y * y * (1 + x)
+    ])  # fmt: skip
+
+
+def serendipity_volume(places: np.ndarray) -> float:
+    """Volume of the cell of 20 nodes at bent places, by its textbook shape functions."""
+    nodes = bent(places)
+    ticks, weights = np.polynomial.legendre.leggauss(6)
+    at = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    weight = np.einsum("i,j,k->ijk", weights, weights, weights).ravel()
+
+    def shape(point: np.ndarray) -> np.ndarray:
+        """Of all nodes: corners 1/8 ... (a + b + c - 2), middles of edges 1/4 (1 - a^2) ..."""
+        terms = 1.0 + places * point
+        corner = 0.125 * terms.prod(axis=1) * ((places * point).sum(axis=1) - 2.0)
+        edge = 0.25 * np.where(places == 0, 1.0 - point**2, terms).prod(axis=1)
+        return np.where((places == 0).any(axis=1), edge, corner)
+
+    step = 1e-30j  # derivatives to the last digit
+    slopes = [
+        np.stack([(shape(point + step * axis) @ nodes).imag / 1e-30 for axis in np.eye(3)])
+        for point in at
+    ]
+    return float(weight @ np.linalg.det(np.array(slopes)))
+
+
+@pytest.mark.serial
+def test_nodes_of_hexahedra_in_the_orders_of_the_manuals(tmp_path) -> None:
+    """Abaqus: edges below, above, upright. Nastran: below, upright, above."""
+    for name, edges in (
+        ("cell.inp", BOTTOM + TOP + UPRIGHT),
+        ("cell.bdf", BOTTOM + UPRIGHT + TOP),
+    ):
+        middles = [CORNERS[list(edge)].mean(axis=0) for edge in edges]
+        places = np.concatenate([CORNERS, middles])
+        rows = [", ".join(f"{x!r}" for x in point) for point in bent(places).tolist()]
+        if name.endswith("inp"):
+            lines = ["*NODE", *(f"{i}, {row}" for i, row in enumerate(rows, 1))]
+            lines += ["*ELEMENT, TYPE=C3D20R, ELSET=C", f"1, {', '.join(map(str, range(1, 16)))},"]
+            lines += [", ".join(map(str, range(16, 21)))]
+        else:
+            lines = [f"GRID,{i},,{row.replace(' ', '')}" for i, row in enumerate(rows, 1)]
+            lines += ["CHEXA,1,1,1,2,3,4,5,6,+", "+,7,8,9,10,11,12,13,14,+", "+,15,16,17,18,19,20"]
+        (tmp_path / name).write_text("\n".join(lines) + "\n")
+        body = ff.read_body_mesh(tmp_path / name)
+        (volume,) = measures(body).values()
+        # straight edges have 0.4 less of 8, edges in a wrong order anything
+        assert volume == pytest.approx(serendipity_volume(places), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (mesh_texts.ABAQUS_FRAME, {}, "no solid elements; it has 3 lines, 1 lines of second"),
+        (mesh_texts.ABAQUS_BLOCK, {"bodies": ["MID"]}, 'no element set "MID"; sets with solid'),
+        (mesh_texts.ABAQUS_BLOCK, {"facets": ["MID"]}, 'facets "MID": there is no such set of f'),
+        (mesh_texts.ABAQUS_BLOCK, {"facets": ["LOWER"]}, 'facets "LOWER": a body has this name'),
+        (mesh_texts.ABAQUS_BLOCK, {"facets": "TOP"}, "facets must be a list of names, got 'TOP'"),
+        (
+            mesh_texts.ABAQUS_BLOCK,
+            {"bodies": ["LOWER"], "facets": ["TOP"]},
+            'facets "TOP": 1 of its 1 faces are none of the body; sets with facets are BOTTOM',
+        ),
+        (
+            mesh_texts.ABAQUS_BLOCK + "*NSET, NSET=EDGE\n1, 2\n",
+            {"facets": ["EDGE"]},
+            'facets "EDGE": no face at the boundary of the body has all of its nodes in this set',
+        ),
+        (
+            mesh_texts.ABAQUS_BLOCK + "*NSET, NSET=OUTER\n1, 2, 3, 4, 5, 6\n",
+            {},
+            r'"SIDE" and "BOTTOM|sets "\w+" and "OUTER" share faces: choose .* facets=\[...\]',
+        ),
+        (
+            mesh_texts.ABAQUS_BLOCK + "*SURFACE, NAME=FREE\nLOWER\n",
+            {"facets": ["FREE"]},
+            r'facets "FREE": its surface names no face \(S1\) or edge',
+        ),
+        (mesh_texts.ABAQUS_BLOCK, {"scale": -1}, "scale must be positive, got -1"),
+    ],
+)
+def test_bad_bodies_are_refused_on_all_ranks(text, options, message, shared_tmp_path) -> None:
+    path = written(shared_tmp_path, "bad.inp", text)
+    with pytest.raises((ValueError, TypeError), match=message) as caught:
+        ff.read_body_mesh(path, **options)
+    assert "\n" not in str(caught.value)

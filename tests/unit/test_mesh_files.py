@@ -236,6 +236,30 @@ def test_nodes_in_one_place_are_merged_on_demand(file) -> None:
     assert dict(one.point_groups) == {"MIDDLE": 1}
 
 
+def test_welds_of_beams(file) -> None:
+    path = file("frame.inp", mesh_texts.ABAQUS_FRAME)
+    mesh = ff.read_mesh(path, scale=1e-3, lines=["LEGS", "Beam"], separate=True)
+    assert {k: mesh.points[v].tolist() for k, v in mesh.point_groups.items() if "seam" in k} == {
+        "LEGS_seam_1": [0, 0, 1],
+        "Beam_seam_1": [0, 0, 1],
+        "LEGS_seam_2": [2, 0, 1],
+        "Beam_seam_2": [2, 0, 1],
+    }
+    rod = ff.Section.circle(0.01, ff.Material(210e9, 0.3, 7850.0))
+    legs, beam = ff.Beam("legs", rod, group="LEGS"), ff.Beam("beam", rod, group="Beam")
+    joints = ff.weld(mesh, [legs, beam])
+    assert [joint.name for joint in joints] == ["legs_beam", "legs_beam_2"]
+    # the node set TOP_LEFT names the node of the legs, which is that of their first seam
+    assert [str(joint.a) for joint in joints][1] == "legs:LEGS_seam_2"
+    assert ff.weld(mesh, [legs]) == []
+    with pytest.raises(ValueError, match='group "ROOF" is not in the mesh'):
+        ff.weld(mesh, [ff.Beam("roof", rod, group="ROOF")])
+    with pytest.raises(TypeError, match="weld: each beam must be a Beam, got 'legs'"):
+        ff.weld(mesh, ["legs"])
+    with pytest.raises(ValueError, match=r'"LEGS" and "FRAME" share 3 elements: .*, lines=\['):
+        ff.read_mesh(path, separate=True)
+
+
 def test_included_files(file) -> None:
     file("nodes.inc", "*NODE\n1, 0, 0, 0\n2, 3, 0, 0\n")
     path = file("bar.inp", "*INCLUDE, INPUT=nodes.inc\n*ELEMENT, TYPE=T3D2, ELSET=B\n1, 1, 2\n")
@@ -299,7 +323,7 @@ BAD = [
     (surface(BAR), "no triangles or quadrilaterals; it has 1 lines"),
     (
         surface(PLATE + "*ELSET, ELSET=ALL\n1\n"),
-        r'"PLATE" and "ALL" share 1 elements: choose those that are bodies, bodies=\[...\], from',
+        r'"PLATE" and "ALL" share 1 elements: choose those that are needed, bodies=\[...\], from',
     ),
     (
         surface(PLATE + "*NSET, NSET=E\n1, 2\n", lines=["F"]),

@@ -61,6 +61,70 @@ def test_beam_of_a_nastran_file_in_millimetres(shared_tmp_path) -> None:
         assert -imported["z"][-1] == pytest.approx(bending, rel=6e-3)
 
 
+FRAME = """*NODE
+1, 0, 0, 0
+2, 0, 0, 500
+3, 0, 0, 1000
+4, 400, 0, 1000
+5, 800, 0, 1000
+6, 0, 600, 1000
+*ELEMENT, TYPE=B31, ELSET=MAST
+1, 1, 2
+2, 2, 3
+*ELEMENT, TYPE=B31, ELSET=ARM
+3, 3, 4
+4, 4, 5
+*ELEMENT, TYPE=B31, ELSET=STAY
+5, 3, 6
+*NSET, NSET=FOOT
+1
+*NSET, NSET=HOOK
+5
+*ELSET, ELSET=FRAME
+1, 2, 3, 4, 5"""
+
+
+def test_beams_that_share_nodes_in_the_file_are_welded(shared_tmp_path) -> None:
+    path = written(shared_tmp_path, "frame.inp", FRAME.split("\n"))
+
+    def frame(mesh: ff.LineMesh, groups: list[str], hook: str) -> ff.Model:
+        tube = ff.Section.tube(0.02, 0.03, STEEL)
+        model = ff.Model("frame", mesh=mesh)
+        beams = [ff.Beam(name.lower(), tube, group=name) for name in groups]
+        end = ff.Marker(hook, "HOOK")
+        model.add(
+            *beams,
+            *ff.weld(mesh, beams),
+            ff.Rigid("clamp", ff.Ground(), ff.Marker(groups[0].lower(), "FOOT")),
+            ff.PointForce("load", end, (0.0, 50.0, -100.0)),
+            ff.Probe("hook", end, ("x", "y", "z"), lambda t, at: at.position.tolist()),
+        )
+        return model
+
+    groups = ["MAST", "ARM", "STAY"]
+    apart = ff.read_mesh(path, scale=1e-3, lines=groups, separate=True)
+    assert len(apart.points) == 8
+    places = {name: apart.points[node].tolist() for name, node in apart.point_groups.items()}
+    corner = [0.0, 0.0, 1.0]
+    assert places == {
+        "FOOT": [0.0, 0.0, 0.0],
+        "HOOK": [0.8, 0.0, 1.0],
+        **{f"{name}_seam_1": corner for name in groups},
+    }
+    model = frame(apart, groups, "arm")
+    assert [joint.name for joint in model.joints] == ["mast_arm", "mast_stay", "clamp"]
+    welded = solved(model)
+    whole = solved(frame(ff.read_mesh(path, scale=1e-3, lines=["FRAME"]), ["FRAME"], "frame"))
+    if COMM.rank == 0:
+        for axis in "xyz":  # a hinge instead of a weld has no equilibrium at all
+            np.testing.assert_allclose(welded[axis], whole[axis], rtol=1e-8, atol=1e-10)
+        # mast and arm as cantilevers in small displacements: load L_arm (L_mast + L_arm / 3)
+        bending = 210e9 * np.pi * (0.03**4 - 0.02**4) / 64.0
+        sag = 100.0 * 0.8**2 * (1.0 + 0.8 / 3.0) / bending
+        # finite displacements 2 %, elements of half the length 1/(4 n^2) = 6 %
+        assert 1.0 - welded["z"][-1] == pytest.approx(sag, rel=0.1)
+
+
 def plate(mesh: ff.SurfaceMesh, edge: str, corner: str) -> ff.Model:
     """A plate of 1 m x 0.5 m that is clamped on the left and has a force at a corner."""
     model = ff.Model("plate", surface=mesh)

@@ -2,6 +2,7 @@
 """Solids and surfaces of a mesh file as one body, and named faces of it."""
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -145,7 +146,11 @@ class _Facets:
         every = np.sort(np.concatenate([corners[:, face] for face in faces]), axis=1)
         self.facets, times = np.unique(every, axis=0, return_counts=True)
         self.boundary = self.facets[times == 1]
-        self.known = {tuple(row) for row in self.facets.tolist()}
+
+    @cached_property
+    def known(self) -> set[tuple[int, ...]]:
+        """All facets, for looking some up."""
+        return {tuple(row) for row in self.facets.tolist()}
 
     def found(
         self, names: Sequence[str] | None, taken: Mapping[str, object]

@@ -160,10 +160,10 @@ class MeshFile:
         names = list(found)
         for number, (name, rows) in enumerate(found.items()):
             if (taken := owner[rows] >= 0).any():
-                other = names[owner[rows[np.argmax(taken)]]]
+                other = owner[rows[np.argmax(taken)]]
                 raise ValueError(
-                    f'{self.owner}: element sets "{other}" and "{name}" share {taken.sum()} '
-                    f"elements: choose those that are bodies, {what}=[...], from {shown(names)}"
+                    f'{self.owner}: element sets "{names[other]}" and "{name}" share '
+                    f"{(owner[rows] == other).sum()} elements: choose those that are needed, {what}=[...], from {shown(names)}"
                 )
             owner[rows] = number
 
