@@ -5,20 +5,15 @@ Read here and not with meshio, which takes one *NODE block only, drops what a se
 other sets, and knows neither parts and instances nor surfaces.
 """
 
-from collections import Counter
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NoReturn
 
-import numpy as np
-
+from flexfem.mesh.imported.abaqus_instances import collect, in_instance, placement
 from flexfem.mesh.imported.abaqus_statements import FACES, Statement, element_kind, statements
-from flexfem.mesh.imported.deck import Deck, Key, Sets
+from flexfem.mesh.imported.deck import Deck, Key, number_of
 from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
 __all__ = ["read"]
-
-type Position = tuple[float, float, float]
 
 #: What changes or makes nodes and elements in ways that are not read here.
 _REFUSED = (
@@ -72,27 +67,8 @@ class _Reader:
         )
 
     def finished(self) -> MeshFile:
-        """Return all that was read; a set of an instance keeps its name if no other one has it."""
-        for kind in ("node_sets", "element_sets"):
-            own: Sets = getattr(self.model, kind)
-            inner = [
-                (instance, part, name, keys)
-                for instance, part in self.instances
-                for name, keys in getattr(part, kind).items()
-            ]
-            times = Counter(name.lower() for *_, name, _ in inner)
-            times.update(name.lower() for name, _ in own.items())
-            for instance, part, name, keys in inner:
-                full = name if times[name.lower()] == 1 else f"{instance}.{name}"
-                own.add(full, _in_instance(instance, keys))
-                if name in part.optional:
-                    self.model.optional.add(full)
-        for instance, part in self.instances:
-            for name, facets in part.facets.items():
-                full = name if name not in self.model.facets else f"{instance}.{name}"
-                self.model.facets[full] = [_in_instance(instance, nodes) for nodes in facets]
-            self.model.unused.update(part.unused)
-            self.model.skipped |= part.skipped
+        """Return all that was read."""
+        collect(self.model, self.instances)
         return self.model.mesh_file()
 
     # --- parts ---------------------------------------------------------------------------------
@@ -109,37 +85,15 @@ class _Reader:
         part = self.parts.get(self._option(statement, "PART").lower())
         if part is None:
             self.fail(statement, f'instance "{name}" is of a part that is not in the file')
-        move = self._placed(statement)
+        try:
+            move = placement([self._floats(statement, line, row) for line, row in statement.rows])
+        except ArithmeticError as error:
+            self.fail(statement, str(error))
         self.instances.append((name, part))
         for (_, number), position in part.nodes.items():
             self.model.nodes[name, number] = move(position)
         for (_, number), (kind, nodes) in part.elements.items():
-            self.model.elements[name, number] = (kind, _in_instance(name, nodes))
-
-    def _placed(self, statement: Statement) -> Callable[[Position], Position]:
-        """Return the map of positions of an instance: a translation, then a rotation."""
-        rows = [self._floats(statement, line, row) for line, row in statement.rows]
-        if not rows:
-            return lambda position: position
-        if len(rows) > 2 or len(rows[0]) > 3 or (len(rows) == 2 and len(rows[1]) != 7):
-            self.fail(statement, "place must be a translation (3) and a rotation (7 numbers)")
-        shift = np.array((rows[0] + [0.0, 0.0])[:3])
-        start, turn = np.zeros(3), np.eye(3)
-        if len(rows) == 2:
-            start, end, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), rows[1][6]
-            length = np.linalg.norm(end - start)
-            if length == 0.0:
-                self.fail(statement, "the axis of the rotation has no length")
-            x, y, z = (end - start) / length
-            cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-            a = np.deg2rad(angle)
-            turn = np.eye(3) + np.sin(a) * cross + (1.0 - np.cos(a)) * cross @ cross
-
-        def move(position: Position) -> Position:
-            x, y, z = (start + turn @ (position + shift - start)).tolist()
-            return x, y, z
-
-        return move
+            self.model.elements[name, number] = (kind, in_instance(name, nodes))
 
     # --- nodes and elements --------------------------------------------------------------------
 
@@ -200,8 +154,12 @@ class _Reader:
         members = self._members(statement, "node_sets")
         if source := statement.options.get("ELSET"):
             for key in self._set(statement, "element_sets", source):
+                if key not in self.deck.elements:
+                    self.fail(statement, f"element {number_of(key)} is not in the file up to here")
                 members += self.deck.elements[key][1]
         self.deck.node_sets.add(name, members)
+        if "INTERNAL" in statement.options:
+            self.deck.optional.add(name)
 
     def _elset(self, statement: Statement) -> None:
         name = self._option(statement, "ELSET")
@@ -249,7 +207,7 @@ class _Reader:
         for place, part in self.instances:
             if found is None and place.lower() == instance.lower():
                 members = getattr(part, kind).get(inner)
-                found = None if members is None else list(_in_instance(place, members))
+                found = None if members is None else list(in_instance(place, members))
         if found is None:
             what = kind.replace("_", " ")[:-1]
             self.fail(statement, f'there is no {what} "{name}" up to here', line)
@@ -302,7 +260,3 @@ class _Reader:
             return [float(item.upper().replace("D", "E")) if item else 0.0 for item in row]
         except ValueError:
             self.fail(statement, f"needs numbers, got {', '.join(row)!r}", line)
-
-
-def _in_instance(instance: str, keys: Iterable[Key]) -> tuple[Key, ...]:
-    return tuple((instance, number) for _, number in keys)

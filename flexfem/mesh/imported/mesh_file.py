@@ -64,7 +64,7 @@ class MeshFile:
         element_sets: Cell numbers by name, in the order of the file.
         node_sets: Node rows by name, in the order of the file.
         facet_sets: Corner nodes of faces or edges by name, each a row of some length.
-        optional: Element sets that are taken only when they are asked for.
+        optional: Sets of elements, lines or faces that are taken only when they are asked for.
         unused: How many elements there are of the types that have no place in a mesh.
         skipped: Why a set that the file defines is not among those above, by its name.
     """
@@ -163,7 +163,8 @@ class MeshFile:
                 other = owner[rows[np.argmax(taken)]]
                 raise ValueError(
                     f'{self.owner}: element sets "{names[other]}" and "{name}" share '
-                    f"{(owner[rows] == other).sum()} elements: choose those that are needed, {what}=[...], from {shown(names)}"
+                    f"{(owner[rows] == other).sum()} elements: choose those that are needed, "
+                    f"{what}=[...], from {shown(names)}"
                 )
             owner[rows] = number
 
