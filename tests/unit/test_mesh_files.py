@@ -129,6 +129,44 @@ def test_nastran(file) -> None:
     assert len(both.triangles) == 3  # 21 THRU 30 where there are 21 and 22
 
 
+def test_nastran_coordinate_systems(file) -> None:
+    """Points by hand: a cylinder about the x axis at z = 10, a sphere in it, a system of points."""
+    text = """CORD2C,3,0,0.,0.,10.,1.,0.,10.,+
++,0.,1.,10.
+CORD2S,4,3,5.,90.,0.,5.,90.,1.,+
++,6.,90.,0.
+CORD1R,5,1,2,3
+GRID,1,0,0.,0.,0.
+GRID,2,0,0.,0.,2.
+GRID,3,0,0.,3.,0.
+GRID,4,3,2.,90.,7.
+GRID,5,4,3.,90.,90.
+GRID,6,4,3.,0.,0.
+GRID,7,5,1.,2.,3.
+GRDSET,,3
+GRID,8,,1.,0.,1.
+CROD,1,1,1,2
+CROD,2,1,2,3
+CROD,3,1,3,4
+CROD,4,1,4,5
+CROD,5,1,5,6
+CROD,6,1,6,7
+CROD,7,1,7,8
+"""
+    mesh = ff.read_mesh(file("grid.bdf", text))
+    expected = [
+        [0, 0, 0],
+        [0, 0, 2],
+        [0, 3, 0],
+        [7, 0, 12],  # 90 degrees from y about x is z
+        [0, -3, 15],  # first axis z, second -y, third x
+        [3, 0, 15],
+        [-2, 1, 3],  # third axis z, first y
+        [1, 1, 10],
+    ]
+    np.testing.assert_allclose(mesh.points, expected, atol=1e-14)  # round-off of cos 90 degrees
+
+
 def test_vtk(file) -> None:
     mesh = ff.read_surface_mesh(file("sheet.vtk", mesh_texts.VTK_SHEET))
     areas = {name: mesh.areas[rows].sum() for name, rows in mesh.bodies.items()}
@@ -334,12 +372,18 @@ BAD = [
         'line "E": 1 of its 1 lines follow no edge of the triangles; lines there are none',
     ),
     (lines("GRID,1,,0.,a,0.\n", "bad.bdf"), "line 1: GRID: field 5 must be a number, got 'a'"),
-    (lines("GRID,1,4,0.,0.,0.\n", "bad.bdf"), "line 1: GRID: point 1 is in coordinate system 4"),
+    (lines("GRID,1,4,0.,0.,0.\n", "bad.bdf"), "line 1: GRID: coordinate system '4' is not in"),
     (
         lines("GRID,1,,0.\nGRID,2,,1.\nGRDSET,,2\nCROD,1,1,1,2\n", "bad.bdf"),
-        "line 1: GRID: point 1 is in coordinate system 2",
+        "line 1: GRID: coordinate system '2' is not in the file",
     ),
-    (lines("GRID,1\nGRID,2,,1.\nCBAR,1,1,1\n", "bad.bdf"), "line 3: CBAR: field 5 must be a"),
+    (lines("GRID,1\nGRID,2,,1.\nCBAR,1,1,1\n", "bad.bdf"), "line 3: CBAR: field 5 must be the"),
+    (
+        lines("GRID,1,4\nCORD2R,4,4,1.\n", "bad.bdf"),
+        "line 2: CORD2R: system 4 is defined by itself",
+    ),
+    (lines("GRID,1,4\nCORD2R,4,,1.\n", "bad.bdf"), "three points of system 4 are on one line"),
+    (lines("GRID,1\nGRID,1,,1.\n", "bad.bdf"), "line 2: GRID: point 1 is there twice, also in"),
     (lines("nothing", "bad.vtk"), 'bad.vtk" cannot be read: '),
     (lines("<xml", "bad.vtu"), 'bad.vtu" cannot be read: '),
     (lines(mesh_texts.VTK_SHEET, "bad.vtk"), "no lines; it has 2 triangles, 1 quadrilaterals"),

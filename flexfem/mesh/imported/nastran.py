@@ -8,11 +8,11 @@ system, stumbles over element angles and offsets, and reads neither sets nor mat
 import re
 from collections.abc import Container
 from pathlib import Path
-from typing import NoReturn
 
 from flexfem.mesh.imported.deck import Deck, Key
 from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 from flexfem.mesh.imported.nastran_cards import Card, cards
+from flexfem.mesh.imported.nastran_points import SYSTEMS, GridPoints
 
 __all__ = ["read"]
 
@@ -33,7 +33,6 @@ _ORDER = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)], "line3":
 _MATERIAL_FIELD = dict.fromkeys(
     ("PBAR", "PBARL", "PBEAM", "PBEAML", "PBEND", "PROD", "PTUBE", "PSHELL", "PSOLID", "PSHEAR"), 3
 )
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]?\d+))?", re.IGNORECASE)
 
 
 def read(path: Path) -> MeshFile:
@@ -60,20 +59,17 @@ class _Reader:
         self.material: dict[Key, int] = {}
         self.materials: dict[int, int] = {}
         self.sets: list[tuple[Card, str, str, list[str]]] = []
-        self.system = ""
+        self.points = GridPoints()
         self.default_property = {"CBAR": "", "CBEAM": ""}
-        self.unplaced: Card | None = None
 
     def take(self, card: Card) -> None:
         """Take what a card says."""
-        if card.name == "GRID":
-            self._grid(card)
+        if card.name in ("GRID", "GRDSET") or card.name in SYSTEMS:
+            self.points.take(card)
         elif card.name in _ELEMENTS:
             self._element(card)
         elif card.name in _MATERIAL_FIELD and card.field(_MATERIAL_FIELD[card.name]):
-            self.materials[self._integer(card, 2)] = self._integer(card, 3)
-        elif card.name == "GRDSET":
-            self.system = card.field(3)
+            self.materials[card.integer(2)] = card.integer(3)
         elif card.name in ("BAROR", "BEAMOR"):
             self.default_property[f"C{card.name[:-2]}"] = card.field(3)
         elif card.name in ("SET1", "SET3"):
@@ -88,14 +84,10 @@ class _Reader:
             if card.field(2).isdecimal():
                 self.deck.elements.setdefault(("", int(card.field(2))), ("", ()))
 
-    def fail(self, card: Card, reason: str) -> NoReturn:
-        """Raise for what is wrong on a card."""
-        raise ValueError(f'mesh file "{card.path}", line {card.line}: {card.name}: {reason}')
-
     def finished(self) -> MeshFile:
         """Return all that was read."""
-        if self.unplaced is not None:
-            self._check_system(self.unplaced, self.system)
+        for number, (card, position) in self.points.positions().items():
+            self.deck.add_node(("", number), position, card.line)
         for key, number in self.property.items():
             self.deck.element_sets.add(f"property_{number}", [key])
         for key, number in self.property.items():
@@ -107,40 +99,25 @@ class _Reader:
             self._set(*entry)
         return self.deck.mesh_file()
 
-    def _grid(self, card: Card) -> None:
-        x, y, z = (self._float(card, number) for number in (4, 5, 6))
-        self.deck.add_node(("", self._integer(card, 2)), (x, y, z), card.line)
-        self._check_system(card, card.field(3))
-        if not card.field(3):  # a GRDSET may still come
-            self.unplaced = self.unplaced or card
-
-    def _check_system(self, card: Card, system: str) -> None:
-        if system not in ("", "0"):
-            self.fail(
-                card,
-                f"point {card.field(2)} is in coordinate system {system}, only the basic one (0) "
-                "can be read",
-            )
-
     def _element(self, card: Card) -> None:
         first, kind, *higher = _ELEMENTS[card.name]
         assert isinstance(first, int)
-        key = ("", self._integer(card, 2))
+        key = ("", card.integer(2))
         count = KINDS[str(kind)].nodes
         for name in higher:  # with all of its middle nodes, or by its corners
             numbers = range(first, first + KINDS[str(name)].nodes)
             if all(card.field(number).isdecimal() for number in numbers):
                 kind, count = name, KINDS[str(name)].nodes
-        nodes = [("", self._integer(card, first + i)) for i in range(count)]
+        nodes = [("", card.integer(first + i)) for i in range(count)]
         order = _ORDER.get(str(kind), range(count))
         self.deck.add_element(key, str(kind), tuple(nodes[i] for i in order), card.line)
         if card.name == "CONROD":
             self.property[key] = key[1]
-            self.material[key] = self._integer(card, 5)
+            self.material[key] = card.integer(5)
             return
         text = card.field(3) or self.default_property.get(card.name) or card.field(2)
         if not text.isdecimal():
-            self.fail(card, f"property {text!r} is no number")
+            card.fail(f"property {text!r} is no number")
         self.property[key] = int(text)
 
     def _set(self, card: Card, number: str, kind: str, items: list[str]) -> None:
@@ -176,7 +153,7 @@ class _Reader:
             elif word == "ALL" and len(words) == 1:
                 return dict.fromkeys((number for _, number in self.deck.nodes), False)
             elif not word.isdecimal():
-                self.fail(card, f"cannot read {word!r} in a set")
+                card.fail(f"cannot read {word!r} in a set")
             elif after == "THRU":
                 after, upper = "", int(word)
                 found.update(dict.fromkeys(range(last + 1, upper + 1), False))
@@ -186,18 +163,3 @@ class _Reader:
                 last, after = int(word), ""
                 found[last] = True
         return found
-
-    def _integer(self, card: Card, number: int) -> int:
-        text = card.field(number)
-        if not text.isdecimal():
-            self.fail(card, f"field {number} must be a number of a node or element, got {text!r}")
-        return int(text)
-
-    def _float(self, card: Card, number: int) -> float:
-        text = card.field(number)
-        if not text:
-            return 0.0
-        found = _NUMBER.fullmatch(text)
-        if found is None:
-            self.fail(card, f"field {number} must be a number, got {text!r}")
-        return float(f"{found[1]}e{found[2] or 0}")

@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cards of a Nastran bulk data file, in free, small and large fields."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 __all__ = ["Card", "cards"]
+
+# 7.0, .7E1, 0.7+1, 70.-1
+_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]?\d+))?", re.IGNORECASE)
 
 
 @dataclass
@@ -27,6 +32,39 @@ class Card:
     def field(self, number: int) -> str:
         """Field by its number in the manuals, the name being the first."""
         return self.fields[number - 2] if number - 2 < len(self.fields) else ""
+
+    def fail(self, reason: str) -> NoReturn:
+        """Raise for what is wrong on the card.
+
+        Raises:
+            ValueError: Always.
+        """
+        raise ValueError(f'mesh file "{self.path}", line {self.line}: {self.name}: {reason}')
+
+    def integer(self, number: int) -> int:
+        """Return the number of something in a field.
+
+        Raises:
+            ValueError: It is none.
+        """
+        text = self.field(number)
+        if not text.isdecimal():
+            self.fail(f"field {number} must be the number of something, got {text!r}")
+        return int(text)
+
+    def real(self, number: int) -> float:
+        """Return the value of a field, 0 where it is blank.
+
+        Raises:
+            ValueError: It is no number.
+        """
+        text = self.field(number)
+        if not text:
+            return 0.0
+        found = _REAL.fullmatch(text)
+        if found is None:
+            self.fail(f"field {number} must be a number, got {text!r}")
+        return float(f"{found[1]}e{found[2] or 0}")
 
 
 def cards(path: Path, depth: int = 0) -> Iterator[Card]:
