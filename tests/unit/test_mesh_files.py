@@ -216,6 +216,12 @@ def test_gmsh_files_in_full(tmp_path, gmsh_model) -> None:
     np.testing.assert_allclose(second.midpoints, middles, atol=1e-14)
 
 
+def test_of_equal_sets_the_last_is_the_body(file) -> None:
+    more = PLATE + "*ELSET, ELSET=SKIN\n1\n"
+    assert list(ff.read_surface_mesh(file("plate.inp", more)).bodies) == ["SKIN"]
+    assert list(ff.read_surface_mesh(file("plate.inp", more), bodies=["PLATE"]).bodies) == ["PLATE"]
+
+
 def test_middle_nodes_are_those_of_the_arc(file) -> None:
     """Eight and six nodes on a cylinder of radius 1 along y."""
     angle = np.deg2rad
@@ -360,7 +366,7 @@ BAD = [
     (lines(BAR + "*NSET, NSET=N, GENERATE\n3, 1\n"), "line 9: .*cannot generate from '3, 1'"),
     (surface(BAR), "no triangles or quadrilaterals; it has 1 lines"),
     (
-        surface(PLATE + "*ELSET, ELSET=ALL\n1\n"),
+        surface(PLATE + "*ELEMENT, TYPE=S3\n2, 1, 2, 3\n*ELSET, ELSET=ALL\n1, 2\n"),
         r'"PLATE" and "ALL" share 1 elements: choose those that are needed, bodies=\[...\], from',
     ),
     (

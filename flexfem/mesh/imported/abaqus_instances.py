@@ -57,6 +57,7 @@ def collect(model: Deck, instances: Sequence[tuple[str, Deck]]) -> None:
     """
     for kind in ("node_sets", "element_sets"):
         own: Sets = getattr(model, kind)
+        both = Sets()  # those of the parts come first, as in the file
         inner = [
             (instance, part, name, keys)
             for instance, part in instances
@@ -66,9 +67,12 @@ def collect(model: Deck, instances: Sequence[tuple[str, Deck]]) -> None:
         times.update(name.lower() for name, _ in own.items())
         for instance, part, name, keys in inner:
             full = name if times[name.lower()] == 1 else f"{instance}.{name}"
-            own.add(full, in_instance(instance, keys))
+            both.add(full, in_instance(instance, keys))
             if name in part.optional:
                 model.optional.add(full)
+        for name, members in own.items():
+            both.add(name, members)
+        setattr(model, kind, both)
     for instance, part in instances:
         for name, facets in part.facets.items():
             full = name if name not in model.facets else f"{instance}.{name}"

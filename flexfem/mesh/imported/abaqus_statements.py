@@ -16,7 +16,7 @@ _TYPES = tuple(
     for pattern, kind in (
         (r"B[23][13]|PIPE[23]1|T[23]D2|FRAME[23]D|RB[23]D2|R2D2", "line"),
         (r"B[23]2|PIPE[23]2|T[23]D3", "line3"),
-        (r"STRI65|M3D6|CPS6|CPE6|DS6|SFM3D6", "triangle6"),
+        (r"STRI65|S6|M3D6|CPS6|CPE6|DS6|SFM3D6", "triangle6"),
         (r"S3|STRI3|M3D3|CPS3|CPE3|R3D3|DS3|SFM3D3", "triangle"),
         (r"S4|M3D4|CPS4|CPE4|R3D4|DS4|SFM3D4", "quad"),
         (r"S8|M3D8|CPS8|CPE8|DS8|SFM3D8", "quad8"),

@@ -9,7 +9,13 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.imported.cut import CELL_FACES, cut_faces, cut_solids
-from flexfem.mesh.imported.mesh_file import KINDS, MeshFile, checked_names, shown
+from flexfem.mesh.imported.mesh_file import (
+    KINDS,
+    MeshFile,
+    checked_names,
+    shown,
+    without_copies,
+)
 from flexfem.mesh.imported.second_order import FULL_ORDER, full_order, is_straight
 from flexfem.mesh.imported.surface import split_quadrilaterals
 
@@ -161,7 +167,9 @@ class _Facets:
         free = [name for name in every if name not in taken]
         if names is None:
             tried = {k: self._facets(k) for k in free if k not in file.optional}
-            groups = {k: rows for k, rows in tried.items() if isinstance(rows, np.ndarray)}
+            groups = without_copies(
+                {k: rows for k, rows in tried.items() if isinstance(rows, np.ndarray)}
+            )
         else:
             groups = {}
             for name in checked_names(file.owner, "facets", names):

@@ -12,7 +12,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
 
-__all__ = ["KINDS", "Kind", "MeshFile", "shown"]
+__all__ = ["KINDS", "Kind", "MeshFile", "checked_names", "shown", "without_copies"]
 
 
 class Kind(NamedTuple):
@@ -110,8 +110,9 @@ class MeshFile:
     ) -> dict[str, IntArray]:
         """Return the cells of a dimension in named sets.
 
-        Without names, all sets are taken that have such cells, except the optional ones; all such
-        cells, under the name of the file, if no set has any.
+        Without names, all sets are taken that have such cells, except the optional ones and, where
+        they must not overlap, all but the last of those that have the same; all such cells, under
+        the name of the file, if no set has any.
 
         Args:
             what: Name of the argument, for messages.
@@ -132,6 +133,8 @@ class MeshFile:
         groups = {name: rows for name, rows in groups.items() if len(rows)}
         if names is None:
             found = {k: rows for k, rows in groups.items() if k not in self.optional}
+            if disjoint:
+                found = without_copies(found)
             found = found or {self.path.stem: np.flatnonzero(mine)}
         else:
             found = {}
@@ -205,6 +208,12 @@ class MeshFile:
         if len(self.node_sets[name]) == 0:
             return f'node set "{name}" is empty; {known}'
         return f'node set "{name}" has no node of this mesh; {known}'
+
+
+def without_copies(groups: Mapping[str, IntArray]) -> dict[str, IntArray]:
+    """Return the groups without those that a later one repeats."""
+    last = {np.unique(rows, axis=0).tobytes(): name for name, rows in groups.items()}
+    return {name: rows for name, rows in groups.items() if name in last.values()}
 
 
 def checked_names(owner: str, what: str, names: object) -> list[str]:
