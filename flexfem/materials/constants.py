@@ -27,14 +27,14 @@ class Shape:
         torsion_constant: Factor of G in the torsional stiffness, m^4.
         shear_factors: (k2, k3) for shear forces along e2 and e3.
         outline: Vertices (y, z) of the outer boundary, anticlockwise, the last one joined to the
-            first, shape (k, 2), metres.
+            first, shape (k, 2), metres; None when unknown.
     """
 
     area: float
     second_moments: tuple[float, float]
     torsion_constant: float
     shear_factors: tuple[float, float]
-    outline: FloatArray
+    outline: FloatArray | None
 
 
 def rectangle_torsion(a: float, b: float) -> float:

@@ -254,6 +254,46 @@ class Section:
         return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
 
     @classmethod
+    def of_constants(
+        cls,
+        area: float,
+        i22: float,
+        i33: float,
+        torsion_constant: float,
+        material: Material,
+        *,
+        mass_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_centre: npt.ArrayLike = (0.0, 0.0),
+        shear_factor: npt.ArrayLike,
+    ) -> Self:
+        """Create a section of any shape from its geometric constants, as tables of profiles list.
+
+        Axes e2 and e3 are the principal ones through the centroid. Such a section has no outline.
+
+        Args:
+            area: Area, m^2.
+            i22: Integral of z^2 over the area, resists bending about e2, m^4.
+            i33: Integral of y^2, resists bending about e3, m^4.
+            torsion_constant: Factor of G in the torsional stiffness, m^4.
+            material: Elastic constants and density.
+            mass_centre: (y, z) of the mass centre, metres.
+            shear_centre: (y, z) of the shear centre, metres.
+            shear_factor: One number or the pair (k2, k3).
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: A constant is not positive, or an argument not finite.
+        """
+        shape = constants.Shape(
+            area=_length("area", area),
+            second_moments=(_length("i22", i22), _length("i33", i33)),
+            torsion_constant=_length("torsion_constant", torsion_constant),
+            shear_factors=(1.0, 1.0),
+            outline=None,
+        )
+        return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
+
+    @classmethod
     def _of(
         cls,
         shape: constants.Shape,

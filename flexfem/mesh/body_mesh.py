@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Distributed meshes of elastic bodies with named groups, from gmsh; DOLFINx is imported late."""
+"""Distributed meshes of elastic bodies with named groups; DOLFINx is imported late."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 from flexfem import _checks
 from flexfem.installation import load_dolfinx
-from flexfem.mesh.gmsh_reader import merge, session
+from flexfem.mesh.gmsh_reader import session
 from flexfem.mesh.library import checked_build
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from mpi4py import MPI
+
+    from flexfem.mesh.imported.body import BodyData
 
 __all__ = ["BodyMesh", "build_body_mesh", "read_body_mesh"]
 
@@ -70,21 +72,81 @@ def build_body_mesh(name: str, comm: MPI.Intracomm | None = None, **parameters: 
     return _distributed(f'mesh "{name}"', lambda: build(**parameters), comm)
 
 
-def read_body_mesh(path: str | Path, comm: MPI.Intracomm | None = None) -> BodyMesh:
-    """Read a gmsh file (.msh) with named groups of solids or surfaces (collective).
+def read_body_mesh(
+    path: str | Path,
+    comm: MPI.Intracomm | None = None,
+    *,
+    scale: float = 1.0,
+    merge: float | None = None,
+    bodies: Sequence[str] | None = None,
+    facets: Sequence[str] | None = None,
+) -> BodyMesh:
+    """Read the solids of a mesh file, or its surfaces if it has no solids (collective).
+
+    Element sets are groups of cells, which must not overlap; all of the file without any set is
+    one group called after the file. Sets of faces, of surface elements and of nodes that have
+    faces at the boundary of the body are groups of facets. Wedges, pyramids and mixtures of cells
+    are cut into tetrahedra (triangles). Curved cells of second order stay curved unless they are
+    cut.
+
+    Args:
+        path: as for :func:`read_mesh`.
+        comm: communicator; None for all ranks.
+        scale: metres in a unit of length of the file, 1e-3 for millimetres.
+        merge: make nodes that are at most so far apart one, m; None leaves them apart.
+        bodies: element sets to take; None for all.
+        facets: sets to take as groups of facets; None for all that have some.
 
     Raises:
-        ValueError: the file is missing or unreadable, or has nothing in named groups.
+        TypeError: an argument is of the wrong kind.
+        ValueError: the file is missing or unreadable, has neither solids nor surfaces or no such
+            set, or groups overlap.
     """
-    return _distributed(f'mesh file "{path}"', lambda: merge(Path(path)), comm)
+    comm = _communicator(comm)
+    data = _on_first(comm, lambda: _read(Path(path), scale, merge, bodies, facets))
+    from flexfem.mesh.imported.distribute import distribute
+
+    return BodyMesh(*distribute(comm, data))
+
+
+def _read(
+    path: Path,
+    scale: float,
+    merge: float | None,
+    bodies: Sequence[str] | None,
+    facets: Sequence[str] | None,
+) -> BodyData:
+    from flexfem.mesh.imported.body import body_data
+    from flexfem.mesh.imported.read import read_mesh_file
+
+    return body_data(read_mesh_file(path, scale, merge), bodies, facets)
+
+
+def _on_first[T](comm: MPI.Intracomm, make: Callable[[], T]) -> T | None:
+    """Return what is made on the first rank, None on the others; its errors are everyone's."""
+    made: T | None = None
+    failure: Exception | None = None
+    if comm.rank == 0:
+        try:
+            made = make()
+        except (TypeError, ValueError) as error:
+            failure = error
+    failure = comm.bcast(failure)
+    if failure is not None:
+        raise failure
+    return made
+
+
+def _communicator(comm: MPI.Intracomm | None) -> MPI.Intracomm:
+    load_dolfinx()
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD if comm is None else comm
 
 
 def _distributed(owner: str, make: Callable[[], None], comm: MPI.Intracomm | None) -> BodyMesh:
     """Make a gmsh model on the first rank and distribute it."""
-    load_dolfinx()
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD if comm is None else comm
+    comm = _communicator(comm)
     with _model(owner, make, comm) as model:
         from dolfinx.io import gmsh
 

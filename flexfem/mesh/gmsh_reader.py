@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Lines, triangles and physical groups out of gmsh; gmsh is imported only when it is used."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -73,33 +73,15 @@ def merge(path: Path) -> None:
     """Read a file into the current gmsh model.
 
     Raises:
-        ValueError: The file does not exist or gmsh cannot read it.
+        ValueError: Gmsh cannot read it.
     """
     import gmsh
 
-    if not path.is_file():
-        raise ValueError(f'mesh file "{path}" does not exist')
-    if path.suffix != ".msh":
-        raise ValueError(f'mesh file "{path}" must end in .msh')
     try:
         gmsh.merge(str(path))
     except Exception as error:  # gmsh raises nothing more specific
         reason = " ".join(str(error).split())
         raise ValueError(f'mesh file "{path}" cannot be read: {reason}') from None
-
-
-def read[Mesh](path: Path, make: Callable[[], Mesh]) -> Mesh:
-    """Return what `make` makes of the gmsh model in a file.
-
-    Raises:
-        ValueError: The file is missing or unreadable, or `make` raises it.
-    """
-    with session("flexfem_read"):
-        merge(path)
-        try:
-            return make()
-        except ValueError as error:
-            raise ValueError(f'mesh file "{path}": {error}') from None
 
 
 def line_data() -> _LineData:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Meshes of lines with named groups, on which beams live."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -157,23 +157,51 @@ class LineMesh:
         )
 
 
-def read_mesh(path: str | PathLike[str]) -> LineMesh:
-    """Read lines and named physical groups from a .msh file, through gmsh.
+def read_mesh(
+    path: str | PathLike[str],
+    *,
+    scale: float = 1.0,
+    merge: float | None = None,
+    lines: Sequence[str] | None = None,
+    points: Sequence[str] | None = None,
+    separate: bool = False,
+) -> LineMesh:
+    """Read the lines of a mesh file: gmsh, Abaqus, Nastran or VTK.
 
-    A gmsh session that is open stays as it is.
+    Element sets are line groups. All of the file without any set is one group called after the
+    file. Node sets of one node are point groups.
 
     Args:
-        path: File in any version of the .msh format, with first-order lines in named groups.
+        path: Ends in .msh (any version; physical groups are sets), .inp (Abaqus), .bdf, .dat or
+            .nas (Nastran: property_N, material_N, set_N), .vtu or .vtk (data of whole numbers:
+            NAME_VALUE). A gmsh session that is open stays as it is.
+        scale: Metres in a unit of length of the file, 1e-3 for millimetres.
+        merge: Make nodes that are at most so far apart one, metres; None leaves them apart.
+        lines: Element sets to take; None for all.
+        points: Node sets to take; None for those of one node. A set of several is NAME_1, NAME_2
+            and so on, in the order of the file.
+        separate: Give each group nodes of its own, as beams of a model need them. Those that it
+            shared with other groups are points called GROUP_seam_1 and so on, for joints (see
+            :func:`weld`). Another point there is on the first of these groups.
 
     Returns:
         The mesh.
 
     Raises:
-        ValueError: The file is missing or unreadable, or has no such lines.
+        TypeError: An argument is of the wrong kind.
+        ValueError: The file is missing or unreadable, has no lines or no such set, or groups
+            that are to be separate share lines.
     """
-    from flexfem.mesh.gmsh_reader import read
+    from flexfem.mesh.imported.lines import line_data
+    from flexfem.mesh.imported.read import read_mesh_file
 
-    return read(Path(path), LineMesh.from_gmsh_model)
+    file = read_mesh_file(Path(path), scale, merge)
+    _checks.instance(file.owner, "separate", separate, bool)
+    data = line_data(file, lines, points, separate)
+    try:
+        return LineMesh(*data)
+    except ValueError as error:
+        raise ValueError(f"{file.owner}: {error}") from None
 
 
 def _group(name: str, rows: object, limit: int) -> IntArray:

@@ -333,23 +333,47 @@ class SurfaceMesh:
         )
 
 
-def read_surface_mesh(path: str | PathLike[str]) -> SurfaceMesh:
-    """Read triangles and named physical groups from a .msh file, through gmsh.
+def read_surface_mesh(
+    path: str | PathLike[str],
+    *,
+    scale: float = 1.0,
+    merge: float | None = None,
+    bodies: Sequence[str] | None = None,
+    lines: Sequence[str] | None = None,
+    nodes: Sequence[str] | None = None,
+) -> SurfaceMesh:
+    """Read the triangles and quadrilaterals of a mesh file: gmsh, Abaqus, Nastran or VTK.
 
-    A gmsh session that is open stays as it is.
+    Element sets are bodies, which must not overlap; all of the file without any set is one body
+    called after the file. Quadrilaterals are cut along the shorter diagonal. Sets of lines, edges
+    or nodes that follow edges of the triangles are lines, node sets of one node are nodes.
 
     Args:
-        path: File in any version of the .msh format, with first-order triangles in named groups.
+        path: As for :func:`read_mesh`.
+        scale: Metres in a unit of length of the file, 1e-3 for millimetres.
+        merge: Make nodes that are at most so far apart one, metres; None leaves them apart.
+        bodies: Element sets to take; None for all.
+        lines: Sets to take as lines; None for all that make some.
+        nodes: Node sets to take; None for those of one node. A set of several is NAME_1, NAME_2
+            and so on, in the order of the file.
 
     Returns:
         The mesh.
 
     Raises:
-        ValueError: The file is missing or unreadable, or has no such triangles.
+        TypeError: An argument is of the wrong kind.
+        ValueError: The file is missing or unreadable, has no triangles or no such set, or bodies
+            overlap.
     """
-    from flexfem.mesh.gmsh_reader import read
+    from flexfem.mesh.imported.read import read_mesh_file
+    from flexfem.mesh.imported.surface import surface_data
 
-    return read(Path(path), SurfaceMesh.from_gmsh_model)
+    file = read_mesh_file(Path(path), scale, merge)
+    data = surface_data(file, bodies, lines, nodes)
+    try:
+        return SurfaceMesh(*data)
+    except ValueError as error:
+        raise ValueError(f"{file.owner}: {error}") from None
 
 
 def _ascending(owner: str, what: str, values: npt.ArrayLike, least: int) -> FloatArray:

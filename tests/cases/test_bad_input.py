@@ -123,7 +123,7 @@ MESHES = {
     + ROD.replace("1 1", "0 1")
     + NODES
     + "$Elements\n1\n1 15 2 1 1 1\n$EndElements\n",
-    "curved.msh": HEAD + ROD + NODES + "$Elements\n1\n1 8 2 1 1 1 3 2\n$EndElements\n",
+    "cubic.msh": HEAD + ROD + NODES + "$Elements\n1\n1 26 2 1 1 1 3 2 2\n$EndElements\n",
     "short.msh": HEAD + ROD + NODES.replace("2 1 0 0", "2 0 0 0") + LINES,
     "nan.msh": HEAD + ROD + NODES.replace("2 1 0 0", "2 nan 0 0") + LINES,
 }
@@ -181,10 +181,10 @@ FILES = {
     "--mesh noise.msh": ("noise.msh",),
     "--mesh truncated.msh": ("truncated.msh",),
     "--mesh halved.msh": ("halved.msh",),
-    "--mesh unnamed.msh": ("unnamed.msh", "no named physical group"),
+    "--mesh unnamed.msh": ('"rod"', "physical_1"),
     "--mesh other.msh": ('"rod"', "bar"),
-    "--mesh point.msh": ("point.msh", "no line elements"),
-    "--mesh curved.msh": ("curved.msh", '"rod"', "first order"),
+    "--mesh point.msh": ("point.msh", "no lines"),
+    "--mesh cubic.msh": ("cubic.msh", "no lines; it has 1 Line 4 (not used)"),
     "--mesh short.msh": ("short.msh", '"rod"', "zero length"),
     "--mesh nan.msh": ("nan.msh", "nan"),
     "--restart missing.h5": ("checkpoint 'missing.h5'", "No such file"),
@@ -224,7 +224,7 @@ MODELS = {
 ON_TWO_RANKS = {
     "--size -1": ("--size", "'-1'"),
     "--mesh missing.msh": FILES["--mesh missing.msh"],
-    "--mesh curved.msh": FILES["--mesh curved.msh"],
+    "--mesh cubic.msh": FILES["--mesh cubic.msh"],
     "--output taken": FILES["--output taken"],
     "--output /proc/self/results": FILES["--output /proc/self/results"],
     "--restart own.py": FILES["--restart own.py"],

@@ -173,10 +173,10 @@ def test_meshes_are_refused(function, message) -> None:
     _expect(message, function)
 
 
-def gmsh_file(*, dimension=2, group=True, order=1, recombine=False):
-    """Read a file that gmsh has written, with something missing or too much."""
+def gmsh_model(*, dimension=2, group=True, order=1, recombine=False):
+    """Take the surfaces of a gmsh model with something missing or too much."""
 
-    def read(folder):
+    def read(_):
         import gmsh
 
         gmsh.initialize(interruptible=False)
@@ -190,22 +190,21 @@ def gmsh_file(*, dimension=2, group=True, order=1, recombine=False):
                 gmsh.model.mesh.setRecombine(2, square)
             gmsh.model.mesh.generate(dimension)
             gmsh.model.mesh.setOrder(order)
-            gmsh.write(str(folder / "bad.msh"))
+            ff.SurfaceMesh.from_gmsh_model()
         finally:
             gmsh.finalize()
-        ff.read_surface_mesh(folder / "bad.msh")
 
     return read
 
 
 FILES = [
-    (gmsh_file(group=False), "gmsh model: the mesh has no named physical group of surfaces"),
-    (gmsh_file(group=False, dimension=1), "gmsh model: the mesh has no triangles of first order"),
-    (gmsh_file(dimension=1), 'gmsh model: group "sheet" has no triangles'),
-    (gmsh_file(order=2), '"sheet" has elements "Triangle 6", only triangles of first order can be'),
-    (gmsh_file(recombine=True), 'mesh file ".*": .*"sheet" has elements "Quadrilateral 4", only'),
+    (gmsh_model(group=False), "gmsh model: the mesh has no named physical group of surfaces"),
+    (gmsh_model(group=False, dimension=1), "gmsh model: the mesh has no triangles of first order"),
+    (gmsh_model(dimension=1), 'gmsh model: group "sheet" has no triangles'),
+    (gmsh_model(order=2), '"sheet" has elements "Triangle 6", only triangles of first order'),
+    (gmsh_model(recombine=True), '"sheet" has elements "Quadrilateral 4", only'),
     (lambda folder: ff.read_surface_mesh(folder / "none.msh"), 'none.msh" does not exist'),
-    (lambda _: ff.read_surface_mesh(Path(__file__)), 'mesh file ".*py" must end in .msh'),
+    (lambda _: ff.read_surface_mesh(Path(__file__)), 'mesh file ".*py" must end in .msh, .in'),
 ]
 
 

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nodes, elements, sets and surfaces of an Abaqus input file (.inp).
+
+Read here and not with meshio, which takes one *NODE block only, drops what a set says in names of
+other sets, and knows neither parts and instances nor surfaces.
+"""
+
+from pathlib import Path
+from typing import NoReturn
+
+from flexfem.mesh.imported.abaqus_instances import collect, in_instance, placement
+from flexfem.mesh.imported.abaqus_statements import FACES, Statement, element_kind, statements
+from flexfem.mesh.imported.deck import Deck, Key, number_of
+from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
+
+__all__ = ["read"]
+
+#: What changes or makes nodes and elements in ways that are not read here.
+_REFUSED = (
+    "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "SUBSTRUCTURE GENERATE",
+)  # fmt: skip
+
+
+def read(path: Path) -> MeshFile:
+    """Read a file.
+
+    Raises:
+        ValueError: It cannot be read, with the line.
+    """
+    reader = _Reader(path)
+    for statement in statements(path):
+        reader.take(statement)
+    return reader.finished()
+
+
+class _Reader:
+    """Collects statements: of the whole model, or of the part that is being defined."""
+
+    def __init__(self, path: Path) -> None:
+        self.model = Deck(path)
+        self.deck = self.model
+        self.parts: dict[str, Deck] = {}
+        self.instances: list[tuple[str, Deck]] = []
+
+    def take(self, statement: Statement) -> None:
+        """Take what a statement says."""
+        if statement.keyword in _REFUSED:
+            self.fail(statement, "cannot be read; write nodes and elements one by one")
+        take = {
+            "PART": self._part,
+            "END PART": self._end_part,
+            "INSTANCE": self._instance,
+            "NODE": self._node,
+            "ELEMENT": self._element,
+            "NSET": self._nset,
+            "ELSET": self._elset,
+            "SURFACE": self._surface,
+        }.get(statement.keyword)
+        if take is not None:
+            take(statement)
+
+    def fail(self, statement: Statement, reason: str, line: int | None = None) -> NoReturn:
+        """Raise for what is wrong in a statement."""
+        raise ValueError(
+            f'mesh file "{statement.path}", line {line or statement.line}: '
+            f"*{statement.keyword}: {reason}"
+        )
+
+    def finished(self) -> MeshFile:
+        """Return all that was read."""
+        collect(self.model, self.instances)
+        return self.model.mesh_file()
+
+    # --- parts ---------------------------------------------------------------------------------
+
+    def _part(self, statement: Statement) -> None:
+        name = self._option(statement, "NAME")
+        self.deck = self.parts[name.lower()] = Deck(self.model.path)
+
+    def _end_part(self, _: Statement) -> None:
+        self.deck = self.model
+
+    def _instance(self, statement: Statement) -> None:
+        name = self._option(statement, "NAME")
+        part = self.parts.get(self._option(statement, "PART").lower())
+        if part is None:
+            self.fail(statement, f'instance "{name}" is of a part that is not in the file')
+        try:
+            move = placement([self._floats(statement, line, row) for line, row in statement.rows])
+        except ArithmeticError as error:
+            self.fail(statement, str(error))
+        self.instances.append((name, part))
+        for (_, number), position in part.nodes.items():
+            self.model.nodes[name, number] = move(position)
+        for (_, number), (kind, nodes) in part.elements.items():
+            self.model.elements[name, number] = (kind, in_instance(name, nodes))
+
+    # --- nodes and elements --------------------------------------------------------------------
+
+    def _node(self, statement: Statement) -> None:
+        if statement.options.get("SYSTEM", "R").upper() != "R":
+            self.fail(statement, "only rectangular coordinates can be read")
+        added: list[Key] = []
+        for line, row in statement.rows:
+            numbers = self._integers(statement, line, row[:1])
+            if not numbers:
+                self.fail(statement, "a node has no number", line)
+            x, y, z = (self._floats(statement, line, row[1:4]) + [0.0] * 3)[:3]
+            key = ("", numbers[0])
+            self.deck.add_node(key, (x, y, z), line)
+            added.append(key)
+        if name := statement.options.get("NSET"):
+            self.deck.node_sets.add(name, added)
+
+    def _element(self, statement: Statement) -> None:
+        name = self._option(statement, "TYPE").upper()
+        kind = element_kind(name)
+        count = KINDS[kind].nodes if kind else 0
+        added: list[Key] = []
+        rows = iter(zip(statement.rows, statement.open, strict=True))
+        for (line, row), first_open in rows:
+            numbers, goes_on = self._integers(statement, line, row), first_open
+            while (len(numbers) < count + 1) if kind else goes_on:
+                following = next(rows, None)
+                if following is None:
+                    break
+                (at, more), goes_on = following
+                numbers += self._integers(statement, at, more)
+            if kind and numbers and len(numbers) != count + 1:
+                self.fail(
+                    statement,
+                    f"element {numbers[0]} of type {name} needs {count} nodes, got "
+                    f"{len(numbers) - 1}",
+                    line,
+                )
+            if not numbers:
+                self.fail(statement, "an element has no number", line)
+            key = ("", numbers[0])
+            nodes = tuple(("", number) for number in numbers[1:]) if kind else ()
+            # Abaqus numbers the middle of a line second, VTK last
+            self.deck.add_element(
+                key, kind, (nodes[0], nodes[2], nodes[1]) if kind == "line3" else nodes, line
+            )
+            added.append(key)
+        if not kind:
+            self.deck.unused[name] += len(added)
+        if set_name := statement.options.get("ELSET"):
+            self.deck.element_sets.add(set_name, added)
+
+    # --- sets ----------------------------------------------------------------------------------
+
+    def _nset(self, statement: Statement) -> None:
+        name = self._option(statement, "NSET")
+        members = self._members(statement, "node_sets")
+        if source := statement.options.get("ELSET"):
+            for key in self._set(statement, "element_sets", source):
+                if key not in self.deck.elements:
+                    self.fail(statement, f"element {number_of(key)} is not in the file up to here")
+                members += self.deck.elements[key][1]
+        self.deck.node_sets.add(name, members)
+        if "INTERNAL" in statement.options:
+            self.deck.optional.add(name)
+
+    def _elset(self, statement: Statement) -> None:
+        name = self._option(statement, "ELSET")
+        self.deck.element_sets.add(name, self._members(statement, "element_sets"))
+        if "INTERNAL" in statement.options:
+            self.deck.optional.add(name)
+
+    def _members(self, statement: Statement, kind: str) -> list[Key]:
+        """Return the members that the data lines of a set tell by numbers and by names."""
+        place = statement.options.get("INSTANCE", "")
+        if place:
+            place = self._instance_name(statement, place)
+        members: list[Key] = []
+        for line, row in statement.rows:
+            if "GENERATE" in statement.options:
+                limits = self._integers(statement, line, row)
+                if not 2 <= len(limits) <= 3 or limits[1] < limits[0] or limits[-1] < 1:
+                    self.fail(statement, f"cannot generate from {', '.join(row)!r}", line)
+                step = limits[2] if len(limits) == 3 else 1
+                members += [(place, i) for i in range(limits[0], limits[1] + 1, step)]
+                continue
+            for item in filter(None, row):
+                if item.lstrip("+-").isdecimal():
+                    members.append((place, int(item)))
+                elif item.rpartition(".")[2].isdecimal():
+                    instance, _, number = item.rpartition(".")
+                    members.append((self._instance_name(statement, instance, line), int(number)))
+                else:
+                    members += self._set(statement, kind, item.strip('"'), line)
+        return members
+
+    def _instance_name(self, statement: Statement, name: str, line: int | None = None) -> str:
+        """Return the name of an instance as it was defined."""
+        same = [known for known, _ in self.instances if known.lower() == name.strip('"').lower()]
+        if not same:
+            self.fail(statement, f'there is no instance "{name}" up to here', line)
+        return same[0]
+
+    def _set(
+        self, statement: Statement, kind: str, name: str, line: int | None = None
+    ) -> list[Key]:
+        """Return the members of a set defined before, also one of an instance: "instance.set"."""
+        found: list[Key] | None = getattr(self.deck, kind).get(name)
+        instance, _, inner = name.rpartition(".")
+        for place, part in self.instances:
+            if found is None and place.lower() == instance.lower():
+                members = getattr(part, kind).get(inner)
+                found = None if members is None else list(in_instance(place, members))
+        if found is None:
+            what = kind.replace("_", " ")[:-1]
+            self.fail(statement, f'there is no {what} "{name}" up to here', line)
+        return found
+
+    def _surface(self, statement: Statement) -> None:
+        name = self._option(statement, "NAME")
+        if statement.options.get("TYPE", "ELEMENT").upper() == "NODE":
+            members: list[Key] = []
+            for line, row in statement.rows:
+                if row[0].isdecimal():
+                    members.append(("", int(row[0])))
+                else:
+                    members += self._set(statement, "node_sets", row[0].strip('"'), line)
+            self.deck.node_sets.add(name, members)
+            return
+        if statement.options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
+            self.deck.skipped[name] = "a surface of another type than element and node"
+            return
+        facets: list[tuple[Key, ...]] = []
+        for line, row in statement.rows:
+            elements: list[Key] = [("", int(row[0]))] if row[0].isdecimal() else self._set(
+                statement, "element_sets", row[0].strip('"'), line
+            )  # fmt: skip
+            for key in elements:
+                kind, nodes = self.deck.elements.get(key, ("", ()))
+                corners = FACES.get(kind, {}).get(row[1].upper() if len(row) > 1 else "")
+                if corners is None:
+                    self.deck.skipped[name] = "its surface names no face (S1) or edge (E1)"
+                    return
+                facets.append(tuple(nodes[corner] for corner in corners))
+        self.deck.facets[name] = facets
+
+    # --- fields --------------------------------------------------------------------------------
+
+    def _option(self, statement: Statement, name: str) -> str:
+        value = statement.options.get(name, "")
+        if not value:
+            self.fail(statement, f"{name}=... is missing")
+        return value
+
+    def _integers(self, statement: Statement, line: int, row: list[str]) -> list[int]:
+        try:
+            return [int(item) for item in row if item]
+        except ValueError:
+            self.fail(statement, f"needs whole numbers, got {', '.join(row)!r}", line)
+
+    def _floats(self, statement: Statement, line: int, row: list[str]) -> list[float]:
+        try:
+            return [float(item.upper().replace("D", "E")) if item else 0.0 for item in row]
+        except ValueError:
+            self.fail(statement, f"needs numbers, got {', '.join(row)!r}", line)
