@@ -87,11 +87,11 @@ def stop(it: Connection, stops: Stops) -> LimitStop:
     """End stops at the limits of a joint.
 
     Raises:
-        ValueError: the joint has no limits, or starts beyond them.
+        ValueError: the joint starts beyond its limits, or these leave no motion.
     """
     owner, limits, start = f'stop of joint "{it.data.name}"', it.data.limits, it.start.value
-    if limits.lower is None or limits.upper is None:
-        raise ValueError(f"{owner}: it has no limits, its type is {it.data.kind}")
+    assert limits.lower is not None  # checked with the arguments
+    assert limits.upper is not None
     if limits.lower == limits.upper:
         it.data.element.required("limit").refuse(
             f"leaves no motion between stops, lower and upper are {limits.lower:g}"

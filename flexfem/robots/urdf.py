@@ -137,6 +137,9 @@ def _stops(owner: str, robot: RobotData, stops: Any) -> dict[str, tuple[float, f
         stops = dict.fromkeys(limited, stops)
     for name, values in stops.items():
         _known(owner, "stops", name, robot.joints, "joint")
+        if robot.joints[name].limits.lower is None:
+            kind = robot.joints[name].kind
+            raise ValueError(f'{owner}: stops: joint "{name}" has no limits, its type is {kind}')
         stiffness, damping = _checks.array(
             f'{owner}: stops of joint "{name}"', "stiffness and damping", values, (2,)
         ).tolist()

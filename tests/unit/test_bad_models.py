@@ -22,9 +22,9 @@ from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import LineMesh, read_mesh
 from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.model.bodies import Beam, PointMass, RigidBody
-from flexfem.model.shapes import Box, Cylinder, Sphere
 from flexfem.model.model import Model
 from flexfem.model.probe import PositionProbe, Probe
+from flexfem.model.shapes import Box, Cylinder, Sphere
 
 pytestmark = pytest.mark.serial
 

@@ -17,9 +17,9 @@ from flexfem.materials.section import Section
 from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
-from flexfem.model.shapes import Box, Cylinder, Sphere
 from flexfem.model.model import Model
 from flexfem.model.probe import MarkerState, PositionProbe, Probe
+from flexfem.model.shapes import Box, Cylinder, Sphere
 from tests.unit.executed import executed_lines
 
 pytestmark = pytest.mark.serial
