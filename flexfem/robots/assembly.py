@@ -15,7 +15,7 @@ from flexfem.mesh.line_mesh import LineMesh
 from flexfem.robots.connections import Connection, connection_items, coupling, stop
 from flexfem.robots.description import SINGLE, JointData, LinkData, RobotData
 from flexfem.robots.flexible import BeamHost, BeamLink, FloatingHost, FloatingLink
-from flexfem.robots.hosts import Body, GroundHost, Host, rigid_host
+from flexfem.robots.hosts import GroundHost, Host, rigid_host
 from flexfem.robots.pictures import link_shapes
 from flexfem.robots.placement import Placement
 from flexfem.robots.robot import Robot
@@ -46,14 +46,11 @@ def assembled(robot: RobotData, placement: Placement, choices: Choices) -> Robot
             name, or what bodies and joints refuse.
     """
     parts = _Parts(robot, placement, choices)
-    bodies: list[Body] = []
-    for host in parts.hosts.values():
-        if host.body is not None and not any(host.body is body for body in bodies):
-            bodies.append(host.body)
-    joints = parts.joints()
-    items = [*bodies, *joints]
+    hosts = list({id(host): host for host in parts.hosts.values()}.values())
+    items: list[Any] = [host.body for host in hosts if host.body is not None]
+    items += parts.joints()
     _check_names(robot, items)
-    lines = [host.mesh for host in parts.hosts.values() if isinstance(host, BeamHost) and host.mesh]
+    lines = [host.mesh for host in hosts if isinstance(host, BeamHost) and host.mesh]
     single = {name: joint for name, joint in robot.joints.items() if joint.kind in SINGLE}
     return Robot(
         choices.prefix + robot.name,

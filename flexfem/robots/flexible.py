@@ -166,8 +166,6 @@ class FloatingHost:
         body: the body.
     """
 
-    mesh = None
-
     def __init__(self, name: str, link: FloatingLink, start: Moving) -> None:
         """Create the body; its frame is the link's.
 
@@ -198,9 +196,12 @@ class FloatingHost:
                 raise ValueError(f'{owner}: it has no interface "{joint}" for the joint: {known}')
             at = names.index(joint)
             if gaps[at] > _SAME_PLACE * np.abs([*places, place]).max():
+                here, there = (
+                    ", ".join(f"{x:.6g}" for x in p.round(12) + 0.0) for p in (places[at], place)
+                )
                 raise ValueError(
-                    f'{owner}: interface "{joint}" is at {places[at].tolist()}, the joint at '
-                    f"{place.tolist()} in the link's frame"
+                    f'{owner}: interface "{joint}" is at ({here}), the joint at ({there}) in the '
+                    "link's frame"
                 )
             return Marker(body.name, joint, rotation=pose.rotation)
         at = int(np.argmin(gaps))
