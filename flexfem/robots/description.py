@@ -15,7 +15,15 @@ from flexfem._types import FloatArray
 from flexfem.core.pose import Pose
 from flexfem.robots.elements import Element, read_elements
 
-__all__ = ["Inertial", "JointData", "Limits", "LinkData", "RobotData", "read_description"]
+__all__ = [
+    "Inertial",
+    "JointData",
+    "Limits",
+    "LinkData",
+    "RobotData",
+    "check_inertial",
+    "read_description",
+]
 
 KINDS = ("fixed", "revolute", "continuous", "prismatic", "planar", "floating")
 #: Joints with one coordinate along or about the axis.
@@ -204,18 +212,31 @@ def _inertial(element: Element) -> Inertial | None:
     tensor = element.required("inertia").only(_MOMENTS)
     xx, yy, zz, xy, xz, yz = (tensor.number(name) for name in _MOMENTS)
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    smallest, middle, largest = np.linalg.eigvalsh(moments).tolist()
-    shown = f"principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g}"
-    if smallest < -_ROUNDING * abs(largest):
-        tensor.refuse(f"must be positive definite, got {shown}")
-    if largest > (smallest + middle) * (1.0 + _ROUNDING):
-        tensor.refuse(f"breaks the triangle inequality, got {shown}")
-    if mass == 0.0:
-        if largest > 0.0:
-            element.required("mass").refuse(f'value must be positive, got "0" with {shown}')
+    if mass == 0.0 and not moments.any():
         return None
     turned = pose.rotation @ moments @ pose.rotation.T
     return Inertial(mass, pose.position, 0.5 * (turned + turned.T))
+
+
+def check_inertial(link: LinkData) -> Inertial | None:
+    """Inertia of a link that moves; for others it may make no sense.
+
+    Raises:
+        ValueError: no mass, or moments of inertia that no body has.
+    """
+    inertial = link.inertial
+    if inertial is None:
+        return None
+    smallest, middle, largest = np.linalg.eigvalsh(inertial.inertia).tolist()
+    shown = f"principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g}"
+    element = link.element.required("inertial")
+    if inertial.mass == 0.0:
+        element.required("mass").refuse(f"value must be positive, got 0 with {shown}")
+    if smallest < -_ROUNDING * abs(largest):
+        element.required("inertia").refuse(f"must be positive definite, got {shown}")
+    if largest > (smallest + middle) * (1.0 + _ROUNDING):
+        element.required("inertia").refuse(f"breaks the triangle inequality, got {shown}")
+    return inertial
 
 
 def _joint(element: Element) -> JointData:

@@ -10,7 +10,7 @@ from flexfem.core.pose import Pose
 from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.shapes import CompoundShape, Shape
-from flexfem.robots.description import LinkData
+from flexfem.robots.description import LinkData, check_inertial
 from flexfem.robots.placement import Moving
 
 __all__ = ["Body", "GroundHost", "Host", "RigidHost", "rigid_host"]
@@ -78,7 +78,8 @@ def rigid_host(
     Raises:
         ValueError: the links together have no inertia tensor that a rigid body can have.
     """
-    heavy = [(link.inertial, pose) for link, pose in links if link.inertial is not None]
+    every = [(check_inertial(link), pose) for link, pose in links]
+    heavy = [(inertial, pose) for inertial, pose in every if inertial is not None]
     mass = sum(inertial.mass for inertial, _ in heavy)
     centres = [pose.apply(inertial.centre) for inertial, pose in heavy]
     centre = sum((i.mass * c for (i, _), c in zip(heavy, centres, strict=True)), np.zeros(3)) / mass

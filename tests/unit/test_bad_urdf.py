@@ -53,6 +53,7 @@ FILES = {
     "count": ('"0 1 0"', '"0 1"', 'line 5: .* <axis> xyz must hold 3 numbers, got "0 1"'),
     "axis": ('"0 1 0"', '"0 0 0"', 'line 5: .* xyz must not be zero, got "0 0 0"'),
     "mass": ('value="2"', 'value="-2"', 'line 9: .* value must not be negative, got "-2"'),
+    "zero mass": ('value="2"', 'value="0"', 'line 9: .* value must be positive, got 0 with princ'),
     "no mass": ('<mass value="2"/>', "", 'line 9: link "leg": <inertial> has no <mass>'),
     "inertia": ('ixx="0.1"', 'ixx="-0.1"', "line 10: .* must be positive definite, got principal"),
     "triangle": ('ixx="0.1"', 'ixx="0.3"', "line 10: .* breaks the triangle inequality"),
@@ -123,6 +124,19 @@ def test_arguments(arguments: dict[str, Any], message: str, tmp_path: Path) -> N
     with pytest.raises((ValueError, TypeError), match=message) as raised:
         ff.read_urdf(path, **arguments)
     assert "\n" not in str(raised.value)
+
+
+def test_what_stands_on_the_ground_needs_no_sense(tmp_path: Path) -> None:
+    """Files give fixed bases masses of zero or inertias that no body has."""
+    path, inertia = (
+        tmp_path / "arm.urdf",
+        '<inertia ixx="1" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>',
+    )
+    heavy = f'<link name="base"><inertial><mass value="0"/>{inertia}</inertial></link>'
+    path.write_text(SOUND.replace('<link name="base"/>', heavy))
+    assert ff.read_urdf(path).links["base"] is None
+    with pytest.raises(ValueError, match=r'line 2: link "base": <mass> value must be positive'):
+        ff.read_urdf(path, base="free")
 
 
 def test_robots_refuse_what_they_do_not_have(tmp_path: Path) -> None:
