@@ -13,12 +13,12 @@ from flexfem.core.joint import Joint
 from flexfem.core.pose import Pose
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.robots.connections import Connection, connection_items, coupling, stop
-from flexfem.robots.description import SINGLE, JointData, LinkData, RobotData
 from flexfem.robots.flexible import BeamHost, BeamLink, FloatingHost, FloatingLink
 from flexfem.robots.hosts import GroundHost, Host, rigid_host
 from flexfem.robots.pictures import link_shapes
 from flexfem.robots.placement import Placement
 from flexfem.robots.robot import Robot
+from flexfem.robots.tree import SINGLE, JointData, LinkData, RobotData
 
 __all__ = ["Choices", "assembled"]
 

@@ -14,7 +14,7 @@ from flexfem.joints.prismatic import Prismatic
 from flexfem.joints.revolute import Revolute
 from flexfem.joints.rigid import Rigid
 from flexfem.robots.coordinates import JointStart
-from flexfem.robots.description import JointData
+from flexfem.robots.tree import JointData
 
 __all__ = ["Connection", "Stops", "connection_items", "coupling", "stop"]
 

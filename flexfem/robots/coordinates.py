@@ -10,7 +10,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.pose import Pose
-from flexfem.robots.description import SINGLE, JointData, RobotData
+from flexfem.robots.tree import SINGLE, JointData, RobotData
 
 __all__ = ["JointStart", "joint_starts"]
 

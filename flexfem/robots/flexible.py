@@ -22,6 +22,7 @@ __all__ = ["BeamHost", "BeamLink", "FloatingHost", "FloatingLink"]
 
 _PARALLEL = 0.9  # cosine from which a beam counts as running along the link's y axis
 _SAME_PLACE = 1e-6  # relative to the size of the body
+_AT_END = 1e-9  # relative to the length of a beam
 
 
 @dataclass(frozen=True)
@@ -151,6 +152,8 @@ class BeamHost:
         along = min(max(along, 0.0), 1.0)
         if self.mesh is not None:
             along = round(along * self._link.elements) / self._link.elements
+        elif abs(along - round(along)) < _AT_END:
+            along = float(round(along))
         place = self._start + along * self._length * self._direction
         arm = pose.position - place
         if np.linalg.norm(arm) < 1e-12 * self._length:

@@ -10,8 +10,9 @@ from flexfem.core.pose import Pose
 from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.shapes import CompoundShape, Shape
-from flexfem.robots.description import LinkData, check_inertial
+from flexfem.robots.description import check_inertial
 from flexfem.robots.placement import Moving
+from flexfem.robots.tree import LinkData
 
 __all__ = ["Body", "GroundHost", "Host", "RigidHost", "rigid_host"]
 

@@ -10,8 +10,9 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.pose import Pose
 from flexfem.model.shapes import Box, Cylinder, Shape, Sphere, SurfaceShape
-from flexfem.robots.description import LinkData, origin
+from flexfem.robots.description import origin
 from flexfem.robots.elements import Element
+from flexfem.robots.tree import LinkData
 
 __all__ = ["PICTURES", "link_shapes"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.pose import Pose
 from flexfem.robots.coordinates import JointStart
-from flexfem.robots.description import RobotData
+from flexfem.robots.tree import RobotData
 
 __all__ = ["Moving", "Placement", "place_links"]
 

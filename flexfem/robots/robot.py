@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
@@ -19,8 +18,8 @@ from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.probe import Probe
 from flexfem.robots.connections import Connection
 from flexfem.robots.coordinate_probe import coordinate_probe
-from flexfem.robots.description import SINGLE, Limits
 from flexfem.robots.hosts import Body, Host
+from flexfem.robots.tree import SINGLE, Limits
 
 __all__ = ["Robot"]
 
@@ -170,10 +169,8 @@ class Robot:
 
     def __str__(self) -> str:
         """Return what the robot consists of in one line."""
-        moving = sum(body is not None for body in {id(b): b for b in self.links.values()}.values())
-        mass = sum(getattr(item, "mass", 0.0) for item in self.items)
-        weight = f", {mass:.6g} kg rigid" if np.isfinite(mass) and mass else ""
+        bodies = {id(body) for body in self.links.values() if body is not None}
         return (
-            f'robot "{self.name}": {len(self.links)} links, {moving} bodies{weight}, '
+            f'robot "{self.name}": {len(self.links)} links, {len(bodies)} bodies, '
             f"{len(self.configuration)} joints with one coordinate"
         )

@@ -12,11 +12,12 @@ from flexfem import _checks
 from flexfem.core.pose import Pose
 from flexfem.robots.assembly import Choices, assembled
 from flexfem.robots.coordinates import joint_starts
-from flexfem.robots.description import RobotData, read_description
+from flexfem.robots.description import read_description
 from flexfem.robots.flexible import BeamLink, FloatingLink
 from flexfem.robots.pictures import PICTURES
 from flexfem.robots.placement import Moving, place_links
 from flexfem.robots.robot import Robot
+from flexfem.robots.tree import RobotData
 
 __all__ = ["read_urdf"]
 
@@ -83,6 +84,7 @@ def read_urdf(
         ValueError: an argument makes no sense, or a mistake in the file; one line with file, line,
             element and value.
     """
+    _checks.instance("read_urdf", "file", file, (str, PathLike))
     path = Path(file)
     robot = read_description(path)
     owner = f'robot "{robot.name}"'

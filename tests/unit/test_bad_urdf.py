@@ -153,6 +153,8 @@ def test_robots_refuse_what_they_do_not_have(tmp_path: Path) -> None:
         robot.actuator("knee", saturate=True)
     with pytest.raises(ValueError, match=f'"{tmp_path}/leg.urdf": No such file'):
         ff.read_urdf(tmp_path / "leg.urdf")
+    with pytest.raises(TypeError, match="read_urdf: file must be a str or PathLike, got 3"):
+        ff.read_urdf(3)  # type: ignore[arg-type]
     path.write_text(
         SOUND.replace('link="leg"', 'link="hip"').replace('k name="leg"', 'k name="hip"')
     )

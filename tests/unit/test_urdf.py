@@ -162,6 +162,7 @@ def test_fixed_links_are_one_body(tmp_path: Path) -> None:
     )  # fmt: skip
     (body,) = robot.items
     assert body.name == "my_one"
+    assert str(robot) == 'robot "my_robot": 2 links, 1 bodies, 0 joints with one coordinate'
     assert robot.links["two"] is body
     total = np.zeros((4, 4))
     tensor = np.array([[0.2, 0.01, -0.02], [0.01, 0.3, 0.03], [-0.02, 0.03, 0.25]])
@@ -228,6 +229,18 @@ def test_friction_stops_and_drives(tmp_path: Path) -> None:
     assert [item.name for item in plain.items] == ["one", "two", "turn", "push"]
 
 
+def test_what_other_programs_want_is_let_pass(tmp_path: Path) -> None:
+    robot = read(
+        tmp_path, '<material name="grey"><color rgba="0 0 0 1"/></material>',
+        '<gazebo reference="one"><plugin filename="a.so"/></gazebo>', '<link name="base"/>',
+        '<transmission name="t"><joint name="hip"><x/></joint></transmission>',
+        joint("hip", "revolute", "base", "one", '<calibration rising="0.0"/><drake:gear a="1"/>'
+              '<safety_controller k_velocity="10"/>'),
+        heavy("one", more="<contact><friction/></contact>").replace("<mass ", '<mass drake:a="1" '),
+    )  # fmt: skip
+    assert [item.name for item in robot.items] == ["one", "hip"]
+
+
 def test_coordinates_in_the_history(tmp_path: Path) -> None:
     """A finger follows a turning knob over more than a turn; both counted as in the file."""
     robot = read(
@@ -245,6 +258,23 @@ def test_coordinates_in_the_history(tmp_path: Path) -> None:
     np.testing.assert_allclose(history["finger"], 0.2 + 0.05 * knob, atol=1e-9)
     # rates end with what the scheme leaves of second order
     np.testing.assert_allclose(history["finger_rate"], 1.5, atol=1e-6)
+
+
+def test_a_follower_loads_its_leader(tmp_path: Path) -> None:
+    """A motor turns a pinion, its rack follows: (I + m r^2) alpha = torque."""
+    robot = read(
+        tmp_path, '<link name="base"/>', joint("pinion", "continuous", "base", "one"), heavy("one"),
+        joint("rack", "prismatic", "base", "two", '<mimic joint="pinion" multiplier="0.4"/>'),
+        heavy("two", 2.0),
+    )  # fmt: skip
+    model = ff.Model("rack")
+    model.add(*robot.items, robot.probe(), robot.actuator("pinion", lambda t: 3.0))
+    history = ff.simulate(model, ff.RunOptions(dt=0.01, t_end=0.1, tolerance=1e-10)).history
+    # about x through the joint: that of MASS and 1 kg 0.2 m away
+    alpha = 3.0 / (0.2 + 0.2**2 + 2.0 * 0.4**2)
+    # at constant acceleration the scheme is exact; without the rack it is more than twice that
+    np.testing.assert_allclose(history["pinion"], 0.5 * alpha * history["t"] ** 2, atol=1e-9)
+    np.testing.assert_allclose(history["rack"], 0.4 * history["pinion"], atol=1e-10)
 
 
 BOX = '<visual><origin xyz="1 0 0" rpy="0 0 1.5"/><geometry>{}</geometry></visual>'
