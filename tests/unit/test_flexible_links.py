@@ -61,9 +61,9 @@ def reduced() -> ff.ReducedBody:
     return ff.reduce_body(body, regions, modes=2, positions=positions)
 
 
-def read(folder: Path, **arguments: Any) -> ff.Robot:
+def read(folder: Path, text: str = ARM, **arguments: Any) -> ff.Robot:
     path = folder / f"arm{MPI.COMM_WORLD.rank}.urdf"
-    path.write_text(ARM)
+    path.write_text(text)
     return ff.read_urdf(path, position=(1.0, 2.0, 3.0), rotation=TURN, **arguments)
 
 
@@ -129,7 +129,6 @@ def test_places_on_a_flexible_link(kind, tmp_path, reduced):
         np.testing.assert_allclose(a.position, b.position, atol=1e-14, err_msg=name)
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize("direction", [1, 2])
 def test_deflection(direction, tmp_path):
     """A held rod under a small force at its end, about either axis of its section."""
@@ -168,7 +167,7 @@ def test_motion_of_a_flexible_arm(tmp_path):
         robot = read(tmp_path, flexible=flexible, **start)
         model = model_of(robot)
         model.add(robot.probe())
-        outcome = ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.02, tolerance=1e-9))
+        outcome = ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.01, tolerance=1e-9))
         assert outcome.status == "ok"
         if not MPI.COMM_WORLD.rank:
             history = outcome.history
@@ -177,25 +176,22 @@ def test_motion_of_a_flexible_arm(tmp_path):
             np.testing.assert_allclose(first, [0.5, -0.7, 1.5, 2.0], atol=1e-9)
             ends.append([history["hip"][-1], history["knee"][-1]])
     if not MPI.COMM_WORLD.rank:
-        # the rod bends by a milliradian; links that fall apart move by hundredths
-        np.testing.assert_allclose(ends[0], ends[1], atol=5e-3)
+        # they turn by 0.017 and 0.021; bending makes a difference of 1.3e-3
+        np.testing.assert_allclose(ends[0], ends[1], atol=2.5e-3)
 
 
 @pytest.mark.serial
 def test_bad_flexible_links(tmp_path, reduced):
-    def refused(message: str, **arguments: Any) -> None:
-        with pytest.raises(ValueError, match=message):
-            read(tmp_path, flexible={"rod": ff.FloatingLink(reduced)}, **arguments)
-
-    global ARM
-    sound = ARM
-    try:
-        ARM = sound.replace('"knee"', '"ankle"')
-        refused('FloatingLink "rod": it has no interface "ankle" for the joint: hip, knee, side')
-        ARM = sound.replace("0.8 0 0", "0.8 0 0.1")
-        refused(r'"knee" is at \(0.8, 0, 0\), the joint at \(0.8, 0, 0.1\) in the link')
-    finally:
-        ARM = sound
+    for old, new, message in (
+        ('"knee"', '"ankle"', 'no interface "ankle" for the joint: hip, knee, side'),
+        (
+            "0.8 0 0",
+            "0.8 0 0.1",
+            r'"knee" is at \(0.8, 0, 0\), the joint at \(0.8, 0, 0.1\) in the',
+        ),
+    ):
+        with pytest.raises(ValueError, match=f'FloatingLink "rod": .*{message}'):
+            read(tmp_path, ARM.replace(old, new), flexible={"rod": ff.FloatingLink(reduced)})
     for arguments, message in (
         ({"elements": 0}, "elements must be at least 1, got 0"),
         ({"elements": 2.0}, "elements must be a whole number, got 2.0"),
