@@ -25,7 +25,7 @@ LAYERS = [
     {"elements", "bodies", "contact"},
     {"system"},
     {"kinematics"},
-    {"solvers", "io", "moving_base", "formalisms"},
+    {"solvers", "io", "moving_base", "formalisms", "robots"},
     {"integrators"},
     {"simulation"},
     {"case"},
@@ -47,6 +47,7 @@ FORBIDDEN = {
     "model": HEAVY | {"numba", "ufl"},
     "kinematics": {"dolfinx", "dolfinx_solver", "petsc4py", "slepc4py"},
     "joints": HEAVY | {"numba", "ufl"},
+    "robots": HEAVY | {"numba", "ufl"},
     "loads": HEAVY | {"numba", "ufl"},
     "reduction": HEAVY | {"numba", "ufl"},
 }

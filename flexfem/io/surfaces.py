@@ -86,8 +86,9 @@ def body_surface(
 
     Args:
         shape: Object with ``sizes`` (a box), ``radius``, ``length`` and ``axis`` (a cylinder) or
-            ``radius`` (a sphere), in m, about the reference point, or None: the homogeneous box
-            of this mass and inertia about the centre of mass.
+            ``radius`` (a sphere), in m, about the reference point; with ``points`` and
+            ``triangles``, or with ``parts``, pairs of a shape and its pose; or None: the
+            homogeneous box of this mass and inertia about the centre of mass.
         mass: Mass in kg.
         inertia: Inertia (3, 3) or its diagonal (3,) about the centre of mass in kg m^2.
         centre: Centre of mass (3,) relative to the reference point in body axes in m.
@@ -98,6 +99,17 @@ def body_surface(
     if shape is None:
         matrix, sizes = _equivalent_box(mass, inertia)
         return box(sizes).moved(matrix, centre)
+    return _shape_surface(shape)
+
+
+def _shape_surface(shape: Any) -> Surface:
+    """Surface of a shape about its own origin."""
+    if hasattr(shape, "parts"):
+        return _joined(
+            [_shape_surface(s).moved(pose.rotation, pose.position) for s, pose in shape.parts]
+        )
+    if hasattr(shape, "triangles"):
+        return Surface(shape.points, shape.triangles)
     if hasattr(shape, "sizes"):
         return box(shape.sizes)
     if hasattr(shape, "radius") and hasattr(shape, "length"):
@@ -105,6 +117,13 @@ def body_surface(
     if hasattr(shape, "radius"):
         return sphere(shape.radius)
     raise TypeError(f"body_surface: a {type(shape).__name__} is not a shape")
+
+
+def _joined(surfaces: Sequence[Surface]) -> Surface:
+    """Several surfaces as one."""
+    starts = np.cumsum([0, *(len(s.points) for s in surfaces)])[:-1]
+    triangles = [s.triangles + i for s, i in zip(surfaces, starts, strict=True)]
+    return Surface(np.concatenate([s.points for s in surfaces]), np.concatenate(triangles))
 
 
 def frames_along(axes: ArrayLike) -> FloatArray:

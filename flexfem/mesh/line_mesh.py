@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Meshes of lines with named groups, on which beams live."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -112,6 +113,32 @@ class LineMesh:
         cells = np.stack([first, first + 1], axis=-1).reshape(-1, 2)
         numbers = np.arange(len(cells)).reshape(len(ends), elements)
         return cls(points, cells, dict(zip(lines, numbers, strict=True)))
+
+    @classmethod
+    def join(cls, meshes: Sequence["LineMesh"]) -> Self:
+        """Create one mesh from several, whose nodes stay apart also where they coincide.
+
+        Raises:
+            TypeError: Something is no LineMesh.
+            ValueError: No mesh, or a name that two groups of lines or points have.
+        """
+        if len(meshes) == 0:
+            raise ValueError("LineMesh.join: meshes must hold at least one mesh, got none")
+        for mesh in meshes:
+            _checks.instance("LineMesh.join", "each mesh", mesh, LineMesh)
+        for kind in ("line_groups", "point_groups"):
+            counts = Counter(name for mesh in meshes for name in getattr(mesh, kind))
+            if counts and (most := counts.most_common(1)[0])[1] > 1:
+                raise ValueError(f'LineMesh.join: {kind}: the name "{most[0]}" is used twice')
+        node = np.cumsum([0] + [len(mesh.points) for mesh in meshes]).tolist()
+        row = np.cumsum([0] + [len(mesh.cells) for mesh in meshes]).tolist()
+        numbered = list(zip(meshes, node[:-1], row[:-1], strict=True))
+        return cls(
+            np.concatenate([mesh.points for mesh in meshes]),
+            np.concatenate([mesh.cells + n for mesh, n, _ in numbered]),
+            {name: rows + r for mesh, _, r in numbered for name, rows in mesh.line_groups.items()},
+            {name: one + n for mesh, n, _ in numbered for name, one in mesh.point_groups.items()},
+        )
 
     @classmethod
     def from_gmsh_model(cls) -> Self:

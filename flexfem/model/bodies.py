@@ -12,6 +12,7 @@ from flexfem.core.marker import Marker
 from flexfem.materials.section import Section
 from flexfem.mesh.frames import Orientation
 from flexfem.mesh.nurbs import NurbsCurve
+from flexfem.model.shapes import SHAPES, Shape
 
 # Relative to the largest principal moment: plates satisfy the triangle inequality as an equality
 _TRIANGLE_TOLERANCE = 1e-9
@@ -23,74 +24,6 @@ _ZERO = (0.0, 0.0, 0.0)
 FORMULATIONS = ("se3", "nurbs")
 #: Degree of curves through the nodes of a mesh.
 _DEGREE = 3
-
-
-@dataclass(frozen=True)
-class Box:
-    """Box about the reference point, for pictures.
-
-    Attributes:
-        sizes: Edge lengths along the body axes, metres.
-    """
-
-    sizes: tuple[float, float, float]
-
-    def __post_init__(self) -> None:
-        """Check the sizes.
-
-        Raises:
-            TypeError: The sizes are not numbers.
-            ValueError: They are not three positive numbers.
-        """
-        sizes = _checks.vector("Box", "sizes", self.sizes)
-        if (sizes <= 0.0).any():
-            raise ValueError(f"Box: sizes must be positive, got {_checks.show(self.sizes)}")
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """Sphere about the reference point, for pictures.
-
-    Attributes:
-        radius: Radius, metres.
-    """
-
-    radius: float
-
-    def __post_init__(self) -> None:
-        """Check the radius.
-
-        Raises:
-            TypeError: The radius is not a number.
-            ValueError: It is not positive.
-        """
-        _checks.number("Sphere", "radius", self.radius, positive=True)
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """Cylinder about the reference point, for pictures.
-
-    Attributes:
-        radius: Radius, metres.
-        length: Length, metres.
-        axis: Direction of the axis in body axes, of any length but zero.
-    """
-
-    radius: float
-    length: float
-    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A value is not a number.
-            ValueError: A length is not positive or the axis is zero.
-        """
-        _checks.number("Cylinder", "radius", self.radius, positive=True)
-        _checks.number("Cylinder", "length", self.length, positive=True)
-        _checks.vector("Cylinder", "axis", self.axis, nonzero=True)
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -192,7 +125,7 @@ class RigidBody:
     centre: FloatArray
     velocity: FloatArray
     angular_velocity: FloatArray
-    shape: Box | Sphere | Cylinder | None
+    shape: Shape | None
 
     def __init__(
         self,
@@ -205,7 +138,7 @@ class RigidBody:
         centre: npt.ArrayLike = _ZERO,
         velocity: npt.ArrayLike = _ZERO,
         angular_velocity: npt.ArrayLike = _ZERO,
-        shape: Box | Sphere | Cylinder | None = None,
+        shape: Shape | None = None,
     ) -> None:
         """Create a rigid body; `inertia` may be its diagonal (3,), `rotation` None for none.
 
@@ -216,7 +149,7 @@ class RigidBody:
         """
         owner = _checks.named(self, name)
         if shape is not None:
-            _checks.instance(owner, "shape", shape, (Box, Sphere, Cylinder))
+            _checks.instance(owner, "shape", shape, SHAPES)
         _checks.assign(
             self,
             name=name,

@@ -125,6 +125,19 @@ EXAMPLES |= {
             "joint", *_ground(4), axis=AXIS, second_axis=(1.0, 2.0, -0.5), ratio=-1.7
         ),
     ),
+    "Coupling-rack": Example(
+        ff.Coupling, 1, {}, APART, markers=4,
+        make=lambda: ff.Coupling(
+            "joint", *_ground(4), axis=AXIS, second_axis=(1.0, 2.0, -0.5), ratio=0.3,
+            motions=("rotation", "translation"),
+        ),
+    ),
+    "Coupling-slides": Example(
+        ff.Coupling, 1, {}, APART, markers=4,
+        make=lambda: ff.Coupling(
+            "joint", *_ground(4), axis=AXIS, ratio=-1.0, motions=("translation", "translation")
+        ),
+    ),
     "RigidNodes": Example(
         ff.RigidNodes, 12, {}, APART, markers=3,
         make=lambda: ff.RigidNodes("joint", *_ground(1), nodes=_ground(2)),

@@ -39,6 +39,10 @@ ALONE = {
         lambda: ff.Gear("j", A, B, A, C, second_axis=(0, 0, 0)), "second_axis must not be zero"
     ),
     "Gear marker": (lambda: ff.Gear("j", A, B, "two", C), "c must be a Marker or Ground"),
+    "Coupling motion": (
+        lambda: ff.Coupling("j", A, B, A, C, motions=("rotation", "screw")),
+        r"motions must be two of rotation and translation, got \('rotation', 'screw'\)",
+    ),
     "Generic type": (lambda: ff.Generic("j", A, B, free="rz"), "free must be a list or tuple"),
     "Generic limits type": (
         lambda: ff.Generic("j", A, B, free=["x"], limits=[1.0]), "limits must be a Mapping, got"

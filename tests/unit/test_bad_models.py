@@ -21,9 +21,10 @@ from flexfem.materials.section import Section
 from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import LineMesh, read_mesh
 from flexfem.mesh.nurbs import NurbsCurve
-from flexfem.model.bodies import Beam, Box, Cylinder, PointMass, RigidBody, Sphere
+from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.model import Model
 from flexfem.model.probe import PositionProbe, Probe
+from flexfem.model.shapes import Box, CompoundShape, Cylinder, Sphere, SurfaceShape
 from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
@@ -171,6 +172,11 @@ CONSTRUCTORS = [
         'RigidBody "b": inertia must be symmetric',
     ),
     (lambda: RigidBody("b", 1.0, 5.0), 'RigidBody "b": inertia must hold 3 x 3 numbers, got 5.0'),
+    (lambda: SurfaceShape([(0, 0, 0)], [(0, 0, 1)]), "SurfaceShape: triangles must lie in 0 to 0"),
+    (lambda: SurfaceShape([(0, 0, 0)], []), "SurfaceShape: triangles must hold at least one"),
+    (lambda: CompoundShape([]), "CompoundShape: parts must hold at least one, got none"),
+    (lambda: CompoundShape([Sphere(1.0)]), "CompoundShape: parts must be pairs of a shape and a"),
+    (lambda: CompoundShape([("box", Pose())]), "CompoundShape: shape must be a Box or Sphere or"),
     (lambda: RigidBody("b", 1.0, (1, 1, 1), shape="box"), 'RigidBody "b": shape must be a Box or'),
     (lambda: Box((1, 1, 0)), r"Box: sizes must be positive, got \(1, 1, 0\)"),
     (lambda: Sphere(-1), "Sphere: radius must be positive, got -1"),

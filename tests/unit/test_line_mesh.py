@@ -407,3 +407,22 @@ def test_unnamed_and_distant_groups_are_left_out(no_gmsh):
     gmsh.model.addPhysicalGroup(0, points[:2], name="pair")
     with pytest.raises(ValueError, match='point group "pair" must hold one node, got 2'):
         LineMesh.from_gmsh_model()
+
+
+def test_joined_meshes_keep_their_nodes_apart():
+    a = LineMesh.straight({"one": [(0, 0, 0), (1, 0, 0)]}, 2)
+    b = LineMesh([(1, 0, 0), (1, 1, 0)], [(1, 0)], {"two": [0]}, {"corner": 0})
+    both = LineMesh.join([a, b])
+    np.testing.assert_array_equal(both.points, np.concatenate([a.points, b.points]))
+    np.testing.assert_array_equal(both.cells, [(0, 1), (1, 2), (4, 3)])
+    np.testing.assert_array_equal(both.order("two"), [4, 3])
+    assert both.line_groups["one"].tolist() == [0, 1]
+    assert both.point_groups == {"corner": 3}
+    with pytest.raises(
+        ValueError, match=r'LineMesh.join: line_groups: the name "two" is used twice'
+    ):
+        LineMesh.join([b, b])
+    with pytest.raises(ValueError, match="must hold at least one mesh"):
+        LineMesh.join([])
+    with pytest.raises(TypeError, match="each mesh must be a LineMesh"):
+        LineMesh.join([a, "b"])

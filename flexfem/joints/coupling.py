@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Coupling of two relative motions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.joint import Joint, turn_angle, unit
+from flexfem.core.marker import Attachment
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind, Term
+
+__all__ = ["Coupling"]
+
+_MOTIONS = ("rotation", "translation")
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling(Joint):
+    """Couples two relative motions from the start on: that of d from c = ratio times b from a.
+
+    One constraint: gears, a rack and its pinion, fingers that close together. It needs joints that
+    keep both axes, such as ``Revolute`` or ``Prismatic`` between a and b and between c and d.
+    Angles hold over any number of turns.
+
+    Attributes:
+        c: third marker.
+        d: fourth marker.
+        axis: axis of the first motion, fixed in marker a, inertial axes at the start.
+        second_axis: axis of the second motion, fixed in marker c; None for the same direction.
+        ratio: motion of d from c over motion of b from a; 1, m/rad or rad/m where one of them is a
+            translation; not zero.
+        motions: of b from a and of d from c: "rotation" about or "translation" along the axis.
+    """
+
+    c: Attachment
+    d: Attachment
+    axis: Sequence[float] = (0.0, 0.0, 1.0)
+    second_axis: Sequence[float] | None = None
+    ratio: float = 1.0
+    motions: tuple[str, str] = ("rotation", "rotation")
+
+    def __post_init__(self) -> None:
+        """Check axes, ratio and motions.
+
+        Raises:
+            TypeError: a marker is none, or the ratio is not a number.
+            ValueError: an axis or the ratio is zero, or not two known motions.
+        """
+        super().__post_init__()
+        _checks.vector(self.owner, "axis", self.axis, nonzero=True)
+        if self.second_axis is not None:
+            _checks.vector(self.owner, "second_axis", self.second_axis, nonzero=True)
+        if _checks.number(self.owner, "ratio", self.ratio) == 0.0:
+            raise ValueError(f"{self.owner}: ratio must not be zero, got {self.ratio}")
+        motions = self.motions
+        if not isinstance(motions, (tuple, list)) or len(motions) != 2 or {*motions} - {*_MOTIONS}:
+            raise ValueError(
+                f"{self.owner}: motions must be two of rotation and translation, got "
+                f"{_checks.show(motions)}"
+            )
+
+    @property
+    def places(self) -> tuple[tuple[str, Attachment], ...]:
+        """See :attr:`Joint.places`."""
+        return ("a", self.a), ("b", self.b), ("c", self.c), ("d", self.d)
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """See :attr:`Joint.pairs`."""
+        return (0, 1), (2, 3)
+
+    @property
+    def direction(self) -> FloatArray:
+        """See :attr:`Joint.direction`."""
+        return unit(self.axis)
+
+    @property
+    def _second(self) -> FloatArray:
+        return self.direction if self.second_axis is None else unit(self.second_axis)
+
+    def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
+        """See :meth:`Joint.turned`."""
+        return {"axis": turns[0] @ self.direction, "second_axis": turns[2] @ self._second}
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        axes, pairs = (self.direction, self._second), self.pairs
+        (driving, x), (driven, y) = (
+            _motion(kind, axis, poses, pair)
+            for kind, axis, pair in zip(self.motions, axes, pairs, strict=True)
+        )
+        return (Row((replace(driving, factor=-self.ratio), driven), y - self.ratio * x),)
+
+
+def _motion(
+    kind: str, axis: FloatArray, poses: Sequence[Pose], pair: tuple[int, int]
+) -> tuple[Term, float]:
+    """Angle (rad) or displacement (m) of a pair of markers, and its value at the start."""
+    a, b = (poses[number] for number in pair)
+    if kind == "rotation":
+        return turn_angle(axis, a, b, pair), 0.0
+    along = Term(RowKind.ALONG, u=a.rotation.T @ axis, a=pair[0], b=pair[1])
+    return along, float(np.dot(axis, b.position - a.position))

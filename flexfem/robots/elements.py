@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""XML elements that know where they stand, and say so when a value is wrong."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+
+__all__ = ["Element", "read_elements"]
+
+
+@dataclass(eq=False)
+class Element:
+    """One element of a file.
+
+    Attributes:
+        tag: its name.
+        attributes: texts by name.
+        file: of the file, for messages.
+        line: number of its line, from 1.
+        inside: the named elements around it, such as 'joint "elbow"', for messages.
+        children: elements in it.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    file: str
+    line: int
+    inside: str = ""
+    children: list["Element"] = field(default_factory=list)
+
+    def refuse(self, message: str) -> NoReturn:
+        """Raise in one line that names file, line and element.
+
+        Raises:
+            ValueError: always.
+        """
+        place = f"{self.inside}: " if self.inside else ""
+        raise ValueError(f'"{self.file}", line {self.line}: {place}<{self.tag}> {message}')
+
+    def only(self, attributes: Collection[str], children: Collection[str] = ()) -> "Element":
+        """The element itself, after checking that it holds nothing unknown.
+
+        Extensions with a prefix, as in ``<drake:joint>``, are let pass.
+
+        Raises:
+            ValueError: another attribute or child.
+        """
+        for name in self.attributes:
+            if name not in attributes and ":" not in name:
+                known = ", ".join(attributes) or "none"
+                self.refuse(f'has the attribute {name}="{self.attributes[name]}"; known: {known}')
+        for child in self.children:
+            if child.tag not in children and ":" not in child.tag:
+                known = ", ".join(children) or "no elements"
+                child.refuse(f"is not known in <{self.tag}>, which holds {known}")
+        return self
+
+    def all(self, tag: str) -> Iterator["Element"]:
+        """Children of a name."""
+        return (child for child in self.children if child.tag == tag)
+
+    def child(self, tag: str) -> "Element | None":
+        """The only child of a name, None if there is none.
+
+        Raises:
+            ValueError: there are several.
+        """
+        found = list(self.all(tag))
+        if len(found) > 1:
+            found[1].refuse(f"is there a second time, the first is in line {found[0].line}")
+        return found[0] if found else None
+
+    def required(self, tag: str) -> "Element":
+        """The only child of a name.
+
+        Raises:
+            ValueError: there is none, or several.
+        """
+        child = self.child(tag)
+        if child is None:
+            self.refuse(f"has no <{tag}>")
+        return child
+
+    def text(self, name: str) -> str:
+        """An attribute.
+
+        Raises:
+            ValueError: it is missing, empty or not printable.
+        """
+        value = self.attributes.get(name)
+        if value is None:
+            self.refuse(f"has no {name}")
+        if not value.strip() or not value.isprintable() or '"' in value:
+            self.refuse(f"must have a printable {name}, got {_checks.show(value)}")
+        return value.strip()
+
+    def number(
+        self, name: str, default: float | None = None, *, positive: bool = False,
+        nonnegative: bool = False,
+    ) -> float:  # fmt: skip
+        """An attribute as a number.
+
+        Raises:
+            ValueError: it is missing without default, no finite number, or has the wrong sign.
+        """
+        if name not in self.attributes and default is not None:
+            return default
+        (value,) = self.numbers(name, 1).tolist()
+        if (positive and value <= 0.0) or (nonnegative and value < 0.0):
+            sign = "must be positive" if positive else "must not be negative"
+            self.refuse(f'{name} {sign}, got "{self.attributes[name]}"')
+        return float(value)
+
+    def numbers(self, name: str, count: int, default: tuple[float, ...] = ()) -> FloatArray:
+        """An attribute as numbers, shape (count,).
+
+        Raises:
+            ValueError: it is missing without default, or does not hold that many finite numbers.
+        """
+        if name not in self.attributes and default:
+            return np.array(default)
+        text = self.text(name)
+        try:
+            values = np.array([float(word) for word in text.split()])
+        except ValueError:
+            hint = "; expand xacro first" if "${" in text else ""
+            self.refuse(f'{name} must hold {_counted(count)}, got "{text}"{hint}')
+        if len(values) != count:
+            self.refuse(f'{name} must hold {_counted(count)}, got "{text}"')
+        if not np.isfinite(values).all():
+            self.refuse(f'{name} must be finite, got "{text}"')
+        return values
+
+
+def _counted(count: int) -> str:
+    return "one number" if count == 1 else f"{count} numbers"
+
+
+def read_elements(path: Path) -> Element:
+    """The root element of an XML file.
+
+    Raises:
+        ValueError: the file is missing, no well-formed XML, or declares entities.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f'"{path}": {error.strerror or error}') from None
+    root: list[Element] = []
+    open_elements: list[Element] = []
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        around = open_elements[-1].inside if open_elements else ""
+        element = Element(tag, attributes, str(path), parser.CurrentLineNumber, around)
+        if len(open_elements) == 1 and "name" in attributes:
+            element.inside = f'{tag} "{attributes["name"]}"'
+        (open_elements[-1].children if open_elements else root).append(element)
+        open_elements.append(element)
+
+    def entity(*_: object) -> None:
+        raise ValueError(f'"{path}", line {parser.CurrentLineNumber}: entities are not read')
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda tag: open_elements.pop()
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        raise ValueError(f'"{path}", line {error.lineno}: no well-formed XML, {reason}') from None
+    return root[0]
