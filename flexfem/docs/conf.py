@@ -20,7 +20,6 @@ source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["__pycache__"]
 root_doc = "index"
 nitpicky = True
-suppress_warnings = ["toc.empty_glob"]  # guides may be none
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
