@@ -11,8 +11,8 @@ History: ``crank_angle`` and ``rocker_angle`` (rad) from the X axis; ``torque_fx
 exerts on the crank; ``pin_fx``, ``pin_fy``, ``pin_fz`` (N), ``pin_mx``, ``pin_my``, ``pin_mz``
 (N m), what the pin at C exerts on the rocker, in the axes of the rocker's end.
 
-Expected: the rocker swings by 0.69 rad and back. A whole turn takes no work in the end:
-``torque_mz`` is as much negative as positive.
+Expected: the rocker swings by 0.7236 rad and back (a rigid one: 0.7235). A whole turn
+takes no work in the end: ``torque_mz`` is as much negative as positive.
 Run: ``python cases/tutorial_2_four_bar.py``.
 """
 

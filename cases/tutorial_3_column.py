@@ -9,9 +9,11 @@ History: ``down`` and ``aside`` (m), the way of the head; ``tilt`` (rad), its ro
 
 Expected: the elastica. With a small imperfection the column is almost straight up to t = 1, then
 it gives way; at t = 1.152 (tilt 60 degrees) the head is 0.593 m aside and 0.259 m below its start
-(Timoshenko, Gere, Theory of Elastic Stability, 1961, table 2-4). Without imperfection,
-``--imperfection 0 --arc-length 0.05 --critical-points --branch 0.05``, the path leaves the straight
-column at the bifurcation. ``--buckling-modes 1`` finds the load from the linearised equations.
+(Timoshenko, Gere, Theory of Elastic Stability, 1961, table 2-4). By default only stable equilibria
+are searched; the straight column is unstable beyond t = 1. Without imperfection, with
+``--imperfection 0 --no-stabilise --arc-length 0.05 --critical-points --branch 0.05``, the path
+leaves the straight column at the bifurcation, t = 1.0005. ``--buckling-modes 1`` finds this load
+from the linearised equations.
 Run: ``python cases/tutorial_3_column.py``, then
 ``python postprocess/plot_history.py results/tutorial_3_column --columns t --x aside``.
 """
@@ -52,7 +54,7 @@ def build(*, elements: int, imperfection: float) -> ff.Model:
 def _way(t: float, head: ff.MarkerState) -> tuple[float, float, float]:
     """Way of the head and the angle of its tangent from the vertical."""
     x, _, z = head.position
-    tangent = head.rotation[:, 0]
+    tangent = head.rotation[:, 2]  # markers have the inertial axes at the start
     return HEIGHT - z, x, math.atan2(tangent[0], tangent[2])
 
 
@@ -70,6 +72,7 @@ CASE = ff.Case(
     analysis=ff.STATICS,
     t_end=1.5,
     load_steps=30,
+    stabilise=True,
     smoke={"elements": 2, "load_steps": 3},
     results=lambda history: {"largest_tilt": float(abs(history["tilt"]).max())},
 )

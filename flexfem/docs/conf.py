@@ -12,7 +12,7 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "myst_parser",
-    "flexfem.docs.extensions.mathml",
+    "flexfem.docs.extensions.formulas",
     "flexfem.docs.extensions.references",
     "flexfem.docs.extensions.directives",
 ]
@@ -20,6 +20,7 @@ source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 exclude_patterns = ["__pycache__"]
 root_doc = "index"
 nitpicky = True
+smartquotes = False  # options begin with two hyphens
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
@@ -45,6 +46,5 @@ html_theme = "furo"
 html_title = f"flexfem {release}"
 html_static_path = ["static"]
 html_css_files = ["pages.css"]
-html_math_renderer = "mathml"
 html_copy_source = False
 html_show_sphinx = False

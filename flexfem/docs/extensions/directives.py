@@ -21,7 +21,7 @@ from flexfem.docs.extensions.topics import cases_of, names_of
 from flexfem.options import Option
 
 #: Columns of printed help.
-_WIDTH = "96"
+_WIDTH = "84"
 
 
 class FromPackage(SphinxDirective):
@@ -51,7 +51,7 @@ class PublicNames(FromPackage):
     def text(self, arguments: Sequence[str]) -> str:
         """See :meth:`FromPackage.text`."""
         names = names_of(arguments)
-        listed = "\n".join(f"   flexfem.{name}" for name in names)
+        listed = "\n".join(f"   ~flexfem.{name}" for name in names)
         return "\n".join([
             f".. autosummary::\n   :nosignatures:\n\n{listed}\n",
             *(_documented(name) for name in names),
