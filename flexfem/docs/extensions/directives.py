@@ -12,9 +12,11 @@ from typing import Any
 
 from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.docutils import SphinxDirective
 
 import flexfem
+from flexfem.analyses.analysis import Analysis
 from flexfem.case import Case
 from flexfem.cli import command, commands
 from flexfem.docs.extensions.topics import cases_of, names_of
@@ -22,6 +24,8 @@ from flexfem.options import Option
 
 #: Columns of printed help.
 _WIDTH = "84"
+#: Names of defaults in the sources, and what they say.
+_DEFAULTS = {"_ZERO": "(0.0, 0.0, 0.0)", "MappingProxyType({})": "{}"}
 
 
 class FromPackage(SphinxDirective):
@@ -51,7 +55,8 @@ class PublicNames(FromPackage):
     def text(self, arguments: Sequence[str]) -> str:
         """See :meth:`FromPackage.text`."""
         names = names_of(arguments)
-        listed = "\n".join(f"   ~flexfem.{name}" for name in names)
+        described = [name for name in names if callable(getattr(flexfem, name))]
+        listed = "\n".join(f"   ~flexfem.{name}" for name in described)
         return "\n".join([
             f".. autosummary::\n   :nosignatures:\n\n{listed}\n",
             *(_documented(name) for name in names),
@@ -64,7 +69,23 @@ def _documented(name: str) -> str:
         return f".. autoclass:: flexfem.{name}\n   :members:\n"
     if callable(value):
         return f".. autofunction:: flexfem.{name}\n"
-    return f".. autodata:: flexfem.{name}\n   :no-value:\n"
+    return _constant(name, value)
+
+
+def _constant(name: str, value: Any) -> str:
+    """A constant, with the comment above it in its module and what it consists of."""
+    module = ModuleAnalyzer.for_module(f"flexfem.{flexfem._MODULES[name]}")
+    module.analyze()
+    lines = [line for line in module.attr_docs.get(("", name), []) if line]
+    if isinstance(value, Analysis):
+        lines.append(
+            f"An analysis of a :class:`~flexfem.Case`, with the options of "
+            f":class:`~flexfem.{value.settings.__name__}`."
+        )
+    elif isinstance(value, tuple):
+        parts = (one.name if isinstance(one, Option) else str(one) for one in value)
+        lines.append("Consists of " + ", ".join(f"``{part}``" for part in parts) + ".")
+    return "\n".join([f".. py:data:: flexfem.{name}\n", *(f"   {line}" for line in lines)]) + "\n"
 
 
 class Cases(FromPackage):
@@ -152,8 +173,19 @@ def _printed(arguments: Sequence[str]) -> str:
     return f".. code-block:: text\n\n{lines}\n"
 
 
+def _plain_defaults(*event: Any) -> tuple[str, str | None] | None:
+    """Signatures that need no knowledge of a module's own constants."""
+    signature, returned = event[-2:]
+    if signature is None:
+        return None
+    for name, said in _DEFAULTS.items():
+        signature = signature.replace(f"= {name}", f"= {said}").replace(f"={name}", f"={said}")
+    return signature, returned
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
+    app.connect("autodoc-process-signature", _plain_defaults)
     app.add_directive("public-names", PublicNames)
     app.add_directive("cases", Cases)
     app.add_directive("analysis-options", AnalysisOptions)
