@@ -1,12 +1,13 @@
 # Every target makes the set-up it needs in .venv; "make help" lists them.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test lint verification bench dist check-paraview clean
+.PHONY: help setup run test lint verification bench docs dist check-paraview clean
 
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 BENCH_STAMP := $(VENV)/.set-up-bench
+DOCS_STAMP := $(VENV)/.set-up-docs
 CASE ?= slider_crank
 # More ranks than cores would spend their time waiting: MPICH polls.
 RANKS := $(shell test "$$(nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
@@ -31,6 +32,10 @@ $(STAMP): pyproject.toml .ci/setup
 
 $(BENCH_STAMP): $(STAMP)
 	@sh .ci/setup $(VENV) dolfinx,post,test,bench
+	@touch $@
+
+$(DOCS_STAMP): $(STAMP)
+	@sh .ci/setup $(VENV) dolfinx,post,test,docs
 	@touch $@
 
 run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)
@@ -67,6 +72,10 @@ verification: $(STAMP) ## all benchmarks at full meshes: writes tests/verificati
 bench: $(BENCH_STAMP) ## timings, against Exudyn where it has the same problem
 	$(BIN)/python tests/benchmarks/chain_against_exudyn.py --ranks 2
 	$(BIN)/python tests/benchmarks/scaling.py
+
+docs: $(DOCS_STAMP) ## the documentation: build/docs/html/index.html
+	$(BIN)/python -m sphinx -b html -W --keep-going -q flexfem/docs build/docs/html
+	@echo "open build/docs/html/index.html"
 
 dist: $(STAMP) ## wheel and sdist in dist/
 	$(BIN)/python -m hatchling build -d dist

@@ -30,6 +30,7 @@ LAYERS = [
     {"simulation"},
     {"case"},
     {"cli"},
+    {"docs"},
 ]
 STRANGERS = {
     "elements",

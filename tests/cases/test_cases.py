@@ -46,6 +46,8 @@ MORE = {
     "sliding_beam": ["--elements", "6", "--slider-elements", "3"],
     # one reduction for each number of ranks
     "connecting_rod": ["--elements", "3", "--reduced", "{folder}/rod.h5"],
+    "tutorial_6_solid_arm": ["--reduced", "{folder}/arm.h5"],
+    "tutorial_1_pendulum": ["--elements", "6"],
 }
 
 

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Directives whose text comes from the package: public names, cases, command lines, options."""
+
+import contextlib
+import importlib
+import inspect
+import io
+import os
+import pkgutil
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.pycode import ModuleAnalyzer
+from sphinx.util.docutils import SphinxDirective
+
+import flexfem
+from flexfem.analyses.analysis import Analysis
+from flexfem.case import Case
+from flexfem.cli import command, commands
+from flexfem.docs.extensions.topics import cases_of, names_of
+from flexfem.options import Option
+
+#: Columns of printed help.
+_WIDTH = "84"
+#: Names of defaults in the sources, and what they say.
+_DEFAULTS = {"_ZERO": "(0.0, 0.0, 0.0)", "MappingProxyType({})": "{}"}
+
+
+class FromPackage(SphinxDirective):
+    """A directive that is replaced by reStructuredText."""
+
+    required_arguments = 0
+    optional_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        """Parse the text, headings included."""
+        try:
+            text = self.text(self.arguments[0].split() if self.arguments else [])
+        except ValueError as error:
+            raise self.error(str(error)) from error
+        parsed: list[nodes.Node] = self.parse_text_to_nodes(text, allow_section_headings=True)
+        return parsed
+
+    def text(self, arguments: Sequence[str]) -> str:
+        """What stands in its place."""
+        raise NotImplementedError
+
+
+class PublicNames(FromPackage):
+    """A table of the public names of some modules, then each with its docstring."""
+
+    def text(self, arguments: Sequence[str]) -> str:
+        """See :meth:`FromPackage.text`."""
+        names = names_of(arguments)
+        described = [name for name in names if callable(getattr(flexfem, name))]
+        listed = "\n".join(f"   ~flexfem.{name}" for name in described)
+        return "\n".join([
+            f".. autosummary::\n   :nosignatures:\n\n{listed}\n",
+            *(_documented(name) for name in names),
+        ])  # fmt: skip
+
+
+def _documented(name: str) -> str:
+    value = getattr(flexfem, name)
+    if inspect.isclass(value):
+        return f".. autoclass:: flexfem.{name}\n   :members:\n"
+    if callable(value):
+        return f".. autofunction:: flexfem.{name}\n"
+    return _constant(name, value)
+
+
+def _constant(name: str, value: Any) -> str:
+    """A constant, with the comment above it in its module and what it consists of."""
+    module = ModuleAnalyzer.for_module(f"flexfem.{flexfem._MODULES[name]}")
+    module.analyze()
+    lines = [line for line in module.attr_docs.get(("", name), []) if line]
+    if isinstance(value, Analysis):
+        lines.append(
+            f"An analysis of a :class:`~flexfem.Case`, with the options of "
+            f":class:`~flexfem.{value.settings.__name__}`."
+        )
+    elif isinstance(value, tuple):
+        parts = (one.name if isinstance(one, Option) else str(one) for one in value)
+        lines.append("Consists of " + ", ".join(f"``{part}``" for part in parts) + ".")
+    return "\n".join([f".. py:data:: flexfem.{name}\n", *(f"   {line}" for line in lines)]) + "\n"
+
+
+class Cases(FromPackage):
+    """The shipped cases of one analysis: text and options of each."""
+
+    def text(self, arguments: Sequence[str]) -> str:
+        """See :meth:`FromPackage.text`."""
+        (analysis,) = arguments
+        return "\n".join(_described(name, case) for name, case in cases_of(analysis).items())
+
+
+def _described(name: str, case: Case) -> str:
+    summary, *rest = (case.description or case.summary).partition("\n\n")
+    text = inspect.cleandoc(rest[1]) if rest[1] else ""
+    settings = ", ".join(f"``{key} = {value}``" for key, value in case.settings.items())
+    parts = [f".. _case-{name}:\n", name, "~" * len(name), f"\n**{summary}**\n", text]
+    if case.options:
+        parts.append(_option_table(case.options))
+    if settings:
+        parts.append(f"\nDefaults of its analysis: {settings}.\n")
+    return "\n".join(parts) + "\n"
+
+
+def _option_table(options: Iterable[Option]) -> str:
+    """Options with what they may be, as a list table."""
+    rows = ["\n.. list-table::", "   :header-rows: 1", "   :widths: 22 48 14 16\n"]
+    rows += [_row("option", "", "default", "admissible")]
+    for option in options:
+        default = "–" if option.default in (None, "") else f"``{option.default}``"
+        unit = f" [{option.unit}]" if option.unit else ""
+        text = _plain(option.help) + unit
+        rows += [_row(f"``{option.flag}``", text, default, _plain(option.describe()))]
+    return "\n".join(rows) + "\n"
+
+
+def _row(*cells: str) -> str:
+    first, *others = cells
+    return "\n".join([f"   * - {first}", *(f"     - {cell}" for cell in others)])
+
+
+def _plain(text: str) -> str:
+    """Text that marks nothing up."""
+    return "".join(f"\\{letter}" if letter in "\\*`_|" else letter for letter in text)
+
+
+class AnalysisOptions(FromPackage):
+    """Options of a class of settings, such as ``RunOptions``."""
+
+    def text(self, arguments: Sequence[str]) -> str:
+        """See :meth:`FromPackage.text`."""
+        (name,) = arguments
+        return _option_table(getattr(flexfem, name).OPTIONS)
+
+
+class CommandHelp(FromPackage):
+    """What ``flexfem ARGUMENTS --help`` prints; without arguments all commands one by one."""
+
+    def text(self, arguments: Sequence[str]) -> str:
+        """See :meth:`FromPackage.text`."""
+        if arguments:
+            return _printed(arguments)
+        names = [module.name for module in pkgutil.iter_modules(commands.__path__)]
+        parts = [_printed([])]
+        for name in names:
+            summary = importlib.import_module(f"{commands.__name__}.{name}").SUMMARY
+            title = f"flexfem {name}"
+            parts += [title, "~" * len(title), f"\n{_plain(summary)}\n", _printed([name])]
+        return "\n".join(parts)
+
+
+def _printed(arguments: Sequence[str]) -> str:
+    """Help of a command as a literal block."""
+    out = io.StringIO()
+    before = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = _WIDTH
+    try:
+        with contextlib.redirect_stdout(out), contextlib.suppress(SystemExit):
+            command([*arguments, "--help"])
+    finally:
+        if before is None:
+            del os.environ["COLUMNS"]
+        else:
+            os.environ["COLUMNS"] = before
+    lines = "\n".join(f"   {line}".rstrip() for line in out.getvalue().splitlines())
+    return f".. code-block:: text\n\n{lines}\n"
+
+
+def _plain_defaults(*event: Any) -> tuple[str, str | None] | None:
+    """Signatures that need no knowledge of a module's own constants."""
+    signature, returned = event[-2:]
+    if signature is None:
+        return None
+    for name, said in _DEFAULTS.items():
+        signature = signature.replace(f"= {name}", f"= {said}").replace(f"={name}", f"={said}")
+    return signature, returned
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directives."""
+    app.connect("autodoc-process-signature", _plain_defaults)
+    app.add_directive("public-names", PublicNames)
+    app.add_directive("cases", Cases)
+    app.add_directive("analysis-options", AnalysisOptions)
+    app.add_directive("command-help", CommandHelp)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What belongs on which page: public names by the modules that define them, cases by analysis.
+
+Nothing here needs Sphinx.
+"""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import flexfem
+from flexfem.case import Case
+from flexfem.cli.case_run import load_case
+from flexfem.resources import shipped_files
+
+SOURCES = Path(__file__).parents[1]
+
+
+def names_of(modules: Iterable[str]) -> list[str]:
+    """Public names that these modules, or those of these packages, define; in the order given.
+
+    Raises:
+        ValueError: one of them defines no public name.
+    """
+    found: list[str] = []
+    for module in modules:
+        inside = [
+            name
+            for name, place in flexfem._MODULES.items()
+            if place == module or place.startswith(f"{module}.")
+        ]
+        if not inside:
+            raise ValueError(f"no public name is defined in flexfem.{module}")
+        found += inside
+    return found
+
+
+def cases_of(analysis: str) -> dict[str, Case]:
+    """The shipped cases of one analysis by name, tutorials first.
+
+    Raises:
+        ValueError: there is none.
+    """
+    cases = {name: load_case(name) for name in shipped_files("cases")}
+    found = {name: case for name, case in cases.items() if case.analysis.name == analysis}
+    if not found:
+        raise ValueError(f"no case has the analysis '{analysis}'")
+    return dict(sorted(found.items(), key=lambda item: (not item[0].startswith("tutorial"), item)))
+
+
+def arguments_of(directive: str) -> list[str]:
+    """Arguments of all uses of a directive in the reStructuredText pages."""
+    pattern = re.compile(rf"^\.\. {directive}:: (.+)$", re.MULTILINE)
+    pages = sorted(SOURCES.rglob("*.rst"))
+    return [text for page in pages for text in pattern.findall(page.read_text(encoding="utf-8"))]

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Make the pictures of the tutorials from their results.
+
+    python -m flexfem.docs.pictures [RESULTS_DIR]
+
+runs the tutorials from the source tree and puts small pictures into ``figures/``.
+"""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+FIGURES = Path(__file__).parent / "figures"
+ROOT = Path(__file__).parents[2]
+_SIZE = ("--size", "900x560", "--no-animation")
+
+#: Pictures by their names: the case, the script that draws it, its options.
+PICTURES = {
+    "tutorial_1_motion": (
+        "tutorial_1_pendulum",
+        ("render", "--colour", "bending_moment", "--interval", "0.1", *_SIZE),
+    ),
+    "tutorial_1_history": (
+        "tutorial_1_pendulum",
+        ("plot_history", "--columns", "sag,energy_kinetic,energy_strain"),
+    ),
+    "tutorial_2_motion": ("tutorial_2_four_bar", ("render", *_SIZE)),
+    "tutorial_2_history": (
+        "tutorial_2_four_bar",
+        ("plot_history", "--columns", "rocker_angle,torque_mz"),
+    ),
+    "tutorial_3_path": (
+        "tutorial_3_column",
+        ("plot_history", "--columns", "t", "--x", "aside"),
+    ),
+    "tutorial_4_campbell": ("tutorial_4_rotor", ("plot_campbell",)),
+    "tutorial_5_motion": ("tutorial_5_sheet", ("render", *_SIZE)),
+    "tutorial_5_history": (
+        "tutorial_5_sheet",
+        ("plot_history", "--columns", "corner_z,touch_fz"),
+    ),
+    "tutorial_6_motion": (
+        "tutorial_6_solid_arm",
+        ("render", "--colour", "von_mises", *_SIZE),
+    ),
+    "tutorial_6_history": (
+        "tutorial_6_solid_arm",
+        ("plot_history", "--columns", "lag,torque_mz"),
+    ),
+    "tutorial_7_motion": ("tutorial_7_bead", ("render", *_SIZE)),
+    "tutorial_7_history": ("tutorial_7_bead", ("plot_history", "--columns", "way,speed")),
+}
+#: What each script draws, unless told otherwise.
+_DRAWN = {"render": "motion.png", "plot_history": "history.png", "plot_campbell": "campbell.png"}
+
+
+def main(results: Path) -> None:
+    """Run what has no results yet, and draw all pictures."""
+    for name, (case, (script, *options)) in PICTURES.items():
+        folder = results / case
+        if not (folder / "summary.json").exists():
+            _python(ROOT / "cases" / f"{case}.py", "--output", folder)
+        _python(ROOT / "postprocess" / f"{script}.py", folder, *options)
+        shutil.copyfile(folder / _DRAWN[script], FIGURES / f"{name}.png")
+
+
+def _python(*arguments: object) -> None:
+    subprocess.run([sys.executable, *map(str, arguments)], check=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "results")

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The documentation names all that there is, and its examples run."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import flexfem as ff
+from flexfem.docs.extensions.topics import SOURCES, arguments_of, cases_of, names_of
+from flexfem.docs.pictures import PICTURES
+from flexfem.resources import shipped_files
+from tests.cases.examples import assert_runs, complete_examples
+
+pytestmark = pytest.mark.serial
+
+PAGES = sorted(SOURCES.rglob("*.md"))
+EXAMPLES = [
+    pytest.param(text, id=f"{page.relative_to(SOURCES)}-{number}")
+    for page in PAGES
+    for number, text in enumerate(complete_examples(page.read_text()))
+]
+
+
+def test_every_public_name_is_on_one_page() -> None:
+    listed = [
+        name for modules in arguments_of("public-names") for name in names_of(modules.split())
+    ]
+    assert sorted(listed) == sorted(set(ff.__all__) - {"__version__"})
+
+
+def test_every_case_is_on_the_page_of_cases() -> None:
+    listed = [name for analysis in arguments_of("cases") for name in cases_of(analysis)]
+    assert sorted(listed) == sorted(shipped_files("cases"))
+
+
+def test_every_tutorial_has_its_page() -> None:
+    tutorials = {name for name in shipped_files("cases") if name.startswith("tutorial_")}
+    assert {page.stem for page in (SOURCES / "tutorials").glob("tutorial_*.md")} == tutorials
+    index = (SOURCES / "tutorials" / "index.md").read_text()
+    assert set(re.findall(r"^tutorial_\w+$", index, re.MULTILINE)) == tutorials
+
+
+def test_every_picture_is_shown_and_can_be_made() -> None:
+    """No page shows a picture that nobody makes, and none is left over."""
+    shown = {name for page in PAGES for name in re.findall(r"figures/(\w+)\.png", page.read_text())}
+    there = {path.stem for path in (SOURCES / "figures").glob("*.png")}
+    assert shown == there == set(PICTURES)
+
+
+def test_quoted_parts_of_cases_exist() -> None:
+    """Where a quotation begins and ends is found in the file, as the documentation needs it."""
+    for page in (SOURCES / "tutorials").glob("tutorial_*.md"):
+        quoted = re.findall(r"\{literalinclude\} (\S+)\n((?::.*\n)+)", page.read_text())
+        assert quoted, page
+        for file, options in quoted:
+            text = (page.parent / file).read_text()
+            for mark in re.findall(r"^:(?:start-at|end-before): (.+)$", options, re.MULTILINE):
+                quote = '"' if mark.startswith('"') else ""
+                assert mark.removeprefix(quote).removesuffix(quote) in text, (page.name, mark)
+
+
+@pytest.mark.parametrize("text", EXAMPLES)
+def test_examples_run(text: str, tmp_path: Path) -> None:
+    assert_runs(text, tmp_path)
