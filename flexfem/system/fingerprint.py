@@ -32,6 +32,9 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
     parts: dict[str, Any] = {
         "beams": model.beams,
         "contacts": model.contacts,
+        "controllers": [
+            (c.name, c.inputs, c.outputs, c.sample_time, c.law) for c in model.controllers
+        ],
         "events": (model.events, model.released),
         "floating bodies": [_floating(body) for body in model.floating_bodies],
         "gravity": model.gravity,
