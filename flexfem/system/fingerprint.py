@@ -113,6 +113,9 @@ class _Digest:
 
     def _array(self, values: np.ndarray[Any, Any]) -> None:
         self._text(f"array {values.shape}")
+        if values.dtype.kind == "f" and not np.isfinite(values).all():  # limits that are none
+            self._text(repr(values[~np.isfinite(values)].tolist()))
+            values = np.where(np.isfinite(values), values, 0.0)
         if values.dtype.kind == "f" and values.size:
             exponent = int(np.frexp(_BORDER * np.abs(values).max())[1])
             self._text(str(exponent))

@@ -232,31 +232,36 @@ def test_restart_goes_on_with_the_laws_memories(shared_tmp_path):
 def test_linear_quadratic_regulator_of_the_linearised_model():
     """A standing rod is linearised, and the gain that scipy finds balances the model itself."""
     linear = ff.linearize(pendulum(up=1.0))
-    assert linear.inputs == ("torque",)
+    assert linear.inputs == ("torque", "motor")
     rate = np.sqrt(MASS * GRAVITY * LENGTH / ABOUT_HINGE)
     assert np.sort(linear.poles.real) == pytest.approx([-rate, rate], rel=1e-6)
-    cost = solve_continuous_are(linear.A, linear.B, linear.C.T @ linear.C, np.eye(1))
-    gain = linear.B.T @ cost @ np.linalg.inv(linear.C)  # from outputs, which tell the whole state
+    # a moment on the rod and a motor at its hinge do the same: angular acceleration per torque
+    assert (linear.C @ linear.B)[1] == pytest.approx(2 * [1.0 / ABOUT_HINGE], rel=1e-6)
+    B = linear.B[:, 1:]
+    cost = solve_continuous_are(linear.A, B, linear.C.T @ linear.C, np.eye(1))
+    gain = B.T @ cost @ np.linalg.inv(linear.C)  # from outputs, which tell the whole state
 
     def law(t: float, y: np.ndarray) -> np.ndarray:
         return -gain @ (y - linear.y0) + (0.1 if t < 0.05 else 0.0)
 
-    model = pendulum(ff.Controller("lqr", ["turn"], ["torque"], law), up=1.0)
+    model = pendulum(ff.Controller("lqr", ["turn"], ["motor"], law), up=1.0)
     history = _run(model, 0.0025, 0.6).history
     # the same in closed form: a push of 0.1 N m for 0.05 s, then free motion of the closed loop
-    closed = linear.A - linear.B @ gain @ linear.C
-    rest = np.linalg.solve(closed, -0.1 * linear.B[:, 0])
-    x = expm(closed * 0.05) @ -rest + rest
-    x = linear.C @ expm(closed * 0.55) @ x
+    closed = linear.A - B @ gain @ linear.C
+    rest = np.linalg.solve(closed, -0.1 * B[:, 0])
+    x = expm(closed * 0.55) @ (rest - expm(closed * 0.05) @ rest)
     largest = np.abs(history["angle"]).max()
     assert 1e-4 < largest < 1e-2  # without control it falls: 0.07 rad
-    assert history["angle"][-1] == pytest.approx(x[0], abs=0.02 * largest)
+    assert history["angle"][-1] == pytest.approx((linear.C @ x)[0], abs=0.02 * largest)
 
 
 @pytest.mark.serial
 def test_outputs_are_zero_at_rest():
     """Statics knows no controller; a load that one drives does not act there."""
     model = pendulum(ff.Controller("push", ["turn"], ["torque", "motor"], lambda t, y: (5.0, 5.0)))
+    model.add(
+        ff.TorsionalSpringDamper("spring", ff.Ground(), ff.Marker("rod"), axis=Z, stiffness=9.0)
+    )
     outcome = ff.solve_static(model, ff.StaticOptions(load_steps=1, quiet=True))
     assert outcome.status == "ok"
     assert abs(outcome.history["angle"][-1]) < 1e-9  # the torque alone would turn it by 0.5 rad
