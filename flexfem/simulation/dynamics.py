@@ -142,8 +142,8 @@ class _Run:
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at t = {self._simulation.time:.6g} s"
-        self.finish(reason)
-        return interruption(self.signal, reason, self._checkpoint)
+        outcome = self.finish(reason)
+        return interruption(self.signal, reason, self._checkpoint, outcome)
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
