@@ -108,6 +108,7 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.serial
+@pytest.mark.slow
 def test_case_runs_on_several_ranks(case):
     beside = shutil.which("mpirun", path=str(Path(sys.executable).parent))
     if beside is None and shutil.which("mpirun") is None:
