@@ -93,8 +93,9 @@ class _Loop:
         except (TypeError, ValueError):
             values = np.empty(0)
         if values.shape != (self.count,):
+            noun = "number" if self.count == 1 else "numbers"
             raise ValueError(
-                f"{self.owner}: law must return {self.count} numbers, got "
+                f"{self.owner}: law must return {self.count} {noun}, got "
                 f"{_checks.show(outputs)} at t = {t:.6g} s"
             )
         return values

@@ -255,6 +255,19 @@ def test_linear_quadratic_regulator_of_the_linearised_model():
     assert history["angle"][-1] == pytest.approx((linear.C @ x)[0], abs=0.02 * largest)
 
 
+def test_linear_inputs_do_not_depend_on_ranks():
+    """The transfer function from motors and a load, some between bodies of two ranks."""
+    spread, alone = (ff.linearize(beams(), comm=comm) for comm in (COMM, MPI.COMM_SELF))
+    found, expected = (
+        x.C @ np.linalg.solve(30.0j * np.eye(len(x.A)) - x.A, x.B) for x in (spread, alone)
+    )
+    assert spread.inputs == alone.inputs == ("push", "first", "second")
+    # a motor that turns one body only would change its column by as much as it is
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
+    turning = np.abs(expected[alone.outputs.index("rate")])
+    assert turning.min() > 1e-3
+
+
 @pytest.mark.serial
 def test_outputs_are_zero_at_rest():
     """Statics knows no controller; a load that one drives does not act there."""
@@ -324,7 +337,7 @@ def _controller(**given: Any) -> ff.Controller:
         ({"law": 3.0}, r"law must be a function of t and y, or have update\(t, y\) and state"),
         ({"sample_time": -1.0}, "sample_time must be positive, got -1.0"),
         ({"sample_time": 0.003}, "sample_time must be a multiple of the time step 0.002 s, got"),
-        ({"law": lambda t, y: y}, r"law must return 1 numbers, got array\(\[0., 0.\]\) at t = 0"),
+        ({"law": lambda t, y: y}, r"law must return 1 number, got array\(\[0., 0.\]\) at t = 0"),
         ({"law": lambda t, y: 1 / 0, "sample_time": 0.002}, "law at t = 0 s: ZeroDivisionError"),
         ({"law": ff.PID(1.0)}, "PID: takes one measurement, got 2"),
     ],
