@@ -99,6 +99,10 @@ _MODULES = {
     "ReactionProbe": "model.measured",
     "StrainProbe": "model.measured",
     "ShellStrainProbe": "model.measured",
+    "Controller": "model.controller",
+    "FmuController": "model.fmu_controller",
+    "PID": "control.pid",
+    "StateSpace": "control.state_space",
     "Model": "model.model",
     "Interface": "reduction.reduced_body",
     "Recovery": "reduction.reduced_body",
@@ -227,6 +231,7 @@ _MODULES = {
     "linearize": "simulation.linear_model",
     "LinearModel": "simulation.linear_model",
     "main": "cli",
+    "run_case": "cli.separate_run",
 }
 __all__ = [*_MODULES, "__version__"]  # noqa: PLE0604
 

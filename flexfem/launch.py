@@ -89,7 +89,10 @@ class Interrupted(KeyboardInterrupt):
 
     Attributes:
         code: exit code of a process that ends for this reason.
+        outcome: what the run came to until then, an ``Outcome``; None if it is not known.
     """
+
+    outcome: Any = None
 
     def __init__(self, number: int, message: str) -> None:
         """Note the signal's number and what to tell the user."""

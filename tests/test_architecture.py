@@ -16,7 +16,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 LAYERS = [
     {"_types", "_checks", "resources", "launch", "options", "installation"},
     {"analyses"},
-    {"lie", "la", "materials"},
+    {"lie", "la", "materials", "control"},
     {"forms", "mesh"},
     {"core"},
     {"joints", "loads"},
@@ -45,6 +45,7 @@ FORBIDDEN = {
     "forms": HEAVY,
     "lie": HEAVY | {"ufl"},
     "materials": HEAVY | {"numba", "ufl"},
+    "control": HEAVY | {"numba", "ufl"},
     "model": HEAVY | {"numba", "ufl"},
     "kinematics": {"dolfinx", "dolfinx_solver", "petsc4py", "slepc4py"},
     "joints": HEAVY | {"numba", "ufl"},

@@ -9,7 +9,7 @@ from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.history import HistoryWriter, read_history
 from flexfem.io.progress import Progress
-from flexfem.io.summary import write_summary
+from flexfem.io.summary import read_summary, write_summary
 from flexfem.io.surfaces import Surface, body_surface
 from flexfem.io.vtu_series import VtuSeries
 
@@ -26,5 +26,6 @@ __all__ = [
     "VtuSeries",
     "body_surface",
     "read_history",
+    "read_summary",
     "write_summary",
 ]

@@ -7,11 +7,13 @@ import sys
 from types import TracebackType
 from typing import Any, Self
 
+from flexfem.io.notebook import bar_class, in_notebook
+
 
 class Progress:
     """Bar on the standard error stream: time, iterations, factorisations, remaining time.
 
-    It appears only if the stream is a terminal.
+    It appears only if the stream is a terminal, and in notebooks.
     """
 
     def __init__(
@@ -28,11 +30,10 @@ class Progress:
         self._bar: Any = None
         self._t_end = float(t_end)
         self._unit = f" {unit}" if unit else ""
-        if not (enabled and sys.stderr.isatty()):
+        if not (enabled and (sys.stderr.isatty() or in_notebook())):
             return
-        from tqdm import tqdm  # costs start-up time, and batch runs never need it
-
-        self._bar = tqdm(
+        # its import costs start-up time, and batch runs never need it
+        self._bar = bar_class()(
             total=float(t_end),
             initial=float(t_start),
             file=sys.stderr,

@@ -40,6 +40,17 @@ def write_summary(path: Path, data: Mapping[str, Any], comm: MPI.Comm | None = N
     replace_file(path, [text.encode(), b"\n"])
 
 
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read a summary.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it is none.
+    """
+    found: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+    return found
+
+
 def remove_summary(path: Path, comm: MPI.Comm) -> None:
     """Remove the summary of an earlier run, which a killed run would leave in place; rank 0."""
     if comm.rank == 0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The model: bodies, joints, loads, probes and events by name."""
+"""The model: bodies, joints, loads, probes, events and controllers by name."""
 
 from typing import Any, overload
 
@@ -17,6 +17,7 @@ from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.contact import Contact
+from flexfem.model.controller import Controller
 from flexfem.model.event import Event
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.place import Place
@@ -37,6 +38,7 @@ _LISTS: tuple[tuple[type, str], ...] = (
     (Contact, "contacts"),
     (Event, "events"),
     (AnyProbe, "probes"),
+    (Controller, "controllers"),
 )
 
 
@@ -58,6 +60,7 @@ class Model:
         contacts: Contacts in the order they were added.
         probes: Probes in the order they were added.
         events: Events in the order they were added.
+        controllers: Controllers in the order they were added.
         released: Names of joints that are open at the start.
     """
 
@@ -92,6 +95,7 @@ class Model:
         self.events: list[Event] = []
         self.released: list[str] = []
         self.probes: list[AnyProbe] = []
+        self.controllers: list[Controller] = []
         self._named: dict[str, Any] = {}
         self._curves: dict[str, NurbsCurve] = {}
 
@@ -102,7 +106,7 @@ class Model:
     def add(self, *things: Any) -> None: ...
 
     def add(self, *things: Any) -> Any:
-        """Add bodies, joints, loads, contacts, probes, events or gravity.
+        """Add bodies, joints, loads, contacts, probes, events, controllers or gravity.
 
         Args:
             *things: What to add, in any order; references by name are checked by `validate`.
@@ -131,8 +135,8 @@ class Model:
         attribute = next((name for kind, name in _LISTS if isinstance(thing, kind)), None)
         if attribute is None:
             raise TypeError(
-                f"{self!r}: only bodies, joints, loads, contacts, probes, events and gravity "
-                f"can be added, got {_checks.show(thing)}"
+                f"{self!r}: only bodies, joints, loads, contacts, probes, events, controllers and "
+                f"gravity can be added, got {_checks.show(thing)}"
             )
         if thing.name in self._named:
             other = type(self._named[thing.name]).__name__

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexfem.model.controller import Controller
 from flexfem.model.shell import Shell
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def model_table(model: Model) -> str:
         ("joints", model.joints),
         ("loads", model.loads),
         ("probes", model.probes),
+        ("controllers", model.controllers),
     ):
         lines.extend(_rows(model, title, things))
     return "\n".join(lines)
@@ -64,6 +66,8 @@ def _details(model: Model, thing: Any) -> str:
         return _shell(model, thing)
     if hasattr(thing, "section"):
         return f"{_line(model, thing)}, {thing.section.mass_per_length:.4g} kg/m"
+    if isinstance(thing, Controller):
+        return f"{', '.join(thing.inputs)} -> {', '.join(thing.outputs)}"
     if hasattr(thing, "columns"):
         return ", ".join(thing.columns)
     if hasattr(thing, "a"):

@@ -22,9 +22,11 @@ from flexfem.core.marker import (
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam
+from flexfem.model.controller import Controller
 from flexfem.model.event import Event
 from flexfem.model.load_checks import check_load
 from flexfem.model.place import Place
+from flexfem.model.probe import AnyProbe
 from flexfem.model.shell import Shell
 
 if TYPE_CHECKING:
@@ -64,6 +66,8 @@ def validate(model: Model) -> None:
         contact.check(model)
     for probe in model.probes:
         probe.check(model)
+    for controller in model.controllers:
+        controller.check(model)
     _check_columns(model)
 
 
@@ -256,7 +260,8 @@ def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, Place | No
 def _check_columns(model: Model) -> None:
     """Check that all columns of the history have different names."""
     users: dict[str, Any] = {}
-    for probe in model.probes:
+    recorded: list[AnyProbe | Controller] = [*model.probes, *model.controllers]
+    for probe in recorded:
         for column in probe.columns:
             if column in users:
                 raise ValueError(

@@ -12,6 +12,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem import _checks
+from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.launch import Interrupted, StopSignals
@@ -84,6 +85,7 @@ class _Run:
         self._recorder = Recorder(
             simulation.system, simulation.serial, options, options.every, options.t_end,
             resume=None if restart is None else restart.state,
+            measures=simulation.controls.columns,
         )  # fmt: skip
         self._checkpoints = Checkpoints(simulation, simulation.serial, options, self._grid, restart)
         self._checkpoint: Path | None = None
@@ -101,10 +103,10 @@ class _Run:
         if status is not Status.OK:
             return status
         if self._start is None:
-            self._recorder.record(0)
+            self._recorder.record(0, measures=self._outputs())
         self._setup = self._elapsed()
         if options.adaptive:
-            simulation.observe = self._recorder.record_between
+            simulation.observe = lambda: self._recorder.record_between(self._outputs())
         count, first = grid.steps(options.t_end), (self._start or 0) + 1
         every = options.checkpoint_every
         for step in range(first, count + 1):
@@ -112,11 +114,12 @@ class _Run:
             if step == first:
                 self._first = self._elapsed()
             if status is not Status.OK:
-                self._recorder.record_last(step)
+                self._recorder.record_last(step, self._outputs())
                 self._save(step - 1)
                 break
             stopped = simulation.events.stopped_by is not None
-            self._recorder.record(step, last=stopped or step == count)
+            last = stopped or step == count
+            self._recorder.record(step, last=last, measures=self._outputs())
             if stopped:
                 if every:  # the rest of the step is made by a restart
                     self._save(step if simulation.time >= grid.time(step) else step - 1)
@@ -128,6 +131,10 @@ class _Run:
                 break
         return status
 
+    def _outputs(self) -> FloatArray:
+        """What the controllers do from the accepted state on."""
+        return self._simulation.controls.outputs(self._simulation.time)
+
     def _save(self, step: int) -> None:
         """Write a checkpoint."""
         self._checkpoint = self._checkpoints.write(step, self._recorder.state())
@@ -135,8 +142,8 @@ class _Run:
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at t = {self._simulation.time:.6g} s"
-        self.finish(reason)
-        return interruption(self.signal, reason, self._checkpoint)
+        outcome = self.finish(reason)
+        return interruption(self.signal, reason, self._checkpoint, outcome)
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
@@ -168,7 +175,7 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
         )
     # the start looks three steps ahead to differentiate drives
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])
-    culprit = not_finite(simulation.serial, ahead)
+    culprit = simulation.controls.not_finite(t) or not_finite(simulation.serial, ahead)
     if culprit:
         return f"{culprit} after t = {t:.6g} s"
     where = moves_most(simulation.serial, simulation.system) if status in ITERATED else ""

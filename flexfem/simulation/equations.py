@@ -328,8 +328,8 @@ class _Run:
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at t = {self._simulation.stepper.motion.t:.6g} s"
-        self._conclude(reason)
-        return interruption(self.signal, reason, self._checkpoint)
+        outcome = self._conclude(reason)
+        return interruption(self.signal, reason, self._checkpoint, outcome)
 
     def finish(self, status: Status) -> Outcome:
         """Write what is left and the summary (collective)."""

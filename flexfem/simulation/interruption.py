@@ -9,6 +9,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem.launch import Interrupted, StopSignals
+from flexfem.simulation.outcome import Outcome
 
 __all__ = ["Agreement", "interruption"]
 
@@ -29,9 +30,13 @@ class Agreement:
         return int(self._flag[0])
 
 
-def interruption(signal: int, reason: str, checkpoint: Path | None) -> Interrupted:
+def interruption(
+    signal: int, reason: str, checkpoint: Path | None, outcome: Outcome | None = None
+) -> Interrupted:
     """The exception that ends a run, and says how to go on."""
     more = ""
     if checkpoint is not None:
         more = f", go on with --restart {shlex.quote(str(checkpoint))}"
-    return Interrupted(signal, reason + more)
+    stop = Interrupted(signal, reason + more)
+    stop.outcome = outcome
+    return stop

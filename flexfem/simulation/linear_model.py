@@ -35,10 +35,10 @@ class LinearModel:
     """``x' = A x + B u, y = y0 + C x + D u``, the same on every rank.
 
     The state holds the reduced coordinates, those of the drives, and the rates of both. The inputs
-    are changes of the loads' amplitudes and accelerations of the drives (the second derivative of
-    the rows' targets, m/s^2 or rad/s^2: no state space has an input that acts through its
-    derivatives). The outputs are the columns of the probes of markers; energies, momenta, joint
-    forces and resultants of beams are left out.
+    are changes of the loads' amplitudes, forces of the actuators (N or N m), and accelerations of
+    the drives (the second derivative of the rows' targets, m/s^2 or rad/s^2: no state space has an
+    input that acts through its derivatives). The outputs are the columns of the probes of markers;
+    energies, momenta, joint forces and resultants of beams are left out.
 
     Attributes:
         A, B, C, D: (n, n), (n, m), (p, n), (p, m).
@@ -134,6 +134,6 @@ def _assemble(
     B = np.zeros((2 * count, loads + drives))
     B[count : count + n] = np.hstack([load, inertia])
     B[count + n :, loads:] = np.eye(drives)
-    inputs = tuple(load.name for load in model.loads) + r.names
+    inputs = (*(load.name for load in model.loads), *r.actuators, *r.names)
     C = np.hstack([by_position, by_velocity])
     return LinearModel(A, B, C, np.zeros((len(C), loads + drives)), inputs, outputs, y0)

@@ -28,7 +28,7 @@ __all__ = ["ModesOutcome", "find_modes", "modes_at"]
 _COLUMNS = ("frequency", "damping_ratio", "real", "imag", "mass_x", "mass_y", "mass_z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ModesOutcome(Outcome):
     """What an eigenanalysis came to.
 

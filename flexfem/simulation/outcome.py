@@ -32,6 +32,15 @@ class Outcome:
     summary: Mapping[str, Any]
     history: Mapping[str, FloatArray] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Status and sizes in one line, for interactive work."""
+        rows = len(next(iter(self.history.values()), ()))
+        steps = self.summary.get("steps", 0)
+        return (
+            f"{type(self).__name__}({self.status!r}, {steps} steps, history of {rows} rows: "
+            f"{', '.join(self.history)})"
+        )
+
 
 def conclude(
     summary: dict[str, Any], history: Mapping[str, FloatArray], results: Results | None,

@@ -107,21 +107,21 @@ class Recorder:
         counters = system.counters
         self._progress.update(system.time, counters.newton_iterations, counters.factorizations)
 
-    def record_between(self) -> None:
+    def record_between(self, measures: FloatArray | None = None) -> None:
         """Note the accepted state of a part of a step in the history."""
         self._time = self._system.time
-        self._keep(None)
+        self._keep(measures)
         if self._probes.full:
             self._flush()
 
-    def record_last(self, step: int) -> None:
+    def record_last(self, step: int, measures: FloatArray | None = None) -> None:
         """Note the state reached before a step that failed, which may lie within the step."""
         system = self._system
         system.reset()
         system.interface.update()
         system.constraints.accept()
         if system.time > self._time:
-            self.record(step, last=True)
+            self.record(step, last=True, measures=measures)
         elif self._fields is not None:
             self._fields.write(system.time, step - 1)
 

@@ -163,8 +163,8 @@ class _Run:
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at iteration {self.relaxation.iteration}"
-        self.finish(reason)
-        return interruption(self.signal, reason, self._checkpoint)
+        outcome = self.finish(reason)
+        return interruption(self.signal, reason, self._checkpoint, outcome)
 
     def reason(self) -> str:
         """The status in words."""

@@ -8,6 +8,7 @@ from mpi4py import MPI
 from flexfem._checks import InputError
 from flexfem.la.dropped import destroy_dropped
 from flexfem.model.model import Model
+from flexfem.simulation.controls import Outputs, driven_model
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.system import System
@@ -17,7 +18,7 @@ __all__ = ["set_up"]
 
 def set_up(
     model: Model, comm: MPI.Intracomm | None, split_above: int,
-    check: Callable[[Assembly], None] | None = None,
+    check: Callable[[Assembly], None] | None = None, outputs: Outputs | None = None,
 ) -> tuple[Assembly, System]:  # fmt: skip
     """Serial data and system of a model (collective).
 
@@ -26,13 +27,14 @@ def set_up(
         comm: communicator, all ranks by default.
         split_above: elements above which one beam may be split over ranks.
         check: raises a ValueError for serial data that will not do.
+        outputs: of the model's controllers at a time (s); zero by default.
 
     Raises:
         InputError: a mistake in the model (a ValueError).
     """
     try:
         model.validate()
-        serial = Assembly(model)
+        serial = Assembly(driven_model(model, outputs))
         if check is not None:
             check(serial)
         comm = comm or MPI.COMM_WORLD

@@ -16,11 +16,13 @@ from flexfem.integrators.integrator import create_integrator, discard
 from flexfem.integrators.start import make_consistent, start_consistently
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Restart
+from flexfem.simulation.controls import Controls
 from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import start_in_equilibrium
 from flexfem.simulation.events import Events
 from flexfem.simulation.setup import set_up
 from flexfem.simulation.step_control import HALVINGS, StepControl
+from flexfem.simulation.time_grid import TimeGrid
 from flexfem.solvers.newton import NewtonOptions
 from flexfem.solvers.policies import Policy, UpdatedPolicy, create_policy
 from flexfem.solvers.tangent import TangentSolver
@@ -45,6 +47,7 @@ class Simulation:
         step_seconds: wall-clock time of each call of :meth:`advance`, s.
         events: the model's events and what became of them.
         departures: whether sliders are on their carriers.
+        controls: the model's controllers.
         observe: called after every accepted step that does not end a call of :meth:`advance`.
     """
 
@@ -62,7 +65,10 @@ class Simulation:
                 ValueError).
         """
         check = None if restart is None else restart.check
-        self.serial, self.system = set_up(model, comm, options.split_above, check)
+        grid = TimeGrid.of(options.dt, options.t_end) if restart is None else restart.grid
+        self.controls = Controls(model, grid.h)
+        outputs = self.controls.outputs
+        self.serial, self.system = set_up(model, comm, options.split_above, check, outputs)
         self.options = options
         self.system.set_time(0.0)
         self._integrator = create_integrator(options.integrator, options.rho_inf)
@@ -71,6 +77,7 @@ class Simulation:
         )
         self._tangent = TangentSolver(self.system)
         self.departures = Departures(self.system, self.serial)
+        self.controls.attach(self.system, self.serial)
         self.status = self._start() if restart is None else Status.OK
         self._integrator.prepare(self.system)
         newton = NewtonOptions(options.tolerance)
@@ -96,7 +103,12 @@ class Simulation:
                 return status
             if self.departures.found():
                 return Status.LEFT
-        return start_consistently(self.system, self._tangent, self.options.dt, least_norm)
+        status = start_consistently(self.system, self._tangent, self.options.dt, least_norm)
+        if status is Status.OK and len(self.controls):
+            self.controls.start()
+            self.system.set_time(self.time)
+            status = make_consistent(self.system, self._tangent, self.options.dt)
+        return status
 
     @property
     def time(self) -> float:
@@ -109,6 +121,7 @@ class Simulation:
             "steps": np.array([self.steps, self.rejected, self._error], dtype=np.float64),
             "control": self._control.state(),
             **self.events.state(),
+            **self.controls.state(),
         }
         parts = self._policy.state() | self.system.state() | self._integrator.state(self.system)
         return State(own) | parts
@@ -119,6 +132,7 @@ class Simulation:
         self._error = float(state.values["steps"][2])
         self._control.restore(state.values["control"])
         self.events.restore(state.values)
+        self.controls.restore(state.values)
         system = self.system
         usual, system.mechanics = system.mechanics, self._integrator.mechanics or system.mechanics
         self._policy.restore(state)
@@ -143,8 +157,10 @@ class Simulation:
             status = self._substep(h * control.part, start + h * control.end)
             if status is Status.OK:
                 control.accepted(self._error)
-                if control.done and t is not None and self.events.stopped_by is None:
-                    self.system.time = t
+                if control.done and self.events.stopped_by is None:
+                    if t is not None:
+                        self.system.time = t
+                    self.controls.sample()
                 elif not control.done:
                     self.observe()
             elif status in _FINAL or not self._smaller(status):
@@ -193,6 +209,7 @@ class Simulation:
         self._integrator.accept(self.system, size)
         self.system.time = end
         self.steps += 1
+        self.controls.accepted()
         if values is not None:
             self.events.passed(values)
         return Status.OK
@@ -244,7 +261,10 @@ class Simulation:
             return status
         if size > 0.0:
             status = self._accept(start, size, start + size)
-        return events.carry_out(hits) if status is Status.OK else status
+        if status is Status.OK:
+            status = events.carry_out(hits)
+            self.controls.accepted(jumped=True)
+        return status
 
 
 def _nothing() -> None:

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.row import LawKind
 from flexfem.la.dense import gather_rows
 from flexfem.solvers.linearization import Linearization, Matrices
 from flexfem.solvers.modes import ComplexArray
@@ -31,7 +32,8 @@ class Reduction:
         mass: (n, n).
         damping, stiffness: (n, n + m).
         driven_mass: (n, m), N.
-        loads: (n, l), F: forces of the loads at amplitude one.
+        loads: (n, l), F: forces of the loads at amplitude one, then unit forces of the actuators.
+        actuators: names of the actuators.
         names: of the drives' coordinates.
     """
 
@@ -41,6 +43,7 @@ class Reduction:
     stiffness: FloatArray
     driven_mass: FloatArray
     loads: FloatArray
+    actuators: tuple[str, ...]
     names: tuple[str, ...]
 
     @property
@@ -61,7 +64,8 @@ def reduce_equations(
             motions that the constraints allow, of a model small enough for dense matrices.
     """
     matrices = linearization.matrices()
-    names, targets = _drives(linearization)
+    names, targets = _drives(linearization, rigid=True)
+    actuators, rows = _drives(linearization, rigid=False)
     free, driven = _bases(linearization, matrices, targets, shapes)
     basis = np.concatenate([free, driven])
     products = [
@@ -74,16 +78,23 @@ def reduce_equations(
     ]
     comm, count = linearization.system.comm, len(free)
     M, C, K = (comm.allreduce(free @ product.T, op=MPI.SUM) for product in products)
-    forces = comm.allreduce(free @ _load_forces(linearization, loads).T, op=MPI.SUM)
-    return Reduction(basis, M[:, :count], C, K, M[:, count:], forces, names)
+    acting = np.concatenate(
+        [_load_forces(linearization, loads), _actuator_forces(linearization, rows)]
+    )
+    forces = comm.allreduce(free @ acting.T, op=MPI.SUM)
+    return Reduction(basis, M[:, :count], C, K, M[:, count:], forces, actuators, names)
 
 
-def _drives(linearization: Linearization) -> tuple[tuple[str, ...], FloatArray]:
-    """Names of the driven rows, and for each the values (m, rows) it adds to this rank's rows."""
+def _drives(linearization: Linearization, rigid: bool) -> tuple[tuple[str, ...], FloatArray]:
+    """Names of the driven rows, and for each the values (m, rows) it adds to this rank's rows.
+
+    Rigid ones hold a motion, the others are actuators.
+    """
     rows, comm = linearization.system.constraints, linearization.system.comm
     mine = []
     for placed, first, last in zip(rows.joints, rows.start[:-1], rows.start[1:], strict=True):
-        if placed.owned and placed.joint.driven:
+        holds = rows.elastic[first, 0] == LawKind.RIGID
+        if placed.owned and placed.joint.driven and holds == rigid:
             count = int(last - first)
             for k in range(count):
                 name = placed.joint.name if count == 1 else f"{placed.joint.name}_{k + 1}"
@@ -153,6 +164,26 @@ def _load_forces(linearization: Linearization, loads: int) -> FloatArray:
             pieces.append(part.block.owned_residual.ravel().copy())
         forces[i] = np.concatenate(pieces)
     system.factors[:] = kept
+    return forces
+
+
+def _actuator_forces(linearization: Linearization, targets: FloatArray) -> FloatArray:
+    """(k, n_local) forces of each actuator at one on this rank's nodes.
+
+    Args:
+        linearization: evaluated at the state.
+        targets: (k, rows) which of the rows that this rank owns it is.
+    """
+    system, rows = linearization.system, linearization.system.constraints
+    owned = rows.numbers[rows.owned_rows]
+    forces = np.zeros((len(targets), linearization.unknowns))
+    for i, target in enumerate(targets):
+        number = system.comm.allreduce(int(owned @ target), op=MPI.SUM)
+        for part in system.parts:
+            part.block.residual[:] = 0.0
+        system.add_constraint_forces((rows.numbers == number).astype(np.float64))
+        residuals = [part.block.owned_residual.ravel() for part in system.parts]
+        forces[i] = np.concatenate(residuals)
     return forces
 
 

@@ -32,6 +32,9 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
     parts: dict[str, Any] = {
         "beams": model.beams,
         "contacts": model.contacts,
+        "controllers": [
+            (c.name, c.inputs, c.outputs, c.sample_time, c.law) for c in model.controllers
+        ],
         "events": (model.events, model.released),
         "floating bodies": [_floating(body) for body in model.floating_bodies],
         "gravity": model.gravity,
@@ -110,6 +113,9 @@ class _Digest:
 
     def _array(self, values: np.ndarray[Any, Any]) -> None:
         self._text(f"array {values.shape}")
+        if values.dtype.kind == "f" and not np.isfinite(values).all():  # limits that are none
+            self._text(repr(values[~np.isfinite(values)].tolist()))
+            values = np.where(np.isfinite(values), values, 0.0)
         if values.dtype.kind == "f" and values.size:
             exponent = int(np.frexp(_BORDER * np.abs(values).max())[1])
             self._text(str(exponent))

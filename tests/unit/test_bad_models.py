@@ -376,7 +376,7 @@ MODELS = [
     (lambda: [BODY, PointForce("body", END, (0, 0, 1))], 'PointForce "body": the name is used'),
     (
         lambda: [3.0],
-        'Model "bad": only bodies, joints, loads, contacts, probes, events and gravity .* got 3.0',
+        'Model "bad": only bodies, joints, loads, contacts, probes, events, controllers .* got 3.0',
     ),
     (lambda: [Gravity((0, 0, 1)), Gravity((0, 0, 2))], r"gravity is there already.*\[0.0, 0.0, 2"),
     (lambda: [beam("bar")], 'Beam "bar": LineMesh: group "bar" is not in the mesh; its lines are'),

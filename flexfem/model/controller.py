@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Controllers: what closes loops from probes to actuators and loads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flexfem import _checks
+from flexfem.control.law import Law, SampledLaw
+from flexfem.core.load import Load
+from flexfem.joints.actuator import Actuator
+from flexfem.model.probe import Probe, check_columns, strings
+
+if TYPE_CHECKING:
+    from flexfem.model.model import Model
+
+__all__ = ["Controller"]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Controller:
+    """Feedback from probes to actuators and loads.
+
+    A function ``law(t, y)`` without a sample time acts continuously: it is evaluated wherever the
+    integrator asks for loads, with measurements extrapolated linearly from the last two accepted
+    steps, which is of second order in the step. It must depend on nothing but its arguments, and
+    is called on every rank.
+
+    Every other law is sampled: it is called once per sample time, on the first rank, with the
+    accepted state of that instant, and its outputs are held until the next sample. A sample time is
+    a whole multiple of the time step. The integrators take forces at the end of each step, so that
+    what is held acts half a time step later than an ideal hold, to second order in the step.
+
+    The outputs are added to the force of an ``Actuator``, and are the amplitude of a load, which
+    must have none of its own. Analyses other than motion in time take all outputs as zero.
+
+    Attributes:
+        name: unique name in the model.
+        inputs: names of probes of markers, or of single columns of theirs.
+        outputs: names of actuators and loads.
+        law: a function ``law(t, y)`` of time (s) and measurements, shape (inputs,), that returns
+            one number per output, or an object with memory, see ``flexfem.control.law``; each run
+            works with a copy of its own.
+        sample_time: s; None for a continuous law, and for every time step with memory.
+        columns: of the history: ``<name>_<output>`` for each output, N or N m for an actuator, the
+            factor of a load; a sampled one is that which acts from the row's time on.
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    law: Law
+    sample_time: float | None
+    columns: tuple[str, ...]
+
+    def __init__(
+        self,
+        name: str,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        law: Law,
+        sample_time: float | None = None,
+    ) -> None:
+        """Create a controller.
+
+        Raises:
+            TypeError: An argument has the wrong type.
+            ValueError: No outputs, one twice, or a sample time that is not positive.
+        """
+        owner = _checks.named(self, name)
+        measured, driven = strings(owner, "inputs", inputs), strings(owner, "outputs", outputs)
+        if not driven:
+            raise ValueError(f"{owner}: outputs must hold at least one name, got none")
+        columns = tuple(f"{name}_{output}" for output in driven)
+        check_columns(owner, columns)
+        if not callable(law) and not isinstance(law, SampledLaw):
+            raise TypeError(
+                f"{owner}: law must be a function of t and y, or have update(t, y) and state, got "
+                f"{_checks.show(law)}"
+            )
+        if sample_time is not None:
+            sample_time = _checks.number(owner, "sample_time", sample_time, positive=True)
+        _checks.assign(
+            self, name=name, inputs=measured, outputs=driven, law=law, sample_time=sample_time,
+            columns=columns,
+        )  # fmt: skip
+
+    @property
+    def sampled(self) -> bool:
+        """Whether its outputs are held between samples."""
+        return self.sample_time is not None or isinstance(self.law, SampledLaw)
+
+    def measured(self, model: Model) -> tuple[tuple[Probe, int], ...]:
+        """Probe and column number of every measurement.
+
+        Raises:
+            ValueError: The model has no such probe of markers or column.
+        """
+        found: list[tuple[Probe, int]] = []
+        for wanted in self.inputs:
+            fits = [
+                (probe, k)
+                for probe in model.probes
+                for k, column in enumerate(probe.columns)
+                if probe.name == wanted
+            ] or [
+                (probe, probe.columns.index(wanted))
+                for probe in model.probes
+                if wanted in probe.columns
+            ]
+            owner = f'{type(self).__name__} "{self.name}"'
+            if not fits:
+                known = [column for probe in model.probes for column in probe.columns]
+                raise ValueError(
+                    f'{owner}: {model!r} has no probe or column "{wanted}", its columns are '
+                    f"{_checks.show(', '.join(known), 200)}"
+                )
+            for probe, k in fits:
+                if not isinstance(probe, Probe):
+                    raise ValueError(
+                        f'{owner}: input "{wanted}" is a column of {type(probe).__name__} '
+                        f'"{probe.name}"; only probes of markers can be fed back'
+                    )
+                found.append((probe, k))
+        return tuple(found)
+
+    def check(self, model: Model) -> None:
+        """Check inputs and outputs.
+
+        Raises:
+            ValueError: The model has no such probe, actuator or load, the load has an amplitude of
+                its own, or another controller drives it.
+        """
+        self.measured(model)
+        owner = f'{type(self).__name__} "{self.name}"'
+        for output in self.outputs:
+            thing = model.get(output)
+            if not isinstance(thing, Actuator | Load):
+                got = "there is none" if thing is None else f"it is a {type(thing).__name__}"
+                raise ValueError(
+                    f'{owner}: output "{output}" must be an Actuator or a load of {model!r}, {got}'
+                )
+            if isinstance(thing, Load) and thing.amplitude is not None:
+                raise ValueError(
+                    f'{owner}: {type(thing).__name__} "{output}" has an amplitude of its own'
+                )
+            users = [c for c in model.controllers if output in c.outputs]
+            if users[0] is not self:
+                first = f'{type(users[0]).__name__} "{users[0].name}"'
+                raise ValueError(f'{owner}: output "{output}" is driven by {first} already')
