@@ -80,7 +80,7 @@ def _curve_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArr
     curves = serial.curves
     assert curves is not None
     index = curves.index(body.name)
-    xi, lengths = curves.gauss(index)
+    xi, lengths = curves.gauss(index, fine=True)
     nodes, shape = curves.nodes(index), curves.parts[index].shape
     sections = np.empty((len(nodes), len(xi), 12))
     jacobian = np.empty((6, 6 * nodes.shape[1] + 1))
