@@ -95,6 +95,6 @@ def _lengths(rows: StartRows, turning: BoolArray) -> FloatArray:
 def _role(joint: Joint, held: int, rigid: int) -> str:
     if isinstance(joint, ElasticLock):
         return "locks"
-    if joint.driven:
-        return "drives"
-    return "joints" if held or rigid else "forces"
+    if not (held or rigid):
+        return "forces"
+    return "drives" if joint.driven else "joints"

@@ -74,27 +74,28 @@ def _bodies(description: Description) -> list[str]:
     for name in KINDS.values():
         own = [one for one in facts if one.kind == name]
         shown = own if len(own) <= _ROWS + 1 else own[:_ROWS]
-        rows += [_body_row(one) for one in shown]
+        rows += [_body_row(one, description.extent) for one in shown]
         if len(shown) < len(own):
             rows.append([f"... and {len(own) - len(shown)} more"])
     whole = description.total
     return [
         f"bodies: {told}",
         *_aligned([header, *rows]),
-        f"  together {_number(whole.mass)} kg, mass centre {_vector(whole.centre)} m, "
+        f"  together {_number(whole.mass)} kg, "
+        f"mass centre {_vector(whole.centre, description.extent)} m, "
         f"inertia about it {_inertia(whole)} kg m^2",
     ]
 
 
-def _body_row(facts: BodyFacts) -> list[str]:
+def _body_row(facts: BodyFacts, extent: float) -> list[str]:
     kind = facts.kind
     if isinstance(facts.body, Beam):
         kind += f", {facts.body.formulation}"
     size = " x ".join(_number(value) for value in _cleaned(facts.size))
     return [
-        facts.name, kind, _number(facts.masses.mass), _vector(facts.masses.centre),
+        facts.name, kind, _number(facts.masses.mass), _vector(facts.masses.centre, extent),
         _inertia(facts.masses), size if facts.size.any() else "-",
-        str(facts.elements) if facts.elements else "-", str(facts.freedoms),
+        str(facts.elements or "-"), str(facts.freedoms) if facts.unknowns else "-",
     ]  # fmt: skip
 
 
@@ -237,16 +238,15 @@ def _inertia(masses: MassFacts) -> str:
     return f"{moments}, xy xz yz {_vector(products)}"
 
 
-def _cleaned(values: FloatArray) -> FloatArray:
-    """Values without those that are round-off of the largest."""
-    cleaned: FloatArray = np.where(
-        np.abs(values) <= 1e-12 * np.abs(values).max(initial=0.0), 0.0, values
-    )
+def _cleaned(values: FloatArray, size: float = 0.0) -> FloatArray:
+    """Values without those that are round-off of the largest, or of a size."""
+    largest = np.abs(values).max(initial=size)
+    cleaned: FloatArray = np.where(np.abs(values) <= 1e-12 * largest, 0.0, values)
     return cleaned
 
 
-def _vector(values: FloatArray) -> str:
-    return "(" + ", ".join(_number(value) for value in _cleaned(np.asarray(values))) + ")"
+def _vector(values: FloatArray, size: float = 0.0) -> str:
+    return "(" + ", ".join(_number(value) for value in _cleaned(np.asarray(values), size)) + ")"
 
 
 def _number(value: float) -> str:

@@ -13,8 +13,9 @@ from flexfem.inspection.joint_facts import turning_rows
 
 #: Span over which drives are differentiated, s.
 _STEP = 1e-5
-#: Speed, relative to the largest of all nodes and drives, that is taken for rounding.
-_ROUNDING = 1e-3
+#: Speed, relative to the largest of all nodes and drives, that is taken for rounding, and the same
+#: for what differences of drives leave, relative to the size of the model in a second.
+_ROUNDING, _NOTHING = 1e-3, 1e-8
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
@@ -26,7 +27,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     turning = turning_rows(inspection.rows)
     way = np.abs(rates) * np.where(turning, inspection.scale, 1.0)
     scale = max(_fastest(inspection), float(way.max(initial=0.0)))
-    wrong = way > _ROUNDING * scale
+    wrong = way > max(_ROUNDING * scale, _NOTHING * inspection.scale)
     for number in np.unique(rows.joint_of_row[wrong]):
         own = np.flatnonzero(wrong & (rows.joint_of_row == number))
         row, joint = own[np.argmax(way[own])], inspection.rows.joints[number]
