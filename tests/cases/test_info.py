@@ -15,8 +15,8 @@ from flexfem.resources import shipped_files
 pytestmark = pytest.mark.serial
 
 CASES = sorted(shipped_files("cases"))
-#: What the checks have to say of shipped cases, which are meant as they are: the drives of the
-#: truss start at once, as published.
+#: What the checks have to say of shipped cases, which are meant as they are: drives of the truss
+#: with linear control start at once.
 EXPECTED = {"deployable_truss": {"velocities"}}
 #: Cases with equations of their own.
 NO_MODEL = {"formalisms", "manipulator_deployment", "spin_up"}
