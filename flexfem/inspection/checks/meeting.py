@@ -31,11 +31,11 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     is_end = np.concatenate([ends for _, ends in points])
     near = cKDTree(places).query_pairs(_SAME * inspection.extent, output_type="ndarray")
     near = near[(body[near[:, 0]] != body[near[:, 1]]) & is_end[near].any(axis=1)]
-    told: set[tuple[int, int]] = set()
+    told, joints = set[tuple[int, int]](), _JointsAtPlaces(inspection)
     for a, b in near.tolist():
         pair = (min(body[a], body[b]), max(body[a], body[b]))
         names = [model.beams[number].name for number in pair]
-        if pair in told or _joined(inspection, places[a], names) or _touching(inspection, names):
+        if pair in told or joints.join(places[a], names) or _touching(inspection, names):
             continue
         told.add(pair)
         at = ", ".join(f"{value:.4g}" for value in places[a])
@@ -59,20 +59,31 @@ def _points(serial: Assembly, number: int) -> tuple[FloatArray, FloatArray]:
     return serial.points[nodes], counts == 1
 
 
-def _joined(inspection: Inspection, place: FloatArray, names: list[str]) -> bool:
-    """Whether joints with a marker at a place lead from one body to another."""
-    reached, reach = {names[0]}, _SAME * inspection.extent
-    here = []
-    for placed in inspection.rows.rows.joints:
-        if any(np.linalg.norm(pose.position - place) <= reach for pose in placed.poses):
-            markers = placed.joint.markers
-            here.append({m.body for m in markers if isinstance(m, Marker)})
-    grown = True
-    while grown and names[1] not in reached:
-        more = set().union(*(bodies for bodies in here if bodies & reached)) - reached
-        grown = bool(more)
-        reached |= more
-    return names[1] in reached
+class _JointsAtPlaces:
+    """Joints by the places of their markers at the start."""
+
+    def __init__(self, inspection: Inspection) -> None:
+        from scipy.spatial import cKDTree
+
+        placed = inspection.rows.rows.joints
+        self._bodies = [
+            {m.body for m in one.joint.markers if isinstance(m, Marker)} for one in placed
+        ]
+        poses = [(pose.position, i) for i, one in enumerate(placed) for pose in one.poses]
+        self._joint = [i for _, i in poses]
+        self._tree = cKDTree(np.array([x for x, _ in poses]).reshape(-1, 3))
+        self._reach = _SAME * inspection.extent
+
+    def join(self, place: FloatArray, names: list[str]) -> bool:
+        """Whether joints with a marker at a place lead from one body to another."""
+        found = self._tree.query_ball_point(place, self._reach)
+        here = [self._bodies[self._joint[k]] for k in found]
+        reached, grown = {names[0]}, True
+        while grown and names[1] not in reached:
+            more = set().union(*(bodies for bodies in here if bodies & reached)) - reached
+            grown = bool(more)
+            reached |= more
+        return names[1] in reached
 
 
 def _touching(inspection: Inspection, names: list[str]) -> bool:
