@@ -5,12 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import BoolArray, IntArray
 from flexfem.inspection.inspection import Inspection
 from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.la.dependence import NodeRows, dependence_count
 
-__all__ = ["Mobility", "holding", "mobility", "part_rows"]
+__all__ = ["Mobility", "free_motions", "holding", "mobility", "part_rows"]
+
+#: Bodies up to which all their motions are computed.
+_FEW = 100
+#: Singular values that are zero; component of a motion of length one that is none.
+_ZERO, _PART = 1e-9, 1e-6
 
 
 @dataclass(frozen=True)
@@ -102,18 +107,19 @@ def _between(inspection: Inspection, chosen: BoolArray) -> BoolArray:
     return kept
 
 
-def free_motions(inspection: Inspection, chosen: BoolArray) -> tuple[FloatArray, IntArray]:
-    """Twists of the bodies as wholes that rows leave, (k, n, 6), and the parts that move.
+def free_motions(inspection: Inspection, chosen: BoolArray) -> tuple[int, IntArray]:
+    """Number of motions of the bodies as wholes that rows leave, and the parts that move.
 
-    For models with few bodies: singular values of all rows together.
+    Which parts move is told of models with few bodies only, from singular values of all rows.
     """
     rows, count = part_rows(inspection, chosen), len(inspection.parts)
-    matrix = np.zeros((int(rows.row.max(initial=-1)) + 1, count + 1, 6))
+    total = int(rows.row.max(initial=-1)) + 1
+    if count > _FEW:
+        return 6 * count - (total - dependence_count(rows)), np.arange(count)
+    matrix = np.zeros((total, count + 1, 6))  # the ground comes last
     for side in range(2):
         np.add.at(matrix, (rows.row, rows.nodes[:, side]), rows.gradient[:, side])
-    flat = matrix[:, :-1].reshape(len(matrix), -1)
-    _, sizes, right = np.linalg.svd(flat, full_matrices=True)
-    rank = int((sizes > 1e-9 * sizes.max(initial=1.0)).sum())
-    motions = right[rank:].reshape(-1, count, 6)
-    moving = np.flatnonzero(np.abs(motions).max(axis=(0, 2), initial=0.0) > 1e-6)
-    return motions, moving
+    _, sizes, right = np.linalg.svd(matrix[:, :-1].reshape(total, -1), full_matrices=True)
+    motions = right[int((sizes > _ZERO).sum()) :].reshape(-1, count, 6)
+    moving = np.abs(motions).max(axis=(0, 2), initial=0.0) > _PART
+    return len(motions), np.flatnonzero(moving)

@@ -278,6 +278,15 @@ def test_findings(case: str) -> None:
     assert not [finding for finding in ff.check(right(), options) if finding.check == name]
 
 
+def test_free_motions_of_many_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted by pivots, they are as many as by singular values."""
+    model = hinged(ff.Revolute("pin", ff.Ground(), START, axis=Y))
+    few = ff.check(model, STATICS)
+    monkeypatch.setattr("flexfem.inspection.mobility._FEW", 0)
+    assert ff.check(model, STATICS) == few
+    assert "in one way" in few[0].what
+
+
 def test_every_check_has_a_model() -> None:
     files = {path.stem for path in Path(checks.__path__[0]).glob("[a-z]*.py")}
     assert files == {name for name, *_ in FINDINGS.values()}

@@ -14,11 +14,11 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     options, model = inspection.options, inspection.model
     if not isinstance(options, StaticOptions) or options.stabilise or model.contacts:
         return
-    motions, parts = free_motions(inspection, holding(inspection))
-    if not len(motions):
+    count, parts = free_motions(inspection, holding(inspection))
+    if not count:
         return
     names = [name for i in parts for name in inspection.parts.names[i]]
-    kinds = "one way" if len(motions) == 1 else f"{len(motions)} ways"
+    kinds = "one way" if count == 1 else f"{count} ways"
     yield Finding(
         "statics", listed([f'"{name}"' for name in names]),
         f"free to move as wholes in {kinds}: no joint, spring or held edge resists",
