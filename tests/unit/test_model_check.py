@@ -206,7 +206,7 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
         lambda: spring(1e12), None,
     ),
     "gravity": (
-        "units", "1e+03 times", lambda: beam(gravity=ff.Gravity((0, -9810, 0))),
+        "units", "1000 times", lambda: beam(gravity=ff.Gravity((0, -9810, 0))),
         lambda: beam(gravity=ff.Gravity((0, -9.81, 0))), None,
     ),
     "E in MPa": (

@@ -49,7 +49,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         size = float(np.linalg.norm(model.gravity.acceleration))
         if size > _GRAVITY:
             yield Finding(
-                "units", "Gravity", f"{size:.6g} m/s^2 is {size / 9.81:.3g} times that on Earth",
+                "units", "Gravity", f"{size:.6g} m/s^2 is {size / 9.81:.4g} times that on Earth",
                 "give it in m/s^2, 9.81 on Earth, with lengths in m",
             )  # fmt: skip
     sections: dict[int, tuple[Section | ShellSection, list[str]]] = {}
