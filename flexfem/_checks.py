@@ -102,21 +102,25 @@ def array(owner: str, what: str, value: object, shape: tuple[int, ...]) -> Float
         TypeError: `value` does not consist of real numbers.
         ValueError: `value` has another shape, or holds NaN or infinite numbers.
     """
-    wanted = " x ".join("n" if extent < 0 else str(extent) for extent in shape)
-    message = f"{owner}: {what} must hold {wanted} numbers, got {show(value)}"
     try:
         raw = np.asarray(value)
     except ValueError:  # ragged nesting
-        raise ValueError(message) from None
+        raise ValueError(_not_numbers(owner, what, value, shape)) from None
     if raw.dtype.kind not in "iuf":
-        raise TypeError(message)
+        raise TypeError(_not_numbers(owner, what, value, shape))
     if raw.ndim != len(shape) or any(
         want not in (-1, extent) for want, extent in zip(shape, raw.shape, strict=True)
     ):
-        raise ValueError(message)
+        raise ValueError(_not_numbers(owner, what, value, shape))
     if not np.isfinite(raw).all():
         raise ValueError(f"{owner}: {what} must be finite, got {show(value)}")
     return freeze(raw)
+
+
+def _not_numbers(owner: str, what: str, value: object, shape: tuple[int, ...]) -> str:
+    """Return what to say of a value that is no array of a shape: to show it takes long."""
+    wanted = " x ".join("n" if extent < 0 else str(extent) for extent in shape)
+    return f"{owner}: {what} must hold {wanted} numbers, got {show(value)}"
 
 
 def indices(owner: str, what: str, values: object, limit: int, columns: int) -> IntArray:

@@ -29,7 +29,7 @@ Put "mpirun -n N" in front to run on N MPI ranks.
 
 
 def parse(
-    case: Case, argv: Sequence[str], *, prog: str | None = None
+    case: Case, argv: Sequence[str], *, prog: str | None = None, writes: bool = True
 ) -> tuple[Case, dict[str, Any], Settings]:
     """Read a case's command line.
 
@@ -37,6 +37,7 @@ def parse(
         case: The case.
         argv: Arguments without the program's name.
         prog: Name of the command in help and messages.
+        writes: Whether the folder of the results will be needed.
 
     Returns:
         The case under the analysis that was asked for, the keyword arguments of its ``build``, and
@@ -59,7 +60,8 @@ def parse(
     settings = case.analysis.settings
     numbers = {option.name: values[option.name] for option in settings.OPTIONS}
     try:
-        _check_output(output)
+        if writes:
+            _check_output(output)
         return case, parameters, settings(**numbers, **more, output=output, quiet=quiet)
     except (OSError, ValueError) as error:
         raise UsageError(str(error)) from error

@@ -99,6 +99,21 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
     return 0
 
 
+def build_model(case: Case, parameters: Mapping[str, Any]) -> "Model":
+    """Build and validate the model of a case; ranks do not agree on errors yet.
+
+    Raises:
+        TypeError, ValueError, OSError: The model is not admissible, or a file not readable.
+    """
+    from flexfem.model.model import Model
+
+    model = case.build(**parameters)
+    if not isinstance(model, Model) and not hasattr(model, "drivers"):
+        raise TypeError(f"case '{case.name}': build returned {model!r}, not a Model")
+    model.validate()
+    return model
+
+
 def _prepare(
     case: Case, parameters: Mapping[str, Any], options: Settings
 ) -> tuple["Model", list[Path]]:
@@ -107,14 +122,9 @@ def _prepare(
     Returns:
         The model, and the folders that this process has created, innermost first.
     """
-    from flexfem.model.model import Model
-
     message, created = "", []
     try:
-        model = case.build(**parameters)
-        if not isinstance(model, Model) and not hasattr(model, "drivers"):
-            raise TypeError(f"case '{case.name}': build returned {model!r}, not a Model")
-        model.validate()
+        model = build_model(case, parameters)
         if launch.rank() == 0 and options.output is not None:
             path = options.output
             created = [folder for folder in (path, *path.parents) if not folder.exists()]

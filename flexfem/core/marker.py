@@ -71,7 +71,10 @@ class Marker:
 
     def __str__(self) -> str:
         """Return body and point, for tables and messages."""
-        place = self.body if self.point is None else f"{self.body}:{self.point}"
+        point: object = self.point
+        if isinstance(point, tuple):
+            point = "(" + ", ".join(f"{value:.5g}" for value in point) + ")"
+        place = self.body if point is None else f"{self.body}:{point}"
         return f"{place}+offset" if self.offset.any() else place
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from flexfem._types import FloatArray
 
 __all__ = [
+    "START_GAP",
     "Law",
     "LawKind",
     "Row",
@@ -21,6 +22,9 @@ __all__ = [
     "limit",
     "spring",
 ]
+
+#: Largest violation of a constraint at the start (m or rad): more is a mistake in the model.
+START_GAP = 1e-6
 
 _ZERO = np.zeros(3)
 

@@ -40,6 +40,10 @@ class End:
     body: str
     point: tuple[float, ...] | None = None
 
+    def __str__(self) -> str:
+        """Return body and node."""
+        return self.body if self.point is None else f"{self.body}:{self.point}"
+
 
 @dataclass(frozen=True)
 class EndState:

@@ -128,6 +128,21 @@ class Mechanism:
         """How messages call it."""
         return f'Mechanism "{self.name}"'
 
+    def __str__(self) -> str:
+        """Bodies, joints and forces, one a line."""
+        gravity = ", ".join(f"{value:.5g}" for value in self.gravity)
+        lines = [f"{self!r}, equations by {self.formalism}", f"  gravity ({gravity}) m/s^2"]
+        lines.append(f"  bodies: {len(self.bodies)}")
+        for body in self.bodies:
+            what = f"{type(body.matter).__name__} in a {type(body.frame).__name__}"
+            at = ", ".join(f"{value:.5g}" for value in body.origin)
+            lines.append(f"    {body.name}  {what} at ({at}) m")
+        for title, acting in (("joints", self.joints), ("forces", self.forces)):
+            lines += [f"  {title}: {len(acting)}"] if acting else []
+            for one in acting:
+                lines.append(f"    {one.name}  {' - '.join(str(end) for end in one.ends)}")
+        return "\n".join(lines)
+
     def validate(self) -> None:
         """Check that everything named exists.
 

@@ -38,6 +38,15 @@ class FormalismStudy:
         """How messages call it."""
         return f"FormalismStudy of {len(self.mechanisms)} mechanisms"
 
+    def __str__(self) -> str:
+        """Formalisms, then all mechanisms."""
+        lines = [f"{self!r} by {', '.join(self.formalisms)}"]
+        for key, mechanism in self.mechanisms.items():
+            told = zip(self.labels, key, strict=True)
+            lines.append(", ".join(f"{label} {value}" for label, value in told))
+            lines += [f"  {line}" for line in str(mechanism).splitlines()]
+        return "\n".join(lines)
+
     def validate(self) -> None:
         """Check that everything fits.
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
-from flexfem.core.row import LawKind
+from flexfem.core.row import START_GAP, LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.solvers.tangent import TangentSolver
@@ -23,9 +23,6 @@ __all__ = [
     "second_rates",
     "start_consistently",
 ]
-
-#: Largest violation of a constraint at the start (m or rad): more is a mistake in the model.
-_GAP = 1e-6
 
 #: rates of elastic rows count as they are
 _RATES = np.array([1.0, 1.0])
@@ -202,7 +199,7 @@ def check_gaps(system: System) -> None:
         joint.index: (joint.joint, float(gaps[a:b].max(initial=0.0)))
         for joint, a, b in zip(rows.joints, rows.start[:-1], rows.start[1:], strict=True)
     }
-    bad = sorted(index for index, (_, gap) in worst.items() if not gap <= _GAP)
+    bad = sorted(index for index, (_, gap) in worst.items() if not gap <= START_GAP)
     first = system.comm.allreduce(bad[0] if bad else np.iinfo(np.int64).max, op=MPI.MIN)
     if first == np.iinfo(np.int64).max:
         return

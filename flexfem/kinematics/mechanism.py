@@ -2,13 +2,12 @@
 """Joints between bodies that move as wholes: values, gradients, closing of gaps, forces."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
 from flexfem.core.marker import Carrier, Ground, Marker
@@ -18,6 +17,7 @@ from flexfem.lie import se3
 from flexfem.loads.point_load import PointLoad
 from flexfem.system.assembly import Assembly
 from flexfem.system.constraints import Constraints
+from flexfem.system.node_table import NodeTable
 from flexfem.system.row_table import PlacedJoint
 
 __all__ = ["PlacedLoads", "RigidMechanism", "marker_key", "place_joint", "place_loads"]
@@ -38,23 +38,6 @@ _IDENTITY = se3.frame(np.zeros(3), np.eye(3))
 
 #: Loads with the parts that they act on, and where.
 PlacedLoads = list[tuple[Load, list[tuple[int, FloatArray]]]]
-
-
-@dataclass
-class _PartTable:
-    """The parts as the rows see nodes, see ``system.interface.Interface``."""
-
-    frames: FloatArray
-    velocities: FloatArray = field(init=False)
-    increments: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        count = len(self.frames)
-        self.keys = [(0, i) for i in range(count)]
-        self.velocities, self.increments = np.zeros((count, 6)), np.zeros((count, 6))
-        self.inertial: BoolArray = np.zeros(count, dtype=np.bool_)
-        self.held: BoolArray = np.zeros((count, 6), dtype=np.bool_)
-        self.width: IntArray = np.full(count, 6, dtype=np.int64)
 
 
 def place_joint(parts: RigidParts, joint: Joint, index: int) -> PlacedJoint:
@@ -100,7 +83,7 @@ class RigidMechanism:
             ValueError: a joint that has no place, see :func:`place_joint`.
         """
         self.parts, self.joints = parts, list(joints)
-        self._table = _PartTable(parts.frames.copy())
+        self._table = NodeTable.of_bodies(parts.frames.copy())
         placed = [place_joint(parts, joint, i) for i, joint in enumerate(self.joints)]
         # a table of nodes is all that the rows need of an interface
         self.rows = Constraints(MPI.COMM_SELF, placed, self._table)  # type: ignore[arg-type]

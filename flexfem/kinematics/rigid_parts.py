@@ -6,9 +6,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.line_points import NURBS as NURBS_ELEMENT
-from flexfem.core.line_points import line_jacobian
 from flexfem.core.marker import Attachment, Ground
+from flexfem.kinematics.body_inertia import body_inertia
 from flexfem.lie import se3
 from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.floating_body import FloatingBody
@@ -16,9 +15,6 @@ from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
 
 __all__ = ["RigidParts"]
-
-#: Gauss points in a cell of a beam, and their weights
-_POINTS = 0.5 + 0.5 / np.sqrt(3.0) * np.array([-1.0, 1.0])
 
 
 class RigidParts:
@@ -30,7 +26,7 @@ class RigidParts:
         frames: (n, 12) frames at the start: those of rigid bodies and of bodies in floating frames;
             of others inertial axes in the middle of their nodes.
         inertia: (n, 6, 6) inertia matrices about these frames, in their axes, translation first.
-            Shells count as thin: without the rotary inertia of their thickness.
+            Rotation-free shells have no rotary inertia of their thickness.
     """
 
     def __init__(self, serial: Assembly) -> None:
@@ -47,14 +43,14 @@ class RigidParts:
             self.names.append(names)
             middle = np.concatenate([nodes[name][0] for name in names]).mean(axis=0)
             frames.append(se3.frame(middle, np.eye(3))[np.newaxis])
-            inertia.append(sum((_inertia(serial, model[n], frames[-1][0]) for n in names), _none()))
+            inertia.append(
+                sum((body_inertia(serial, model[n], frames[-1][0]) for n in names), _none())
+            )
         self.frames: FloatArray = np.concatenate(frames)
         self.number = {name: i for i, names in enumerate(self.names) for name in names}
         for mass in model.point_masses:
             i = self.number[mass.marker.body]
-            at = se3.frame(serial.marker_pose(mass.marker).position, np.eye(3))
-            point = np.diag([mass.mass] * 3 + [0.0] * 3)
-            inertia[i] = inertia[i] + _carried(self.frames[i], at[np.newaxis], point)
+            inertia[i] = inertia[i] + body_inertia(serial, mass, self.frames[i])
         self.inertia: FloatArray = np.array(inertia).reshape(-1, 6, 6)
 
     def __len__(self) -> int:
@@ -107,58 +103,6 @@ def _clusters(
             cluster[member] = members
         owner |= dict.fromkeys(keys, name)
     return list(dict.fromkeys(tuple(members) for members in cluster.values()))
-
-
-def _inertia(serial: Assembly, body: Beam | Shell, origin: FloatArray) -> FloatArray:
-    """Inertia matrix (6, 6) of a flexible body at the start about a frame."""
-    if isinstance(body, Shell):
-        return _shell_inertia(serial, body, origin)
-    if body.formulation == "nurbs":
-        return _curve_inertia(serial, body, origin)
-    cells = serial.cells.frames[serial.cells.body == serial.model.beams.index(body)]
-    twists = se3.log(se3.compose(se3.inverse(cells[:, 0]), cells[:, 1]))
-    weights = 0.5 * np.linalg.norm(twists[:, :3], axis=1)
-    total = np.zeros((6, 6))
-    for xi in _POINTS:
-        sections = se3.retract(cells[:, 0], xi * twists)
-        total += _carried(origin, sections, body.section.inertia, weights)
-    return total
-
-
-def _curve_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArray:
-    curves = serial.curves
-    assert curves is not None
-    index = curves.index(body.name)
-    xi, lengths = curves.gauss(index)
-    nodes, shape = curves.nodes(index), curves.parts[index].shape
-    sections = np.empty((len(nodes), len(xi), 12))
-    jacobian = np.empty((6, 6 * nodes.shape[1] + 1))
-    for e, q in np.ndindex(len(nodes), len(xi)):
-        frames = np.ascontiguousarray(curves.frames[nodes[e]])
-        line_jacobian(NURBS_ELEMENT, frames, shape[e], float(xi[q]), sections[e, q], jacobian)
-    return _carried(origin, sections.reshape(-1, 12), body.section.inertia, lengths.ravel())
-
-
-def _shell_inertia(serial: Assembly, body: Shell, origin: FloatArray) -> FloatArray:
-    """The rule of the edges' middles is exact for what is quadratic in a triangle."""
-    mesh = serial.model.surface
-    assert mesh is not None
-    x = mesh.points[mesh.triangles[mesh.body_rows(body.body)]]
-    area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
-    middles = (0.5 * (x + np.roll(x, 1, axis=1))).reshape(-1, 3)
-    points = se3.frame(middles, np.broadcast_to(np.eye(3), (len(middles), 3, 3)))
-    mass = np.diag([body.section.mass] * 3 + [0.0] * 3)
-    return _carried(origin, points, mass, np.repeat(area / 3.0, 3))
-
-
-def _carried(
-    origin: FloatArray, frames: FloatArray, inertia: FloatArray, weights: FloatArray | None = None
-) -> FloatArray:
-    """Sum of inertia matrices (6, 6) in frames (k, 12), times weights, about an origin (12,)."""
-    A = se3.adjoint(se3.inverse(se3.compose(se3.inverse(origin), frames)))
-    w = np.ones(len(frames)) if weights is None else weights
-    total: FloatArray = np.einsum("k,kji,jl,klm->im", w, A, inertia, A, optimize=True)
-    return total
 
 
 def part_numbers(parts: RigidParts, names: Iterable[str], owner: str) -> IntArray:

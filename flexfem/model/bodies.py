@@ -164,6 +164,11 @@ class RigidBody:
         )
 
     @property
+    def twist(self) -> FloatArray:
+        """Initial velocity of the reference point and angular velocity, (6,), body axes."""
+        return np.concatenate([self.rotation.T @ self.velocity, self.angular_velocity])
+
+    @property
     def inertia_matrix(self) -> FloatArray:
         """Inertia matrix (6, 6) about the reference point in body axes, translation first."""
         c = self.centre

@@ -170,6 +170,11 @@ class Model:
         """All named objects in the order they were added."""
         return tuple(self._named.values())
 
+    @property
+    def bodies(self) -> tuple[Beam | Shell | RigidBody | FloatingBody, ...]:
+        """All bodies, kind by kind; point masses are none."""
+        return (*self.beams, *self.shells, *self.rigid_bodies, *self.floating_bodies)
+
     def get(self, name: str) -> Any | None:
         """Return the object of the given name, or None."""
         return self._named.get(name)

@@ -23,7 +23,7 @@ of interest suggest, as its shapes become those of a string.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from flexfem import _checks
@@ -62,6 +62,27 @@ class MovingBaseBeam:
     def __repr__(self) -> str:
         """Short name for messages."""
         return "MovingBaseBeam"
+
+    def __str__(self) -> str:
+        """Length, mass, number of functions and the effects that are left out."""
+        segments = len(self.properties.breaks) - 1
+        x, lengths = self.properties.gauss_points()
+        values = self.properties.at(x)
+        mass = float(lengths @ values["mass_per_length"])
+        centre = float(lengths @ (values["mass_per_length"] * x)) / mass
+        functions = f"{self.modes} modes of {self.elements} elements"
+        if self.analytic is not None:
+            functions = f"{', '.join(map(str, self.analytic))} functions of s, u2, u3, theta1"
+        left_out = [f.name for f in fields(self.effects) if not getattr(self.effects, f.name)]
+        return "\n".join(
+            [
+                f"{self!r} on a {type(self.base).__name__}",
+                f"  length {self.properties.length:.5g} m, segments: {segments}",
+                f"  mass {mass:.5g} kg, mass centre {centre:.5g} m from the base",
+                f"  {functions}",
+                f"  effects left out: {', '.join(left_out) or 'none'}",
+            ]
+        )
 
     def validate(self) -> None:
         """Check the data.

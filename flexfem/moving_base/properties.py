@@ -116,6 +116,14 @@ class BeamProperties:
                 ends += list(value.ends[:-1])
         return np.unique(np.array(ends, dtype=np.float64))
 
+    def gauss_points(self) -> tuple[FloatArray, FloatArray]:
+        """Eight points in each segment, (k,), and the lengths that they stand for, m."""
+        at, weights = np.polynomial.legendre.leggauss(8)
+        half = 0.5 * np.diff(self.breaks)
+        middles = self.breaks[:-1] + half
+        points: FloatArray = (middles[:, np.newaxis] + half[:, np.newaxis] * at).ravel()
+        return points, np.outer(half, weights).ravel()
+
     def at(self, x: FloatArray) -> dict[str, FloatArray]:
         """Values of all properties at points, by name; arrays (k,).
 

@@ -196,11 +196,8 @@ def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) ->
     from dolfinx.common import IndexMap
 
     mine = np.flatnonzero(placement.rigid == comm.rank)
-    velocity = np.zeros((len(mine), 6))
-    for i, number in enumerate(mine):
-        body = serial.model.rigid_bodies[number]
-        velocity[i, :3] = body.rotation.T @ body.velocity
-        velocity[i, 3:] = body.angular_velocity
+    bodies = serial.model.rigid_bodies
+    velocity = np.array([bodies[number].twist for number in mine]).reshape(-1, 6)
     frames = serial.rigid_frames[mine]
     return FrameBlock(
         "rigid_bodies", comm, frames, velocity, mine, IndexMap(comm, len(mine)), inertial=False

@@ -20,11 +20,12 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.interface import Interface
 from flexfem.system.line_data import ON_LINE
 from flexfem.system.lines import Line, LinePoint, Rail, RailPoint
+from flexfem.system.node_table import NodeTable
 from flexfem.system.placement import NodeKey, Placement
 from flexfem.system.row_table import PlacedJoint
 from flexfem.system.surface_places import SurfacePlace, carrier_frame, turning
 
-__all__ = ["JointEnds", "connect", "joint_ends"]
+__all__ = ["JointEnds", "connect", "connect_alone", "joint_ends"]
 
 #: Distance of a slider from its line, relative to the line's length, that counts as none.
 _GAP = 1e-6
@@ -187,23 +188,35 @@ def connect(
         ranks = placement.joint_ranks(joint)
         if comm.rank not in ranks:
             continue
-        placed.append(
-            PlacedJoint(
-                joint,
-                index,
-                ends.poses,
-                _slots(ends, interface),
-                ends.frames,
-                _rail_points(joint, ends, interface, rails),
-                owned=ranks[0] == comm.rank,
-                shared=len(ranks) > 1,
-            )
-        )
+        owned, shared = ranks[0] == comm.rank, len(ranks) > 1
+        placed.append(_placed(joint, index, ends, interface, rails, owned=owned, shared=shared))
     return interface, placed
 
 
+def connect_alone(
+    joints: Sequence[Joint], found: Sequence[JointEnds], table: NodeTable
+) -> list[PlacedJoint]:
+    """The joints between nodes that this process holds alone; nothing is distributed."""
+    rails: dict[str, Rail] = {}
+    return [
+        _placed(joint, index, ends, table, rails, owned=True, shared=False)
+        for index, (joint, ends) in enumerate(zip(joints, found, strict=True))
+    ]
+
+
+def _placed(
+    joint: Joint, index: int, ends: JointEnds, interface: Interface | NodeTable,
+    rails: dict[str, Rail], *, owned: bool, shared: bool,
+) -> PlacedJoint:  # fmt: skip
+    """A joint between nodes at the interface."""
+    slots, points = _slots(ends, interface), _rail_points(joint, ends, interface, rails)
+    return PlacedJoint(
+        joint, index, ends.poses, slots, ends.frames, points, owned=owned, shared=shared
+    )
+
+
 def _rail_points(
-    joint: Joint, ends: JointEnds, interface: Interface, rails: dict[str, Rail]
+    joint: Joint, ends: JointEnds, interface: Interface | NodeTable, rails: dict[str, Rail]
 ) -> tuple[RailPoint | None, ...]:
     """Where the markers of a joint are on lines; ``rails`` are those of the beams so far.
 
@@ -223,7 +236,7 @@ def _rail_points(
     return tuple(points)
 
 
-def _rail(interface: Interface, line: Line) -> Rail:
+def _rail(interface: Interface | NodeTable, line: Line) -> Rail:
     """A line with the slots of its nodes, -1 for those that no joint touches."""
     slots = [
         [interface.slot_of.get(key, -1) for key in line.keys(e)] for e in range(len(line.nodes))
@@ -231,7 +244,7 @@ def _rail(interface: Interface, line: Line) -> Rail:
     return Rail(line, np.array(slots, dtype=np.int64))
 
 
-def _slots(ends: JointEnds, interface: Interface) -> tuple[int, ...]:
+def _slots(ends: JointEnds, interface: Interface | NodeTable) -> tuple[int, ...]:
     """Slots of the markers' nodes, -1 on the ground, -2 on lines."""
     return tuple(
         ON_LINE if point is not None else -1 if key is None else interface.slot_of[key]

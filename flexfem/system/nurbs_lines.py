@@ -96,9 +96,12 @@ class NurbsLines:
         numbers: IntArray = self.first_node[beam] + self.parts[beam].nodes
         return numbers
 
-    def gauss(self, beam: int) -> tuple[FloatArray, FloatArray]:
-        """Gauss points (q,) in the elements of a beam, and lengths (m, q) they stand for, m."""
-        return self._points(beam, self.parts[beam].nodes.shape[1])
+    def gauss(self, beam: int, *, fine: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Gauss points (q,) in the elements of a beam, and lengths (m, q) they stand for, m.
+
+        There are as many as nodes in an element, or as many as integrals along curves take.
+        """
+        return self._points(beam, _FINE if fine else self.parts[beam].nodes.shape[1])
 
     def integrals(self, beam: int) -> FloatArray:
         """(m, k) integrals of the shape functions along the elements of a beam, m."""

@@ -14,7 +14,7 @@ NUMERICAL = {
     "relax", "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize",
     "LinearModel", "LinearBody", "MassField", "solid_body", "plane_body", "beam_body", "shell_body",
     "reduce_body", "floating_model", "simulate_mechanism", "compare_formalisms", "assemble",
-    "inverse_dynamics", "InverseDynamics",
+    "inverse_dynamics", "InverseDynamics", "describe", "Description", "check",
 }  # fmt: skip
 
 

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""flexfem info: what the model of a case comes to, and what looks wrong in it."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from flexfem import launch
+from flexfem.cli.case_line import parse
+from flexfem.cli.case_run import build_model, load_case
+from flexfem.cli.usage import Parser, UsageError
+from flexfem.options import Settings
+
+SUMMARY = "sum up and check the model of a case: flexfem info NAME [options]"
+
+_DESCRIPTION = """\
+Print bodies, masses, joints, freedoms, sizes and warnings of the model of a case.
+
+Nothing is computed or written. The exit code is 0, with --strict 1 if there are warnings.
+"""
+_FLAGS = {
+    "--strict": "exit code 1 if there are warnings",
+    "--json": "print one object of JSON, in SI units",
+}
+
+
+def execute(argv: Sequence[str], prog: str) -> int:
+    """Sum up the model of a case and check it; all other arguments are the case's own."""
+    parser = _parser(prog)
+    if not argv or argv[0].startswith("-") or {"-h", "--help"} & set(argv):
+        parser.parse_args(argv)
+        return 2
+    flags = {flag for flag in _FLAGS if flag in argv}
+    own = [argument for argument in argv[1:] if argument not in _FLAGS]
+    case, parameters, options = parse(
+        load_case(argv[0]), own, prog=f"{prog} {argv[0]}", writes=False
+    )
+    message, text, warnings = "", "", 0
+    try:
+        text, warnings = _report(build_model(case, parameters), options, "--json" in flags)
+    except (OSError, TypeError, ValueError) as error:
+        message = str(error) or type(error).__name__
+    if message := launch.first_message(message):
+        raise UsageError(message, agreed=True)
+    launch.say(text)
+    return int("--strict" in flags and warnings > 0)
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(prog=prog, description=_DESCRIPTION)
+    parser.add_argument(
+        "case",
+        metavar="NAME",
+        help="a name from 'flexfem list' or a case file; its own options follow, "
+        "'flexfem run NAME --help' explains them",
+    )
+    for flag, text in _FLAGS.items():
+        parser.add_argument(flag, action="store_true", help=text)
+    return parser
+
+
+def _report(model: Any, options: Settings, as_json: bool) -> tuple[str, int]:
+    """Text of summary and findings, and the number of findings."""
+    from flexfem.model.model import Model
+
+    if not isinstance(model, Model):  # it has equations of its own
+        text = str(model)
+        return (json.dumps({"model": text, "warnings": []}) if as_json else text), 0
+    from flexfem.inspection.check import findings
+    from flexfem.inspection.description import description_of
+    from flexfem.inspection.inspection import Inspection
+    from flexfem.inspection.text import findings_text
+
+    inspection = Inspection(model, options)
+    description, found = description_of(inspection), findings(inspection)
+    if as_json:
+        values = description.as_dict() | {"warnings": [asdict(finding) for finding in found]}
+        return json.dumps(values, indent=2), len(found)
+    return f"{description}\n{findings_text(found)}", len(found)

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Mass, mass centre, inertia, size and unknowns of the bodies of a model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.kinematics.body_inertia import body_inertia
+from flexfem.lie import se3
+from flexfem.model.bodies import Beam, Box, Cylinder, PointMass, RigidBody, Sphere
+from flexfem.model.floating_body import FloatingBody
+from flexfem.model.shell import Shell
+from flexfem.system.assembly import Assembly
+
+__all__ = ["AnyBody", "BodyFacts", "MassFacts", "body_facts", "total"]
+
+AnyBody = Beam | Shell | RigidBody | FloatingBody | PointMass
+
+#: What the kinds of bodies are called, in the order in which they are told.
+KINDS: dict[type, str] = {
+    Beam: "beam",
+    Shell: "shell",
+    RigidBody: "rigid body",
+    FloatingBody: "floating body",
+    PointMass: "point mass",
+}
+
+
+@dataclass(frozen=True)
+class MassFacts:
+    """Mass properties at the start.
+
+    Attributes:
+        mass: kg.
+        centre: mass centre in inertial axes, (3,), m; without mass the middle.
+        inertia: about the mass centre in inertial axes, (3, 3), kg m^2.
+    """
+
+    mass: float
+    centre: FloatArray
+    inertia: FloatArray
+
+
+@dataclass(frozen=True)
+class BodyFacts:
+    """A body in numbers.
+
+    Attributes:
+        body: the body of the model.
+        kind: "beam", "shell", "rigid body", "floating body" or "point mass".
+        masses: its mass properties; flexible bodies as they are unstrained.
+        size: edges of its box along the inertial axes, (3,), m.
+        elements: number of its finite elements.
+        nodes: number of its nodes; nodes that shells share count for the first of them.
+        unknowns: of these nodes.
+        held: how many of the unknowns stay as they are.
+    """
+
+    body: AnyBody
+    kind: str
+    masses: MassFacts
+    size: FloatArray
+    elements: int = 0
+    nodes: int = 0
+    unknowns: int = 0
+    held: int = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the body."""
+        return self.body.name
+
+    @property
+    def freedoms(self) -> int:
+        """Unknowns that are not held."""
+        return self.unknowns - self.held
+
+
+def body_facts(serial: Assembly) -> list[BodyFacts]:
+    """Bodies of a model kind by kind, point masses last."""
+    model = serial.model
+    facts = [_beam(serial, beam) for beam in model.beams]
+    facts += [_shell(serial, number, shell) for number, shell in enumerate(model.shells)]
+    facts += [_rigid(serial, body) for body in model.rigid_bodies]
+    facts += [_floating(serial, number, body) for number, body in enumerate(model.floating_bodies)]
+    for mass in model.point_masses:
+        at = serial.marker_pose(mass.marker).position
+        facts.append(BodyFacts(mass, KINDS[PointMass], _masses(serial, mass, at), np.zeros(3)))
+    return facts
+
+
+def total(facts: Sequence[MassFacts]) -> MassFacts:
+    """Mass properties of several bodies together."""
+    mass = sum(one.mass for one in facts)
+    centres = np.array([one.centre for one in facts]).reshape(-1, 3)
+    weights = np.array([one.mass for one in facts]) if mass > 0.0 else np.ones(len(facts))
+    centre = weights @ centres / max(weights.sum(), 1e-300)
+    inertia = np.zeros((3, 3))
+    for one in facts:
+        arm = one.centre - centre
+        inertia += one.inertia + one.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return MassFacts(mass, centre, inertia)
+
+
+def _masses(serial: Assembly, body: AnyBody, near: FloatArray) -> MassFacts:
+    """Mass properties of a body; ``near`` (3,) is a point near its mass centre."""
+    matrix = body_inertia(serial, body, se3.frame(near, np.eye(3)))
+    mass = float(matrix[0, 0])
+    if mass <= 0.0:
+        return MassFacts(0.0, near, np.zeros((3, 3)))
+    arm = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]]) / mass  # of -m skew(arm)
+    inertia = matrix[3:, 3:] - mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return MassFacts(mass, near + arm, 0.5 * (inertia + inertia.T))
+
+
+def _flexible(
+    serial: Assembly, body: Beam | Shell, points: FloatArray, elements: int,
+    unknowns: tuple[int, int, int],
+) -> BodyFacts:  # fmt: skip
+    nodes, width, held = unknowns
+    masses = _masses(serial, body, points.mean(axis=0))
+    size = np.ptp(points, axis=0)
+    return BodyFacts(body, KINDS[type(body)], masses, size, elements, nodes, nodes * width, held)
+
+
+def _beam(serial: Assembly, beam: Beam) -> BodyFacts:
+    if beam.formulation == "nurbs":
+        curves = serial.curves
+        assert curves is not None
+        index = curves.index(beam.name)
+        nodes = curves.frames[curves.first_node[index] : curves.first_node[index + 1]]
+        points, elements = se3.position(nodes), len(curves.parts[index].nodes)
+    else:
+        cells = serial.cells.cells[serial.cells.body == serial.model.beams.index(beam)]
+        points, elements = serial.points[np.unique(cells)], len(cells)
+    return _flexible(serial, beam, points, elements, (len(points), 6, 0))
+
+
+def _shell(serial: Assembly, number: int, shell: Shell) -> BodyFacts:
+    surface = serial.surface
+    assert surface is not None
+    own: IntArray = np.flatnonzero(surface.body_of_node == number)
+    held = surface.held[own]
+    points = surface.mesh.points[surface.mesh.body_nodes(shell.body)]
+    count = int((surface.body == number).sum())
+    return _flexible(
+        serial, shell, points, count, (len(own), surface.held.shape[1], int(held.sum()))
+    )
+
+
+def _rigid(serial: Assembly, body: RigidBody) -> BodyFacts:
+    near = body.position + body.rotation @ body.centre
+    size = np.abs(body.rotation) @ _shape_size(body.shape)
+    return BodyFacts(body, KINDS[RigidBody], _masses(serial, body, near), size, 0, 1, 6)
+
+
+def _shape_size(shape: Box | Sphere | Cylinder | None) -> FloatArray:
+    """Edges of the box about a shape in body axes, (3,), m."""
+    if isinstance(shape, Box):
+        return np.array(shape.sizes)
+    if isinstance(shape, Sphere):
+        return np.full(3, 2.0 * shape.radius)
+    if isinstance(shape, Cylinder):
+        axis = np.abs(shape.axis) / np.linalg.norm(shape.axis)
+        across: FloatArray = 2.0 * shape.radius * np.sqrt(np.clip(1.0 - axis**2, 0.0, 1.0))
+        return shape.length * axis + across
+    return np.zeros(3)
+
+
+def _floating(serial: Assembly, number: int, body: FloatingBody) -> BodyFacts:
+    floating = serial.floating
+    assert floating is not None
+    own = floating.body_of_node == number
+    held = floating.held[own]
+    near = body.position + body.rotation @ body.reduced.mass_centre
+    points = np.array([one.position for one in body.reduced.interfaces]).reshape(-1, 3)
+    size = np.ptp(points @ body.rotation.T, axis=0) if len(points) else np.zeros(3)
+    masses, nodes = _masses(serial, body, near), int(own.sum())
+    return BodyFacts(body, KINDS[FloatingBody], masses, size, 0, nodes, 6 * nodes, int(held.sum()))

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Look through a model for what is admissible but looks like a mistake."""
+
+import importlib
+import pkgutil
+
+from flexfem.inspection import checks
+from flexfem.inspection.finding import Finding
+from flexfem.inspection.inspection import Inspection
+from flexfem.model.model import Model
+from flexfem.options import Settings
+
+__all__ = ["check", "findings"]
+
+
+def check(model: Model, options: Settings | None = None) -> list[Finding]:
+    """Find what looks like a mistake in a model; what surely is one raises when it is built.
+
+    Args:
+        model: the model.
+        options: those of the analysis that it is for; None looks for nothing that only concerns one
+            analysis.
+
+    Returns:
+        The findings, each with what it is about, what is wrong and what to try.
+
+    Raises:
+        InputError: a mistake in the model (a ValueError).
+        TypeError: it is no model, or these are no options.
+    """
+    return findings(Inspection(model, options))
+
+
+def findings(inspection: Inspection) -> list[Finding]:
+    """Findings of all checks, the files of ``flexfem.inspection.checks``."""
+    found: list[Finding] = []
+    for module in pkgutil.iter_modules(checks.__path__):
+        look = importlib.import_module(f"{checks.__name__}.{module.name}").find
+        found += look(inspection)
+    return found

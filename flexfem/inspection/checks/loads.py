@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Models in which nothing acts."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexfem.analyses.modes import StateOptions
+from flexfem.core.row import LawKind
+from flexfem.inspection.finding import Finding
+from flexfem.inspection.inspection import Inspection
+
+
+def find(inspection: Inspection) -> Iterator[Finding]:
+    """No gravity, load, drive, force at the start or initial velocity, unless modes are wanted."""
+    if isinstance(inspection.options, StateOptions):
+        return
+    model, rows = inspection.model, inspection.rows.rows
+    pulls = model.gravity is not None and bool(model.gravity.acceleration.any())
+    if pulls or model.loads or any(joint.driven for joint in model.joints):
+        return
+    spring = rows.elastic[:, 0] == LawKind.SPRING
+    force = rows.elastic[:, 1] * rows.values + rows.elastic[:, 3]
+    if np.any(spring & rows.active & (np.abs(force) > 0.0)):
+        return
+    if any(body.velocity.any() or body.angular_velocity.any() for body in model.bodies):
+        return
+    yield Finding(
+        "loads", repr(model), "no gravity, load, drive, prestress or initial velocity acts on it",
+        "add what is to move it",
+    )  # fmt: skip

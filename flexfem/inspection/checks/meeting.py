@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Ends of beams that lie on another beam without a joint there."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.marker import Marker
+from flexfem.inspection.finding import Finding, owner_of
+from flexfem.inspection.inspection import Inspection
+from flexfem.system.assembly import Assembly
+
+#: Distance, relative to the size of the model, within which places are one.
+_SAME = 1e-6
+
+
+def find(inspection: Inspection) -> Iterator[Finding]:
+    """Pairs of beams that meet at an end of one of them where no joints lead from one to the other.
+
+    Beams that touch one another are left out.
+    """
+    from scipy.spatial import cKDTree
+
+    model, serial = inspection.model, inspection.serial
+    if len(model.beams) < 2:
+        return
+    points = [_points(serial, number) for number in range(len(model.beams))]
+    places = np.concatenate([nodes for nodes, _ in points])
+    body = np.repeat(np.arange(len(points)), [len(nodes) for nodes, _ in points])
+    is_end = np.concatenate([ends for _, ends in points])
+    near = cKDTree(places).query_pairs(_SAME * inspection.extent, output_type="ndarray")
+    near = near[(body[near[:, 0]] != body[near[:, 1]]) & is_end[near].any(axis=1)]
+    told, joints = set[tuple[int, int]](), _JointsAtPlaces(inspection)
+    for a, b in near.tolist():
+        pair = (min(body[a], body[b]), max(body[a], body[b]))
+        names = [model.beams[number].name for number in pair]
+        if pair in told or joints.join(places[a], names) or _touching(inspection, names):
+            continue
+        told.add(pair)
+        at = ", ".join(f"{value:.4g}" for value in places[a])
+        yield Finding(
+            "meeting",
+            f"{owner_of(model.beams[pair[0]])} and {owner_of(model.beams[pair[1]])}",
+            f"they meet at ({at}) m, where no joint holds them together",
+            "add a joint (Rigid, Spherical, Revolute), or keep them apart if they only pass",
+        )
+
+
+def _points(serial: Assembly, number: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes (n, 3) of a beam, m, and which of them (n,) are ends of its line."""
+    beam = serial.model.beams[number]
+    if beam.formulation == "nurbs":
+        curve = serial.model.curve(beam)
+        ends = np.array([curve.points[0], curve.points[-1]])
+        return ends, np.ones(2, dtype=np.bool_)
+    cells = serial.cells.cells[serial.cells.body == number]
+    nodes, counts = np.unique(cells, return_counts=True)
+    return serial.points[nodes], counts == 1
+
+
+class _JointsAtPlaces:
+    """Joints by the places of their markers at the start."""
+
+    def __init__(self, inspection: Inspection) -> None:
+        from scipy.spatial import cKDTree
+
+        placed = inspection.rows.rows.joints
+        self._bodies = [
+            {m.body for m in one.joint.markers if isinstance(m, Marker)} for one in placed
+        ]
+        poses = [(pose.position, i) for i, one in enumerate(placed) for pose in one.poses]
+        self._joint = [i for _, i in poses]
+        self._tree = cKDTree(np.array([x for x, _ in poses]).reshape(-1, 3))
+        self._reach = _SAME * inspection.extent
+
+    def join(self, place: FloatArray, names: list[str]) -> bool:
+        """Whether joints with a marker at a place lead from one body to another."""
+        found = self._tree.query_ball_point(place, self._reach)
+        here = [self._bodies[self._joint[k]] for k in found]
+        reached, grown = {names[0]}, True
+        while grown and names[1] not in reached:
+            more = set().union(*(bodies for bodies in here if bodies & reached)) - reached
+            grown = bool(more)
+            reached |= more
+        return names[1] in reached
+
+
+def _touching(inspection: Inspection, names: list[str]) -> bool:
+    """Whether one of the bodies touches others."""
+    touching = {n for c in inspection.model.contacts for n in (*c.slaves, *c.masters)}
+    return bool(touching & set(names))

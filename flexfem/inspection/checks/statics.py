@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Motions of bodies as wholes that nothing resists, where equilibria are looked for."""
+
+from collections.abc import Iterator
+
+from flexfem.analyses.statics import StaticOptions
+from flexfem.inspection.finding import Finding, listed
+from flexfem.inspection.inspection import Inspection
+from flexfem.inspection.mobility import free_motions, holding
+
+
+def find(inspection: Inspection) -> Iterator[Finding]:
+    """Free motions in statics; contact may hold what it touches."""
+    options, model = inspection.options, inspection.model
+    if not isinstance(options, StaticOptions) or options.stabilise or model.contacts:
+        return
+    count, parts = free_motions(inspection, holding(inspection))
+    if not count:
+        return
+    names = [name for i in parts for name in inspection.parts.names[i]]
+    kinds = "one way" if count == 1 else f"{count} ways"
+    yield Finding(
+        "statics", listed([f'"{name}"' for name in names]),
+        f"free to move as wholes in {kinds}: no joint, spring or held edge resists",
+        "hold them, or take --stabilise if their loads do",
+    )  # fmt: skip

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Steps that are too long for how fast the model turns at the start."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexfem.inspection.checks.velocities import drive_rates
+from flexfem.inspection.finding import Finding, owner_of
+from flexfem.inspection.inspection import Inspection
+from flexfem.inspection.joint_facts import turning_rows
+
+#: Turn in a step, rad, beyond which integrators lose their accuracy: a twelfth of a turn.
+_TURN = 0.5
+
+
+def find(inspection: Inspection) -> Iterator[Finding]:
+    """The fastest body or drive, if it turns too far in a step."""
+    dt = getattr(inspection.options, "dt", None)
+    if dt is None:
+        return
+    bodies = inspection.model.bodies
+    spins = [(float(np.linalg.norm(b.angular_velocity)), owner_of(b)) for b in bodies]
+    driven = drive_rates(inspection) * turning_rows(inspection.rows)
+    for row in np.flatnonzero(driven):
+        joint = inspection.rows.joints[inspection.rows.rows.joint_of_row[row]]
+        spins.append((abs(float(driven[row])), joint.owner))
+    spin, owner = max(spins)
+    if spin * dt > _TURN:
+        yield Finding(
+            "steps", owner,
+            f"it starts with {spin:.4g} rad/s, which is {spin * dt:.3g} rad in a step of "
+            f"{dt:.3g} s",
+            f"take steps of {0.1 / spin:.1g} s or less",
+        )  # fmt: skip

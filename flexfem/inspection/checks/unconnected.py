@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bodies, and groups of bodies, that nothing connects to the rest."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.inspection.finding import Finding, listed, owner_of
+from flexfem.inspection.inspection import Inspection
+
+_GROUND = -1
+
+
+def find(inspection: Inspection) -> Iterator[Finding]:
+    """Groups that float, but for that which is the model itself in free flight."""
+    model, parts = inspection.model, inspection.parts
+    groups = _groups(inspection)
+    masses = np.trace(parts.inertia[:, :3, :3], axis1=1, axis2=2)
+    floating = [group for group in groups if _GROUND not in group]
+    falls = model.gravity is not None and bool(model.gravity.acceleration.any())
+    if len(groups) == 1 and floating:
+        if falls and inspection.moves is not False:
+            yield Finding(
+                "unconnected", repr(model), "nothing connects it to the ground, it falls freely",
+                "join it to Ground(), or leave gravity out",
+            )  # fmt: skip
+        return
+    if len(floating) == len(groups):  # in free flight: the heaviest group is the model
+        floating.remove(max(floating, key=lambda group: float(masses[sorted(group)].sum())))
+    for group in floating:
+        names = [name for i in sorted(group) for name in parts.names[i]]
+        where = listed([owner_of(model[name]) for name in names])
+        what = "no joint, contact or held edge connects it to anything"
+        if len(names) > 1:
+            what = "no joint, contact or held edge connects them to the other bodies or the ground"
+        hint = "add the joint that is missing, or the body to a contact"
+        yield Finding("unconnected", where, what, hint)
+
+
+def _groups(inspection: Inspection) -> list[set[int]]:
+    """Parts, by number, that hang together; -1 stands for the ground."""
+    model = inspection.model
+    groups = [{part} for part in range(len(inspection.parts))]
+
+    def join(ends: set[int]) -> None:
+        met = [group for group in groups if group & ends]
+        for group in met:
+            groups.remove(group)
+        groups.append(ends.union(*met))
+
+    for joint in model.joints:
+        join({_end(inspection, marker) for marker in joint.markers})
+    for contact in model.contacts:
+        named = {inspection.parts.number[name] for name in (*contact.slaves, *contact.masters)}
+        join(named | {_end(inspection, surface.place) for surface in contact.surfaces})
+    for part in np.unique(inspection.rows.supports().nodes[:, 0]):
+        join({int(part), _GROUND})
+    return groups
+
+
+def _end(inspection: Inspection, marker: Attachment) -> int:
+    """Part that carries a marker."""
+    if isinstance(marker, Ground):
+        return _GROUND
+    assert isinstance(marker, Marker)
+    return inspection.parts.number[marker.body]

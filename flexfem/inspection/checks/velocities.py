@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Initial velocities that joints and drives do not allow."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.analyses.modes import StateOptions
+from flexfem.inspection.finding import Finding
+from flexfem.inspection.inspection import Inspection
+from flexfem.inspection.joint_facts import turning_rows
+
+#: Span over which drives are differentiated, s.
+_STEP = 1e-5
+#: Speed, relative to the largest of all nodes and drives, that is taken for rounding, and the same
+#: for what differences of drives leave, relative to the size of the model in a second.
+_ROUNDING, _NOTHING = 1e-3, 1e-8
+
+
+def find(inspection: Inspection) -> Iterator[Finding]:
+    """The joints whose rows change at the start, where a motion is looked for."""
+    if inspection.moves is False or isinstance(inspection.options, StateOptions):
+        return
+    rows = inspection.rows.rows
+    rates = np.where(rows.rigid, rows.rates() + drive_rates(inspection), 0.0)
+    turning = turning_rows(inspection.rows)
+    way = np.abs(rates) * np.where(turning, inspection.scale, 1.0)
+    scale = max(_fastest(inspection), float(way.max(initial=0.0)))
+    wrong = way > max(_ROUNDING * scale, _NOTHING * inspection.scale)
+    for number in np.unique(rows.joint_of_row[wrong]):
+        own = np.flatnonzero(wrong & (rows.joint_of_row == number))
+        row, joint = own[np.argmax(way[own])], inspection.rows.joints[number]
+        unit = "rad/s" if turning[row] else "m/s"
+        cause = "its drive and the initial velocities" if joint.driven else "initial velocities"
+        yield Finding(
+            "velocities", joint.owner,
+            f"{cause} differ by {abs(rates[row]):.4g} {unit} at the start",
+            "a run begins with the nearest velocities that fit; give those that are meant, or "
+            "let the drive begin smoothly (SmoothStep)",
+        )  # fmt: skip
+
+
+def drive_rates(inspection: Inspection) -> FloatArray:
+    """(r,) rates of the rows by drives at the start, positions held."""
+    values = []
+    for k in range(3):
+        inspection.rows.at(k * _STEP)
+        values.append(inspection.rows.rows.values.copy())
+    inspection.rows.at(0.0)
+    return np.asarray((-3.0 * values[0] + 4.0 * values[1] - values[2]) / (2.0 * _STEP))
+
+
+def _fastest(inspection: Inspection) -> float:
+    """Largest speed of the nodes that joints touch, turns as ways of the model's size, m/s."""
+    twists = np.abs(inspection.rows.rows.interface.velocities)
+    turn = inspection.scale * float(twists[:, 3:].max(initial=0.0))
+    return max(float(twists[:, :3].max(initial=0.0)), turn)

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Summary of a model: what it holds and what it comes to."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexfem.inspection.body_facts import BodyFacts, MassFacts, total
+from flexfem.inspection.inspection import Inspection
+from flexfem.inspection.joint_facts import JointFacts
+from flexfem.inspection.mesh_facts import MeshFacts, matrix_entries
+from flexfem.inspection.mobility import Mobility, mobility
+from flexfem.model.model import Model
+
+__all__ = ["Description", "describe", "description_of"]
+
+#: Bytes of an entry of a sparse matrix: a number and its column.
+_BYTES = 12
+
+
+@dataclass(frozen=True)
+class Description:
+    """A model in numbers; its text is a table.
+
+    Attributes:
+        model: the model.
+        bodies: mass, inertia, size, elements and unknowns of each body, point masses last.
+        total: mass properties of all together.
+        joints: what each joint connects, and its constraints.
+        mobility: freedoms and constraints.
+        meshes: elements of each flexible body.
+        extent: characteristic length, m.
+        entries: of the matrix of a step, about; contact left out.
+    """
+
+    model: Model
+    bodies: list[BodyFacts]
+    total: MassFacts
+    joints: list[JointFacts]
+    mobility: Mobility
+    meshes: list[MeshFacts]
+    extent: float
+    entries: int
+
+    @property
+    def matrix_bytes(self) -> int:
+        """Memory of the matrix of a step, about; factors take some times as much."""
+        return _BYTES * self.entries
+
+    def __str__(self) -> str:
+        """Return the table."""
+        from flexfem.inspection.text import description_text
+
+        return description_text(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all numbers by name, as JSON has them; SI units."""
+        counts = self.mobility
+        return {
+            "model": self.model.name,
+            "gravity": None
+            if self.model.gravity is None
+            else self.model.gravity.acceleration.tolist(),
+            "bodies": [_body(one) for one in self.bodies],
+            "total": _masses(self.total),
+            "joints": [_joint(one) for one in self.joints],
+            "loads": [load.name for load in self.model.loads],
+            "contacts": [contact.name for contact in self.model.contacts],
+            "events": [event.name for event in self.model.events],
+            "probes": {probe.name: list(probe.columns) for probe in self.model.probes},
+            "unknowns": counts.unknowns,
+            "held": counts.held,
+            "constraints": counts.constraints,
+            "redundant_constraints": counts.redundant,
+            "degrees_of_freedom": counts.freedoms,
+            "motions_as_wholes": counts.motions,
+            "motions_by_counting": counts.grubler,
+            "characteristic_length": self.extent,
+            "elements": [_mesh(one) for one in self.meshes],
+            "matrix_entries": self.entries,
+            "matrix_bytes": self.matrix_bytes,
+        }
+
+
+def describe(model: Model) -> Description:
+    """Sum up a model: bodies, masses, joints, freedoms, sizes; nothing is assembled.
+
+    Args:
+        model: the model.
+
+    Returns:
+        The summary; ``print`` shows it as a table.
+
+    Raises:
+        InputError: a mistake in the model (a ValueError).
+        TypeError: it is no model.
+    """
+    return description_of(Inspection(model))
+
+
+def description_of(inspection: Inspection) -> Description:
+    """Summary of a model that is laid open already."""
+    return Description(
+        model=inspection.model,
+        bodies=inspection.bodies,
+        total=total([one.masses for one in inspection.bodies]),
+        joints=inspection.joints,
+        mobility=mobility(inspection),
+        meshes=inspection.meshes,
+        extent=inspection.extent,
+        entries=matrix_entries(inspection.serial, inspection.rows.rows),
+    )
+
+
+def _masses(facts: MassFacts) -> dict[str, Any]:
+    return {
+        "mass": facts.mass, "centre": facts.centre.tolist(), "inertia": facts.inertia.tolist(),
+    }  # fmt: skip
+
+
+def _body(facts: BodyFacts) -> dict[str, Any]:
+    counts = {"elements": facts.elements, "nodes": facts.nodes, "freedoms": facts.freedoms}
+    own = {"name": facts.name, "kind": facts.kind, "size": facts.size.tolist()}
+    return own | _masses(facts.masses) | counts
+
+
+def _joint(facts: JointFacts) -> dict[str, Any]:
+    return {
+        "name": facts.name, "kind": facts.kind, "role": facts.role, "ends": list(facts.ends),
+        "constraints": facts.constraints, "laws": facts.laws, "open": facts.open,
+    }  # fmt: skip
+
+
+def _mesh(facts: MeshFacts) -> Mapping[str, Any]:
+    return {
+        "body": facts.body.name,
+        "shortest": float(facts.lengths.min()),
+        "longest": float(facts.longest.max()),
+        "length": facts.length,
+        "depth": None if np.isnan(facts.depth) else facts.depth,
+    }

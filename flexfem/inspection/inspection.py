@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A model laid open: its serial data, bodies as wholes and joints, each computed when asked for."""
+
+from functools import cached_property
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.analyses.relaxation import RelaxationOptions
+from flexfem.analyses.statics import StaticOptions
+from flexfem.inspection.body_facts import BodyFacts, body_facts
+from flexfem.inspection.joint_facts import JointFacts, joint_facts
+from flexfem.inspection.mesh_facts import MeshFacts, mesh_facts
+from flexfem.kinematics.rigid_parts import RigidParts
+from flexfem.kinematics.start_rows import StartRows
+from flexfem.lie import se3
+from flexfem.model.model import Model
+from flexfem.options import Settings
+from flexfem.system.assembly import Assembly
+
+__all__ = ["Inspection"]
+
+
+class Inspection:
+    """What summary and checks look at, the same on every rank.
+
+    Attributes:
+        model: the model, validated.
+        serial: its serial data.
+        options: those of the analysis that it is for, None where that is not known.
+        rows: its joints at the start.
+    """
+
+    def __init__(self, model: Model, options: Settings | None = None) -> None:
+        """Validate the model and place its joints.
+
+        Raises:
+            InputError: a mistake in the model (a ValueError).
+            TypeError: it is no model, or these are no options.
+        """
+        _checks.instance("check", "model", model, Model)
+        if options is not None:
+            _checks.instance("check", "options", options, Settings)
+        try:
+            model.validate()
+            self.model, self.serial, self.options = model, Assembly(model), options
+            self.rows = StartRows(self.serial, self.parts)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+
+    @property
+    def moves(self) -> bool | None:
+        """Whether inertia counts, as it does not for equilibria; None where that is not known."""
+        if self.options is None:
+            return None
+        return not isinstance(self.options, (StaticOptions, RelaxationOptions))
+
+    @cached_property
+    def parts(self) -> RigidParts:
+        """The bodies as wholes."""
+        return RigidParts(self.serial)
+
+    @cached_property
+    def bodies(self) -> list[BodyFacts]:
+        """What is known of each body and point mass."""
+        return body_facts(self.serial)
+
+    @cached_property
+    def joints(self) -> list[JointFacts]:
+        """What is known of each joint."""
+        return joint_facts(self.rows, self.model.joints)
+
+    @cached_property
+    def meshes(self) -> list[MeshFacts]:
+        """Sizes of the elements of each flexible body."""
+        return mesh_facts(self.serial)
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Positions (n, 3) of all nodes, of rigid bodies and of the joints' markers, m."""
+        poses = [pose.position for placed in self.rows.rows.joints for pose in placed.poses]
+        rigid = se3.position(self.serial.rigid_frames)
+        return np.concatenate([np.array(poses).reshape(-1, 3), rigid, self.serial.nodes])
+
+    @cached_property
+    def extent(self) -> float:
+        """Characteristic length: diagonal of the box about all points, m; 0 for a single point."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0))) if len(self.points) else 0.0
+
+    @property
+    def scale(self) -> float:
+        """Length that turns are compared with displacements by, m: the extent, or 1."""
+        return self.extent or 1.0

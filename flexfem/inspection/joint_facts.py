@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What the joints of a model connect, and how many constraints they are."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.core.joint import Joint
+from flexfem.core.row import RowKind
+from flexfem.joints.elastic_lock import ElasticLock
+from flexfem.kinematics.start_rows import StartRows
+
+__all__ = ["ROLES", "JointFacts", "joint_facts", "turning_rows"]
+
+#: What joints do, in the order in which they are told.
+ROLES = ("joints", "drives", "forces", "locks")
+
+
+@dataclass(frozen=True)
+class JointFacts:
+    """A joint in numbers.
+
+    Attributes:
+        name: of the joint.
+        kind: its class.
+        role: "joints"; "drives", which move; "forces": springs, stops, friction, actuators;
+            "locks" that bodies in one plane have.
+        ends: what it connects.
+        constraints: rows that hold at the start.
+        laws: rows with a force law.
+        open: rows that may hold later.
+        gap: by how much its rows are violated in position, m, and
+        tilt: in direction, rad.
+    """
+
+    name: str
+    kind: str
+    role: str
+    ends: tuple[str, ...]
+    constraints: int
+    laws: int
+    open: int
+    gap: float
+    tilt: float
+
+
+def joint_facts(rows: StartRows, declared: Sequence[Joint]) -> list[JointFacts]:
+    """Joints as they are declared in the model, then the locks of its bodies in one plane."""
+    table, turning = rows.rows, turning_rows(rows)
+    names = np.array([joint.name for joint in rows.joints])[table.joint_of_row]
+    inner = np.array([isinstance(j, ElasticLock) for j in rows.joints])[table.joint_of_row]
+    locks = [joint for joint in rows.joints if isinstance(joint, ElasticLock)]
+    gaps = _lengths(rows, turning)
+    facts = []
+    for joint in (*declared, *locks):
+        own = (names == joint.name) & (inner == isinstance(joint, ElasticLock))
+        held = int((own & table.rigid).sum())
+        laws = int((own & (table.elastic[:, 0] > 0.0)).sum())
+        facts.append(
+            JointFacts(
+                joint.name, type(joint).__name__, _role(joint, held, int(own.sum()) - laws),
+                tuple(str(marker) for marker in joint.markers), held, laws,
+                int(own.sum()) - held - laws, float(gaps[own & ~turning].max(initial=0.0)),
+                float(gaps[own & turning].max(initial=0.0)),
+            )
+        )  # fmt: skip
+    return facts
+
+
+def turning_rows(rows: StartRows) -> BoolArray:
+    """(r,) rows that are about directions, not positions."""
+    return np.array(
+        [
+            row.terms[0].kind in (RowKind.AXES, RowKind.ANGLE)
+            for placed in rows.rows.joints
+            for row in placed.rows(0.0)
+        ],
+        dtype=np.bool_,
+    )
+
+
+def _lengths(rows: StartRows, turning: BoolArray) -> FloatArray:
+    """(r,) by how much rows are violated, together with the others of the same pair of markers."""
+    table = rows.rows
+    first = table.term_start[:-1]
+    pair = np.column_stack([table.term_marker[first], turning])
+    _, number = np.unique(pair, axis=0, return_inverse=True)
+    squares = np.bincount(number.reshape(-1), (table.values * table.rigid) ** 2)
+    lengths: FloatArray = np.sqrt(squares)[number.reshape(-1)] * table.rigid
+    return lengths
+
+
+def _role(joint: Joint, held: int, rigid: int) -> str:
+    if isinstance(joint, ElasticLock):
+        return "locks"
+    if not (held or rigid):
+        return "forces"
+    return "drives" if joint.driven else "joints"

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Freedoms, constraints, and the motions that joints leave."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import BoolArray, IntArray
+from flexfem.inspection.inspection import Inspection
+from flexfem.joints.elastic_lock import ElasticLock
+from flexfem.la.dependence import NodeRows, dependence_count
+
+__all__ = ["Mobility", "free_motions", "holding", "mobility", "part_rows"]
+
+#: Bodies up to which all their motions are computed.
+_FEW = 100
+#: Singular values that are zero; component of a motion of length one that is none.
+_ZERO, _PART = 1e-9, 1e-6
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """Counts of freedoms and constraints at the start.
+
+    Attributes:
+        unknowns: of all nodes.
+        held: unknowns that stay as they are: edges of shells, and what amplitudes do not have.
+        constraints: rows of joints that hold.
+        redundant: constraints that follow from the others.
+        bodies: bodies that move as wholes; those with common nodes are one.
+        supports: motions of such bodies that held edges and nodes of shells keep.
+        whole_constraints: rows of joints between them.
+        motions: of the bodies as wholes that joints and supports leave, by rank.
+    """
+
+    unknowns: int
+    held: int
+    constraints: int
+    redundant: int
+    bodies: int
+    supports: int
+    whole_constraints: int
+    motions: int
+
+    @property
+    def freedoms(self) -> int:
+        """Degrees of freedom that are left: unknowns less independent constraints."""
+        return self.unknowns - self.held - self.constraints + self.redundant
+
+    @property
+    def grubler(self) -> int:
+        """Motions of the bodies as wholes by counting (Gruebler, Kutzbach)."""
+        return 6 * self.bodies - self.supports - self.whole_constraints
+
+
+def mobility(inspection: Inspection) -> Mobility:
+    """Count the freedoms of a model at the start."""
+    rows = inspection.rows
+    rigid = rows.rows.rigid
+    of_nodes = rows.on_nodes(rigid)
+    whole = part_rows(inspection, rigid)
+    count = int(_between(inspection, rigid).sum())
+    supports = len(rows.supports().row)
+    bodies = len(inspection.parts)
+    facts = inspection.bodies
+    return Mobility(
+        unknowns=sum(one.unknowns for one in facts),
+        held=sum(one.held for one in facts),
+        constraints=int(rigid.sum()),
+        redundant=dependence_count(of_nodes),
+        bodies=bodies,
+        supports=supports,
+        whole_constraints=count,
+        motions=6 * bodies - (count + supports - dependence_count(whole)),
+    )
+
+
+def part_rows(inspection: Inspection, chosen: BoolArray) -> NodeRows:
+    """Chosen rows (r,) of joints and the supports of shells, on the bodies as wholes.
+
+    Turns count as ways of points one characteristic length away.
+    """
+    of_joints = inspection.rows.on_parts(_between(inspection, chosen))
+    held = inspection.rows.supports()
+    first = int(of_joints.row.max(initial=-1)) + 1
+    gradient = np.concatenate([of_joints.gradient, held.gradient])
+    gradient[..., 3:] /= inspection.scale
+    return NodeRows(
+        np.concatenate([of_joints.row, first + held.row]),
+        np.concatenate([of_joints.nodes, held.nodes]),
+        gradient,
+    )
+
+
+def holding(inspection: Inspection) -> BoolArray:
+    """(r,) rows that hold a value or resist like springs."""
+    rows = inspection.rows.rows
+    springs: BoolArray = rows.active & (rows.elastic[:, 1] > 0.0)
+    return rows.rigid | springs
+
+
+def _between(inspection: Inspection, chosen: BoolArray) -> BoolArray:
+    """The chosen rows (r,) but for the locks inside bodies in floating frames."""
+    joints = inspection.rows.joints
+    outer: BoolArray = np.array([not isinstance(j, ElasticLock) for j in joints], dtype=np.bool_)
+    kept: BoolArray = chosen & outer[inspection.rows.rows.joint_of_row]
+    return kept
+
+
+def free_motions(inspection: Inspection, chosen: BoolArray) -> tuple[int, IntArray]:
+    """Number of motions of the bodies as wholes that rows leave, and the parts that move.
+
+    Which parts move is told of models with few bodies only, from singular values of all rows.
+    """
+    rows, count = part_rows(inspection, chosen), len(inspection.parts)
+    total = int(rows.row.max(initial=-1)) + 1
+    if count > _FEW:
+        return 6 * count - (total - dependence_count(rows)), np.arange(count)
+    matrix = np.zeros((total, count + 1, 6))  # the ground comes last
+    for side in range(2):
+        np.add.at(matrix, (rows.row, rows.nodes[:, side]), rows.gradient[:, side])
+    _, sizes, right = np.linalg.svd(matrix[:, :-1].reshape(total, -1), full_matrices=True)
+    motions = right[int((sizes > _ZERO).sum()) :].reshape(-1, count, 6)
+    moving = np.abs(motions).max(axis=(0, 2), initial=0.0) > _PART
+    return len(motions), np.flatnonzero(moving)

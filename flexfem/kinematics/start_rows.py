@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""All joints of a model at the start: on the nodes, and on the bodies as wholes."""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.joint import Joint
+from flexfem.kinematics.rigid_parts import RigidParts
+from flexfem.la.dependence import NodeRows
+from flexfem.lie import se3
+from flexfem.mesh.patches import EdgeRule
+from flexfem.mesh.surface_topology import side_nodes
+from flexfem.system.assembly import Assembly
+from flexfem.system.connect import connect_alone, joint_ends
+from flexfem.system.constraints import Constraints
+from flexfem.system.node_table import NodeTable
+from flexfem.system.placement import BEAMS, FLOATING, NURBS, RIGID, SHELLS, NodeKey
+from flexfem.system.shell_surface import ShellSurface
+
+__all__ = ["StartRows"]
+
+#: Rates and forces of rows count as they are.
+_UNIT = np.array([1.0, 1.0])
+#: Singular values below this part of the largest count as zero.
+_ZERO = 1e-9
+
+
+class StartRows:
+    """Rows of all joints, evaluated at the start; nothing is distributed over ranks.
+
+    Attributes:
+        joints: the joints, those of lines as their parts, with the locks of bodies in floating
+            frames.
+        rows: their rows, joint by joint in this order.
+    """
+
+    def __init__(self, serial: Assembly, parts: RigidParts) -> None:
+        """Place the joints.
+
+        Raises:
+            ValueError: a slider is not on its line, or a joint has no row.
+        """
+        self._serial, self._parts = serial, parts
+        self.joints: list[Joint] = list(serial.joints)
+        ends = [joint_ends(serial, joint) for joint in self.joints]
+        keys = list(dict.fromkeys(key for one in ends for key in one.keys))
+        self._table = _table(serial, keys)
+        placed = connect_alone(self.joints, ends, self._table)
+        # a table of nodes is all that the rows need of an interface
+        self.rows = Constraints(MPI.COMM_SELF, placed, self._table)  # type: ignore[arg-type]
+        for name in serial.model.released:
+            self.rows.set_active(name, False)
+        self.at(0.0)
+
+    def at(self, t: float) -> None:
+        """Evaluate the rows with the drives of time t (s), bodies at their start."""
+        self.rows.set_time(t)
+        self.rows.multipliers[:] = 0.0
+        self.rows.evaluate(_UNIT)
+
+    def on_nodes(self, chosen: BoolArray) -> NodeRows:
+        """Gradients of chosen rows (r,) with respect to twists of nodes."""
+        terms, row = self._chosen(chosen)
+        return NodeRows(row, self.rows.term_slots[terms], self.rows.force_jacobian[terms])
+
+    def on_parts(self, chosen: BoolArray) -> NodeRows:
+        """Gradients of chosen rows (r,) with respect to twists of the bodies as wholes."""
+        terms, row = self._chosen(chosen)
+        slots = self.rows.term_slots[terms]
+        part, carried = self._carriers(self._table.keys, self._table.frames)
+        # the ground comes last
+        part, carried = np.append(part, -1), np.concatenate([carried, np.zeros((1, 6, 6))])
+        gradient = np.einsum("tsi,tsij->tsj", self.rows.force_jacobian[terms], carried[slots])
+        return NodeRows(row, part[slots], gradient)
+
+    def supports(self) -> NodeRows:
+        """What held edges and nodes of shells keep of the bodies as wholes, as independent rows."""
+        surface = self._serial.surface
+        gradients, parts = [np.zeros((0, 6))], [np.zeros(0, dtype=np.int64)]
+        if surface is not None:
+            count = len(surface.mesh.points)  # nodes of directors come after those of the mesh
+            nodes, axis = np.nonzero(surface.held[:count, :3])
+            part, carried = self._on_shells(nodes)
+            gradients.append(carried[np.arange(len(nodes)), axis])
+            parts.append(part)
+            nodes, axes = _held_slopes(surface)
+            part, carried = self._on_shells(nodes)
+            back = np.swapaxes(se3.rotation(surface.frames[nodes]), -1, -2)
+            along = np.einsum("nij,nj->ni", back, axes)
+            gradients.append(np.einsum("ni,nij->nj", along, carried[:, 3:]))
+            parts.append(part)
+        part, gradient = _independent(np.concatenate(parts), np.concatenate(gradients))
+        both = np.stack([gradient, np.zeros_like(gradient)], axis=1)
+        ends = np.stack([part, np.full_like(part, -1)], axis=1)
+        return NodeRows(np.arange(len(part)), ends, both)
+
+    def _on_shells(self, nodes: IntArray) -> tuple[IntArray, FloatArray]:
+        """Parts that carry nodes of shells, and the maps of :meth:`_carriers`."""
+        assert self._serial.surface is not None
+        keys = [(SHELLS, int(node)) for node in nodes]
+        return self._carriers(keys, self._serial.surface.frames[nodes])
+
+    def _chosen(self, chosen: BoolArray) -> tuple[IntArray, IntArray]:
+        """Terms of chosen rows, and their rows numbered from zero."""
+        terms = np.flatnonzero(chosen[self.rows.row_of_term])
+        number = np.cumsum(chosen) - 1
+        return terms, number[self.rows.row_of_term[terms]]
+
+    def _carriers(self, keys: Sequence[NodeKey], frames: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Part (n,) that carries each node, and maps (n, 6, 6) from its twist to the node's."""
+        serial, parts = self._serial, self._parts
+        part = np.array([
+            parts.number[serial.body(kind, int(serial.bodies(kind, np.array([node]))[0])).name]
+            for kind, node in keys
+        ], dtype=np.int64)  # fmt: skip
+        relative = se3.compose(se3.inverse(parts.frames[part]), frames)
+        carried = se3.adjoint(se3.inverse(relative)).reshape(-1, 6, 6)
+        for i, (kind, node) in enumerate(keys):
+            if kind == FLOATING and serial.floating is not None and serial.floating.held[node, 3]:
+                carried[i] = 0.0  # amplitudes are at rest in the body
+        return part, carried
+
+
+def _held_slopes(surface: ShellSurface) -> tuple[IntArray, FloatArray]:
+    """Nodes at edges where slopes are held, and axes (n, 3) about which the shell cannot turn."""
+    start, _ = side_nodes(surface.mesh.triangles)
+    start = start.reshape(-1, 3)
+    clamped = start[surface.rules == EdgeRule.CLAMPED]
+    mirrored = surface.rules == EdgeRule.SYMMETRIC
+    normals, nodes = surface.normals[mirrored], [np.repeat(clamped, 3)]
+    axes = [np.tile(np.eye(3), (len(clamped), 1))]
+    for e in np.eye(3):  # all but turns about the normal
+        axes.append(np.cross(normals, e))
+        nodes.append(start[mirrored])
+    return np.concatenate(nodes).astype(np.int64), np.concatenate(axes)
+
+
+def _independent(part: IntArray, gradient: FloatArray) -> tuple[IntArray, FloatArray]:
+    """As many rows for each part as are independent."""
+    parts, rows = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 6))]
+    for number in np.unique(part):
+        _, sizes, right = np.linalg.svd(gradient[part == number], full_matrices=False)
+        kept = right[sizes > _ZERO * sizes.max(initial=0.0)]
+        rows.append(kept)
+        parts.append(np.full(len(kept), number))
+    return np.concatenate(parts), np.concatenate(rows)
+
+
+def _table(serial: Assembly, keys: Sequence[NodeKey]) -> NodeTable:
+    """The nodes at the start."""
+    count = len(keys)
+    frames, velocities = np.zeros((count, 12)), np.zeros((count, 6))
+    held, width = np.zeros((count, 6), dtype=np.bool_), np.full(count, 6, dtype=np.int64)
+    speeds = _velocities(serial)
+    for i, (kind, node) in enumerate(keys):
+        frames[i], velocities[i] = serial.node_frames(kind)[node], speeds[kind][node]
+        if kind == SHELLS and serial.surface is not None:
+            own = serial.surface.held[node]
+            held[i, : len(own)], width[i] = own, len(own)
+        elif kind == FLOATING and serial.floating is not None:
+            held[i] = serial.floating.held[node]
+    return NodeTable(keys, frames, velocities, held, width)
+
+
+def _velocities(serial: Assembly) -> dict[int, FloatArray]:
+    """Local twists (n, 6) of all nodes at the start by kind."""
+    found = {RIGID: np.array([body.twist for body in serial.model.rigid_bodies]).reshape(-1, 6)}
+    if len(serial.points):
+        found[BEAMS] = serial.velocities
+    if serial.curves is not None:
+        found[NURBS] = serial.curves.velocities
+    if serial.surface is not None:
+        found[SHELLS] = serial.surface.velocities
+    if serial.floating is not None:
+        found[FLOATING] = serial.floating.velocities
+    return found

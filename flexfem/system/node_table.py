@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nodes that joints touch, held whole by this process: what rows need of an interface."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.system.placement import NodeKey
+
+__all__ = ["NodeTable"]
+
+
+@dataclass
+class NodeTable:
+    """The nodes as the rows of joints see them, see ``system.interface.Interface``.
+
+    Attributes:
+        keys: node of each slot.
+        frames, velocities: (n, 12) and (n, 6), local axes.
+        held: (n, 6) unknowns that stay as they are.
+        width: (n,) unknowns of each node, 6 or 3.
+    """
+
+    keys: Sequence[NodeKey]
+    frames: FloatArray
+    velocities: FloatArray
+    held: BoolArray
+    width: IntArray
+    increments: FloatArray = field(init=False)
+    inertial: BoolArray = field(init=False)
+    slot_of: dict[NodeKey, int] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start without increments, translations in local axes."""
+        count = len(self.keys)
+        self.increments = np.zeros((count, 6))
+        self.inertial = np.zeros(count, dtype=np.bool_)
+        self.slot_of = {key: slot for slot, key in enumerate(self.keys)}
+
+    @classmethod
+    def of_bodies(cls, frames: FloatArray) -> "NodeTable":
+        """Bodies as wholes at rest, one node each, with frames (n, 12)."""
+        count = len(frames)
+        return cls(
+            keys=[(0, i) for i in range(count)],
+            frames=frames,
+            velocities=np.zeros((count, 6)),
+            held=np.zeros((count, 6), dtype=np.bool_),
+            width=np.full(count, 6, dtype=np.int64),
+        )
