@@ -193,6 +193,8 @@ _MODULES = {
     "LeastPower": "kinematics.distribution",
     "LeastJointForces": "kinematics.distribution",
     "Case": "case",
+    "load_case": "case",
+    "sweep": "studies.sweep",
     "Option": "options",
     "GridOption": "options",
     "grid_nodes": "options",
