@@ -190,9 +190,12 @@ def progress_kind(text: str) -> tuple[str, float]:
     word, colon, seconds = text.partition(":")
     if word not in ("auto", "bar", "lines", "none") or (colon and word != "lines"):
         raise ValueError(f'progress must be auto, bar, lines, lines:SECONDS or none, got "{text}"')
-    every = float(seconds) if colon else _EVERY
+    try:
+        every = float(seconds) if colon else _EVERY
+    except ValueError:
+        every = math.nan
     if not 0.1 <= every < math.inf:
-        raise ValueError(f'seconds between two lines must be 0.1 or more, got "{text}"')
+        raise ValueError(f'progress: seconds between two lines must be 0.1 or more, got "{text}"')
     return word, every
 
 

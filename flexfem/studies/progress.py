@@ -34,11 +34,12 @@ class SweepProgress:
         if kind == "auto":
             kind = "bar" if sys.stderr.isatty() else "none"
         self._count, self._done, self._failed = count, done, 0
-        self._lines, self._bar, self._shown = kind == "lines", None, 0.0
+        self._lines, self._shown = kind == "lines", 0.0
+        self._bar: Any = None
         if kind == "bar":
             from tqdm import tqdm
 
-            self._bar: Any = tqdm(
+            self._bar = tqdm(
                 total=count, initial=done, file=sys.stderr, dynamic_ncols=True,
                 bar_format="{n_fmt} of {total_fmt} runs|{bar:10}| {elapsed} < {remaining}{postfix}",
             )  # fmt: skip

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import difflib
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -39,7 +40,9 @@ def parse_variation(text: str, options: Mapping[str, Option]) -> tuple[str, list
     if not equals or not name:
         raise ValueError(f"'{text}' is not of the form option=a,b,c or option=start:stop:count")
     if name not in options:
-        raise ValueError(f"no option '{name}', known are {', '.join(options)}")
+        near = difflib.get_close_matches(name, options)
+        hint = f"did you mean {' or '.join(near)}" if near else f"known are {', '.join(options)}"
+        raise ValueError(f"no option '{name}', {hint}")
     option = options[name]
     found: list[Any] = []
     for item in values.split(","):

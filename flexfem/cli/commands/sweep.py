@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """flexfem sweep: a case with many values of its options."""
 
+import argparse
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from flexfem.cli.case_line import check_output, read_options
 from flexfem.cli.case_run import load_case
 from flexfem.cli.shown_command import shown_command
 from flexfem.cli.usage import Parser, UsageError, folder, join_negative_values
-from flexfem.options import PROGRESS
+from flexfem.options import PROGRESS, Option
 
 if TYPE_CHECKING:
     from flexfem.studies.sweep import Sweep
@@ -57,7 +58,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
 
 def _parser(prog: str) -> Parser:
     parser = Parser(prog=f"{prog} NAME", description=_TEXT, epilog=_MORE)
-    add = parser.add_argument
+    add, count = parser.add_argument, _reader(Option("number", int, 1, "", minimum=1))
     add(
         "--vary", action="append", default=[], metavar="OPTION=VALUES",
         help="values a,b,c of an option, or numbers start:stop:count, with :log by a constant "
@@ -68,26 +69,30 @@ def _parser(prog: str) -> Parser:
         "--reduce", action="append", default=[], metavar="HOW:COLUMN,...",
         help="columns of the history to reduce, such as max:tip_x: final, max, min, mean, rms",
     )  # fmt: skip
-    add("--jobs", type=_count, metavar="N", help="runs at a time (default: cores / ranks)")
-    add("--ranks", type=_count, default=1, metavar="N", help="MPI ranks of each run (default: 1)")
+    add("--jobs", type=count, metavar="N", help="runs at a time (default: cores / ranks)")
+    add("--ranks", type=count, default=1, metavar="N", help="MPI ranks of each run (default: 1)")
     add(
         "--output", type=folder, metavar="DIR",
         help="folder of the sweep (default: results/NAME_sweep)",
     )  # fmt: skip
     add(
-        "--progress", type=PROGRESS.parse, default="auto", metavar="{auto,bar,lines,none}",
+        "--progress", type=_reader(PROGRESS), default="auto", metavar="{auto,bar,lines,none}",
         help="on stderr: a bar (auto: on terminals), or a line for each run (default: auto)",
     )  # fmt: skip
     add("--quiet", action="store_true", help="no progress bar, errors only")
     return parser
 
 
-def _count(text: str) -> int:
-    """A number of processes."""
-    number = int(text)
-    if number < 1:
-        raise ValueError
-    return number
+def _reader(option: Option) -> Callable[[str], Any]:
+    """What reads an option's value, and says what it must be."""
+
+    def read(text: str) -> Any:
+        try:
+            return option.parse(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return read
 
 
 def _sweep(name: str, case: Case, own: Any, given: dict[str, Any], output: Path) -> "Sweep":
