@@ -257,6 +257,21 @@ def test_finished_runs_are_known_by_options_and_case_file(driven: Path) -> None:
 # -- runs ---
 
 
+def test_a_loaded_case_runs_in_this_process(driven: Path) -> None:
+    case = ff.load_case(driven)
+    outcome = case.run(speed=2, t_end=5e-3)
+    assert outcome.status == "ok"
+    # the drive is met to the tolerance of a step; the default speed gives 0.605
+    assert outcome.summary["results"]["reached"] == pytest.approx(0.61, abs=1e-6)
+    with pytest.raises(ValueError, match="no option 'sped', did you mean speed"):
+        case.run(sped=2.0)
+    with pytest.raises(TypeError, match="speed must be a finite number"):
+        case.run(speed="2")
+    with pytest.raises(ValueError, match="unknown case 'chan': did you mean chain"):
+        ff.load_case("chan")
+    assert not list(driven.parent.glob("results"))
+
+
 def test_a_failed_run_does_not_end_a_sweep(
     driven: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
