@@ -43,7 +43,7 @@ class Monitor:
         kinetic, strain, balance, contacts = shares.tolist()
         words = [f"kinetic {kinetic:.4g} J"] if self._moving else []
         words.append(f"strain {strain:.4g} J")
-        if self._probed is not None:
+        if self._probed is not None and self._moving:
             words.append(f"balance {balance:.2g} J")
         if system.contacts:
             words.append(f"{contacts:.0f} contacts")
