@@ -13,8 +13,8 @@ from flexfem.options import progress_kind
 
 #: Seconds between two looks at a bar.
 _REFRESH = 0.2
-#: What is shown may take this part of the time, whatever it costs.
-_SHARE = 0.02
+#: What is shown may take this part of the time, unless the pause would be longer than this, s.
+_SHARE, _LONGEST = 0.02, 30.0
 
 
 class Progress:
@@ -104,7 +104,7 @@ class Progress:
             self._bar.update(min(t, self._t_end) - self._bar.n)
         else:
             self._print(t, text)
-        self._next = time.monotonic() + max(self._interval, cost / _SHARE)
+        self._next = time.monotonic() + max(self._interval, min(cost / _SHARE, _LONGEST))
 
     def _print(self, t: float, text: str) -> None:
         """Print a line with date, share, times and text."""

@@ -62,6 +62,7 @@ class Recorder:
         self._angles = AngleColumns(self._columns, self._probes.unwrap)
         self._rows: list[FloatArray] = []
         self._time, self._h, self._varies = 0.0, 0.0, varies  # of the last record
+        self._unseen = True  # nothing was shown yet
         self._measured, self._first_measure = "", (*measures, "")[0]
         self._monitor = Monitor(system, serial.model, self._probes, moving=unit == "s")
         self._table = self._fields = None
@@ -119,9 +120,10 @@ class Recorder:
 
     def show(self) -> None:
         """Show progress with what is known of the accepted state (collective)."""
-        begin = time.perf_counter()
-        words = self._monitor.words()
-        self._show(words, time.perf_counter() - begin)
+        begin, first = time.perf_counter(), self._unseen
+        words, self._unseen = self._monitor.words(), False
+        # the first time loads compiled code
+        self._show(words, 0.0 if first else time.perf_counter() - begin)
 
     def _show(self, words: Sequence[str], cost: float = 0.0) -> None:
         counters, own = self._system.counters, []

@@ -117,10 +117,15 @@ def test_what_costs_time_is_shown_less_often(monkeypatch: pytest.MonkeyPatch) ->
     assert not bar.due
     now[0] = 10.1
     assert bar.due
-    bar.update(0.2, 1, 1, cost=1.0)  # at most a fiftieth of the time
-    now[0] = 60.0
+    bar.update(0.2, 1, 1, cost=0.4)  # at most a fiftieth of the time
+    now[0] = 30.0
     assert not bar.due
-    now[0] = 60.2
+    now[0] = 30.2
+    assert bar.due
+    bar.update(0.3, 1, 1, cost=7.0)  # but a user wants to see something
+    now[0] = 60.1
+    assert not bar.due
+    now[0] = 60.3
     assert bar.due
 
 
