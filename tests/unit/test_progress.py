@@ -88,18 +88,27 @@ def test_lines_show_energies(
 
 
 def test_lines_show_contacts(every_step: None, capsys: pytest.CaptureFixture[str]) -> None:
-    """A square of four nodes that falls flat on a plane: no contact, then four."""
+    """A square of four nodes that falls flat on a plane: no contact, then four that rub."""
     u = np.array([-0.05, 0.05])
     mesh = ff.SurfaceMesh.grid("sheet", u, u, lambda p: np.c_[p, np.full(len(p), 1e-3 + 5e-4)])
-    model = ff.Model("landing", surface=mesh)
     material = ff.Material(1e6, 0.3, 1000.0)
-    model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
-        ff.Shell("sheet", ff.ShellSection.isotropic(1e-3, material)),
-        ff.Contact("landing", "sheet", surfaces=ff.RigidPlane(ff.Ground())),
-    )
-    ff.simulate(model, ff.RunOptions(dt=2e-3, t_end=0.02, progress="lines"))
+
+    def landing(progress: str) -> Any:
+        model = ff.Model("landing", surface=mesh)
+        model.add(
+            ff.Gravity((2.0, 0.0, -9.81)),
+            ff.Shell("sheet", ff.ShellSection.isotropic(1e-3, material)),
+            ff.Contact("landing", "sheet", surfaces=ff.RigidPlane(ff.Ground()), friction=0.1),
+            ff.MomentumProbe("sum"),
+        )
+        return ff.simulate(model, ff.RunOptions(dt=2e-3, t_end=0.04, progress=progress)).history
+
+    quiet = landing("none")
+    assert capsys.readouterr().err == ""
+    loud = landing("lines")
     lines = capsys.readouterr().err.splitlines()
+    for name, column in quiet.items():
+        np.testing.assert_array_equal(column, loud[name])  # to the last bit
     if COMM.rank == 0:
         counts = [int(one) for one in re.findall(r"(\d+) contacts", "\n".join(lines))]
         assert counts[0] == 0
