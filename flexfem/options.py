@@ -161,7 +161,8 @@ class ProgressOption(Option):
 
     def __init__(self) -> None:
         """Declare the option."""
-        super().__init__("progress", str, "auto", "on stderr: a bar (auto: on terminals), or lines")
+        text = "on stderr: a bar (auto: on terminals only), or lines, every 30 s or S seconds"
+        super().__init__("progress", str, "auto", text)
 
     def check(self, value: Any) -> str:
         """Return the text; see :meth:`Option.check`."""
