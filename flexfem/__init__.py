@@ -211,6 +211,8 @@ _MODULES = {
     "check": "inspection.check",
     "Finding": "inspection.finding",
     "Case": "case",
+    "load_case": "case",
+    "sweep": "studies.sweep",
     "Option": "options",
     "GridOption": "options",
     "grid_nodes": "options",

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Declaration of a case: a named model with options, an analysis and headline results."""
 
+import difflib
+import os
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,16 +15,24 @@ import numpy.typing as npt
 
 from flexfem.analyses.analysis import Analysis
 from flexfem.analyses.dynamics import DYNAMICS
-from flexfem.options import Option
+from flexfem.analyses.modes import MODES
+from flexfem.analyses.relaxation import RELAXATION
+from flexfem.analyses.statics import STATICS
+from flexfem.options import Option, Settings
+from flexfem.resources import load_module, shipped_files
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
+    from flexfem.simulation.outcome import Outcome
+
+__all__ = ["Case", "case_file", "load_case"]
 
 History = Mapping[str, npt.NDArray[np.float64]]
 
 #: Arguments of the command line that are no numerical options.
 _RESERVED = {
-    "output", "quiet", "smoke", "help", "analysis", "restart", "state", "checkpoint_every",
+    "output", "quiet", "progress", "smoke", "help", "analysis", "restart", "state",
+    "checkpoint_every",
 }  # fmt: skip
 
 
@@ -98,6 +110,11 @@ class Case:
             except (TypeError, ValueError) as error:
                 raise ValueError(f"Case '{self.name}': {what} value {key} {error}") from None
 
+    @property
+    def analyses(self) -> dict[str, Analysis]:
+        """Analyses that the model may undergo: its own first."""
+        return {one.name: one for one in (self.analysis, STATICS, MODES, RELAXATION)}
+
     def under(self, analysis: Analysis) -> "Case":
         """The same model under another analysis, all of whose options have defaults.
 
@@ -132,6 +149,53 @@ class Case:
             values |= choices.get(chosen[key], {})
         return {**values, **(self.smoke if smoke else {}), **given}
 
+    def prepare(
+        self, given: Mapping[str, Any], *, smoke: bool = False, **more: Any
+    ) -> tuple[dict[str, Any], Settings]:
+        """Keyword arguments of ``build``, and the options of the analysis.
+
+        Args:
+            given: values of own options and of those of the analysis by name; others have their
+                defaults.
+            smoke: with the values for a quick look.
+            more: other fields of the settings, such as ``output``.
+
+        Raises:
+            TypeError: A value has the wrong type.
+            ValueError: There is no such option, or a value is not admissible.
+        """
+        options = {option.name: option for option in self.all_options()}
+        checked = {}
+        for name, value in given.items():
+            if name not in options:
+                hint = _near(name, options) or f"known are {', '.join(options)}"
+                raise ValueError(f"case '{self.name}': no option '{name}', {hint}")
+            try:
+                checked[name] = options[name].check(value)
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"case '{self.name}': {name} {error}") from None
+        values = self.values(checked, smoke=smoke)
+        settings = self.analysis.settings
+        numbers = {option.name: values[option.name] for option in settings.OPTIONS}
+        parameters = {option.name: values[option.name] for option in self.options}
+        return parameters, settings(**numbers, **more)
+
+    def run(self, *, output: Path | str | None = None, **given: Any) -> "Outcome":
+        """Build the model and carry the analysis out (collective).
+
+        Args:
+            output: folder of the results; None writes nothing.
+            given: values of own options and of those of the analysis by name.
+
+        Raises:
+            TypeError: A value has the wrong type.
+            ValueError: There is no such option, a value is not admissible, or the model is wrong.
+        """
+        parameters, settings = self.prepare(given, output=output, quiet=True)
+        model = self.build(**parameters)
+        outcome: Outcome = self.analysis.run(model, settings, case=self.name, results=self.results)
+        return outcome
+
     def other_defaults(self, name: str) -> str:
         """Defaults of an option that come with values of others, for ``--help``."""
         return "".join(
@@ -145,3 +209,48 @@ class Case:
 def _only(names: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
     """The values of these names."""
     return {name: value for name, value in values.items() if name in names}
+
+
+def load_case(name: str | Path) -> Case:
+    """Load a shipped case by its name, or an own one by the path of its file.
+
+    Raises:
+        ValueError: There is no such case, or the file does not define one.
+    """
+    path = case_file(name)
+    if _is_path(name):
+        sys.path.insert(0, str(path.parent))  # as if it had been started by itself
+    try:
+        case = getattr(load_module(path, "flexfem_case"), "CASE", None)
+    except (OSError, ValueError, TypeError) as error:
+        raise ValueError(f"case '{name}': {error}") from error
+    if not isinstance(case, Case):
+        raise ValueError(f"case '{name}': the file does not define CASE = flexfem.Case(...)")
+    return case
+
+
+def case_file(name: str | Path) -> Path:
+    """The file of a case that is shipped, or named by its path.
+
+    Raises:
+        ValueError: No case of this name is shipped.
+    """
+    if _is_path(name):
+        return Path(name).resolve()
+    try:
+        cases = shipped_files("cases")
+    except FileNotFoundError as error:
+        raise ValueError(str(error)) from error
+    if name not in cases:
+        hint = _near(str(name), cases) or f"known are {', '.join(cases)}"
+        raise ValueError(f"unknown case '{name}': {hint}")
+    return cases[str(name)]
+
+
+def _is_path(name: str | Path) -> bool:
+    return Path(name).suffix == ".py" or os.sep in str(name)
+
+
+def _near(name: str, known: Mapping[str, Any]) -> str:
+    near = difflib.get_close_matches(name, known)
+    return f"did you mean {' or '.join(near)}" if near else ""

@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -37,6 +38,15 @@ def ranks_started() -> int | None:
     )
 
 
+def ranks() -> int:
+    """Number of ranks of a process that uses MPI, 1 before it does."""
+    if "mpi4py.MPI" not in sys.modules:
+        return 1
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD.size
+
+
 def say(text: str, *, error: bool = False) -> None:
     """Print one text on rank 0; whoever reads no further (``| head``) does not end a run."""
     if rank() != 0:
@@ -47,6 +57,25 @@ def say(text: str, *, error: bool = False) -> None:
     except BrokenPipeError:
         # what is still in the stream's buffer must go somewhere when the process ends
         os.dup2(os.memfd_create("unread"), stream.fileno())
+
+
+#: What launchers set for the processes they start, and what sets the threads of each.
+_LAUNCHED = ("PMI", "HYDI_", "MPI_LOCAL", "OMPI_")
+_SETTINGS = "OMPI_MCA_"
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def environment_of_runs() -> dict[str, str]:
+    """Environment of processes that run beside each other: no launcher's marks, one thread each."""
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name.startswith(_SETTINGS) or not name.startswith(_LAUNCHED)
+    }
+    package = Path(__file__).resolve().parents[1]
+    if package.name not in ("site-packages", "dist-packages"):  # a source tree
+        kept["PYTHONPATH"] = os.pathsep.join(filter(None, [str(package), kept.get("PYTHONPATH")]))
+    return kept | dict.fromkeys(_THREADS, "1")
 
 
 def first_message(message: str) -> str:
@@ -88,16 +117,22 @@ class Interrupted(KeyboardInterrupt):
     """A run was asked to end and has ended in good order, on all ranks alike.
 
     Attributes:
+        number: of the signal.
         code: exit code of a process that ends for this reason.
+        reason: where it was interrupted, the first part of the message.
+        checkpoint: what the run can go on from, None without.
         outcome: what the run came to until then, an ``Outcome``; None if it is not known.
     """
 
     outcome: Any = None
 
-    def __init__(self, number: int, message: str) -> None:
+    def __init__(
+        self, number: int, message: str, *, reason: str = "", checkpoint: Path | None = None
+    ) -> None:
         """Note the signal's number and what to tell the user."""
         super().__init__(message)
         self.code = 128 + number
+        self.number, self.reason, self.checkpoint = number, reason or message, checkpoint
 
 
 class StopSignals:

@@ -155,13 +155,63 @@ def grid_nodes(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
+@dataclass(frozen=True, init=False)
+class ProgressOption(Option):
+    """How progress is shown: see :func:`progress_kind`."""
+
+    def __init__(self) -> None:
+        """Declare the option."""
+        text = "on stderr: a bar (auto: on terminals only), or lines, every 30 s or S seconds"
+        super().__init__("progress", str, "auto", text)
+
+    def check(self, value: Any) -> str:
+        """Return the text; see :meth:`Option.check`."""
+        text: str = super().check(value)
+        try:
+            progress_kind(text)
+        except ValueError:
+            raise ValueError(f"must be {self.describe()}, got {value!r}") from None
+        return text
+
+    def describe(self) -> str:
+        """See :meth:`Option.describe`."""
+        return "auto, bar, lines, lines:SECONDS or none"
+
+
+#: Seconds between two lines of progress unless told otherwise.
+_EVERY = 30.0
+
+
+def progress_kind(text: str) -> tuple[str, float]:
+    """Return "auto", "bar", "lines" or "none", and the seconds between two lines.
+
+    Raises:
+        ValueError: The text is none of these words, nor "lines:" and a time (s) of 0.1 or more.
+    """
+    word, colon, seconds = text.partition(":")
+    if word not in ("auto", "bar", "lines", "none") or (colon and word != "lines"):
+        raise ValueError(f'progress must be auto, bar, lines, lines:SECONDS or none, got "{text}"')
+    try:
+        every = float(seconds) if colon else _EVERY
+    except ValueError:
+        every = math.nan
+    if not 0.1 <= every < math.inf:
+        raise ValueError(f'progress: seconds between two lines must be 0.1 or more, got "{text}"')
+    return word, every
+
+
+PROGRESS = ProgressOption()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     """Numerical options of one kind of analysis; subclasses have one field for each option.
 
     Args:
         output: Folder of the results; None writes nothing.
-        quiet: No progress bar.
+        quiet: Show no progress, whatever ``progress`` is.
+        progress: "auto" (a bar if stderr is a terminal), "bar", "lines" (one every 30 s),
+            "lines:SECONDS" or "none".
     """
 
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
@@ -172,6 +222,7 @@ class Settings:
 
     output: Path | None = None
     quiet: bool = False
+    progress: str = "auto"
 
     def __post_init__(self) -> None:
         """Check every value and turn it into its plain Python type.
@@ -180,7 +231,7 @@ class Settings:
             TypeError: If a value has the wrong type.
             ValueError: If a value is out of range.
         """
-        for option in self.OPTIONS:
+        for option in (*self.OPTIONS, PROGRESS):
             try:
                 value = option.check(getattr(self, option.name))
             except (TypeError, ValueError) as error:

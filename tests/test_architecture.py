@@ -29,6 +29,7 @@ LAYERS = [
     {"integrators"},
     {"simulation"},
     {"case"},
+    {"studies"},
     {"cli"},
     {"docs"},
 ]

@@ -9,12 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from flexfem.analyses.analysis import Analysis
-from flexfem.analyses.modes import MODES
-from flexfem.analyses.relaxation import RELAXATION
-from flexfem.analyses.statics import STATICS
 from flexfem.case import Case
 from flexfem.cli.usage import Parser, UsageError, file, folder, join_negative_values
-from flexfem.options import Option, Settings
+from flexfem.options import PROGRESS, Option, Settings
 
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
 #: Files that analyses start from.
@@ -22,6 +19,8 @@ _FILES = {
     "restart": "checkpoint to go on from, on any number of ranks; --t-end may be later",
     "state": "checkpoint of a motion or relaxation of the same model, whose state is looked at",
 }
+#: What concerns the output alone.
+_OUTPUT = ("output", "quiet", "progress")
 _OUTPUTS = """\
 Writes history.csv (one row per step), summary.json and ParaView files into the output folder.
 Put "mpirun -n N" in front to run on N MPI ranks.
@@ -47,29 +46,37 @@ def parse(
         UsageError: If an option is unknown or a value is not admissible.
         SystemExit: After ``--help``.
     """
-    analyses = _analyses(case)
-    case = _chosen(case, analyses, argv)
-    parser = _case_parser(case, analyses, prog)
-    given = vars(parser.parse_args(join_negative_values(argv)))
-    output = given.pop("output", Path("results") / case.folder)
-    more = {name: given.pop(name) for name in _FILES if name in given}
-    quiet, smoke = given.pop("quiet"), given.pop("smoke")
-    given.pop("analysis", None)
-    values = case.values(given, smoke=smoke)
-    parameters = {option.name: values[option.name] for option in case.options}
-    settings = case.analysis.settings
-    numbers = {option.name: values[option.name] for option in settings.OPTIONS}
+    case, given = read_options(case, argv, prog=prog)
+    smoke = given.pop("smoke")
+    more = {name: given.pop(name) for name in (*_FILES, *_OUTPUT) if name in given}
+    more.setdefault("output", Path("results") / case.folder)
     try:
         if writes:
-            _check_output(output)
-        return case, parameters, settings(**numbers, **more, output=output, quiet=quiet)
+            check_output(more["output"])
+        return case, *case.prepare(given, smoke=smoke, **more)
     except (OSError, ValueError) as error:
         raise UsageError(str(error)) from error
 
 
-def _analyses(case: Case) -> dict[str, Analysis]:
-    """Analyses that the model of a case may undergo: its own first."""
-    return {one.name: one for one in (case.analysis, STATICS, MODES, RELAXATION)}
+def read_options(
+    case: Case, argv: Sequence[str], *, prog: str | None = None
+) -> tuple[Case, dict[str, Any]]:
+    """Read which options of a case are given.
+
+    Returns:
+        The case under the analysis that was asked for, and the values of the options given,
+        ``quiet`` and ``smoke`` always among them.
+
+    Raises:
+        UsageError: If an option is unknown or a value is not admissible.
+        SystemExit: After ``--help``.
+    """
+    analyses = case.analyses
+    case = _chosen(case, analyses, argv)
+    parser = _case_parser(case, analyses, prog)
+    given = vars(parser.parse_args(join_negative_values(argv)))
+    given.pop("analysis", None)
+    return case, given
 
 
 def _chosen(case: Case, analyses: Mapping[str, Analysis], argv: Sequence[str]) -> Case:
@@ -117,6 +124,7 @@ def _case_parser(case: Case, analyses: Mapping[str, Analysis], prog: str | None)
     for name, text in _FILES.items():
         if name in known:
             common.add_argument(f"--{name}", type=file, metavar="FILE", help=text)
+    _add_option(common, PROGRESS, "", "{auto,bar,lines,lines:S,none}")
     common.add_argument(
         "--quiet", action="store_true", default=False, help="no progress bar, errors only"
     )
@@ -126,7 +134,9 @@ def _case_parser(case: Case, analyses: Mapping[str, Analysis], prog: str | None)
     return parser
 
 
-def _add_option(group: argparse._ArgumentGroup, option: Option, others: str) -> None:
+def _add_option(
+    group: argparse._ArgumentGroup, option: Option, others: str, metavar: str | None = None
+) -> None:
     unit = f" [{option.unit}]" if option.unit else ""
     default = "" if option.default is None else f" (default: {option.default}{others})"
     text = f"{option.help}{unit}{default}".replace("%", "%%")
@@ -141,10 +151,12 @@ def _add_option(group: argparse._ArgumentGroup, option: Option, others: str) -> 
             raise argparse.ArgumentTypeError(str(error)) from None
 
     choices = "{" + ",".join(map(str, option.choices)) + "}" if option.choices else None
-    group.add_argument(option.flag, type=read, help=text, metavar=choices or _METAVARS[option.kind])
+    group.add_argument(
+        option.flag, type=read, help=text, metavar=metavar or choices or _METAVARS[option.kind]
+    )
 
 
-def _check_output(folder: Path) -> None:
+def check_output(folder: Path) -> None:
     """Refuse a folder that cannot be written before anything is computed.
 
     Raises:

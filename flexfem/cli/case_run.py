@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Find a case, build its model, run it."""
 
-import difflib
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexfem import case as cases
 from flexfem import launch
 from flexfem._checks import InputError, NumericalError
 from flexfem.case import Case
 from flexfem.cli.case_line import parse
+from flexfem.cli.shown_command import shown_command
 from flexfem.cli.usage import UsageError, exit_code
 from flexfem.installation import InstallationError
 from flexfem.options import Settings
-from flexfem.resources import load_module, shipped_files
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -42,30 +41,10 @@ def load_case(name: str) -> Case:
     Raises:
         UsageError: If there is no such case, or the file does not define one.
     """
-    path = Path(name)
-    if path.suffix == ".py" or os.sep in name:
-        sys.path.insert(0, str(path.resolve().parent))  # as if it had been started by itself
-    else:
-        path = _shipped_case(name)
     try:
-        case = getattr(load_module(path, "flexfem_case"), "CASE", None)
-    except (ImportError, OSError, ValueError, TypeError) as error:
-        raise UsageError(f"case '{name}': {error}") from error
-    if not isinstance(case, Case):
-        raise UsageError(f"case '{name}': the file does not define CASE = flexfem.Case(...)")
-    return case
-
-
-def _shipped_case(name: str) -> Path:
-    try:
-        cases = shipped_files("cases")
-    except FileNotFoundError as error:
+        return cases.load_case(name)
+    except ValueError as error:
         raise UsageError(str(error)) from error
-    if name not in cases:
-        near = difflib.get_close_matches(name, cases)
-        hint = "did you mean " + " or ".join(near) if near else "known are " + ", ".join(cases)
-        raise UsageError(f"unknown case '{name}': {hint}")
-    return cases[name]
 
 
 def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
@@ -87,6 +66,8 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
         for folder in folders:
             folder.rmdir()
         raise UsageError(str(error), agreed=True) from error
+    except launch.Interrupted as stop:
+        raise _with_command(stop, options, prog, argv) from stop
     except OSError as error:
         launch.say(f"failed: {error}", error=True)
         launch.abort(1)
@@ -112,6 +93,19 @@ def build_model(case: Case, parameters: Mapping[str, Any]) -> "Model":
         raise TypeError(f"case '{case.name}': build returned {model!r}, not a Model")
     model.validate()
     return model
+
+
+def _with_command(
+    stop: launch.Interrupted, options: Settings, prog: str | None, argv: Sequence[str]
+) -> launch.Interrupted:
+    """The same interruption, which says by what command the run goes on."""
+    if stop.checkpoint is not None:
+        how = f"go on with: {shown_command(prog, argv, restart=stop.checkpoint)}"
+    else:
+        how = f"results so far are in {options.output}, there is no checkpoint"
+    return launch.Interrupted(
+        stop.number, f"{stop.reason}, {how}", reason=stop.reason, checkpoint=stop.checkpoint
+    )
 
 
 def _prepare(

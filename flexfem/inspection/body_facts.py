@@ -3,14 +3,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.kinematics.body_inertia import body_inertia
 from flexfem.lie import se3
-from flexfem.model.bodies import Beam, Box, Cylinder, PointMass, RigidBody, Sphere
+from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.floating_body import FloatingBody
+from flexfem.model.shapes import Box, CompoundShape, Shape, Sphere, SurfaceShape
 from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
 
@@ -156,17 +158,33 @@ def _rigid(serial: Assembly, body: RigidBody) -> BodyFacts:
     return BodyFacts(body, KINDS[RigidBody], _masses(serial, body, near), size, 0, 1, 6)
 
 
-def _shape_size(shape: Box | Sphere | Cylinder | None) -> FloatArray:
+def _shape_size(shape: Shape | None) -> FloatArray:
     """Edges of the box about a shape in body axes, (3,), m."""
+    if shape is None:
+        return np.zeros(3)
+    size: FloatArray = np.ptp(_shape_points(shape), axis=0)
+    return size
+
+
+def _shape_points(shape: Shape) -> FloatArray:
+    """Points (n, 3) in body axes with the same box about them as a shape, m."""
+    if isinstance(shape, CompoundShape):
+        parts = [
+            _shape_points(part) @ pose.rotation.T + pose.position for part, pose in shape.parts
+        ]
+        return np.concatenate(parts)
+    if isinstance(shape, SurfaceShape):
+        return shape.points
     if isinstance(shape, Box):
-        return np.array(shape.sizes)
-    if isinstance(shape, Sphere):
-        return np.full(3, 2.0 * shape.radius)
-    if isinstance(shape, Cylinder):
+        edges = np.array(shape.sizes)
+    elif isinstance(shape, Sphere):
+        edges = np.full(3, 2.0 * shape.radius)
+    else:
         axis = np.abs(shape.axis) / np.linalg.norm(shape.axis)
-        across: FloatArray = 2.0 * shape.radius * np.sqrt(np.clip(1.0 - axis**2, 0.0, 1.0))
-        return shape.length * axis + across
-    return np.zeros(3)
+        across = 2.0 * shape.radius * np.sqrt(np.clip(1.0 - axis**2, 0.0, 1.0))
+        edges = shape.length * axis + across
+    corners: FloatArray = 0.5 * edges * np.array(list(product((-1.0, 1.0), repeat=3)))
+    return corners
 
 
 def _floating(serial: Assembly, number: int, body: FloatingBody) -> BodyFacts:

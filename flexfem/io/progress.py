@@ -1,71 +1,126 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Progress bar over simulated time or a load factor."""
+"""Progress over simulated time or a load factor: a bar on a terminal, or lines in a log."""
 
 from __future__ import annotations
 
 import sys
+import time
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
 from flexfem.io.notebook import bar_class, in_notebook
+from flexfem.options import progress_kind
+
+#: Seconds between two looks at a bar.
+_REFRESH = 0.2
+#: What is shown may take this part of the time, unless the pause would be longer than this, s.
+_SHARE, _LONGEST = 0.02, 30.0
 
 
 class Progress:
-    """Bar on the standard error stream: time, iterations, factorisations, remaining time.
+    """Time, iterations, factorisations, remaining time and more on the standard error stream.
 
-    It appears only if the stream is a terminal, and in notebooks.
+    A bar appears on a terminal and in notebooks; lines with date and clock, every so many
+    seconds, are for the logs of batch queues. The caller looks at :attr:`due` and calls
+    :meth:`update` only then.
     """
 
     def __init__(
-        self, t_end: float, enabled: bool, *, t_start: float = 0.0, unit: str = "s"
-    ) -> None:
-        """Show an empty bar.
+        self, t_end: float, enabled: bool, *, t_start: float = 0.0, unit: str = "s",
+        how: str = "auto",
+    ) -> None:  # fmt: skip
+        """Show an empty bar, or nothing yet.
 
         Args:
             t_end: End of the simulated time or of the load factor.
             enabled: False on ranks other than 0 and in quiet runs.
             t_start: Its start (after a restart: where it goes on).
             unit: Of both; empty for a load factor.
+            how: "auto" (a bar if the stream is a terminal), "bar", "lines", "lines:SECONDS" or
+                "none".
+
+        Raises:
+            ValueError: If it is none of these.
         """
+        kind, self._interval = progress_kind(how)
         self._bar: Any = None
-        self._t_end = float(t_end)
+        self._t_end, self._t_start = float(t_end), float(t_start)
         self._unit = f" {unit}" if unit else ""
-        if not (enabled and (sys.stderr.isatty() or in_notebook())):
-            return
+        self._begin, self._next = time.monotonic(), 0.0
+        if kind == "auto":
+            kind = "bar" if sys.stderr.isatty() or in_notebook() else "none"
+        self._lines = enabled and kind == "lines"
+        if enabled and kind == "bar":
+            self._interval = _REFRESH
+            self._open()
+
+    def _open(self) -> None:
         # its import costs start-up time, and batch runs never need it
         self._bar = bar_class()(
-            total=float(t_end),
-            initial=float(t_start),
+            total=self._t_end,
+            initial=self._t_start,
             file=sys.stderr,
             miniters=0,
-            mininterval=0.1,
+            mininterval=0.0,
             dynamic_ncols=True,
-            bar_format="{percentage:3.0f}%|{bar}| {desc}{elapsed} < {remaining}",
+            # what is cut off on narrow terminals comes last
+            bar_format="{percentage:3.0f}%|{bar:10}| {elapsed} < {remaining}{postfix}",
         )
 
-    def update(self, t: float, iterations: int, factorizations: int) -> None:
+    @property
+    def enabled(self) -> bool:
+        """Whether anything is shown."""
+        return self._lines or self._bar is not None
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time to show the state."""
+        return self.enabled and time.monotonic() >= self._next
+
+    def update(
+        self,
+        t: float,
+        iterations: int,
+        factorizations: int,
+        more: Sequence[str] = (),
+        cost: float = 0.0,
+    ) -> None:
         """Show the state after a step.
 
         Args:
             t: Simulated time or load factor.
             iterations: Newton iterations so far.
             factorizations: Factorisations so far.
+            more: What else is known of the state.
+            cost: Time that it took to find that out, s; what is costly is shown less often.
         """
-        if self._bar is None:
+        if not self.enabled:
             return
-        self._bar.set_description_str(
-            f"t = {t:.4g} of {self._t_end:.4g}{self._unit}, {iterations} iterations, "
-            f"{factorizations} factorisations, ",
-            refresh=False,
-        )
-        # Rounding may carry the last step past the end, which would drop the bar.
-        self._bar.update(min(t, self._t_end) - self._bar.n)
+        counts = f"{iterations} iterations", f"{factorizations} factorisations"
+        text = ", ".join([f"t = {t:.4g} of {self._t_end:.4g}{self._unit}", *counts, *more])
+        if self._bar is not None:
+            self._bar.set_postfix_str(text, refresh=False)
+            # Rounding may carry the last step past the end, which would drop the bar.
+            self._bar.update(min(t, self._t_end) - self._bar.n)
+        else:
+            self._print(t, text)
+        self._next = time.monotonic() + max(self._interval, min(cost / _SHARE, _LONGEST))
+
+    def _print(self, t: float, text: str) -> None:
+        """Print a line with date, share, times and text."""
+        done, whole = t - self._t_start, self._t_end - self._t_start
+        spent = time.monotonic() - self._begin
+        left = f"{_clock(spent * (whole / done - 1.0))} left" if done > 0.0 else "starts"
+        share = 100.0 * min(t / self._t_end, 1.0)
+        date = time.strftime("%Y-%m-%d %H:%M:%S")
+        print(f"{date} {share:5.1f}% {_clock(spent)}, {left}: {text}", file=sys.stderr, flush=True)
 
     def close(self) -> None:
         """Leave the bar as it is and end the line."""
         if self._bar is not None:
             self._bar.close()
-            self._bar = None
+        self._bar, self._lines = None, False
 
     def __enter__(self) -> Self:
         """Return the bar."""
@@ -79,3 +134,9 @@ class Progress:
     ) -> None:
         """Close the bar."""
         self.close()
+
+
+def _clock(seconds: float) -> str:
+    """Hours, minutes and seconds."""
+    minutes, rest = divmod(max(round(seconds), 0), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"

@@ -17,13 +17,15 @@ if TYPE_CHECKING:
 __all__ = ["write_table"]
 
 
-def write_table(path: Path, rows: Sequence[Mapping[str, Any]], comm: MPI.Comm) -> None:
+def write_table(
+    path: Path, rows: Sequence[Mapping[str, Any]], comm: MPI.Comm | None = None
+) -> None:
     """Write rows with the same columns, replacing an earlier file as a whole (collective).
 
     Args:
         path: The file; its folder is created if missing.
         rows: Values by column, in the order of the columns; at least one row.
-        comm: Communicator of which only rank 0 writes.
+        comm: Communicator of which only rank 0 writes; None for one process.
 
     Raises:
         ValueError: On all ranks, if there are no rows or they have different columns.
@@ -32,7 +34,7 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]], comm: MPI.Comm) -
     if not rows or any(list(row) != list(rows[0]) for row in rows):
         raise ValueError(f"table '{path}': there must be rows, all with the same columns")
     error: Exception | None = None
-    if comm.rank == 0:
+    if comm is None or comm.rank == 0:
         text = io.StringIO()
         writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
         writer.writeheader()
@@ -42,4 +44,7 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]], comm: MPI.Comm) -
             replace_file(path, [text.getvalue().encode()])
         except OSError as exc:
             error = exc
-    raise_together(comm, error)
+    if comm is not None:
+        raise_together(comm, error)
+    elif error is not None:
+        raise error

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from mpi4py import MPI
 
 import numpy as np
@@ -13,7 +15,9 @@ from flexfem.analyses.modes import CampbellOptions
 from flexfem.core.status import Status
 from flexfem.io.history import HistoryWriter
 from flexfem.io.summary import remove_summary
+from flexfem.launch import StopSignals
 from flexfem.model.model import Model
+from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.modes import modes_at
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results, conclude
@@ -27,6 +31,8 @@ __all__ = ["sweep_spin"]
 _PURE = 0.9
 #: Modes computed beyond those asked for, a multiple: in turning axes the order changes with speed.
 _MORE = 2
+#: How a run that a signal has ended says so.
+_INTERRUPTED = "interrupted after the spin"
 _VALUES = ("frequency", "fixed", "damping", "whirl")
 
 
@@ -60,11 +66,15 @@ def sweep_spin(
         InputError: a mistake in the model or the options, before anything is written.
         TypeError: the options are those of another analysis.
         OSError: the results cannot be written.
+        KeyboardInterrupt: SIGINT or SIGTERM came; the speeds so far are written.
     """
     _checks.instance("sweep_spin", "options", options, CampbellOptions)
     point = OperatingPoint(model, options, comm)
     point.check_count("CampbellOptions", options.modes)
-    speeds, found, senses, reason = _sweep(point, options)
+    agreement = Agreement(point.system.comm)
+    with StopSignals() as signals:
+        speeds, found, senses, reason = _sweep(point, options, lambda: agreement.on(signals))
+        signal = agreement.on(signals) if reason.startswith(_INTERRUPTED) else 0
     columns, table = _table(speeds, found, senses, options.modes)
     if options.output is not None:
         remove_summary(options.output / "summary.json", point.system.comm)
@@ -76,11 +86,14 @@ def sweep_spin(
     if point.system.comm.rank == 0 and len(speeds):
         history = {"t": np.array(speeds)} | dict(zip(columns, table.T.copy(), strict=True))
     summary = point.summary(case, reason)
-    return conclude(summary, history, results, options, point.system.comm)
+    outcome = conclude(summary, history, results, options, point.system.comm)
+    if signal:
+        raise interruption(signal, reason)
+    return outcome
 
 
 def _sweep(
-    point: OperatingPoint, options: CampbellOptions
+    point: OperatingPoint, options: CampbellOptions, stopped: Callable[[], int]
 ) -> tuple[list[float], list[Modes], list[FloatArray], str]:
     """Speeds reached, modes and senses of whirl at each, and how it ended."""
     reached: list[float] = []
@@ -100,6 +113,8 @@ def _sweep(
         reached.append(speed)
         found.append(modes)
         senses.append(whirl(modes, sign * point.rotation(speed).axis))
+        if stopped() and len(reached) < options.speeds:
+            return reached, found, senses, f"{_INTERRUPTED} {speed:.6g} rad/s"
     return reached, found, senses, "ok"
 
 

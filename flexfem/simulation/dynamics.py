@@ -84,7 +84,7 @@ class _Run:
         self._start = None if restart is None else restart.step
         self._recorder = Recorder(
             simulation.system, simulation.serial, options, options.every, options.t_end,
-            resume=None if restart is None else restart.state,
+            resume=None if restart is None else restart.state, varies=options.adaptive,
             measures=simulation.controls.columns,
         )  # fmt: skip
         self._checkpoints = Checkpoints(simulation, simulation.serial, options, self._grid, restart)
@@ -104,6 +104,7 @@ class _Run:
             return status
         if self._start is None:
             self._recorder.record(0, measures=self._outputs())
+            self._look(signals)
         self._setup = self._elapsed()
         if options.adaptive:
             simulation.observe = lambda: self._recorder.record_between(self._outputs())
@@ -124,7 +125,7 @@ class _Run:
                 if every:  # the rest of the step is made by a restart
                     self._save(step if simulation.time >= grid.time(step) else step - 1)
                 break
-            self.signal = self._agreement.on(signals)
+            self._look(signals)
             if self.signal or (every and (step % every == 0 or step == count)):
                 self._save(step)
             if self.signal:
@@ -134,6 +135,12 @@ class _Run:
     def _outputs(self) -> FloatArray:
         """What the controllers do from the accepted state on."""
         return self._simulation.controls.outputs(self._simulation.time)
+
+    def _look(self, signals: StopSignals) -> None:
+        """Look for signals, and show progress where it is time to (collective)."""
+        self.signal = self._agreement.on(signals, self._recorder.due)
+        if self._agreement.show:
+            self._recorder.show()
 
     def _save(self, step: int) -> None:
         """Write a checkpoint."""

@@ -212,8 +212,19 @@ class _Records:
                 self._table.write(row[0], row[1:])
             self._rows = kept or [row]
         self._progress = Progress(
-            options.t_end, not options.quiet and comm.rank == 0, t_start=start or 0.0
-        )
+            options.t_end, not options.quiet and comm.rank == 0, t_start=start or 0.0,
+            how=options.progress,
+        )  # fmt: skip
+
+    @property
+    def due(self) -> bool:
+        """This rank shows progress, and it is time for :meth:`show`."""
+        return self._progress.due
+
+    def show(self, simulation: _Stepped) -> None:
+        """Show progress."""
+        counters, t = simulation.stepper.counters, simulation.stepper.motion.t
+        self._progress.update(t, counters["newton_iterations"], counters["factorizations"])
 
     def record(self, step: int, simulation: _Stepped, last: bool = False) -> None:
         """Note the accepted state."""
@@ -224,8 +235,8 @@ class _Records:
             self._table.write(motion.t, row)
         if last or step % self._every == 0:
             self.picture(step, motion)
-        counters = simulation.stepper.counters
-        self._progress.update(motion.t, counters["newton_iterations"], counters["factorizations"])
+        if last:
+            self.show(simulation)
 
     def picture(self, step: int, motion: Motion) -> None:
         """Write what is seen (collective); the first rank has all of it."""
@@ -316,6 +327,8 @@ class _Run:
                 break
             self._records.record(step, simulation, last=step == count)
             self.signal = self._agreement.on(signals)
+            if self._records.due:
+                self._records.show(simulation)
             if self.signal or (every and (step % every == 0 or step == count)):
                 self._save(step)
             if self.signal:

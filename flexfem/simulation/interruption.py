@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Runs that a signal ends on all ranks alike."""
 
-import shlex
 from pathlib import Path
 
 from mpi4py import MPI
@@ -15,28 +14,38 @@ __all__ = ["Agreement", "interruption"]
 
 
 class Agreement:
-    """What all ranks know of signals that some of them have received."""
+    """What all ranks know of signals that some have received, and of progress that one shows.
+
+    Attributes:
+        show: the first rank wants to show the state, for which it may need the others.
+    """
 
     def __init__(self, comm: MPI.Intracomm) -> None:
         """Make room for the message."""
-        self._comm, self._flag = comm, np.zeros(1, dtype=np.int32)
+        self._comm, self._flags = comm, np.zeros(2, dtype=np.int32)
+        self.show = False
 
-    def on(self, signals: StopSignals) -> int:
-        """Number of the signal that a rank has received, 0 for none (collective)."""
+    def on(self, signals: StopSignals, due: bool = False) -> int:
+        """Number of the signal that a rank has received, 0 for none (collective).
+
+        Args:
+            signals: of this rank.
+            due: this rank wants to show the state.
+        """
         if self._comm.size == 1:
+            self.show = due
             return signals.received
-        self._flag[0] = signals.received
-        self._comm.Allreduce(MPI.IN_PLACE, self._flag, op=MPI.MAX)
-        return int(self._flag[0])
+        self._flags[:] = signals.received, due
+        self._comm.Allreduce(MPI.IN_PLACE, self._flags, op=MPI.MAX)
+        self.show = bool(self._flags[1])
+        return int(self._flags[0])
 
 
 def interruption(
-    signal: int, reason: str, checkpoint: Path | None, outcome: Outcome | None = None
+    signal: int, reason: str, checkpoint: Path | None = None, outcome: Outcome | None = None
 ) -> Interrupted:
-    """The exception that ends a run, and says how to go on."""
-    more = ""
-    if checkpoint is not None:
-        more = f", go on with --restart {shlex.quote(str(checkpoint))}"
-    stop = Interrupted(signal, reason + more)
+    """The exception that ends a run, and says how to go on from Python."""
+    more = "" if checkpoint is None else f', go on with restart="{checkpoint}"'
+    stop = Interrupted(signal, reason + more, reason=reason, checkpoint=checkpoint)
     stop.outcome = outcome
     return stop

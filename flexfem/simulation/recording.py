@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a run leaves: history, ParaView fields, progress."""
 
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from flexfem.io.history import AngleColumns, HistoryWriter
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.options import Settings
+from flexfem.simulation.monitor import Monitor
 from flexfem.system.assembly import Assembly
 from flexfem.system.probes import ProbeRecorder
 from flexfem.system.system import System
@@ -30,6 +32,7 @@ class Recorder:
     def __init__(
         self, system: System, serial: Assembly, settings: Settings, every: int, end: float,
         *, resume: State | None = None, unit: str = "s", measures: Sequence[str] = (),
+        varies: bool = False,
     ) -> None:  # fmt: skip
         """Open the files (collective).
 
@@ -43,6 +46,7 @@ class Recorder:
                 to there are kept. None begins anew.
             unit: of ``end``; empty for a load factor.
             measures: columns that come with each record, before those of the probes.
+            varies: the size of the steps, which is shown then.
 
         Raises:
             InputError: a probe has a column of these names, or what the earlier run left cannot be
@@ -57,7 +61,10 @@ class Recorder:
         self._measures: list[FloatArray] = []  # of the records not yet flushed
         self._angles = AngleColumns(self._columns, self._probes.unwrap)
         self._rows: list[FloatArray] = []
-        self._time = 0.0  # of the last record
+        self._time, self._h, self._varies = 0.0, 0.0, varies  # of the last record
+        self._unseen = True  # nothing was shown yet
+        self._measured, self._first_measure = "", (*measures, "")[0]
+        self._monitor = Monitor(system, serial.model, self._probes, moving=unit == "s")
         self._table = self._fields = None
         row = np.zeros(1) if resume is None else resume.values["history"]
         start = None if resume is None else float(row[0])
@@ -73,7 +80,9 @@ class Recorder:
         if settings.output is not None:
             remove_summary(settings.output / "summary.json", system.comm)
         quiet = settings.quiet or system.comm.rank != 0
-        self._progress = Progress(end, not quiet, t_start=start or 0.0, unit=unit)
+        self._progress = Progress(
+            end, not quiet, t_start=start or 0.0, unit=unit, how=settings.progress
+        )
 
     def _continue(self, row: FloatArray) -> None:
         """Go on after the rows of an earlier run, or begin with the state it left."""
@@ -97,19 +106,37 @@ class Recorder:
     def record(self, step: int, last: bool = False, measures: FloatArray | None = None) -> None:
         """Note the accepted state of a step, and the measures that come with it."""
         system = self._system
-        self._time = system.time
         self._keep(measures)
         due = step % self._every == 0 or last
         if due or self._probes.full:  # the table is never behind the fields
             self._flush()
         if due and self._fields is not None:
             self._fields.write(system.time, step)
-        counters = system.counters
-        self._progress.update(system.time, counters.newton_iterations, counters.factorizations)
+
+    @property
+    def due(self) -> bool:
+        """This rank shows progress, and it is time for :meth:`show`."""
+        return self._progress.due
+
+    def show(self) -> None:
+        """Show progress with what is known of the accepted state (collective)."""
+        begin, first = time.perf_counter(), self._unseen
+        words, self._unseen = self._monitor.words(), False
+        # the first time loads compiled code
+        self._show(words, 0.0 if first else time.perf_counter() - begin)
+
+    def _show(self, words: Sequence[str], cost: float = 0.0) -> None:
+        counters, own = self._system.counters, []
+        if self._varies and self._h:
+            own.append(f"step {self._h:.3g}")
+        if self._measured:
+            own.append(self._measured)
+        self._progress.update(
+            self._time, counters.newton_iterations, counters.factorizations, [*own, *words], cost
+        )
 
     def record_between(self, measures: FloatArray | None = None) -> None:
         """Note the accepted state of a part of a step in the history."""
-        self._time = self._system.time
         self._keep(measures)
         if self._probes.full:
             self._flush()
@@ -146,6 +173,10 @@ class Recorder:
         return State({"history": row, "sums": self._probes.state()})
 
     def _keep(self, measures: FloatArray | None) -> None:
+        now = self._system.time
+        self._h, self._time = now - self._time, now
+        if measures is not None:
+            self._measured = f"{self._first_measure} {measures[0]:.3g}"
         self._probes.record(self._system.time)
         self._measures.append(np.empty(0) if measures is None else measures)
 
@@ -160,6 +191,7 @@ class Recorder:
     def close(self) -> None:
         """Write what is left."""
         self._flush()
+        self._show(())
         self._progress.close()
         if self._table is not None:
             self._table.close()

@@ -126,6 +126,7 @@ class _Run:
             self._finite = relaxation.evaluate()
             self._record(last=not self._finite)
             done = self._converged(relaxation.progress)
+            self._look(signals)
         self._setup = self._elapsed()
         while self._finite and not done:
             self._finite = relaxation.advance()
@@ -135,11 +136,17 @@ class _Run:
             self._finite = self._finite and relaxation.evaluate()
             done = self._converged(relaxation.progress) or at >= options.max_iterations
             self._record(last=done or not self._finite)
-            self.signal = self._agreement.on(signals)
+            self._look(signals)
             self._save_if_due(done)
             if self.signal:
                 break
         self._iterating = self._elapsed() - self._setup
+
+    def _look(self, signals: StopSignals) -> None:
+        """Look for signals, and show progress where it is time to (collective)."""
+        self.signal = self._agreement.on(signals, self._recorder.due)
+        if self._agreement.show:
+            self._recorder.show()
 
     def _converged(self, reached: Progression) -> bool:
         """Whether both measures are below their tolerances."""

@@ -16,9 +16,11 @@ from flexfem._checks import InputError
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
+from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import check_held, rest
+from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
 from flexfem.simulation.reasons import ITERATED, STATICS, moves_most, not_finite, with_hint
@@ -70,18 +72,15 @@ def solve_static(
         InputError: a mistake in the model, before anything is written (a ValueError).
         TypeError: the options are those of another analysis.
         OSError: the results cannot be written.
-        KeyboardInterrupt: after what is there was written, if there is one rank only.
+        KeyboardInterrupt: SIGINT or SIGTERM came; the path so far is written.
     """
     _checks.instance("solve_static", "options", options, StaticOptions)
     run = _Run(model, options, case, results, comm)
-    try:
-        status = run.to_the_end()
-    except KeyboardInterrupt:
-        # ranks are interrupted at different places, where no collective call can end well
-        if run.system.comm.size == 1:
-            run.finish(f"interrupted at t = {run.path.point.t:.6g}")
-        raise
-    return run.finish(run.reason(status))
+    with StopSignals() as signals:
+        status = run.to_the_end(signals)
+        if run.signal:
+            raise run.interrupted()
+        return run.finish(run.reason(status))
 
 
 def _columns(probes: ProbeRecorder, equilibrium: Equilibrium) -> dict[str, float]:
@@ -94,7 +93,11 @@ def _columns(probes: ProbeRecorder, equilibrium: Equilibrium) -> dict[str, float
 
 
 class _Run:
-    """One run from the start to the results."""
+    """One run from the start to the results.
+
+    Attributes:
+        signal: number of the signal that ended it early, 0 for none.
+    """
 
     def __init__(
         self, model: Model, options: StaticOptions, case: str, results: Results | None,
@@ -127,8 +130,10 @@ class _Run:
             )
         self._buckling = LinearBuckling(self.equilibrium) if options.buckling_modes else None
         self._recorder = Recorder(
-            self.system, self._serial, options, options.every, options.t_end, unit=""
-        )
+            self.system, self._serial, options, options.every, options.t_end, unit="",
+            varies=True,
+        )  # fmt: skip
+        self.signal, self._agreement = 0, Agreement(self.system.comm)
         self._critical: list[CriticalPoint] = []
         self._factors: list[float] = []
         self._setup: float | None = None
@@ -154,12 +159,13 @@ class _Run:
     def _elapsed(self) -> float:
         return time.perf_counter() - self._begin
 
-    def to_the_end(self) -> Status:
-        """Take all steps, or those before the first that fails."""
+    def to_the_end(self, signals: StopSignals) -> Status:
+        """Take all steps, or those before the first that fails or a signal."""
         options, path, status = self._options, self.path, self._status
         if status is not Status.OK:
             return status
         self._recorder.record(0)
+        self._look(signals)
         self._setup = self._elapsed()
         h = options.t_end / options.load_steps
         if path.arc is not None:
@@ -172,13 +178,22 @@ class _Run:
                     return Status.NOT_CONVERGED
             else:
                 h = min(h, options.t_end - path.point.t)
-            status, tried, done = self._advance(h)
+            status, tried, done = self._advance(h, signals)
             if status is not Status.OK:
                 self._recorder.record_last(self._steps)
+                return status
+            self._look(signals)
+            if self.signal:
                 return status
             h = self._grown(tried, width)
         self._find_buckling()
         return status
+
+    def _look(self, signals: StopSignals) -> None:
+        """Look for signals, and show progress where it is time to (collective)."""
+        self.signal = self._agreement.on(signals, self._recorder.due)
+        if self._agreement.show:
+            self._recorder.show()
 
     def _grown(self, h: float, width: float) -> float:
         """Next step from the one just taken and its iterations."""
@@ -191,7 +206,7 @@ class _Run:
             return float(min(h, width, left if left > 1e-9 * width else width))
         return h * float(min(max((_EASY / iterations) ** 0.5, 0.5), 2.0))
 
-    def _advance(self, h: float) -> tuple[Status, float, bool]:
+    def _advance(self, h: float, signals: StopSignals) -> tuple[Status, float, bool]:
         """One accepted step of at most ``h``, its size, and whether the run has ended."""
         path, before = self.path, self._beyond() if self._options.stop_column != _NONE else 0.0
         self._largest = max(self._largest, h)
@@ -201,6 +216,9 @@ class _Run:
             self._rejected += 1
             h *= self.equilibrium.cut
             status, end, critical = self._tried(h, before)
+            self.signal = self.signal or self._agreement.on(signals)
+            if self.signal:
+                break
         if status is not Status.OK:
             path.return_to_base()
             return status, h, True
@@ -280,6 +298,12 @@ class _Run:
             fields.write(t, number)
             self.equilibrium.restore(base)
         fields.close()
+
+    def interrupted(self) -> Interrupted:
+        """Write what is left and the summary; the exception that ends the run (collective)."""
+        reason = f"interrupted at t = {self.path.point.t:.6g}"
+        self.finish(reason)
+        return interruption(self.signal, reason)
 
     def reason(self, status: Status) -> str:
         """The status in words, with the load factor, where, and what to try (collective)."""

@@ -279,6 +279,12 @@ class Contacts:
         return min(group.surfaces.longest_step for group in self.groups)
 
     @property
+    def closed(self) -> int:
+        """Number of closed contacts on this rank (collective)."""
+        self.refresh()
+        return sum(made.count for g in self.groups for made in g.every)
+
+    @property
     def energy(self) -> float:
         """Energy stored by the contacts of this rank, J (collective)."""
         self.refresh()

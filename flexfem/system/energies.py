@@ -79,6 +79,8 @@ class EnergyMeter:
 
     Attributes:
         SHARES: length of :meth:`state`.
+        whole: all bodies are meant.
+        latest: (6,) what :meth:`update` returned last; zero before.
     """
 
     SHARES = 6
@@ -93,7 +95,8 @@ class EnergyMeter:
         """
         self._system = system
         self._chosen = ChosenBodies(system, model, bodies)
-        self._whole = bodies is None
+        self.whole = bodies is None
+        self.latest = np.zeros(6)
         self._lost = sum(contacts.lost for contacts in system.contacts)
         rows, sides = system.constraints, self._chosen.sides
         # rows that also act on a body left out
@@ -110,7 +113,7 @@ class EnergyMeter:
         self._state = self._read()
         self._gravity, self._growth = system.gravity.copy(), 0.0
         self._centre = self._start = self._first_moment()
-        self._initial = float(self._stored().sum())
+        self._initial = float(self.stored().sum())
 
     def update(self) -> FloatArray:
         """Take in the accepted state and return this rank's share (6,) of :class:`Energies`."""
@@ -121,9 +124,10 @@ class EnergyMeter:
         self._work += _work(before, self._state, h) + self._drive(before, self._state, h)
         self._dissipation += self._loss(before, self._state, h) + self._contact_loss()
         self._let_gravity_grow()
-        stored = self._stored()
+        stored = self.stored()
         balance = float(stored.sum()) - self._work + self._dissipation - self._initial
-        return np.array([*stored, self._work, self._dissipation, balance])
+        self.latest = np.array([*stored, self._work, self._dissipation, balance])
+        return self.latest
 
     def state(self) -> FloatArray:
         """(6,) this rank's shares of what is summed up and of what was there at the start."""
@@ -159,15 +163,18 @@ class EnergyMeter:
         """(r,) rates of the rows by the motion of their working sides."""
         return self._system.constraints.changes(self._system.interface.velocities, self._working)
 
-    def _stored(self) -> FloatArray:
-        """(3,) kinetic, strain and gravity's energy; the last less that at the start."""
+    def stored(self) -> FloatArray:
+        """(3,) kinetic, strain and gravity's energy on this rank; the last less that at the start.
+
+        Rows must be those of the accepted state, see :func:`refresh_rows` (collective).
+        """
         system, chosen = self._system, self._chosen
         state = chosen.motion()
         strain = float(_springs(system.constraints)[0] @ self._springs)
         for part, cells in zip(system.parts, chosen.cells, strict=True):
             if part.elements is not None:
                 strain += float(part.elements.energies(part.block.frames) @ cells)
-        if self._whole:
+        if self.whole:
             strain += sum(contacts.energy for contacts in system.contacts)
         way = state[motion.FIRST : motion.LINEAR] - self._start
         weight = self._growth - float(system.gravity @ way)
@@ -204,7 +211,7 @@ class EnergyMeter:
     def _contact_loss(self) -> float:
         """Energy that contacts have lost since the last call, those of all bodies only."""
         before, self._lost = self._lost, sum(contacts.lost for contacts in self._system.contacts)
-        return self._lost - before if self._whole else 0.0
+        return self._lost - before if self.whole else 0.0
 
     def _mean_force(self, before: _State, after: _State) -> FloatArray:
         """(r,) mean forces of all rows over a step."""

@@ -119,6 +119,11 @@ class ProbeRecorder:
             meter.restore(share)
 
     @property
+    def energies(self) -> EnergyMeter | None:
+        """Energies of the whole model, if a probe records them."""
+        return next((meter for meter in self._meters if meter.whole), None)
+
+    @property
     def full(self) -> bool:
         """The buffer must be emptied before the next record."""
         return len(self._times) == len(self._buffer)

@@ -4,6 +4,7 @@
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import time
@@ -162,17 +163,21 @@ def test_signals_end_in_order(
     lines = [line for line in text.splitlines() if not line.startswith("[mpiexec@")]
     assert len(lines) == 1
     found = re.fullmatch(
-        r"interrupted at t = (\S+) s, go on with --restart (\S+/checkpoint_(\d{6,})\.h5)", lines[0]
+        r"interrupted at t = (\S+) s, go on with: (.+) --restart (\S+/checkpoint_(\d{6,})\.h5)",
+        lines[0],
     )
     assert found
-    step = int(found[3])
+    launched, _, _ = found[2].partition(str(SPAGHETTI))  # mpirun and python, by name or path
+    assert ("mpirun -n 2 " in launched) is (ranks == 2)
+    assert found[2].endswith(shlex.join([str(SPAGHETTI), *options]))
+    step = int(found[4])
     assert float(found[1]) == pytest.approx(1e-4 * step, rel=1e-5)
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["status"] == f"interrupted at t = {found[1]} s"
     assert summary["steps"] == step
     assert len(read_history(folder / "history.csv")["t"]) == step + 1
     end = 1e-4 * (step + 20)
-    ended = run(3 - ranks, SPAGHETTI, *options, "--restart", found[2], "--t-end", end)
+    ended = run(3 - ranks, SPAGHETTI, *options, "--restart", found[3], "--t-end", end)
     assert (ended.returncode, ended.stderr) == (0, "")
     times = read_history(folder / "history.csv")["t"]
     np.testing.assert_allclose(times, 1e-4 * np.arange(step + 21), rtol=1e-12)

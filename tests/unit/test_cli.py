@@ -271,8 +271,10 @@ def test_unexpected_error_ends_all_ranks(
 
 
 @pytest.mark.parametrize(
-    "arguments", ["run {own} --help", "run {own} --dt 0", "list", "run nothing"]
-)
+    "arguments",
+    ["run {own} --help", "run {own} --dt 0", "list", "run nothing", "sweep --help",
+     "sweep {own} --vary count=1:9:4"],
+)  # fmt: skip
 def test_answers_without_importing_heavy_modules(own_case: Path, arguments: str) -> None:
     """Imports make --help slow; a clock would depend on the load of the machine."""
     program = (

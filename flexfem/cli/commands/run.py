@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """flexfem run: a shipped case by name, or the user's own by the path of its file."""
 
+import shlex
 from collections.abc import Sequence
 
 from flexfem.cli.case_run import load_case, run_case
@@ -12,7 +13,7 @@ SUMMARY = "run a case: flexfem run NAME [options]"
 def execute(argv: Sequence[str], prog: str) -> int:
     """Run a case; all arguments after its name are the case's own."""
     if argv and not argv[0].startswith("-"):
-        return run_case(load_case(argv[0]), argv[1:], f"{prog} {argv[0]}")
+        return run_case(load_case(argv[0]), argv[1:], f"{prog} {shlex.quote(argv[0])}")
     parser = Parser(prog=prog, description=SUMMARY)
     parser.add_argument(
         "case",

@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""``python -m flexfem.cli``: the ``flexfem`` command of this very interpreter."""
+
+import sys
+
+from flexfem.cli.command import command
+
+sys.exit(command())

@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Files that take what a run prints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import BinaryIO
+
+__all__ = ["run_log"]
+
+
+def run_log(path: Path) -> BinaryIO:
+    """An empty file for the output of a process; to be closed.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path.open("wb")

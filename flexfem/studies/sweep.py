@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A sweep: a case run with many values of its options, several runs at a time."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flexfem import launch
+from flexfem.analyses.analysis import Analysis
+from flexfem.options import Option, progress_kind
+from flexfem.studies.folders import RunFolder, StudyFolder
+from flexfem.studies.model_check import check_models
+from flexfem.studies.plan import Plan
+from flexfem.studies.processes import Processes, cores, run_command
+from flexfem.studies.progress import SweepProgress
+from flexfem.studies.reductions import Reduction
+
+__all__ = ["Sweep", "sweep"]
+
+#: ``--every`` of runs whose pictures nobody will see.
+_NEVER = 1_000_000_000
+
+
+def sweep(
+    case: str | Path,
+    vary: Mapping[str, Sequence[Any]],
+    *,
+    options: Mapping[str, Any] | None = None,
+    together: bool = False,
+    reduce: Sequence[str] = (),
+    output: Path | str | None = None,
+    jobs: int | None = None,
+    ranks: int = 1,
+    analysis: Analysis | None = None,
+    smoke: bool = False,
+    progress: str = "none",
+) -> Sweep:
+    """Run a case with many values of its options; all options are checked before the first run.
+
+    Runs are processes of their own, several at a time. Go through the result to make them happen::
+
+        for parameters, results in ff.sweep("heavy_top", {"dt": [1e-3, 5e-4]}, output="order"):
+            print(parameters["dt"], results["status"], results["centre_x"])
+
+    ``results`` has ``status`` ("ok", or why the run failed), the headline results of the case, the
+    reduced columns, ``steps``, ``newton_iterations`` and ``wall_seconds``. They come in the order
+    of the parameters, each as soon as it is there. A folder that holds some of the runs already,
+    with the same options, is gone on with: what has ended well is not run again.
+
+    Args:
+        case: name of a shipped case, or path of a case file.
+        vary: values of each option that is varied, each with each.
+        options: values of other options.
+        together: vary the options together, first value with first value and so on.
+        reduce: columns of the history to reduce, such as "max:tip_x": final, max, min, mean or rms
+            (means over time); results ``tip_x_max``.
+        output: folder of the study with one folder for each run and the table ``sweep.csv``; None
+            for a temporary one.
+        jobs: runs at the same time; as many as there are cores for their ranks by default.
+        ranks: MPI ranks of each run.
+        analysis: other than that of the case.
+        smoke: a few steps on tiny meshes.
+        progress: "auto", "bar", "lines" or "none".
+
+    Raises:
+        TypeError: A value has the wrong type.
+        ValueError: There is no such case, option or column, a value is not admissible, nothing
+            varies, or the folder is that of something else.
+        OSError: The folder cannot be written.
+    """
+    plan = Plan(
+        case, vary, options or {}, together=together, smoke=smoke, analysis=analysis
+    )  # fmt: skip
+    return Sweep(plan, [Reduction.parse(text) for text in reduce], output, jobs, ranks, progress)
+
+
+class Sweep:
+    """The runs of a sweep; going through it makes them happen.
+
+    Attributes:
+        folder: where they are, None before a temporary one is made.
+        results: of each run so far.
+    """
+
+    def __init__(
+        self, plan: Plan, reductions: Sequence[Reduction], output: Path | str | None,
+        jobs: int | None, ranks: int, progress: str,
+    ) -> None:  # fmt: skip
+        """Check all that can be checked; see :func:`sweep`. Nothing is written."""
+        self._ranks = _count("ranks", ranks)
+        self._jobs = _count("jobs", max(cores() // self._ranks, 1) if jobs is None else jobs)
+        self._plan, self._reductions, self._how = plan, list(reductions), progress
+        progress_kind(progress)
+        self._check_launch()
+        self.folder = None if output is None else Path(output)
+        self._study: StudyFolder | None = None
+        if self.folder is not None:
+            self._study = StudyFolder(self.folder, plan.identity, plan.runs)
+        self.results: list[dict[str, Any]] = []
+        columns = [reduction.column for reduction in reductions]
+        check_models(plan.identity, [run.parameters for run in plan.runs], columns)
+
+    def _check_launch(self) -> None:
+        if launch.launched_in_parallel():
+            raise ValueError("a sweep is one process: its runs have ranks of their own")
+        run_command([], self._ranks)
+
+    def __len__(self) -> int:
+        """Number of runs."""
+        return len(self._plan.runs)
+
+    @property
+    def failed(self) -> int:
+        """Number of runs that have failed so far."""
+        return sum(own["status"] != "ok" for own in self.results)
+
+    @property
+    def missing_columns(self) -> list[str]:
+        """Columns to be reduced that no run has."""
+        done = [own for own in self.results if own["status"] == "ok"]
+        return [
+            reduction.column
+            for reduction in self._reductions
+            if done and all(own.get(reduction.label) is None for own in done)
+        ]
+
+    def run(self) -> list[dict[str, Any]]:
+        """Make all runs and return the rows of the table: parameters and results of each."""
+        return [{**parameters, **results} for parameters, results in self]
+
+    def __iter__(self) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+        """Make the runs that are not there yet; parameters and results of each.
+
+        Raises:
+            KeyboardInterrupt: SIGINT or SIGTERM came; runs were asked to end, and can go on.
+            OSError: Results cannot be written.
+        """
+        if self._study is not None:
+            yield from self._runs(self._study)
+            return
+        folder = Path(tempfile.mkdtemp(prefix="flexfem-sweep-"))
+        try:
+            yield from self._runs(StudyFolder(folder, self._plan.identity, self._plan.runs))
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _runs(self, study: StudyFolder) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+        study.prepare()
+        processes = Processes(self._ranks, self._jobs)
+        waiting = [k for k, folder in enumerate(study.runs) if not folder.finished]
+        known = set(range(len(study.runs))) - set(waiting)
+        self.results = self._collect(study)
+        shown, told = SweepProgress(len(study.runs), len(known), self._how), 0
+        try:
+            with launch.StopSignals() as signals:
+                study.write_table(self.results)
+                while waiting or processes.running:
+                    while waiting and not processes.full and not signals.received:
+                        self._start(processes, study.runs, waiting.pop(0))
+                    for k, code in processes.ended():
+                        study.runs[k].ended(code)
+                        self.results[k] = study.runs[k].results(self._reductions)
+                        known.add(k)
+                        study.write_table(self.results)
+                        shown.ended(study.runs[k].run.name, self.results[k])
+                    if signals.received:
+                        processes.stop()
+                        self.results = self._collect(study)
+                        study.write_table(self.results)
+                        raise self._interrupted(signals.received)
+                    shown.running([study.runs[k].run.name for k in processes.running])
+                    while told in known:
+                        yield study.runs[told].run.parameters, self.results[told]
+                        told += 1
+                for k in range(told, len(study.runs)):
+                    yield study.runs[k].run.parameters, self.results[k]
+        finally:
+            processes.stop()
+            shown.close()
+
+    def _start(self, processes: Processes, folders: Sequence[RunFolder], k: int) -> None:
+        folder = folders[k]
+        more = folder.prepare()
+        if self.folder is None and "every" in {o.name for o in self._plan.case.all_options()}:
+            more.append(f"--every={_NEVER}")
+        own = [*folder.run.arguments, *more, "--quiet", f"--output={folder.path}"]
+        processes.start(k, run_command(own, self._ranks), folder.log)
+
+    def _collect(self, study: StudyFolder) -> list[dict[str, Any]]:
+        return [folder.results(self._reductions) for folder in study.runs]
+
+    def _interrupted(self, number: int) -> launch.Interrupted:
+        done = sum(own["status"] == "ok" for own in self.results)
+        return launch.Interrupted(number, f"interrupted after {done} of {len(self)} runs")
+
+
+def _count(name: str, value: int) -> int:
+    """A number of processes.
+
+    Raises:
+        TypeError, ValueError: It is none.
+    """
+    try:
+        count: int = Option(name, int, 1, "of a sweep", minimum=1).check(value)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"sweep: {name} {error}") from None
+    return count
