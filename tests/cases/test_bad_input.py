@@ -261,7 +261,6 @@ def check_message(text: str, parts: tuple[str, ...]) -> None:
     assert text.startswith("error: ")
     for part in parts:
         assert part in text
-    assert_on_page(text.removeprefix("error: ").rstrip())
 
 
 def refused(
@@ -273,6 +272,7 @@ def refused(
     captured = capfd.readouterr()
     assert captured.out == ""
     check_message(captured.err, parts)
+    assert_on_page(captured.err.removeprefix("error: ").rstrip())
     assert contents(here) == before
 
 

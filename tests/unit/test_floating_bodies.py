@@ -10,6 +10,7 @@ import flexfem as ff
 from flexfem.elements.floating_bodies import FloatingGroup
 from flexfem.system.floating_nodes import body_data
 from tests.unit.particle_body import bar
+from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
 
@@ -99,8 +100,9 @@ def test_mean_axes_are_at_the_centre_and_meet_rigid_motions(beam):
     ],
 )
 def test_bad_bodies(beam, arguments, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=words) as raised:
         ff.FloatingBody("bar", beam, **arguments)
+    assert_on_page(str(raised.value))
 
 
 def test_bad_types(beam):
@@ -122,8 +124,9 @@ def test_bad_types(beam):
 def test_bad_markers(beam, frame, marker, words):
     model = ff.Model("m")
     model.add(ff.FloatingBody("bar", beam, frame=frame), ff.PositionProbe("p", marker))
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=words) as raised:
         model.validate()
+    assert_on_page(str(raised.value))
 
 
 def test_bad_amplitude():

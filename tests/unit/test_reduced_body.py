@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.reduction.reduced_body import Interface, Recovery, ReducedBody
+from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
 
@@ -80,8 +81,9 @@ def test_mass_properties_of_two_masses() -> None:
     ],
 )
 def test_wrong_data_are_refused(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as raised:
         two_masses(**change)
+    assert_on_page(str(raised.value))
 
 
 def test_unknown_interfaces_are_refused() -> None:

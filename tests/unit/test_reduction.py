@@ -28,6 +28,7 @@ from tests.unit.reduction_bodies import (
     frequencies,
     sheet,
 )
+from tests.unit.refusals import assert_on_page
 
 serial = pytest.mark.serial
 # Static functions come from a direct solver: condition (length/height)^2 (cells)^2, times 1e-16
@@ -354,8 +355,9 @@ def test_files_can_be_written_after_reducing() -> None:
     ],
 )
 def test_wrong_options_are_refused(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as raised:
         ff.reduce_body(beam(24), NODES, **options)
+    assert_on_page(str(raised.value))
 
 
 @serial

@@ -15,6 +15,7 @@ from flexfem.simulation.formalism_costs import findings
 from flexfem.simulation.formalism_motion import SideBySide
 from flexfem.simulation.formalisms import compare_formalisms, simulate_mechanism
 from tests.unit import elastic_bodies as eb
+from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
 END = 0.02
@@ -157,8 +158,9 @@ BAD = {
 @pytest.mark.parametrize("message", BAD)
 def test_mistakes_are_named_before_anything_is_written(message, tmp_path):
     own = replace(mechanism(False), observed=None, **BAD[message])
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as raised:
         simulate_mechanism(own, options(1e-3, output=tmp_path / "results"))
+    assert_on_page(str(raised.value))
     assert not (tmp_path / "results").exists()
 
 

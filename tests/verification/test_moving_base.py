@@ -10,6 +10,7 @@ import scipy.linalg
 import flexfem as ff
 from flexfem.moving_base.equations import PrescribedBaseEquations
 from flexfem.simulation.equations import simulate_equations
+from tests.unit.refusals import assert_on_page
 from tests.verification.benchmarks.flexible_spin_up import EXTENSION, PEAK, REFERENCE, _angle
 
 pytestmark = pytest.mark.serial
@@ -337,5 +338,6 @@ def test_free_base_is_that_of_the_multibody_model() -> None:
     ],
 )
 def test_mistakes_are_named(make: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as raised:
         make()
+    assert_on_page(str(raised.value))
