@@ -237,7 +237,7 @@ _MODULES = {
     "linearize": "simulation.linear_model",
     "LinearModel": "simulation.linear_model",
     "main": "cli",
-    "run_case": "cli.separate_run",
+    "run_case": "studies.separate_run",
 }
 __all__ = [*_MODULES, "__version__"]  # noqa: PLE0604
 

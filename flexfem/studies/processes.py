@@ -40,7 +40,7 @@ def run_command(arguments: Sequence[str], ranks: int) -> list[str]:
     beside = str(Path(sys.executable).parent)
     mpirun = shutil.which("mpirun", path=beside) or shutil.which("mpirun")
     if mpirun is None:
-        raise ValueError(f"{ranks} ranks for each run need mpirun, which is not on PATH")
+        raise ValueError(f"{ranks} ranks need mpirun, which is not on PATH")
     return [mpirun, "-n", str(ranks), *program]
 
 

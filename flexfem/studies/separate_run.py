@@ -3,23 +3,20 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexfem import _checks
-from flexfem.launch import Interrupted
+from flexfem.launch import Interrupted, environment_of_runs
+from flexfem.studies.processes import run_command
 
 if TYPE_CHECKING:
     from flexfem.simulation.outcome import Outcome
 
 __all__ = ["run_case"]
 
-_PROGRAM = "import sys; from flexfem.cli import command; sys.exit(command())"
 #: Exit code of wrong input.
 _USAGE = 2
 
@@ -53,14 +50,14 @@ def run_case(
         raise ValueError(f"run_case: ranks must be a whole number above 0, got {ranks!r}")
     name = Path(case).stem
     folder = Path("results") / name if output is None else Path(output)
-    arguments = ["run", str(case), "--output", str(folder)]
+    arguments = [str(case), "--output", str(folder)]
     for key, value in options.items():
         arguments += _flag(key, value)
     summary = folder / "summary.json"
     before = _changed(summary)
     process = subprocess.Popen(
-        [*_launcher(ranks), sys.executable, "-c", _PROGRAM, *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=_environment(),
+        run_command(arguments, ranks),
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment_of_runs(),
         start_new_session=True,  # signals of this process's terminal are passed on below, once
     )  # fmt: skip
     interrupted = False
@@ -102,29 +99,6 @@ def _flag(key: str, value: Any) -> list[str]:
             return [f"--{flag}"] if value else []
         return [f"--{flag}" if value else f"--no-{flag}"]
     return [f"--{flag}={value}"]
-
-
-def _launcher(ranks: int) -> list[str]:
-    """What starts the ranks.
-
-    Raises:
-        ValueError: there is no mpirun.
-    """
-    if ranks == 1:
-        return []
-    beside = str(Path(sys.executable).parent)
-    mpirun = shutil.which("mpirun", path=beside) or shutil.which("mpirun")
-    if mpirun is None:
-        raise ValueError(f"run_case: {ranks} ranks need mpirun, which is not on PATH")
-    return [mpirun, "-n", str(ranks)]
-
-
-def _environment() -> dict[str, str]:
-    """That of this process, where the same package is found, with one thread for each rank."""
-    package = str(Path(__file__).resolve().parents[2])
-    paths = [package, os.environ.get("PYTHONPATH", "")]
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return {**os.environ, **threads, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def _outcome(folder: Path) -> Outcome:
