@@ -58,7 +58,7 @@ class FieldOutput:
         self._curves = CurveSampler(self._parts[NURBS], serial) if NURBS in self._parts else None
         size = _GLYPH * model_extent(serial)
         curves = [] if serial.curves is None else serial.curves.sections
-        outlines = [section.outline for section in (*serial.sections, *curves)]
+        outlines = [section.walls for section in (*serial.sections, *curves)]
         self._beams = BeamWriter(folder, comm, outlines, resume=resume)
         self._shells = ShellWriter(folder, comm, resume=resume)
         self._thickness = np.array([shell.section.thickness for shell in model.shells])
@@ -128,6 +128,7 @@ def _beam_fields(part: BlockPart) -> BeamFields:
     position, rotation, velocity, spin = _motion(part.block)
     strain, resultant = part.elements.resultants(part.block.frames)
     data = part.elements.data
+    start = se3.rotation(part.block.start_frames)[data.cells]
     return BeamFields(
         position=position,
         displacement=position - se3.position(part.block.start_frames),
@@ -139,12 +140,15 @@ def _beam_fields(part: BlockPart) -> BeamFields:
         strain=strain,
         resultant=resultant,
         section=data.section,
+        turn=np.swapaxes(start, -1, -2) @ se3.rotation(data.frames),
     )
 
 
 def _body_fields(part: BlockPart) -> RigidBodyFields:
     position, rotation, velocity, spin = _motion(part.block)
-    return RigidBodyFields(position, rotation, velocity, spin, part.block.node_ids)
+    start, turn = (of(part.block.start_frames) for of in (se3.position, se3.rotation))
+    ids = part.block.node_ids
+    return RigidBodyFields(position, rotation, velocity, spin, ids, position - start, turn)
 
 
 def _floating_states(part: BlockPart, bodies: Sequence[FloatingBody]) -> list[FloatingState]:
@@ -177,6 +181,7 @@ def _joint_fields(system: System, shown: BoolArray) -> JointFields:
     frames, wrench = rows.poses, rows.reactions()[first]
     axis = np.zeros((len(first), 3))
     joints = [placed for placed in rows.joints if placed.owned and shown[placed.index]]
+    start = np.array([placed.poses[0].position for placed in joints])
     for i, placed in enumerate(joints):
         if placed.joint.direction is not None:
             turn = se3.rotation(frames[first[i]]) @ placed.poses[0].rotation.T
@@ -188,4 +193,5 @@ def _joint_fields(system: System, shown: BoolArray) -> JointFields:
         force=wrench[:, :3],
         moment=wrench[:, 3:],
         joint=np.array([placed.index for placed in joints], dtype=np.int64),
+        displacement=frames[first, :3] - start.reshape(-1, 3),
     )
