@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
-from result_series import ARROWS, FLEXIBLE, Instant, RenderError, read_grid
+from result_series import ARROWS, FLEXIBLE, Instant, RenderError
 
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
@@ -39,7 +39,7 @@ class Scene:
     view: np.ndarray | None = None  # towards the viewer; None for what suits the motion
     deformation: float = 1.0  # times the displacements
     arrows: str | None = None  # vectors at joints
-    longest: float = 0.0  # of these vectors all over the motion
+    arrow_scale: float = 0.0  # lengths in the picture per length of these vectors
 
     @property
     def bounds(self) -> np.ndarray:
@@ -93,16 +93,25 @@ def survey(
     return cloud, (0.0, largest if largest > 0.0 else 1.0)
 
 
-def longest_vector(instants: list[Instant], vectors: str) -> float:
-    """Largest length of the vectors at joints."""
-    found = [0.0]
+def arrow_reach(
+    instants: list[Instant], vectors: str, cloud: np.ndarray, deformation: float
+) -> tuple[np.ndarray, float]:
+    """Points of the motion with those of arrows (n, 3), and the scale of these.
+
+    The longest arrow is a sixth as long as the motion is large.
+    """
+    points, values = [np.zeros((0, 3))], [np.zeros((0, 3))]
     for instant in instants:
         if ARROWS in instant.files:
-            values = np.asarray(read_grid(instant.files[ARROWS]).point_data[vectors], dtype=float)
-            found.append(float(np.linalg.norm(values, axis=1).max(initial=0.0)))
-    if not max(found) > 0.0:
+            mesh = instant.meshes(deformation)[ARROWS]
+            points.append(np.asarray(mesh.points, dtype=float))
+            values.append(np.asarray(mesh.point_data[vectors], dtype=float))
+    vector = np.concatenate(values)
+    longest = np.linalg.norm(vector, axis=1).max(initial=0.0)
+    if not longest > 0.0:
         raise RenderError(f"{instants[0].folder}: no {vectors} at joints to draw as arrows")
-    return max(found)
+    scale = float(np.linalg.norm(np.ptp(cloud, axis=0)) / 6.0 / longest)
+    return np.concatenate([cloud, np.concatenate(points) + scale * vector]), scale
 
 
 def look(
@@ -214,21 +223,18 @@ def draw_flexible(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) 
 
 
 def draw_arrows(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) -> None:
-    """Add the vectors at joints; the longest of the motion has a sixth of its size."""
+    """Add the vectors at joints."""
     assert scene.arrows is not None
     values = np.asarray(mesh.point_data[scene.arrows], dtype=float)
-    length = np.linalg.norm(values, axis=1)
-    shown = length > 1e-3 * scene.longest
+    length = scene.arrow_scale * np.linalg.norm(values, axis=1)
+    shown = length > 1e-3 * float(np.linalg.norm(np.ptp(scene.bounds, axis=1)))
     plotter.remove_actor(style["name"], render=False)
     if not shown.any():
         return
     points = pv.PolyData(np.asarray(mesh.points)[shown])
     points["vectors"], points["length"] = values[shown], length[shown]
-    size = float(np.linalg.norm(np.ptp(scene.bounds, axis=1)))
     arrow = pv.Arrow(shaft_radius=0.025, tip_radius=0.07, tip_length=0.2)
-    glyphs = points.glyph(
-        orient="vectors", scale="length", factor=size / 6.0 / scene.longest, geom=arrow
-    )
+    glyphs = points.glyph(orient="vectors", scale="length", factor=1.0, geom=arrow)
     plotter.add_mesh(glyphs, color="#7d3fa8", **style)
 
 

@@ -161,7 +161,7 @@ def make(options: argparse.Namespace) -> list[Path]:
 
 def make_folder(folder: Path, options: argparse.Namespace) -> list[Path]:
     """Pictures of one result folder."""
-    from motion_scene import Scene, longest_vector, survey
+    from motion_scene import Scene, arrow_reach, survey
     from result_series import between, nearest, read_series, title_of
 
     instants = read_series(folder, arrows=options.arrows is not None)
@@ -176,10 +176,12 @@ def make_folder(folder: Path, options: argparse.Namespace) -> list[Path]:
         shown = spread(instants, options.interval)
     surveyed = [*shown, *frames]
     cloud, limits = survey(surveyed, options.colour, options.scale_deformation)
-    longest = longest_vector(surveyed, options.arrows) if options.arrows else 0.0
+    scale, deformation = 0.0, options.scale_deformation
+    if options.arrows:
+        cloud, scale = arrow_reach(surveyed, options.arrows, cloud, deformation)
     scene = Scene(
         *title_of(folder), options.colour, limits, cloud, options.size, options.view,
-        options.scale_deformation, options.arrows, longest,
+        deformation, options.arrows, scale,
     )  # fmt: skip
     target = options.output or folder
     target.mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,7 @@ from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.curve_fields import CurveSampler
 from flexfem.io.floating_fields import FloatingState, FloatingWriter
+from flexfem.io.paraview_state import write_paraview_state
 from flexfem.io.shell_fields import ShellFields, ShellWriter
 from flexfem.io.surfaces import body_surface
 from flexfem.joints.elastic_lock import ElasticLock
@@ -52,7 +53,7 @@ class FieldOutput:
         Raises:
             InputError: the series of an earlier run cannot be read.
         """
-        self._system = system
+        self._system, self._folder, self._opened = system, folder, False
         model, comm = serial.model, system.comm
         self._parts = {part.kind: part for part in system.parts}
         self._curves = CurveSampler(self._parts[NURBS], serial) if NURBS in self._parts else None
@@ -87,6 +88,9 @@ class FieldOutput:
             states = _floating_states(self._parts[FLOATING], self._model_bodies)
             self._floating.write(time, step, states)
         self._joints.write(time, step, _joint_fields(self._system, self._shown))
+        if not self._opened:
+            write_paraview_state(self._folder, self._system.comm)
+            self._opened = True
 
     def _shell_fields(self, part: BlockPart) -> ShellFields:
         elements = part.elements
