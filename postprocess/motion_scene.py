@@ -188,7 +188,7 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
             own |= {"line_width": 6, "render_lines_as_tubes": True}
         if name == "beams":
             # Inside solid beams the lines show only where these are too slender to be seen.
-            if solid and opacity < 1.0:
+            if solid and (opacity < 1.0 or scalars(mesh, scene.field) is None):
                 continue
             own |= {"line_width": 3 if solid else 6, "render_lines_as_tubes": True}
         if name in FLEXIBLE:
@@ -254,6 +254,8 @@ def decorate(plotter: Any, instant: Instant, scene: Scene, coloured: Any) -> Non
     if coloured is None or plotter.scalar_bars:
         return
     unit = UNITS.get(scene.field)
+    if scene.field == "bending_moment" and "shells" in instant.files:  # per length there
+        unit = None if "beams" in instant.files else "N m/m"
     plotter.add_scalar_bar(
         title=scene.field.replace("_", " ") + (f" ({unit})" if unit else "") + "\n",
         mapper=coloured.mapper,

@@ -112,6 +112,8 @@ def title_of(folder: Path) -> tuple[str, str]:
         summary = json.loads((folder / "summary.json").read_text())
         if "renewals" in summary:  # a relaxation counts iterations
             clock = "iteration {:.0f}"
+        elif "critical_points" in summary:  # statics
+            clock = "load factor {:.4g}"
         return str(summary["case"]), clock
     except (OSError, ValueError, KeyError, TypeError):
         return name, clock

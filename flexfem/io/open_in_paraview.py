@@ -15,6 +15,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
+import paraview
 from paraview import simple
 
 # Of each series, the field that gives the colours: the first of these that it has.
@@ -96,7 +97,7 @@ def show_coloured(reader: Any, view: Any, name: str, times: list[float]) -> tupl
     return display, "", extremes(reader, times, "CELLS", "")[1]
 
 
-def finish_colours(view: Any, displays: list[tuple[Any, str]]) -> None:
+def finish_colours(view: Any, displays: list[tuple[Any, str]], found: Any) -> None:
     """One range of colours and one bar for each field, over the whole motion."""
     for field, largest in LARGEST.items():
         table = simple.GetColorTransferFunction(field)
@@ -107,6 +108,8 @@ def finish_colours(view: Any, displays: list[tuple[Any, str]]) -> None:
         table.NanColor = [0.65, 0.69, 0.73]
         bar = simple.GetScalarBar(table, view)
         unit = UNITS.get(field)
+        if field == "bending_moment" and "shells" in found:  # per length there
+            unit = "" if "beams" in found else "N m/m"
         bar.Title = field.replace("_", " ") + (" (" + unit + ")" if unit else "")
         bar.ComponentTitle = ""
         bar.TitleColor = bar.LabelColor = [0.19, 0.22, 0.25]
@@ -187,9 +190,10 @@ def main() -> None:
     if "reactions" in readers:
         size = sum((high[i] - low[i]) ** 2 for i in range(3)) ** 0.5 or 1.0
         show_arrows(readers["reactions"], view, found["reactions"], size)
-    finish_colours(view, displays)
+    finish_colours(view, displays, found)
     scene = simple.GetAnimationScene()
-    scene.UpdateAnimationUsingDataTimeSteps()
+    if not getattr(paraview, "fromGUI", False):  # a window does so itself, or would ask
+        scene.UpdateAnimationUsingDataTimeSteps()
     scene.AnimationTime = max(times[-1] for times in found.values())
     look_at(view, low, high)
     simple.Render(view)
