@@ -15,7 +15,6 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
-import paraview
 from paraview import simple
 
 # Of each series, the field that gives the colours: the first of these that it has.
@@ -191,10 +190,10 @@ def main() -> None:
         size = sum((high[i] - low[i]) ** 2 for i in range(3)) ** 0.5 or 1.0
         show_arrows(readers["reactions"], view, found["reactions"], size)
     finish_colours(view, displays, found)
-    scene = simple.GetAnimationScene()
-    if not getattr(paraview, "fromGUI", False):  # a window does so itself, or would ask
+    if "__file__" in globals():  # a window finds the times itself
+        scene = simple.GetAnimationScene()
         scene.UpdateAnimationUsingDataTimeSteps()
-    scene.AnimationTime = max(times[-1] for times in found.values())
+        scene.AnimationTime = max(times[-1] for times in found.values())
     look_at(view, low, high)
     simple.Render(view)
     pictures = [a for a in sys.argv[1:] if a.endswith(".png")]
