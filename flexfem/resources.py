@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The shipped case and mesh files: inside an installed package, or beside it in a source tree."""
+"""Shipped cases, meshes and scripts: inside an installed package, or beside it in a source tree."""
 
 import importlib.util
 import sys
@@ -10,7 +10,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def shipped_folder(name: str) -> Path:
-    """Folder of the shipped ``cases`` or ``meshes``.
+    """Folder of the shipped ``cases``, ``meshes`` or ``postprocess``.
 
     Raises:
         FileNotFoundError: If this installation has no such folder.

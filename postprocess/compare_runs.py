@@ -80,6 +80,21 @@ def plot(tables: dict[str, Table], columns: list[str], path: Path) -> None:
     plt.close(figure)
 
 
+def make(
+    folders: list[Path], columns: str | None, after: float = -np.inf, output: Path | None = None
+) -> Path:
+    """Plot several runs; returns the picture.
+
+    Raises:
+        ValueError: Options or tables cannot be used.
+        OSError: A file cannot be read or written.
+    """
+    target = output or folders[0] / "comparison.png"
+    tables = load(folders, after)
+    plot(tables, columns_of_all(tables, columns), target)
+    return target
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the program."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -92,14 +107,11 @@ def main(argv: list[str] | None = None) -> int:
         "--output", type=Path, metavar="FILE", help="default: comparison.png in the first folder"
     )
     options = parser.parse_args(argv)
-    target = options.output or options.folders[0] / "comparison.png"
     try:
-        tables = load(options.folders, options.after)
-        plot(tables, columns_of_all(tables, options.columns), target)
-    except (PlotError, OSError, ValueError) as exc:
+        print(make(options.folders, options.columns, options.after, options.output))
+    except (OSError, ValueError) as exc:
         print(f"compare_runs.py: {exc}", file=sys.stderr)
         return 2
-    print(target)
     return 0
 
 

@@ -20,29 +20,15 @@ mpl.use("Agg")  # before pyplot, which would look for a display
 
 import matplotlib.pyplot as plt
 import numpy as np
+from plot_history import PlotError, read_table
 
 
-class PlotError(Exception):
-    """A user's mistake, told in one line."""
-
-
-def read_table(path: Path) -> dict[str, np.ndarray]:
-    """Columns of the table."""
-    if not path.is_file():
-        raise PlotError(f"{path}: no history table")
-    lines = path.read_text(encoding="utf-8").split("\n")[:-1]
-    if len(lines) < 2:
-        raise PlotError(f"{path}: the table has no rows")
-    names = lines[0].split(",")
-    try:
-        table = np.array([[float(x) for x in line.split(",")] for line in lines[1:]])
-    except ValueError as exc:
-        raise PlotError(f"{path}: not a table of numbers ({exc})") from exc
-    if names[0] != "t" or table.shape[1] != len(names):
-        raise PlotError(f"{path}: not a history table (first column t, equal rows)")
-    if not any(name.endswith("_frequency") for name in names):
+def modes_over_speed(path: Path) -> dict[str, np.ndarray]:
+    """Columns of a table with modes."""
+    table = read_table(path)
+    if not any(name.endswith("_frequency") for name in table):
         raise PlotError(f"{path}: no modes over the speed (columns <mode>_frequency)")
-    return dict(zip(names, table.T, strict=True))
+    return table
 
 
 def style(name: str) -> dict[str, str]:
@@ -90,29 +76,43 @@ def draw(table: dict[str, np.ndarray], axes: str, orders: int) -> plt.Figure:
     return figure
 
 
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that only this diagram has."""
+    parser.add_argument(
+        "--axes", choices=("fixed", "turning"), default="fixed",
+        help="axes in which frequencies are shown (default: fixed)",
+    )  # fmt: skip
+    parser.add_argument("--orders", type=int, default=3, help="number of engine orders (default 3)")
+
+
+def make(folder: Path, options: argparse.Namespace) -> Path:
+    """Draw the diagram of a run; returns the picture.
+
+    Raises:
+        ValueError: The table cannot be used.
+        OSError: A file cannot be read or written.
+    """
+    output = Path(options.output or folder / "campbell.png")
+    figure = draw(modes_over_speed(folder / "history.csv"), options.axes, options.orders)
+    figure.savefig(output, dpi=130)
+    plt.close(figure)
+    return output
+
+
 def main(argv: list[str] | None = None) -> int:
     """Plot; returns the exit code."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", type=Path, help="result folder with history.csv")
-    parser.add_argument(
-        "--axes", choices=("fixed", "turning"), default="fixed",
-        help="axes in which frequencies are shown (default: fixed)",
-    )  # fmt: skip
-    parser.add_argument("--orders", type=int, default=3, help="number of engine orders (default 3)")
+    add_arguments(parser)
     parser.add_argument("--output", type=Path, help="picture (default: campbell.png in the folder)")
-    arguments = parser.parse_args(argv)
-    output = arguments.output or arguments.folder / "campbell.png"
+    options = parser.parse_args(argv)
     try:
-        figure = draw(
-            read_table(arguments.folder / "history.csv"), arguments.axes, arguments.orders
-        )
-        figure.savefig(output, dpi=130)
-    except (OSError, ValueError, PlotError) as error:
+        print(make(options.folder, options))
+    except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(output)
     return 0
 
 

@@ -29,7 +29,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 
-class PlotError(Exception):
+class PlotError(ValueError):
     """A user's mistake, told in one line."""
 
 
@@ -146,11 +146,8 @@ def plot_path(
     plt.close(figure)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the program."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("folder", type=Path, metavar="RESULTS_DIR")
-    parser.add_argument("--columns", metavar="A,B", help="columns to plot (default: all)")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that only the plot of one run has."""
     parser.add_argument(
         "--x", metavar="A", default="t", help="column on the horizontal axis (default: t)"
     )
@@ -161,22 +158,43 @@ def main(argv: list[str] | None = None) -> int:
         default="xy,xz",
         help="planes of the path (default: %(default)s)",
     )
+
+
+def make(folder: Path, options: argparse.Namespace) -> Path:
+    """Plot a run; returns the picture.
+
+    Raises:
+        ValueError: Options or the table cannot be used.
+        OSError: A file cannot be read or written.
+    """
+    source, title = folder / "history.csv", folder.resolve().name
+    table = read_table(source)
+    if options.path is None:
+        target = options.output or folder / "history.png"
+        columns = choose(table, options.columns, options.x, source)
+        plot(table, columns, options.x, title, target)
+    else:
+        target = options.output or folder / "path.png"
+        planes = planes_of(table, options.path, options.planes, source)
+        plot_path(table, planes, title, target)
+    return Path(target)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the program."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("folder", type=Path, metavar="RESULTS_DIR")
+    parser.add_argument("--columns", metavar="A,B", help="columns to plot (default: all)")
+    add_arguments(parser)
+    parser.add_argument(
+        "--output", type=Path, metavar="FILE", help="default: history.png or path.png in the folder"
+    )
     options = parser.parse_args(argv)
-    source, target = options.folder / "history.csv", options.folder / "history.png"
-    title = options.folder.resolve().name
     try:
-        table = read_table(source)
-        if options.path is None:
-            columns = choose(table, options.columns, options.x, source)
-            plot(table, columns, options.x, title, target)
-        else:
-            target = options.folder / "path.png"
-            planes = planes_of(table, options.path, options.planes, source)
-            plot_path(table, planes, title, target)
-    except (PlotError, OSError) as exc:
+        print(make(options.folder, options))
+    except (ValueError, OSError) as exc:
         print(f"plot_history.py: {exc}", file=sys.stderr)
         return 2
-    print(target)
     return 0
 
 

@@ -1,332 +1,93 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Draw the motion in a result folder: motion.png (superposed instants) and motion.gif.
+"""Draw the motion in result folders: a picture of superposed instants, and a film.
 
-Reads only the ParaView series of the folder (beams, beam_surfaces, shells, floating_bodies,
-floating_lines, rigid_bodies, joints):
+Reads only the ParaView series of a folder (beams, beam_surfaces, shells, floating_bodies,
+floating_lines, rigid_bodies, joints, reactions), which may also be that of a mode:
 
     python postprocess/render.py results/slider_crank --colour M3 --size 1600x900
-Superposed are a few instants, or with ``--interval 0.1`` one every 0.1 s.
+
+Superposed in motion.png are a few instants, or with --interval 0.1 one every 0.1 s; the film is
+motion.gif or motion.mp4. With --time there is one picture of one instant, still.png.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import importlib.util
 import logging
+import math
 import sys
-import warnings
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree as ET
+from typing import TYPE_CHECKING, Any
 
-import imageio.v3 as iio
-import numpy as np
-import pyvista as pv
-from matplotlib.colors import LinearSegmentedColormap
-from vtkmodules.vtkCommonCore import vtkLogger
+if TYPE_CHECKING:
+    from motion_scene import Scene
+    from result_series import Instant
 
-# what is coloured by a field
-FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lines")
-SERIES = (*FLEXIBLE, "rigid_bodies", "joints")
-UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
-UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
-UNITS |= {"von_mises": "Pa", "stress": "Pa", "deformation": "m"}
-UNITS |= {"angular_velocity": "rad/s"} | dict.fromkeys(("kappa1", "kappa2", "kappa3"), "1/m")
 GHOSTS = 5  # earlier instants in motion.png
 MAX_FRAMES = 120
-INK = "#303841"
-# From blue to red without the near-black and near-white ends that hide shading.
-POSITIVE = LinearSegmentedColormap.from_list(
-    "positive", ["#3565a8", "#2a9d9d", "#7fbf5a", "#f0b93a", "#d1402f"]
-)
-SIGNED = LinearSegmentedColormap.from_list(
-    "signed", ["#2452b0", "#4f86c6", "#a3a8ad", "#d9744f", "#b81f2c"]
-)
+VIEWS = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "corner": (0.8, -1.5, 0.8)}
+VIEWS |= {f"-{name}": (-VIEWS[name][0], -VIEWS[name][1], -VIEWS[name][2]) for name in "xyz"}
+VECTORS = ("force", "moment")
 
 
-class RenderError(Exception):
-    """A user's mistake, told in one line."""
+class OptionError(ValueError):
+    """Options that do not fit, told in one line."""
 
 
-def read_grid(file: Path) -> Any:
-    """Read one grid; a series never names a file without points."""
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            mesh = pv.read(file)
-    except Exception as exc:  # whatever the reader makes of a damaged file
-        reason = str(exc).strip().splitlines()[-1].strip('\t "')
-        raise RenderError(f"{file}: cannot be read ({reason})") from exc
-    finally:
-        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-    if not mesh.n_points:
-        raise RenderError(f"{file}: cannot be read")
-    return mesh
-
-
-@dataclass(frozen=True)
-class Instant:
-    """Files of all series at one time."""
-
-    folder: Path
-    time: float
-    files: dict[str, Path]
-
-    def meshes(self) -> dict[str, Any]:
-        """Read the grids."""
-        return {name: read_grid(file) for name, file in self.files.items()}
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What all pictures of one motion have in common."""
-
-    title: str
-    clock: str  # how the time of an instant is told
-    field: str
-    limits: tuple[float, float]
-    cloud: np.ndarray  # points (n, 3) all over the motion
-    size: tuple[int, int]
-
-    @property
-    def bounds(self) -> np.ndarray:
-        """Least and greatest coordinates (3, 2)."""
-        return np.stack([self.cloud.min(axis=0), self.cloud.max(axis=0)], axis=1)
-
-
-def read_series(folder: Path) -> list[Instant]:
-    """Instants of a result folder, by time."""
-    times: dict[float, dict[str, Path]] = {}
-    for name in SERIES:
-        pvd = folder / f"{name}.pvd"
-        if not pvd.is_file():
-            continue
-        try:
-            for entry in ET.parse(pvd).getroot().iter("DataSet"):
-                files = times.setdefault(float(entry.attrib["timestep"]), {})
-                files[name] = folder / entry.attrib["file"]
-        except (ET.ParseError, KeyError, ValueError) as exc:
-            raise RenderError(f"{pvd}: not a readable series ({exc})") from exc
-    if not times:
-        raise RenderError(f"{folder}: no series to draw ({', '.join(n + '.pvd' for n in SERIES)})")
-    for files in times.values():
-        for file in files.values():
-            if not file.is_file():
-                raise RenderError(f"{file}: named by the series but missing")
-    return [Instant(folder, t, times[t]) for t in sorted(times)]
-
-
-def scalars(mesh: Any, field: str) -> np.ndarray | None:
-    """Values of a field (the length of a vector) or of a named component, at points or cells."""
-    for data in (mesh.point_data, mesh.cell_data):
-        if field in data:
-            values = np.asarray(data[field], dtype=float)
-            return values if values.ndim == 1 else np.linalg.norm(values, axis=1)
-        for name in data:
-            array = data.GetAbstractArray(name)
-            for i in range(array.GetNumberOfComponents()):
-                if array.GetComponentName(i) == field:
-                    return np.asarray(data[name], dtype=float)[:, i]
-    return None
-
-
-def survey(instants: list[Instant], field: str) -> tuple[np.ndarray, tuple[float, float]]:
-    """Points all over the motion (n, 3) and range of the field."""
-    clouds: list[np.ndarray] = [np.zeros((0, 3))]
-    values: list[float] = []
-    names: set[str] = set()
-    flexible = False
-    for instant in instants:
-        for name, mesh in instant.meshes().items():
-            points = np.asarray(mesh.points, dtype=float)
-            ends = np.concatenate([points.argmin(axis=0), points.argmax(axis=0)])
-            clouds += [points[ends], points[:: 1 + len(points) // 1000]]
-            if name in FLEXIBLE:
-                flexible = True
-                names.update(mesh.array_names)
-                found = scalars(mesh, field)
-                if found is not None:
-                    values += [float(np.nanmin(found)), float(np.nanmax(found))]
-    cloud = np.concatenate(clouds)
-    if not len(cloud) or not np.isfinite(cloud).all():
-        raise RenderError(f"{instants[0].folder}: empty or infinite geometry")
-    if flexible and not values:
-        known = ", ".join(sorted(names - {"TimeValue"}))
-        raise RenderError(f"no field '{field}' on beams or shells, which have {known}")
-    smallest, largest = min(values, default=0.0), max(values, default=1.0)
-    if smallest < -1e-9 * abs(largest):
-        largest = max(-smallest, largest)
-        return cloud, (-largest, largest)
-    return cloud, (0.0, largest if largest > 0.0 else 1.0)
-
-
-def look(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors (right, up, towards the viewer): across a flat motion, else from a corner."""
-    extent = bounds[:, 1] - bounds[:, 0]
-    thin = int(np.argmin(extent))
-    if extent[thin] < 0.3 * np.partition(extent, 1)[1]:
-        normal = np.eye(3)[thin] * (-1.0 if thin == 1 else 1.0)
-        up = np.eye(3)[1 if thin == 2 else 2]
-        view = normal + 0.22 * np.cross(up, normal) + 0.3 * up
-    else:
-        view, up = np.array([0.8, -1.5, 0.8]), np.eye(3)[2]
-    view = view / np.linalg.norm(view)
-    right = np.cross(up, view)
-    right /= np.linalg.norm(right)
-    return right, np.cross(view, right), view
-
-
-def fit_camera(plotter: Any, scene: Scene) -> None:
-    """Parallel projection that shows the bounds as large as title and scalar bar allow."""
-    right, up, view = look(scene.bounds)
-    x, y = scene.cloud @ right, scene.cloud @ up
-    middle = scene.bounds.mean(axis=1) @ view
-    centre = 0.5 * (x.min() + x.max()) * right + 0.5 * (y.min() + y.max()) * up + middle * view
-    radius = float(np.linalg.norm(np.ptp(scene.bounds, axis=1))) or 1.0
-    spans = [max(float(np.ptp(s)), 0.05 * radius) for s in (x, y)]
-    width, height = scene.size
-    # Share of the window for the motion: the scalar bar stands right, the title above.
-    scale = 0.5 * max(spans[1] / 0.82, spans[0] * height / width / 0.8)
-    focus = centre + scale * (0.16 * width / height * right + 0.06 * up)
-    camera = plotter.camera
-    camera.parallel_projection = True
-    camera.focal_point, camera.position, camera.up = focus, focus + 3.0 * radius * view, up
-    camera.parallel_scale = scale
-    camera.clipping_range = (0.5 * radius, 6.0 * radius)
-
-
-def new_plotter(scene: Scene) -> Any:
-    """Off-screen window with background, lights and the axes of the inertial frame."""
-    plotter: Any = pv.Plotter(off_screen=True, window_size=list(scene.size), lighting="light kit")
-    plotter.set_background("#f6f8fb")
-    plotter.enable_anti_aliasing("msaa", multi_samples=8)
-    length = 0.06 * float(np.linalg.norm(np.ptp(scene.bounds, axis=1))) or 0.1
-    for axis, colour in zip(np.eye(3), ("#c0392b", "#27ae60", "#2c6fbb"), strict=True):
-        arrow = pv.Arrow(
-            start=(0, 0, 0), direction=axis, scale=length, shaft_radius=0.035, tip_radius=0.09
-        )
-        plotter.add_mesh(arrow, color=colour, name=f"ground{colour}", render=False)
-    plotter.add_axes(line_width=3, color=INK, viewport=(0.0, 0.0, 0.14, 0.2))
-    return plotter
-
-
-def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float) -> Any:
-    """Add or replace one instant; opacity below one makes it a ghost. Returns a coloured actor."""
-    coloured = None
-    style = {"opacity": opacity, "ambient": 0.25, "render": False, "show_scalar_bar": False}
-    meshes = instant.meshes()
-    solid = "beam_surfaces" in meshes
-    for name, mesh in meshes.items():
-        own = style | {"name": key + name}
-        if name == "floating_lines":
-            own |= {"line_width": 6, "render_lines_as_tubes": True}
-        if name == "beams":
-            # Inside solid beams the lines show only where these are too slender to be seen.
-            if solid and opacity < 1.0:
-                continue
-            own |= {"line_width": 3 if solid else 6, "render_lines_as_tubes": True}
-        if name in FLEXIBLE:
-            coloured = draw_flexible(plotter, mesh, scene, own) or coloured
-        else:
-            colour = "#8fa3b8" if name == "rigid_bodies" else "#e07b39"
-            surface = mesh.extract_surface(algorithm="dataset_surface")
-            own |= {"color": colour, "specular": 0.3}
-            plotter.add_mesh(surface, smooth_shading=True, split_sharp_edges=True, **own)
-    return coloured
-
-
-def draw_flexible(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) -> Any:
-    """Add beams or shells coloured by the field; returns the actor, None without the field."""
-    colours = scalars(mesh, scene.field)
-    if colours is None:
-        # grey: a colour of the bar would tell a value
-        plotter.add_mesh(mesh, color="#a7b0ba", **style)
-        return None
-    shown = pv.UnstructuredGrid(mesh, deep=False)
-    if scene.field in mesh.point_data:
-        shown.point_data["shown"] = colours
-    else:
-        # Constant along an element in the file, continuous in the picture.
-        shown.cell_data["shown"] = colours
-        shown = shown.cell_data_to_point_data()
-    cmap = SIGNED if scene.limits[0] < 0.0 else POSITIVE
-    return plotter.add_mesh(shown, scalars="shown", clim=scene.limits, cmap=cmap, **style)
-
-
-def decorate(plotter: Any, instant: Instant, scene: Scene, coloured: Any) -> None:
-    """Title with the time, and the scalar bar."""
-    text = f"{scene.title}    {scene.clock.format(instant.time)}"
-    size = max(9, scene.size[1] // 56)
-    plotter.add_text(
-        text,
-        position=(0.02, 0.935),
-        viewport=True,
-        font_size=size,
-        color=INK,
-        name="title",
-        render=False,
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("folders", type=Path, nargs="+", metavar="RESULTS_DIR")
+    parser.add_argument(
+        "--colour",
+        "--color",
+        default="bending_moment",
+        metavar="FIELD",
+        help="field or component on beams (N, Q2, Q3, T, M2, M3, kappa1, axial_stress, von_mises, "
+        "velocity, ...), shells or floating bodies (deformation, ...); default: %(default)s",
     )
-    if coloured is None or plotter.scalar_bars:
-        return
-    unit = UNITS.get(scene.field)
-    plotter.add_scalar_bar(
-        title=scene.field.replace("_", " ") + (f" ({unit})" if unit else "") + "\n",
-        mapper=coloured.mapper,
-        vertical=True,
-        position_x=0.88,
-        position_y=0.2,
-        height=0.6,
-        width=0.06,
-        n_labels=5,
-        fmt="%.0f" if 100.0 <= scene.limits[1] < 1e6 else "%.3g",
-        color=INK,
-        title_font_size=scene.size[1] // 48,
-        label_font_size=scene.size[1] // 54,
-        render=False,
+    parser.add_argument(
+        "--arrows",
+        choices=VECTORS,
+        help="arrows at joints: what they exert on the first of their bodies",
     )
-
-
-def spread(instants: list[Instant], interval: float | None) -> list[Instant]:
-    """A few instants over the whole motion or those at intervals (s), the last one included."""
-    if interval is None:
-        chosen = np.linspace(0, len(instants) - 1, GHOSTS + 1).round().astype(int)
-    elif not interval > 0.0:
-        raise RenderError(f"--interval must be positive, got {interval:g}")
-    else:
-        times = np.array([instant.time for instant in instants])
-        wanted = np.append(np.arange(times[0], times[-1], interval), times[-1])
-        chosen = np.abs(times - wanted[:, None]).argmin(axis=1)
-    return [instants[i] for i in sorted(set(chosen.tolist()))]
-
-
-def picture(instants: list[Instant], scene: Scene, path: Path) -> None:
-    """Last instant over fainter earlier ones."""
-    plotter = new_plotter(scene)
-    for i, instant in enumerate(instants[:-1]):
-        draw(plotter, instant, scene, f"ghost{i}", 0.15 + 0.25 * i / (len(instants) - 1))
-    coloured = draw(plotter, instants[-1], scene, "", 1.0)
-    decorate(plotter, instants[-1], scene, coloured)
-    fit_camera(plotter, scene)
-    plotter.screenshot(str(path))
-    plotter.close()
-
-
-def animation(instants: list[Instant], scene: Scene, path: Path) -> None:
-    """All instants, one after the other."""
-    plotter = new_plotter(scene)
-    frames = []
-    for instant in instants:
-        coloured = draw(plotter, instant, scene, "", 1.0)
-        decorate(plotter, instant, scene, coloured)
-        fit_camera(plotter, scene)
-        plotter.render()
-        frames.append(plotter.screenshot(None, return_img=True))
-    plotter.close()
-    pause = max(40, min(200, 6000 // len(frames)))
-    iio.imwrite(path, np.stack(frames), extension=".gif", duration=pause, loop=0)
+    parser.add_argument(
+        "--view",
+        type=viewpoint,
+        metavar="V",
+        help="from where: x, y, z, --view=-x, ..., corner, or A,B,C towards the viewer "
+        "(default: across a flat motion, else from a corner)",
+    )
+    parser.add_argument(
+        "--scale-deformation",
+        type=factor,
+        default=1.0,
+        metavar="F",
+        help="displacements since the start times F, for small ones",
+    )
+    parser.add_argument("--time", type=finite, metavar="T", help="only still.png at t = T [s]")
+    parser.add_argument("--from", dest="start", type=finite, metavar="T", help="from t = T on [s]")
+    parser.add_argument("--to", dest="end", type=finite, metavar="T", help="up to t = T [s]")
+    parser.add_argument(
+        "--interval", type=finite, metavar="T", help="time between instants of motion.png [s]"
+    )
+    parser.add_argument(
+        "--every",
+        type=positive,
+        metavar="N",
+        help=f"every Nth instant in the film (default: at most {MAX_FRAMES} frames)",
+    )
+    parser.add_argument(
+        "--format", choices=("gif", "mp4"), default="gif", help="of the film (default: gif)"
+    )
+    parser.add_argument("--no-animation", action="store_true", help="no film")
+    parser.add_argument(
+        "--size", type=window_size, default=(1200, 800), metavar="WxH", help="default: 1200x800"
+    )
+    parser.add_argument(
+        "--output", type=Path, metavar="DIR", help="folder of the pictures (default: RESULTS_DIR)"
+    )
 
 
 def window_size(text: str) -> tuple[int, int]:
@@ -344,63 +105,186 @@ def positive(text: str) -> int:
     return int(text)
 
 
-def title_of(folder: Path) -> tuple[str, str]:
-    """Name of the case from the summary, or of the folder, and how its times are told."""
-    name, clock = folder.resolve().name, "t = {:.4g} s"
+def finite(text: str) -> float:
+    """Parse a finite number."""
     try:
-        summary = json.loads((folder / "summary.json").read_text())
-        if "renewals" in summary:  # a relaxation counts iterations
-            clock = "iteration {:.0f}"
-        return str(summary["case"]), clock
-    except (OSError, ValueError, KeyError, TypeError):
-        return name, clock
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a finite number")
+    return value
 
 
-def arguments(argv: list[str] | None) -> argparse.Namespace:
-    """Parse the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("folder", type=Path, metavar="RESULTS_DIR")
-    parser.add_argument(
-        "--every",
-        type=positive,
-        metavar="N",
-        help=f"animate every Nth instant (default: at most {MAX_FRAMES} frames)",
-    )
-    parser.add_argument("--size", type=window_size, default=(1200, 800), metavar="WxH")
-    parser.add_argument(
-        "--colour",
-        "--color",
-        default="bending_moment",
-        metavar="FIELD",
-        help="field or component on the beams (N, Q2, Q3, T, M2, M3, kappa1, velocity, ...) or "
-        "bodies in floating frames (von_mises, deformation, ...); default: %(default)s",
-    )
-    parser.add_argument("--interval", type=float, help="seconds between instants of motion.png")
-    parser.add_argument("--no-animation", action="store_true", help="write motion.png only")
-    return parser.parse_args(argv)
+def factor(text: str) -> float:
+    """Parse a number that is not negative."""
+    value = finite(text)
+    if value < 0.0:
+        raise argparse.ArgumentTypeError(f"'{text}' is negative")
+    return value
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the program."""
-    options = arguments(argv)
+def viewpoint(text: str) -> tuple[float, ...]:
+    """Parse a direction towards the viewer."""
+    if text in VIEWS:
+        return VIEWS[text]
+    try:
+        found = tuple(finite(part) for part in text.split(","))
+    except argparse.ArgumentTypeError:
+        found = ()
+    if len(found) != 3 or not any(found):
+        raise argparse.ArgumentTypeError(f"'{text}' is none of {', '.join(VIEWS)}, and not A,B,C")
+    return found
+
+
+def make(options: argparse.Namespace) -> list[Path]:
+    """Draw what is asked for; returns the files.
+
+    Raises:
+        ValueError: Options or result files cannot be used.
+        OSError: A file cannot be read or written.
+        ModuleNotFoundError: A library for pictures or films is missing.
+    """
+    from vtkmodules.vtkCommonCore import vtkLogger
+
     logging.getLogger().setLevel(logging.CRITICAL)  # damaged files end in one line
     # Without an X server VTK warns and then draws off screen by itself.
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-    try:
-        instants = read_series(options.folder)
+    if options.interval is not None and not options.interval > 0.0:
+        raise OptionError(f"--interval must be positive, got {options.interval:g}")
+    if options.output is not None and len(options.folders) > 1:
+        raise OptionError("--output takes the pictures of one RESULTS_DIR only")
+    if options.format == "mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
+        raise ModuleNotFoundError("No module named 'imageio_ffmpeg'", name="imageio_ffmpeg")
+    return [file for folder in options.folders for file in make_folder(folder, options)]
+
+
+def make_folder(folder: Path, options: argparse.Namespace) -> list[Path]:
+    """Pictures of one result folder."""
+    from motion_scene import Scene, arrow_reach, survey
+    from result_series import between, nearest, read_series, title_of
+
+    instants = read_series(folder, arrows=options.arrows is not None)
+    if options.time is not None:
+        shown = frames = [nearest(instants, options.time)]
+    else:
+        instants = between(instants, options.start, options.end)
         every = options.every or -(-len(instants) // MAX_FRAMES)
         frames = instants[::every]
         if frames[-1] is not instants[-1]:
             frames.append(instants[-1])
         shown = spread(instants, options.interval)
-        cloud, limits = survey([*shown, *frames], options.colour)
-        scene = Scene(*title_of(options.folder), options.colour, limits, cloud, options.size)
-        made = [options.folder / "motion.png"]
-        picture(shown, scene, made[0])
-        if not options.no_animation and len(frames) > 1:
-            made.append(options.folder / "motion.gif")
-            animation(frames, scene, made[-1])
-    except (RenderError, OSError) as exc:
+    surveyed = [*shown, *frames]
+    cloud, limits = survey(surveyed, options.colour, options.scale_deformation)
+    scale, deformation = 0.0, options.scale_deformation
+    if options.arrows:
+        cloud, scale = arrow_reach(surveyed, options.arrows, cloud, deformation)
+    scene = Scene(
+        *title_of(folder), options.colour, limits, cloud, options.size, options.view,
+        deformation, options.arrows, scale,
+    )  # fmt: skip
+    target = options.output or folder
+    target.mkdir(parents=True, exist_ok=True)
+    made = [target / ("motion.png" if options.time is None else "still.png")]
+    picture(shown, scene, made[0])
+    if not options.no_animation and len(frames) > 1:
+        made.append(target / f"motion.{options.format}")
+        animation(frames, scene, made[-1])
+    return made
+
+
+def spread(instants: list[Instant], interval: float | None) -> list[Instant]:
+    """A few instants over the whole motion or those at intervals (s), the last one included."""
+    import numpy as np
+
+    if interval is None:
+        chosen = np.linspace(0, len(instants) - 1, GHOSTS + 1).round().astype(int)
+    else:
+        times = np.array([instant.time for instant in instants])
+        wanted = np.append(np.arange(times[0], times[-1], interval), times[-1])
+        chosen = np.abs(times - wanted[:, None]).argmin(axis=1)
+    return [instants[i] for i in sorted(set(chosen.tolist()))]
+
+
+def picture(instants: list[Instant], scene: Scene, path: Path) -> None:
+    """Last instant over fainter earlier ones."""
+    from motion_scene import decorate, draw, fit_camera, new_plotter
+
+    plotter = new_plotter(scene)
+    for i, instant in enumerate(instants[:-1]):
+        draw(plotter, instant, scene, f"ghost{i}", 0.15 + 0.25 * i / (len(instants) - 1))
+    coloured = draw(plotter, instants[-1], scene, "", 1.0)
+    decorate(plotter, instants[-1], scene, coloured)
+    fit_camera(plotter, scene)
+    plotter.screenshot(str(path))
+    plotter.close()
+
+
+def animation(instants: list[Instant], scene: Scene, path: Path) -> None:
+    """All instants, one after the other."""
+    from motion_scene import decorate, draw, fit_camera, new_plotter
+
+    plotter = new_plotter(scene)
+    pause = max(40, min(200, 6000 // len(instants)))
+    with Film(path, pause) as film:
+        for instant in instants:
+            coloured = draw(plotter, instant, scene, "", 1.0)
+            decorate(plotter, instant, scene, coloured)
+            fit_camera(plotter, scene)
+            plotter.render()
+            film.add(plotter.screenshot(None, return_img=True))
+    plotter.close()
+
+
+class Film:
+    """A file of pictures, by the ending of its name."""
+
+    def __init__(self, path: Path, pause: int) -> None:
+        """Begin a film with a pause (ms) between pictures."""
+        self._path, self._pause = path, pause
+        self._frames: list[Any] = []
+        self._writer: Any = None
+
+    def __enter__(self) -> Film:
+        """Open the file of a mp4; a gif is written at the end."""
+        if self._path.suffix == ".mp4":
+            import imageio.v2 as imageio
+
+            # what browsers and office programs play: H.264, 4:2:0, even numbers of pixels
+            self._writer = imageio.get_writer(
+                self._path, format="FFMPEG", fps=1000.0 / self._pause, codec="libx264",
+                pixelformat="yuv420p", macro_block_size=2, ffmpeg_log_level="error",
+            )  # fmt: skip
+        return self
+
+    def add(self, frame: Any) -> None:
+        """Add a picture (height, width, 3)."""
+        if self._writer is not None:
+            self._writer.append_data(frame)
+        else:
+            self._frames.append(frame)
+
+    def __exit__(self, *failure: object) -> None:
+        """Write what is left, unless there was an error."""
+        if self._writer is not None:
+            self._writer.close()
+        elif failure[0] is None:
+            import imageio.v3 as imageio
+
+            frames = self._frames
+            imageio.imwrite(self._path, frames, extension=".gif", duration=self._pause, loop=0)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the program."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add_arguments(parser)
+    options = parser.parse_args(argv)
+    try:
+        made = make(options)
+    except (ValueError, OSError) as exc:
         print(f"render.py: {exc}", file=sys.stderr)
         return 2
     for path in made:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.io.surfaces import InstanceCache, Surface, box, cylinder, frames_along, sphere
+from flexfem.io.glyphs import glyph
+from flexfem.io.surfaces import InstanceCache, Surface, box, frames_along
 from flexfem.io.vtu_series import VtuSeries
 
 if TYPE_CHECKING:
@@ -19,19 +20,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-_Z = (0.0, 0.0, 1.0)
-# Pictures of the joints at unit size, the axis along z.
-_GLYPHS = {
-    "spherical": sphere(0.5, refinements=1),
-    "revolute": cylinder(0.4, 1.2, _Z, sides=16),
-    "cylindrical": cylinder(0.25, 2.4, _Z, sides=16),
-    "prismatic": box((0.4, 0.4, 2.4)),
-    "pointonline": box((0.2, 0.2, 3.0)),
-    "pointonplane": box((2.0, 2.0, 0.2)),
-    "rigid": box((0.8, 0.8, 0.8)),
-}
-_OTHER = box((0.5, 0.5, 0.5))
 
 
 @dataclass(frozen=True)
@@ -44,6 +32,8 @@ class RigidBodyFields:
         velocity: Velocities of the reference points (n, 3), inertial, m/s.
         angular_velocity: Angular velocities (n, 3), inertial, rad/s.
         body: Number of each body (n,): index of its surface.
+        displacement: Of the reference points since the start (n, 3), inertial, m.
+        start_rotation: Body axes at the start (n, 3, 3).
     """
 
     position: FloatArray
@@ -51,16 +41,18 @@ class RigidBodyFields:
     velocity: FloatArray
     angular_velocity: FloatArray
     body: IntArray
+    displacement: FloatArray
+    start_rotation: FloatArray
 
     @classmethod
     def empty(cls) -> RigidBodyFields:
         """Fields of a rank without rigid bodies."""
-        v = np.zeros((0, 3))
-        return cls(v, np.zeros((0, 3, 3)), v, v, np.zeros(0, dtype=np.int64))
+        v, axes = np.zeros((0, 3)), np.zeros((0, 3, 3))
+        return cls(v, axes, v, v, np.zeros(0, dtype=np.int64), v, axes)
 
 
 class RigidBodyWriter:
-    """Series ``rigid_bodies``: surfaces with the velocity of their points and the body number."""
+    """Series ``rigid_bodies``: surfaces with displacement and velocity of their points."""
 
     def __init__(
         self,
@@ -92,13 +84,17 @@ class RigidBodyWriter:
         mesh = self._templates.select(bodies.body)
         owner = mesh.owner
         arms = mesh.arms(bodies.rotation)
+        turned = arms - mesh.arms(bodies.start_rotation)
         self._series.write(
             time,
             step,
             bodies.position[owner] + arms,
             mesh.triangles,
             "triangle",
-            {"velocity": bodies.velocity[owner] + np.cross(bodies.angular_velocity[owner], arms)},
+            {
+                "displacement": bodies.displacement[owner] + turned,
+                "velocity": bodies.velocity[owner] + np.cross(bodies.angular_velocity[owner], arms),
+            },
             {"body": bodies.body[mesh.cell_owner]},
         )
 
@@ -118,6 +114,7 @@ class JointFields:
         force: Forces (n, 3) on the first body, inertial, N.
         moment: Moments (n, 3) on the first body about the first marker, inertial, N m.
         joint: Number of each joint (n,): index of its kind.
+        displacement: Of the first markers since the start (n, 3), inertial, m.
     """
 
     a: FloatArray
@@ -126,16 +123,22 @@ class JointFields:
     force: FloatArray
     moment: FloatArray
     joint: IntArray
+    displacement: FloatArray
 
     @classmethod
     def empty(cls) -> JointFields:
         """Fields of a rank without joints."""
         v = np.zeros((0, 3))
-        return cls(v, v, v, v, v, np.zeros(0, dtype=np.int64))
+        return cls(v, v, v, v, v, np.zeros(0, dtype=np.int64), v)
 
 
 class JointWriter:
-    """Series ``joints``: a glyph at the first marker and a thin rod from there to the second."""
+    """Series ``joints`` and ``reactions``.
+
+    Joints are shown as a glyph at the first marker and a thin rod from there to the second.
+    Reactions are points at the first markers with the vectors ``force`` and ``moment`` on the first
+    body, for arrows.
+    """
 
     def __init__(
         self,
@@ -146,7 +149,7 @@ class JointWriter:
         *,
         resume: float | None = None,
     ) -> None:
-        """Declare the series; nothing is written yet.
+        """Declare both series; nothing is written yet.
 
         Args:
             folder: Result folder.
@@ -156,9 +159,9 @@ class JointWriter:
             resume: Keep the instants of an earlier run up to this time (s).
         """
         sizes = np.broadcast_to(np.asarray(size, dtype=np.float64), (len(kinds),)).tolist()
-        glyphs = [_GLYPHS.get(kind.lower().replace("_", ""), _OTHER) for kind in kinds]
         self._series = VtuSeries(folder, "joints", comm, resume=resume)
-        self._glyphs = InstanceCache.scaled(glyphs, sizes)
+        self._reactions = VtuSeries(folder, "reactions", comm, resume=resume)
+        self._glyphs = InstanceCache.scaled([glyph(kind) for kind in kinds], sizes)
         # Thickness by size, length one: it is stretched to the distance of the markers.
         rods = [box((0.12 * s, 0.12 * s, 1.0)) for s in sizes]
         self._rods = InstanceCache(rods)
@@ -182,21 +185,31 @@ class JointWriter:
             ]
         )
         cell = np.concatenate([glyphs.cell_owner, rods.cell_owner])
+        values = {
+            "force": joints.force,
+            "force_magnitude": np.linalg.norm(joints.force, axis=1),
+            "moment": joints.moment,
+            "moment_magnitude": np.linalg.norm(joints.moment, axis=1),
+        }
         self._series.write(
             time,
             step,
             points,
             np.concatenate([glyphs.triangles, rods.triangles + len(glyphs.local)]),
             "triangle",
-            {},
-            {
-                "joint": joints.joint[cell],
-                "force": joints.force[cell],
-                "force_magnitude": np.linalg.norm(joints.force, axis=1)[cell],
-                "moment": joints.moment[cell],
-            },
+            {"displacement": joints.displacement[np.concatenate([glyphs.owner, rods.owner])]},
+            {"joint": joints.joint[cell], **{name: v[cell] for name, v in values.items()}},
+        )
+        self._reactions.write(
+            time,
+            step,
+            joints.a,
+            np.arange(len(joints.a))[:, np.newaxis],
+            "vertex",
+            {"joint": joints.joint, **values, "displacement": joints.displacement},
         )
 
     def close(self) -> None:
-        """End the series; collective."""
+        """End both series; collective."""
         self._series.close()
+        self._reactions.close()

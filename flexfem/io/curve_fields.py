@@ -74,6 +74,7 @@ class CurveSampler:
             strain=np.concatenate(strains),
             resultant=np.concatenate(resultants),
             section=self._section,
+            turn=np.broadcast_to(np.eye(3), (len(self._section), 2, 3, 3)),
         )
 
     def _motion(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:

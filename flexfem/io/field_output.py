@@ -19,6 +19,7 @@ from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.curve_fields import CurveSampler
 from flexfem.io.floating_fields import FloatingState, FloatingWriter
+from flexfem.io.paraview_state import write_paraview_state
 from flexfem.io.shell_fields import ShellFields, ShellWriter
 from flexfem.io.surfaces import body_surface
 from flexfem.joints.elastic_lock import ElasticLock
@@ -52,13 +53,13 @@ class FieldOutput:
         Raises:
             InputError: the series of an earlier run cannot be read.
         """
-        self._system = system
+        self._system, self._folder, self._opened = system, folder, False
         model, comm = serial.model, system.comm
         self._parts = {part.kind: part for part in system.parts}
         self._curves = CurveSampler(self._parts[NURBS], serial) if NURBS in self._parts else None
         size = _GLYPH * model_extent(serial)
         curves = [] if serial.curves is None else serial.curves.sections
-        outlines = [section.outline for section in (*serial.sections, *curves)]
+        outlines = [section.walls for section in (*serial.sections, *curves)]
         self._beams = BeamWriter(folder, comm, outlines, resume=resume)
         self._shells = ShellWriter(folder, comm, resume=resume)
         self._thickness = np.array([shell.section.thickness for shell in model.shells])
@@ -87,6 +88,9 @@ class FieldOutput:
             states = _floating_states(self._parts[FLOATING], self._model_bodies)
             self._floating.write(time, step, states)
         self._joints.write(time, step, _joint_fields(self._system, self._shown))
+        if not self._opened:
+            write_paraview_state(self._folder, self._system.comm)
+            self._opened = True
 
     def _shell_fields(self, part: BlockPart) -> ShellFields:
         elements = part.elements
@@ -128,6 +132,7 @@ def _beam_fields(part: BlockPart) -> BeamFields:
     position, rotation, velocity, spin = _motion(part.block)
     strain, resultant = part.elements.resultants(part.block.frames)
     data = part.elements.data
+    start = se3.rotation(part.block.start_frames)[data.cells]
     return BeamFields(
         position=position,
         displacement=position - se3.position(part.block.start_frames),
@@ -139,12 +144,15 @@ def _beam_fields(part: BlockPart) -> BeamFields:
         strain=strain,
         resultant=resultant,
         section=data.section,
+        turn=np.swapaxes(start, -1, -2) @ se3.rotation(data.frames),
     )
 
 
 def _body_fields(part: BlockPart) -> RigidBodyFields:
     position, rotation, velocity, spin = _motion(part.block)
-    return RigidBodyFields(position, rotation, velocity, spin, part.block.node_ids)
+    start, turn = (of(part.block.start_frames) for of in (se3.position, se3.rotation))
+    ids = part.block.node_ids
+    return RigidBodyFields(position, rotation, velocity, spin, ids, position - start, turn)
 
 
 def _floating_states(part: BlockPart, bodies: Sequence[FloatingBody]) -> list[FloatingState]:
@@ -177,6 +185,7 @@ def _joint_fields(system: System, shown: BoolArray) -> JointFields:
     frames, wrench = rows.poses, rows.reactions()[first]
     axis = np.zeros((len(first), 3))
     joints = [placed for placed in rows.joints if placed.owned and shown[placed.index]]
+    start = np.array([placed.poses[0].position for placed in joints])
     for i, placed in enumerate(joints):
         if placed.joint.direction is not None:
             turn = se3.rotation(frames[first[i]]) @ placed.poses[0].rotation.T
@@ -188,4 +197,5 @@ def _joint_fields(system: System, shown: BoolArray) -> JointFields:
         force=wrench[:, :3],
         moment=wrench[:, 3:],
         joint=np.array([placed.index for placed in joints], dtype=np.int64),
+        displacement=frames[first, :3] - start.reshape(-1, 3),
     )

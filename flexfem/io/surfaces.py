@@ -32,6 +32,13 @@ class Surface:
         return Surface(points + np.asarray(shift, dtype=np.float64), self.triangles)
 
 
+def joined(*surfaces: Surface) -> Surface:
+    """Several surfaces as one; they may reach into each other."""
+    starts = np.cumsum([0, *(len(s.points) for s in surfaces)])
+    triangles = [s.triangles + at for s, at in zip(surfaces, starts, strict=False)]
+    return Surface(np.concatenate([s.points for s in surfaces]), np.concatenate(triangles))
+
+
 def box(sizes: ArrayLike) -> Surface:
     """Box with the given edge lengths (3,) in m, centred at the origin."""
     corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])

@@ -12,6 +12,12 @@ from math import exp, pi
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.materials.section_wall import (
+    Boundary,
+    box_boundaries,
+    rectangle_boundary,
+    round_boundary,
+)
 
 # Riemann's zeta(5): the sum of 1/n^5 over odd n is 31/32 of it
 _ZETA_5 = 1.0369277551433699263
@@ -28,6 +34,7 @@ class Shape:
         shear_factors: (k2, k3) for shear forces along e2 and e3.
         outline: Vertices (y, z) of the outer boundary, anticlockwise, the last one joined to the
             first, shape (k, 2), metres; None when unknown.
+        boundaries: Outer boundary, and inner one of hollow shapes, with as many vertices.
     """
 
     area: float
@@ -35,6 +42,7 @@ class Shape:
     torsion_constant: float
     shear_factors: tuple[float, float]
     outline: FloatArray | None
+    boundaries: tuple[Boundary, ...]
 
 
 def rectangle_torsion(a: float, b: float) -> float:
@@ -63,12 +71,14 @@ def rectangle_shape(width: float, height: float) -> Shape:
     Cowper's `10 (1 + nu)/(12 + 11 nu)` for nu = 0).
     """
     y, z = width / 2.0, height / 2.0
+    torsion = rectangle_torsion(width, height)
     return Shape(
         area=width * height,
         second_moments=(width * height**3 / 12.0, height * width**3 / 12.0),
-        torsion_constant=rectangle_torsion(width, height),
+        torsion_constant=torsion,
         shear_factors=(5.0 / 6.0, 5.0 / 6.0),
         outline=np.array([[-y, -z], [y, -z], [y, z], [-y, z]]),
+        boundaries=(rectangle_boundary(width, height, torsion),),
     )
 
 
@@ -99,18 +109,20 @@ def hollow_rectangle_shape(width: float, height: float, wall: float) -> Shape:
     middle_width, middle_height = width - wall, height - wall
     perimeter = 2.0 * (middle_width + middle_height)
     enclosed = middle_width * middle_height
+    torsion = 4.0 * enclosed**2 * wall / perimeter + perimeter * wall**3 / 3.0
     return Shape(
         area=width * height - inner_width * inner_height,
         second_moments=(
             (width * height**3 - inner_width * inner_height**3) / 12.0,
             (height * width**3 - inner_height * inner_width**3) / 12.0,
         ),
-        torsion_constant=4.0 * enclosed**2 * wall / perimeter + perimeter * wall**3 / 3.0,
+        torsion_constant=torsion,
         shear_factors=(
             _box_shear_factor(middle_width, middle_height),
             _box_shear_factor(middle_height, middle_width),
         ),
         outline=rectangle_shape(width, height).outline,
+        boundaries=box_boundaries(width, height, wall, torsion),
     )
 
 
@@ -127,11 +139,13 @@ def tube_shape(inner_diameter: float, outer_diameter: float, poisson_ratio: floa
     nu = poisson_ratio
     factor = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m2)
     second = pi * (outer_diameter**4 - inner_diameter**4) / 64.0
-    angle = np.linspace(0.0, 2.0 * pi, 24, endpoint=False)
+    diameters = (outer_diameter, inner_diameter) if inner_diameter > 0.0 else (outer_diameter,)
+    boundaries = tuple(round_boundary(0.5 * d, 2.0 * second) for d in diameters)
     return Shape(
         area=pi * (outer_diameter**2 - inner_diameter**2) / 4.0,
         second_moments=(second, second),
         torsion_constant=2.0 * second,
         shear_factors=(factor, factor),
-        outline=0.5 * outer_diameter * np.column_stack([np.cos(angle), np.sin(angle)]),
+        outline=boundaries[0].points,
+        boundaries=boundaries,
     )

@@ -17,6 +17,7 @@ Index names differ in the literature: where I_2 is the integral of y^2, the seco
 entry of J read (I_3, I_2).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -29,6 +30,7 @@ from flexfem.materials import constants
 from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite, check_inertia_form
 from flexfem.materials.section_law import BeamLaw
+from flexfem.materials.section_wall import SectionWall
 
 #: Vertices that an outline needs to pass for a circle, and by how much their radii may differ.
 _ROUND = (12, 1e-6)
@@ -46,12 +48,15 @@ class Section:
         outline: Vertices (y, z) of the outer boundary, the last one joined to the first, shape
             (k, 2), metres; None when unknown.
         law: The section's own law; None for the linear one of the stiffness.
+        walls: Boundaries as pictures show them: the outer one, and the inner one of hollow shapes;
+            with what is known of the stresses there. Empty without an outline.
     """
 
     stiffness: FloatArray | None
     inertia: FloatArray
     outline: FloatArray | None
     law: BeamLaw | None
+    walls: tuple[SectionWall, ...]
 
     def __init__(
         self,
@@ -60,8 +65,11 @@ class Section:
         outline: npt.ArrayLike | None = None,
         *,
         law: BeamLaw | None = None,
+        walls: Sequence[SectionWall] = (),
     ) -> None:
         """Create a section from its matrices; the other constructors are for common shapes.
+
+        Without ``walls`` that of the outline is the only one.
 
         Raises:
             TypeError: An argument does not consist of numbers, or the law is no BeamLaw.
@@ -87,7 +95,9 @@ class Section:
                 raise ValueError(
                     f"Section: outline must have at least three vertices, got {len(outline)}"
                 )
-        _checks.assign(self, stiffness=d, inertia=m, outline=outline, law=law)
+            walls = walls or (SectionWall(outline),)
+        walls = tuple(walls)
+        _checks.assign(self, stiffness=d, inertia=m, outline=outline, law=law, walls=walls)
 
     @classmethod
     def general(
@@ -122,7 +132,8 @@ class Section:
             TypeError: The law is no BeamLaw.
         """
         _checks.instance("Section", "law", law, BeamLaw)
-        return type(self)(None, self.inertia, self.outline, law=law)
+        walls = [SectionWall(wall.points) for wall in self.walls]  # the stresses are the law's
+        return type(self)(None, self.inertia, self.outline, law=law, walls=walls)
 
     @classmethod
     def rectangle(
@@ -290,6 +301,7 @@ class Section:
             torsion_constant=_length("torsion_constant", torsion_constant),
             shear_factors=(1.0, 1.0),
             outline=None,
+            boundaries=(),
         )
         return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
 
@@ -307,12 +319,15 @@ class Section:
         factors = _shear_factors(shear_factor, shape.shear_factors)
         centre = _checks.array("Section", "mass_centre", mass_centre, (2,))
         elastic = _stiffness(shape, material, factors)
+        pole = _checks.array("Section", "shear_centre", shear_centre, (2,))
         return cls(
-            _about_shear_centre(
-                elastic, _checks.array("Section", "shear_centre", shear_centre, (2,))
-            ),
+            _about_shear_centre(elastic, pole),
             _inertia(shape, material.density, centre),
             shape.outline,
+            walls=[
+                SectionWall.linear(boundary, shape.area, shape.second_moments, pole)
+                for boundary in shape.boundaries
+            ],
         )
 
     @property

@@ -25,6 +25,7 @@ from flexfem.core.status import Status
 from flexfem.integrators.vector_alpha import VectorAlpha
 from flexfem.io.atomic import raise_together
 from flexfem.io.history import AngleColumns, HistoryWriter
+from flexfem.io.paraview_state import write_paraview_state
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.io.vtu_series import VtuSeries
@@ -42,7 +43,7 @@ _HALVINGS = 6
 #: Series that a run of a multibody model may have left in the folder.
 _OF_MODELS = (
     "beams", "beam_surfaces", "shells", "floating_bodies", "floating_lines", "rigid_bodies",
-    "joints",
+    "joints", "reactions",
 )  # fmt: skip
 #: Options of multibody models that equations know nothing of, with the values they must have.
 _FOREIGN = {
@@ -198,6 +199,7 @@ class _Records:
         self._folder = options.output
         self._table: HistoryWriter | None = None
         self._series: dict[str, VtuSeries] = {}
+        self._opened = False  # ParaView's script is written
         row = None if resume is None else resume.values["history"]
         self._resume = start = None if row is None else float(row[0])
         if options.output is not None:
@@ -251,6 +253,9 @@ class _Records:
                 {key: values[mine] for key, values in seen.point_data.items()},
                 {key: values[mine] for key, values in seen.cell_data.items()},
             )  # fmt: skip
+        if self._series and not self._opened:
+            write_paraview_state(self._folder, self._comm)
+            self._opened = True
 
     def state(self) -> State:
         """What the records go on from; the table is on disk first (collective)."""

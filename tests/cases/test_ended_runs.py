@@ -124,8 +124,8 @@ def test_earlier_results_of_another_model_are_removed(
     tmp_path: Path, run: Callable[..., Any]
 ) -> None:
     for case, series in (
-        ("chain", {"beams", "beam_surfaces", "joints"}),
-        ("heavy_top", {"rigid_bodies", "joints"}),
+        ("chain", {"beams", "beam_surfaces", "joints", "reactions"}),
+        ("heavy_top", {"rigid_bodies", "joints", "reactions"}),
         ("flying_spaghetti", {"beams"}),
     ):
         ended = run(1, ROOT / "cases" / f"{case}.py", "--smoke", "--output", tmp_path)

@@ -3,11 +3,12 @@
 
 Every series of each folder is opened at all its times: number of times and last time against the
 PVD file, array names, finite and non-empty bounds, and a picture that is not blank, written to
-``<folder>/paraview/<series>.png``.
+``<folder>/paraview/<series>.png``. The script in the folder that opens all draws ``all.png``.
 """
 
 import math
 import os
+import runpy
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -26,8 +27,9 @@ EXPECTED = {
         {**BEAM_CELLS, "strain": 6},
     ),
     "beam_surfaces": ({"displacement": 3, "velocity": 3}, BEAM_CELLS),
-    "rigid_bodies": ({"velocity": 3}, {"body": 1}),
-    "joints": ({}, {"joint": 1, "force": 3, "force_magnitude": 1}),
+    "rigid_bodies": ({"displacement": 3, "velocity": 3}, {"body": 1}),
+    "joints": ({"displacement": 3}, {"joint": 1, "force": 3, "force_magnitude": 1}),
+    "reactions": (dict.fromkeys(("force", "moment", "displacement"), 3) | {"joint": 1}, {}),
 }
 COLOURS = {"beams": "bending_moment", "beam_surfaces": "bending_moment", "joints": "joint"}
 COMPONENTS = {"resultant": RESULTANTS, "strain": STRAINS}
@@ -79,6 +81,8 @@ def check_bounds(path, reader, time):
 
 def draw(path, reader, series, time):
     """Write a picture and look whether anything is in it."""
+    if series == "reactions":
+        return  # points, for arrows
     view = simple.CreateView("RenderView")
     view.ViewSize = [900, 600]
     view.OrientationAxesVisibility = 0
@@ -97,12 +101,17 @@ def draw(path, reader, series, time):
     folder.mkdir(exist_ok=True)
     picture = folder / f"{series}.png"
     simple.SaveScreenshot(str(picture), view)
+    simple.Delete(view)
+    check_picture(picture)
+
+
+def check_picture(picture):
+    """Whether anything is in it."""
     png = vtkPNGReader()
     png.SetFileName(str(picture))
     png.Update()
     pixels = vtk_to_numpy(png.GetOutput().GetPointData().GetScalars())[:, :3]
     drawn = int((pixels != pixels[0]).any(axis=1).sum())
-    simple.Delete(view)
     if drawn < 20:
         raise CheckError(f"{picture}: blank")
 
@@ -128,6 +137,21 @@ def check_series(path):
     return len(times), times[-1]
 
 
+def check_script(folder):
+    """Run the script that opens everything, and look at its picture."""
+    script, picture = folder / "open_in_paraview.py", folder / "paraview" / "all.png"
+    if not script.exists():
+        raise CheckError(f"{script}: missing")
+    picture.unlink(missing_ok=True)
+    arguments, sys.argv = sys.argv, [str(script), str(picture)]
+    try:
+        runpy.run_path(str(script), run_name="__main__")
+    finally:
+        sys.argv = arguments
+    check_picture(picture)
+    simple.ResetSession()
+
+
 def check_folder(folder):
     """Check all series of a result folder."""
     paths = sorted(folder.glob("*.pvd"))
@@ -138,6 +162,7 @@ def check_folder(folder):
     # Of a killed run, which left no summary, some series may miss the last instant.
     if max(counts) - min(counts) > (0 if (folder / "summary.json").exists() else 1):
         raise CheckError(f"{folder}: the series differ in times: {found}")
+    check_script(folder)
     count, last = found[paths[0].stem]
     print(f"{folder}: {', '.join(found)}: {count} times up to {last:g}")
 

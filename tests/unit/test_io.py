@@ -51,7 +51,9 @@ def beam(rank: int = 0, n: int = 4) -> BeamFields:
     strain = np.arange(6.0 * m).reshape(m, 6) + 100.0 * rank
     frames = np.broadcast_to(np.eye(3), (n + 1, 3, 3))
     kind, body = np.zeros(m, dtype=np.int64), np.full(m, rank)
-    return BeamFields(x, 2.0 * x, frames, 3.0 * x, 4.0 * x, cells, body, strain, 2 * strain, kind)
+    turn = np.broadcast_to(np.eye(3), (m, 2, 3, 3))
+    motion = (x, 2.0 * x, frames, 3.0 * x, 4.0 * x)
+    return BeamFields(*motion, cells, body, strain, 2 * strain, kind, turn)
 
 
 def volume(points: np.ndarray, triangles: np.ndarray) -> float:
@@ -240,7 +242,7 @@ def test_beams_as_lines_and_surfaces(shared_tmp_path: Path) -> None:
     assert np.allclose(lines.cell_data["bending_moment"][:4], moment, rtol=SINGLE)
     assert np.array_equal(lines.point_data["e2"][0], [0.0, 1.0, 0.0])
     skin = read(shared_tmp_path / pvd(shared_tmp_path / "beam_surfaces.pvd")[0][1])
-    assert skin.n_points == 5 * 4 * COMM.size
+    assert skin.n_points == 4 * 2 * 4 * COMM.size  # every cell has both its ends
     assert skin.n_cells == (4 * 4 + 2) * COMM.size
     assert np.allclose(skin.bounds[2:], [-0.1, 10.0 * (COMM.size - 1) + 0.1, -0.2, 0.2])
     quads = skin.cells.reshape(-1, 5)[:18, 1:]
@@ -275,15 +277,14 @@ def test_writers_accept_ranks_with_nothing(shared_tmp_path: Path) -> None:
     beams.write(0.0, 0, beam() if last else BeamFields.empty())
     bodies = RigidBodyWriter(shared_tmp_path, COMM, [sphere(1.0)])
     one, i = np.ones((1, 3)), np.zeros(1, dtype=np.int64)
-    own = RigidBodyFields(one, np.eye(3)[None], one, one, i)
+    own = RigidBodyFields(one, np.eye(3)[None], one, one, i, one, np.eye(3)[None])
     bodies.write(0.0, 0, own if last else RigidBodyFields.empty())
     joints = JointWriter(shared_tmp_path, COMM, ["Revolute"], 0.1)
-    joints.write(
-        0.0, 0, JointFields(one, 2 * one, one, one, one, i) if last else JointFields.empty()
-    )
+    held = JointFields(one, 2 * one, one, one, one, i, one)
+    joints.write(0.0, 0, held if last else JointFields.empty())
     for writer in (beams, bodies, joints):
         writer.close()
-    for name in ("beams", "beam_surfaces", "rigid_bodies", "joints"):
+    for name in ("beams", "beam_surfaces", "rigid_bodies", "joints", "reactions"):
         assert read(shared_tmp_path / pvd(shared_tmp_path / f"{name}.pvd")[0][1]).n_cells > 0
 
 
@@ -300,13 +301,16 @@ def test_rigid_bodies_move_and_carry_velocities(shared_tmp_path: Path) -> None:
     turn = np.array([[[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])  # x -> y
     z = np.array([[0.0, 0.0, 1.0]])
     x = np.array([[10.0, 0.0, 0.0]])
-    writer.write(0.0, 0, RigidBodyFields(x, turn, 0.0 * z, z, np.array([1])))
+    before = np.eye(3)[None]
+    writer.write(0.0, 0, RigidBodyFields(x, turn, 0.0 * z, z, np.array([1]), 2.0 * x, before))
     writer.close()
     mesh = read(shared_tmp_path / pvd(shared_tmp_path / "rigid_bodies.pvd")[0][1])
     assert np.allclose(mesh.bounds, [8.0, 12.0, -1.0, 1.0, -3.0, 3.0])
     points = np.asarray(mesh.points)
     assert np.allclose(mesh.point_data["velocity"], np.cross(z, points - x), rtol=SINGLE, atol=1e-6)
     assert set(mesh.cell_data["body"]) == {1}
+    began = (points - x) @ turn[0] - x  # turned back, and moved back by 2 x
+    assert np.allclose(mesh.point_data["displacement"], points - began, rtol=SINGLE, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -358,7 +362,7 @@ def test_joints_show_glyph_and_link(shared_tmp_path: Path) -> None:
     b[1] = a[1]  # an ideal joint: both markers at one place
     axis = np.tile([0.0, 0.0, 1.0], (n, 1))
     force = np.tile([3.0, 4.0, 0.0], (n, 1))
-    writer.write(0.0, 0, JointFields(a, b, axis, force, 2.0 * force, np.arange(n)))
+    writer.write(0.0, 0, JointFields(a, b, axis, force, 2.0 * force, np.arange(n), 3.0 * a))
     writer.close()
     mesh = read(shared_tmp_path / pvd(shared_tmp_path / "joints.pvd")[0][1])
     assert np.isfinite(mesh.points).all()
@@ -367,6 +371,10 @@ def test_joints_show_glyph_and_link(shared_tmp_path: Path) -> None:
     assert np.allclose(mesh.cell_data["force_magnitude"], 5.0)
     revolute = mesh.extract_cells(np.flatnonzero(mesh.cell_data["joint"] == 1))
     assert revolute.bounds[5] == pytest.approx(0.12)  # 0.6 of the size along the axis
+    arrows = read(shared_tmp_path / pvd(shared_tmp_path / "reactions.pvd")[0][1])
+    assert np.array_equal(arrows.points[:n], a)
+    assert np.allclose(arrows.point_data["force"][:n], force)
+    assert np.allclose(arrows.point_data["moment_magnitude"], 10.0)
 
 
 def test_cylinder_radius_is_about_its_axis() -> None:

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""flexfem render: pictures and films of the motion in result folders."""
+
+from collections.abc import Sequence
+
+from flexfem.cli.postprocessing import print_files, script
+from flexfem.cli.usage import Parser, join_negative_values
+
+SUMMARY = "draw the motion in result folders: flexfem render RESULTS_DIR [options]"
+_DESCRIPTION = """\
+Draws motion.png, a few superposed instants, and a film, motion.gif or motion.mp4, into each result
+folder, or the one instant still.png with --time. The folder of a mode, such as
+results/blade/mode_01, is one, too.
+"""
+
+
+def execute(argv: Sequence[str], prog: str) -> int:
+    """Draw and print the names of the files."""
+    render = script("render")
+    parser = Parser(prog=prog, description=_DESCRIPTION)
+    render.add_arguments(parser)
+    options = parser.parse_args(join_negative_values(argv))
+    return print_files(lambda: render.make(options))

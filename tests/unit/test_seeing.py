@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Commands that draw and plot, the script for ParaView: from files alone, one line on mistakes."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from flexfem.cli import command
+from flexfem.io import BeamFields, BeamWriter, JointFields, JointWriter
+from flexfem.io.paraview_state import write_paraview_state
+
+pytestmark = pytest.mark.serial
+
+SMALL = ("--size", "240x160")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A beam of two cells that swings, on a joint with a force, at three times."""
+    folder = tmp_path_factory.mktemp("swing")
+    beams = BeamWriter(folder, MPI.COMM_SELF, [[[-0.05, -0.05], [0.05, -0.05], [0.0, 0.05]]])
+    joints = JointWriter(folder, MPI.COMM_SELF, ["Revolute"], 0.1)
+    cells, none = np.array([[0, 1], [1, 2]]), np.zeros(2, dtype=np.int64)
+    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    axes, turn = np.broadcast_to(np.eye(3), (3, 3, 3)), np.broadcast_to(np.eye(3), (2, 2, 3, 3))
+    zero = np.zeros((1, 3))
+    for step in range(3):
+        x = start + [0.0, 0.1 * step, 0.0] * start[:, :1]
+        values = np.full((2, 6), 1.0 + step)
+        beams.write(
+            0.1 * step, step,
+            BeamFields(x, x - start, axes, x, x, cells, none, values, values, none, turn),
+        )  # fmt: skip
+        force = np.array([[0.0, 10.0 * step, 0.0]])
+        joints.write(
+            0.1 * step, step, JointFields(zero, zero, zero, force, zero, np.array([0]), zero)
+        )
+    for name, slope in (("", 1.0), ("other", 2.0)):
+        (folder / name).mkdir(exist_ok=True)
+        rows = [f"{t},{slope * t},{slope}" for t in (0.0, 0.1, 0.2)]
+        (folder / name / "history.csv").write_text("\n".join(["t,tip_x,tip_y", *rows, ""]))
+    return folder
+
+
+def pixels(path: Path) -> np.ndarray:
+    import imageio.v3 as iio
+
+    return np.asarray(iio.imread(path))[..., :3].astype(int)
+
+
+def test_render_draws_pictures_and_films(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pyvista")
+    iio = pytest.importorskip("imageio.v3")
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    for ending in ("gif", "mp4"):
+        argv = ["render", str(results), *SMALL, "--format", ending, "--output", str(tmp_path)]
+        assert command(argv) == 0
+        assert capsys.readouterr().out.split() == [
+            str(tmp_path / "motion.png"), str(tmp_path / f"motion.{ending}"),
+        ]  # fmt: skip
+        assert pixels(tmp_path / "motion.png").shape == (160, 240, 3)
+    assert np.shape(iio.imread(tmp_path / "motion.gif")) == (3, 160, 240, 3)
+    assert ffmpeg.count_frames_and_secs(tmp_path / "motion.mp4")[0] == 3
+    assert not list(results.glob("*.png"))
+
+
+def test_render_shows_what_options_ask_for(results: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyvista")
+    still = [str(results), *SMALL, "--output", str(tmp_path)]
+    shown = {}
+    for name, options in {
+        "plain": ["--time", "0.2"],
+        "arrows": ["--time", "0.2", "--arrows", "force"],
+        "first": ["--time", "0"],
+        "undeformed": ["--time", "0.2", "--scale-deformation", "0"],
+        "side": ["--time", "0.2", "--view=-y"],
+    }.items():
+        assert command(["render", *still, *options]) == 0
+        shown[name] = pixels(tmp_path / "still.png")
+    body = (slice(20, None), slice(0, 200))  # without title and scalar bar
+    # violet is no colour of fields: less green than red, and less red than blue, by far
+    violet = {
+        name: np.all(np.diff(picture[body][..., [1, 0, 2]], axis=2) > 25, axis=2).sum()
+        for name, picture in shown.items()
+    }
+    assert violet["arrows"] > 5
+    assert violet["plain"] == 0
+    for other in ("first", "side"):
+        assert not np.array_equal(shown["plain"][body], shown[other][body])
+    # displacements times nought give the place of the start: same camera, same silhouette
+    background = shown["first"][100, 5]
+    silhouettes = [(shown[k][body] != background).any(axis=2) for k in ("first", "undeformed")]
+    assert np.mean(silhouettes[0] != silhouettes[1]) < 0.005  # of one pixel at the edges
+    swung = (shown["plain"][body] != background).any(axis=2)
+    assert np.mean(silhouettes[0] != swung) > 0.005
+
+
+def test_plot_of_one_run_and_of_several(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    a, b, out = str(results), str(results / "other"), str(tmp_path / "p.png")
+    for argv in (
+        [a, "--columns", "tip_x"],
+        [a, "--columns", "t", "--x", "tip_x"],
+        [a, "--path", "tip", "--planes", "xy"],
+        [a, b, "--columns", "tip_x,tip_y", "--after", "0.1"],
+    ):
+        assert command(["plot", *argv, "--output", out]) == 0
+        assert capsys.readouterr().out.strip() == out
+        assert Path(out).read_bytes()[:4] == b"\x89PNG"
+        Path(out).unlink()
+
+
+@pytest.mark.parametrize(
+    ("argv", "told"),
+    [
+        (["render", "{}/other"], "no series to draw"),
+        (["render", "{}", "--colour", "nonsense"], "no field 'nonsense'"),
+        (["render", "{}", "--time", "3"], "nothing from t = 3 to 0.2 s"),
+        (["render", "{}", "--from", "0.3"], "nothing from t = 0.3 to 0.2 s"),
+        (["render", "{}", "--arrows", "moment"], "no moment at joints"),
+        (["render", "{}", "--view", "top"], "'top' is none of x, y, z"),
+        (["render", "{}", "--size", "9"], "'9' is not WIDTHxHEIGHT"),
+        (["render"], "RESULTS_DIR"),
+        (["plot", "{}/nowhere"], "no history table"),
+        (["plot", "{}", "--columns", "tip_q"], "no column 'tip_q'"),
+        (["plot", "{}", "--campbell"], "no modes over the speed"),
+        (["plot", "{}", "{}/other", "--path", "tip"], "--path: takes one RESULTS_DIR, got 2"),
+        (["plot", "{}", "--after", "1"], "--after: takes several RESULTS_DIR"),
+    ],
+)
+def test_mistakes_are_one_line(
+    results: Path, argv: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pyvista")
+    before = sorted(results.rglob("*"))
+    assert command([text.format(results) for text in argv]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith("error: ")
+    assert told in captured.err
+    assert sorted(results.rglob("*")) == before
+
+
+@pytest.mark.parametrize(("name", "missing"), [("render", "pyvista"), ("plot", "matplotlib")])
+def test_missing_libraries_are_named(results: Path, name: str, missing: str) -> None:
+    code = (
+        f"import sys; sys.modules['{missing}'] = None\n"
+        "from flexfem.cli import command\n"
+        f"sys.exit(command(['{name}', r'{results}']))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 2
+    assert ended.stderr == (
+        f"error: this needs {missing}, which is not here: pip install 'flexfem[post]'\n"
+    )
+
+
+def test_help_loads_no_library_for_pictures() -> None:
+    code = (
+        "import sys\nfrom flexfem.cli import command\n"
+        "for name in ('render', 'plot'):\n"
+        "    try:\n        command([name, '--help'])\n    except SystemExit:\n        pass\n"
+        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'matplotlib', 'imageio'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.endswith("\n[]\n")
+    assert "--arrows" in ended.stdout
+    assert "--campbell" in ended.stdout
+
+
+def test_script_for_paraview_is_written_once_and_runs_there(tmp_path: Path) -> None:
+    folder = tmp_path / "it's"
+    folder.mkdir()
+    write_paraview_state(folder, MPI.COMM_SELF)
+    assert [file.name for file in folder.iterdir()] == ["open_in_paraview.py"]
+    text = (folder / "open_in_paraview.py").read_text()
+    tree = ast.parse(text, feature_version=(3, 9))  # that of ParaView 5.11
+    told = [
+        node.value for node in tree.body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "FOLDER"
+    ]  # fmt: skip
+    assert [ast.literal_eval(value) for value in told] == [str(folder)]
+    assert len(text) < 12000
