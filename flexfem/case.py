@@ -222,7 +222,7 @@ def load_case(name: str | Path) -> Case:
         sys.path.insert(0, str(path.parent))  # as if it had been started by itself
     try:
         case = getattr(load_module(path, "flexfem_case"), "CASE", None)
-    except (OSError, ValueError, TypeError) as error:
+    except (ImportError, OSError, ValueError, TypeError) as error:
         raise ValueError(f"case '{name}': {error}") from error
     if not isinstance(case, Case):
         raise ValueError(f"case '{name}': the file does not define CASE = flexfem.Case(...)")

@@ -63,7 +63,7 @@ class Recorder:
         self._rows: list[FloatArray] = []
         self._time, self._h, self._varies = 0.0, 0.0, varies  # of the last record
         self._unseen = True  # nothing was shown yet
-        self._measured, self._first_measure = "", (*measures, "")[0]
+        self._measured, self._first_measure = np.empty(0), (*measures, "")[0]
         self._monitor = Monitor(system, serial.model, self._probes, moving=unit == "s")
         self._table = self._fields = None
         row = np.zeros(1) if resume is None else resume.values["history"]
@@ -129,8 +129,8 @@ class Recorder:
         counters, own = self._system.counters, []
         if self._varies and self._h:
             own.append(f"step {self._h:.3g}")
-        if self._measured:
-            own.append(self._measured)
+        if len(self._measured):
+            own.append(f"{self._first_measure} {self._measured[0]:.3g}")
         self._progress.update(
             self._time, counters.newton_iterations, counters.factorizations, [*own, *words], cost
         )
@@ -175,10 +175,9 @@ class Recorder:
     def _keep(self, measures: FloatArray | None) -> None:
         now = self._system.time
         self._h, self._time = now - self._time, now
-        if measures is not None:
-            self._measured = f"{self._first_measure} {measures[0]:.3g}"
+        self._measured = np.empty(0) if measures is None else measures
         self._probes.record(self._system.time)
-        self._measures.append(np.empty(0) if measures is None else measures)
+        self._measures.append(self._measured)
 
     def _flush(self) -> None:
         own, self._measures = self._measures, []

@@ -15,7 +15,7 @@ from flexfem.inspection.joint_facts import turning_rows
 _STEP = 1e-5
 #: Speed, relative to the largest of all nodes and drives, that is taken for rounding, and the same
 #: for what differences of drives leave, relative to the size of the model in a second.
-_ROUNDING, _NOTHING = 1e-3, 1e-8
+_ROUNDING, _NOTHING = 1e-3, 1e-6
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
