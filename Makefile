@@ -27,15 +27,15 @@ help: ## this list
 setup: $(STAMP) ## make .venv with flexfem and all it needs
 
 $(STAMP): pyproject.toml .ci/setup
-	@sh .ci/setup $(VENV) dolfinx,post,test
+	@sh .ci/setup $(VENV) dolfinx,post,test,fmi
 	@touch $@
 
 $(BENCH_STAMP): $(STAMP)
-	@sh .ci/setup $(VENV) dolfinx,post,test,bench
+	@sh .ci/setup $(VENV) dolfinx,post,test,fmi,bench
 	@touch $@
 
 $(DOCS_STAMP): $(STAMP)
-	@sh .ci/setup $(VENV) dolfinx,post,test,docs
+	@sh .ci/setup $(VENV) dolfinx,post,test,fmi,docs
 	@touch $@
 
 run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)
