@@ -281,6 +281,6 @@ def test_no_unique_equilibrium_is_a_status(shared_tmp_path):
     model.add(ff.Gravity((0, 0, -9.81)), ff.RigidBody("body", 1.0, (1.0, 1.0, 1.0)))
     options = ff.ModeOptions(modes=2, start="equilibrium", quiet=True, output=shared_tmp_path)
     outcome = ff.find_modes(model, options)
-    assert outcome.status.endswith("in the search for the equilibrium")
+    assert "in the search for the equilibrium" in outcome.status
     assert outcome.modes is None
     assert dict(outcome.history) == {}
