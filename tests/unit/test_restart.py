@@ -423,12 +423,12 @@ def pendulum(length: float = 1.0, joint: Any = ff.Spherical, name: str = "bob") 
 
 
 OTHERS: dict[str, tuple[Any, dict[str, Any], str]] = {
-    "length": (lambda: pendulum(1.0 + 1e-7), {}, "another model, other joints, rigid bodies; "),
-    "kind": (lambda: pendulum(joint=ff.Rigid), {}, "another model, other joints; "),
+    "length": (lambda: pendulum(1.0 + 1e-7), {}, "other joints, rigid bodies; "),
+    "kind": (lambda: pendulum(joint=ff.Rigid), {}, "another model, other joints; go"),
     "name": (
         lambda: pendulum(name="bib"),
         {},
-        "another model, other joints, loads, rigid bodies; ",
+        "other joints, loads, rigid bodies; ",
     ),
     "bodies": (driven, {}, "another model, other beams, gravity, joints, loads, mesh"),
     "step": (pendulum, {"dt": 2e-3}, "was written with dt = 0.001, not 0.002$"),
