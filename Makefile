@@ -8,6 +8,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 BENCH_STAMP := $(VENV)/.set-up-bench
 DOCS_STAMP := $(VENV)/.set-up-docs
+EXTRAS := dolfinx,post,test,fmi
 CASE ?= slider_crank
 # More ranks than cores would spend their time waiting: MPICH polls.
 RANKS := $(shell test "$$(nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
@@ -27,15 +28,15 @@ help: ## this list
 setup: $(STAMP) ## make .venv with flexfem and all it needs
 
 $(STAMP): pyproject.toml .ci/setup
-	@sh .ci/setup $(VENV) dolfinx,post,test,fmi
+	@sh .ci/setup $(VENV) $(EXTRAS)
 	@touch $@
 
 $(BENCH_STAMP): $(STAMP)
-	@sh .ci/setup $(VENV) dolfinx,post,test,fmi,bench
+	@sh .ci/setup $(VENV) $(EXTRAS),bench
 	@touch $@
 
 $(DOCS_STAMP): $(STAMP)
-	@sh .ci/setup $(VENV) dolfinx,post,test,fmi,docs
+	@sh .ci/setup $(VENV) $(EXTRAS),docs
 	@touch $@
 
 run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)

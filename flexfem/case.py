@@ -180,6 +180,24 @@ class Case:
         parameters = {option.name: values[option.name] for option in self.options}
         return parameters, settings(**numbers, **more)
 
+    def model(self, **parameters: Any) -> "Model":
+        """Build the model and validate it; ranks do not agree on errors yet.
+
+        Args:
+            parameters: values of all own options by name.
+
+        Raises:
+            OSError: A file is not readable.
+            TypeError, ValueError: The model is not admissible.
+        """
+        from flexfem.model.model import Model
+
+        model = self.build(**parameters)
+        if not isinstance(model, Model) and not hasattr(model, "drivers"):
+            raise TypeError(f"case '{self.name}': build returned {model!r}, not a Model")
+        model.validate()
+        return model
+
     def run(self, *, output: Path | str | None = None, **given: Any) -> "Outcome":
         """Build the model and carry the analysis out (collective).
 

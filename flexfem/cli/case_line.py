@@ -10,7 +10,7 @@ from typing import Any
 
 from flexfem.analyses.analysis import Analysis
 from flexfem.case import Case
-from flexfem.cli.usage import Parser, UsageError, file, folder, join_negative_values
+from flexfem.cli.usage import Parser, UsageError, file, folder, join_negative_values, reader
 from flexfem.options import PROGRESS, Option, Settings
 
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
@@ -143,16 +143,12 @@ def _add_option(
     if option.kind is bool:
         group.add_argument(option.flag, action=argparse.BooleanOptionalAction, help=text)
         return
-
-    def read(value: str) -> Any:
-        try:
-            return option.parse(value)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
     choices = "{" + ",".join(map(str, option.choices)) + "}" if option.choices else None
     group.add_argument(
-        option.flag, type=read, help=text, metavar=metavar or choices or _METAVARS[option.kind]
+        option.flag,
+        type=reader(option),
+        help=text,
+        metavar=metavar or choices or _METAVARS[option.kind],
     )
 
 

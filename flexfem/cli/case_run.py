@@ -80,21 +80,6 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
     return 0
 
 
-def build_model(case: Case, parameters: Mapping[str, Any]) -> "Model":
-    """Build and validate the model of a case; ranks do not agree on errors yet.
-
-    Raises:
-        TypeError, ValueError, OSError: The model is not admissible, or a file not readable.
-    """
-    from flexfem.model.model import Model
-
-    model = case.build(**parameters)
-    if not isinstance(model, Model) and not hasattr(model, "drivers"):
-        raise TypeError(f"case '{case.name}': build returned {model!r}, not a Model")
-    model.validate()
-    return model
-
-
 def _with_command(
     stop: launch.Interrupted, options: Settings, prog: str | None, argv: Sequence[str]
 ) -> launch.Interrupted:
@@ -118,7 +103,7 @@ def _prepare(
     """
     message, created = "", []
     try:
-        model = build_model(case, parameters)
+        model = case.model(**parameters)
         if launch.rank() == 0 and options.output is not None:
             path = options.output
             created = [folder for folder in (path, *path.parents) if not folder.exists()]

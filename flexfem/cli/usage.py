@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from flexfem import launch
 from flexfem.installation import InstallationError
+from flexfem.options import Option
 
 #: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
 _PATIENCE = 0.5
@@ -52,9 +53,8 @@ class Parser(argparse.ArgumentParser):
 def exit_code(action: Callable[[], int]) -> int:
     """Turn errors of the user or of the installation, and Ctrl-C, into one line and an exit code.
 
-    The rest ends all ranks.
-
-    Whatever ends before a run starts is told to the other ranks, which may have got further.
+    The rest ends all ranks. Whatever ends before a run starts is told to the other ranks, which
+    may have got further.
     """
     sys.excepthook = launch.excepthook
     try:
@@ -114,3 +114,15 @@ def file(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("must name a file, got ''")
     return Path(text)
+
+
+def reader(option: Option) -> Callable[[str], Any]:
+    """What reads an option's value, and says what it must be."""
+
+    def read(text: str) -> Any:
+        try:
+            return option.parse(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return read

@@ -79,10 +79,7 @@ def _check(case: Case, given: Mapping[str, Any], smoke: bool, columns: Sequence[
     from flexfem.model.model import Model
 
     parameters, _ = case.prepare(given, smoke=smoke)
-    model = case.build(**parameters)
-    if not isinstance(model, Model) and not hasattr(model, "drivers"):
-        raise TypeError(f"case '{case.name}': build returned {model!r}, not a Model")
-    model.validate()
+    model = case.model(**parameters)
     if isinstance(model, Model) and case.analysis.name in _PLAIN:
         known = ["t", *(column for probe in model.probes for column in probe.columns)]
         for column in columns:

@@ -238,11 +238,8 @@ ON_TWO_RANKS = {
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(command_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working directory with an own case and wrong files."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     (tmp_path / "own.py").write_text(OWN_CASE)
     for name, text in MESHES.items():

@@ -44,11 +44,8 @@ CASE = ff.Case(
 
 
 @pytest.fixture
-def own_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
-    path = tmp_path / "own.py"
+def own_case(command_folder: Path) -> Path:
+    path = command_folder / "own.py"
     path.write_text(OWN)
     return path
 

@@ -103,12 +103,9 @@ BAD = {
 
 
 @pytest.fixture
-def own_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own_case(command_folder: Path) -> Path:
     """A case file in an otherwise empty working directory; hooks are put back afterwards."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
-    path = tmp_path / "own.py"
+    path = command_folder / "own.py"
     path.write_text(OWN_CASE)
     return path
 

@@ -67,12 +67,9 @@ CASE = ff.Case(
 
 
 @pytest.fixture
-def driven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def driven(command_folder: Path) -> Path:
     """The case file, in the working directory."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
-    path = tmp_path / "driven.py"
+    path = command_folder / "driven.py"
     path.write_text(DRIVEN)
     return path
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from flexfem import launch
 from flexfem.cli.case_line import parse
-from flexfem.cli.case_run import build_model, load_case
+from flexfem.cli.case_run import load_case
 from flexfem.cli.usage import Parser, UsageError
 from flexfem.options import Settings
 
@@ -38,7 +38,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
     )
     message, text, warnings = "", "", 0
     try:
-        text, warnings = _report(build_model(case, parameters), options, "--json" in flags)
+        text, warnings = _report(case.model(**parameters), options, "--json" in flags)
     except (OSError, TypeError, ValueError) as error:
         message = str(error) or type(error).__name__
     if message := launch.first_message(message):

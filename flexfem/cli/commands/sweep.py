@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """flexfem sweep: a case with many values of its options."""
 
-import argparse
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ from flexfem.case import Case
 from flexfem.cli.case_line import check_output, read_options
 from flexfem.cli.case_run import load_case
 from flexfem.cli.shown_command import shown_command
-from flexfem.cli.usage import Parser, UsageError, folder, join_negative_values
+from flexfem.cli.usage import Parser, UsageError, folder, join_negative_values, reader
 from flexfem.options import PROGRESS, Option
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
 
 def _parser(prog: str) -> Parser:
     parser = Parser(prog=f"{prog} NAME", description=_TEXT, epilog=_MORE)
-    add, count = parser.add_argument, _reader(Option("number", int, 1, "", minimum=1))
+    add, count = parser.add_argument, reader(Option("number", int, 1, "", minimum=1))
     add(
         "--vary", action="append", default=[], metavar="OPTION=VALUES",
         help="values a,b,c of an option, or numbers start:stop:count, with :log by a constant "
@@ -76,23 +75,11 @@ def _parser(prog: str) -> Parser:
         help="folder of the sweep (default: results/NAME_sweep)",
     )  # fmt: skip
     add(
-        "--progress", type=_reader(PROGRESS), default="auto", metavar="{auto,bar,lines,none}",
+        "--progress", type=reader(PROGRESS), default="auto", metavar="{auto,bar,lines,none}",
         help="on stderr: a bar (auto: on terminals), or a line for each run (default: auto)",
     )  # fmt: skip
     add("--quiet", action="store_true", help="no progress bar, errors only")
     return parser
-
-
-def _reader(option: Option) -> Callable[[str], Any]:
-    """What reads an option's value, and says what it must be."""
-
-    def read(text: str) -> Any:
-        try:
-            return option.parse(text)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    return read
 
 
 def _sweep(name: str, case: Case, own: Any, given: dict[str, Any], output: Path) -> "Sweep":
