@@ -11,14 +11,13 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_loops import add_action, add_residual, add_tangent
 from flexfem.elements.beam_material import Material, about_centres, symmetric
-from flexfem.elements.beam_motion import add_cell_motion, cell_rates
+from flexfem.elements.beam_motion import add_cell_motion, cell_rates, cell_twists
 from flexfem.forms.beam import beam_forms
 from flexfem.la.kernel import compile_kernel
 from flexfem.lie import se3
 
 __all__ = ["BeamCells", "BeamGroup"]
 
-_ALL = slice(None)
 #: What the compiled loops take of the cells.
 _CellData = tuple[
     IndexArray, BoolArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray
@@ -73,6 +72,7 @@ class BeamGroup:
         self.data, self._material = data, material
         self.assumed: FloatArray | None = None
         self.assumed_forces = False
+        self._every = np.arange(len(data.cells))
         ends = data.frames
         self._twists = np.ascontiguousarray(
             se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
@@ -101,7 +101,7 @@ class BeamGroup:
         data = self.cell_data
         if self.assumed is None:
             return data
-        twists = self._strain(block.frames, _ALL)[0]
+        twists = self._strain(block.frames)[0]
         return (*data[:3], np.ascontiguousarray(twists - self.assumed), *data[4:])
 
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
@@ -146,7 +146,7 @@ class BeamGroup:
         leave no membrane stress of second order in the tangent (Magisano, Leonetti, Garcea, Int.
         J. Numer. Methods Eng. 109 (2017) 1237-1262).
         """
-        twists = self._strain(frames, _ALL)[0]
+        twists = self._strain(frames)[0]
         back = np.swapaxes(self._turns.reshape(-1, 2, 3, 3), -1, -2)
         halves = steps[self.data.cells].reshape(-1, 2, 2, 3)
         turned = (back[:, :, np.newaxis] @ halves[..., np.newaxis]).reshape(-1, 2, 6)
@@ -159,33 +159,32 @@ class BeamGroup:
         """Whether the cells resist the rate of their strain."""
         return self._material.viscous
 
-    def _strain(self, frames: FloatArray, at: IntArray | slice) -> tuple[FloatArray, FloatArray]:
-        """Relative twists and strains (m, 6) of the given cells."""
-        nodes = self.data.cells[at]
-        turns = self._turns[at] if self.turned.any() else self._turns
-        ends = se3.frame(
-            se3.position(frames[nodes]),
-            se3.rotation(frames[nodes]) @ turns.reshape(-1, 2, 3, 3),
-        )
-        twists = se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
+    def _strain(
+        self, frames: FloatArray, at: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Relative twists and strains (m, 6) of the given cells, all by default."""
+        at = self._every if at is None else at
+        twists = np.empty((len(at), 6))
+        cell_twists(at, self.data.cells, self.turned, self._turns, frames, twists)
         return twists, (twists - self._twists[at]) / self.lengths[at, np.newaxis]
 
     def response(
-        self, frames: FloatArray, at: IntArray | slice = _ALL
+        self, frames: FloatArray, at: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Strains and resultants (m, 6) in section axes, energies (m,) of the cells in J.
 
         Args:
             frames: (n, 12) frames of the nodes.
-            at: the cells meant.
+            at: the cells meant, all by default.
         """
+        at = self._every if at is None else at
         _, strain = self._strain(frames, at)
         resultant, energy = self._material.response(strain, self.data.section[at])
         return strain, resultant, energy * self.lengths[at]
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """Viscous stress resultants and strain rates (m, 6) of all cells."""
-        twists, strain = self._strain(block.frames, _ALL)
+        twists, strain = self._strain(block.frames)
         rate = np.empty_like(twists)
         cell_rates(
             self.data.cells, self.turned, self._turns, twists, block.frames, block.velocity, rate

@@ -168,6 +168,8 @@ class SE3Beams:
     def _response(
         self, frames: FloatArray, chosen: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        if len(self.groups) == 1:
+            return self.groups[0][1].response(frames, chosen)
         cells = np.arange(len(self.data.cells)) if chosen is None else chosen
         count = len(cells)
         strain, resultant, energy = np.empty((count, 6)), np.empty((count, 6)), np.empty(count)

@@ -12,6 +12,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from os import SEEK_END
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
@@ -31,6 +32,7 @@ _CELLS = {
     "vertex": (1, 1), "line": (3, 2), "triangle": (5, 3), "quad": (9, 4), "tetra": (10, 4),
 }  # fmt: skip
 _TYPE_NAMES = {"float64": "Float64", "float32": "Float32", "int32": "Int32", "uint8": "UInt8"}
+_DOCUMENT_END, _PVD_END = "</VTKFile>\n", "</Collection>"
 _ENDIAN = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
 
 
@@ -78,8 +80,8 @@ class VtuSeries:
 
     Each rank writes ``<name>/<name>_<step>_<rank>.vtu`` with its own cells; ranks without cells
     write nothing. With several ranks rank 0 adds ``<name>/<name>_<step>.pvtu``. The index
-    ``<name>.pvd`` is replaced as a whole after every step, so that a killed run leaves a readable
-    series. An instant without cells on any rank is left out.
+    ``<name>.pvd`` is whole after every step, so that a killed run leaves a readable series. An
+    instant without cells on any rank is left out.
     """
 
     def __init__(
@@ -286,16 +288,43 @@ class VtuSeries:
             file = f"{stem}.pvtu"
             sources = [f"{stem}_{r}.vtu" for r, h in enumerate(headers) if h is not None]
             replace_file(self._folder / file, [_pvtu(sources, *arrays).encode()])
-        self._instants[step] = (float(time), f"{self.name}/{file}")
-        self._write_pvd()
+        instant = (float(time), f"{self.name}/{file}")
+        later = step not in self._instants and all(i < instant for i in self._instants.values())
+        self._instants[step] = instant
+        if not (later and self._extend_pvd(instant)):
+            self._write_pvd()
 
     def _write_pvd(self) -> None:
-        lines = [
-            f'<DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>'
-            for time, file in sorted(self._instants.values())
-        ]
-        text = _document("Collection", "0.1", ["<Collection>", *lines, "</Collection>"])
+        lines = [_data_set(instant) for instant in sorted(self._instants.values())]
+        text = _document("Collection", "0.1", ["<Collection>", *lines, _PVD_END])
         replace_file(self.folder / f"{self.name}.pvd", [text.encode()])
+
+    def _extend_pvd(self, instant: tuple[float, str]) -> bool:
+        """Put one more line before the last ones, in one write; False if the index stays as it was.
+
+        Long runs have many instants, and replacing a file waits for the disk.
+        """
+        end = f"{_PVD_END}\n{_DOCUMENT_END}".encode()
+        new = f"{_data_set(instant)}\n".encode() + end
+        try:
+            with (self.folder / f"{self.name}.pvd").open("r+b", buffering=0) as stream:
+                at = stream.seek(-len(end), SEEK_END)
+                if stream.read() != end:
+                    return False
+                stream.seek(at)
+                if stream.write(new) == len(new):
+                    return True
+                stream.seek(at)  # the disk is full
+                stream.write(end)
+                stream.truncate()
+        except OSError:
+            pass
+        return False
+
+
+def _data_set(instant: tuple[float, str]) -> str:
+    time, file = instant
+    return f'<DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>'
 
 
 def _document(kind: str, version: str, lines: Sequence[str]) -> str:
@@ -305,7 +334,7 @@ def _document(kind: str, version: str, lines: Sequence[str]) -> str:
             '<?xml version="1.0"?>',
             f'<VTKFile type="{kind}" version="{version}" byte_order="{_ENDIAN}"{header}>',
             *lines,
-            "</VTKFile>\n",
+            _DOCUMENT_END,
         ]
     )
 
@@ -369,7 +398,10 @@ def _pvtu(sources: Sequence[str], point_data: Sequence[str], cell_data: Sequence
 def _read_pvd(path: Path, name: str) -> dict[int, tuple[float, str]]:
     """Instants of an existing series by step number."""
     try:
-        sets = ET.parse(path).getroot().iter("DataSet")
+        # a machine that failed may have cut the last lines off
+        parser: Any = ET.XMLPullParser(("start",))
+        parser.feed(path.read_bytes().rstrip(b"\0"))
+        sets = [element for _, element in parser.read_events() if element.tag == "DataSet"]
         entries = [(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets]
         matches = [re.search(rf"{re.escape(name)}_(\d{{6,}})", Path(f).name) for _, f in entries]
         return {int(m[1]): e for m, e in zip(matches, entries, strict=True) if m}

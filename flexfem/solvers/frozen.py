@@ -229,7 +229,7 @@ class FrozenSolver:
         """
         if self._missed is None:
             return Worst([flexible.every for flexible in self._flexible], 1.0)
-        limit = _SHARE * self._dot(self._missed, self._missed)
+        limit = _SHARE * self._squares(self._missed)[0]
         pieces: list[list[int] | None] = []
         rows = np.zeros((2, len(self._flexible)))
         for i, flexible in enumerate(self._flexible):
@@ -351,10 +351,10 @@ class FrozenSolver:
         values = self.system.constraints.values + self._yielding(solution[count:])
         self._solve(values, beyond=True)
         self._missed = residual = self._collect()
-        size = self._dot(solution, solution) ** 0.5
-        self.defect = self._dot(residual, residual) ** 0.5 / size if size > 0.0 else 0.0
+        size, missed = np.sqrt(self._squares(solution, residual)).tolist()
+        self.defect = missed / size if size > 0.0 else 0.0
         correction, self.exact = minimal_residual(
-            apply, residual, self._dot, _INNER * size, _SWEEPS
+            apply, residual, missed, self._products, _INNER * size, _SWEEPS
         )
         return correction
 
@@ -367,11 +367,20 @@ class FrozenSolver:
             np.add.at(values, i, rows.coupling * multipliers[j])
         return values
 
-    def _dot(self, a: FloatArray, b: FloatArray) -> float:
-        """Inner product of the blocks' parts over all ranks."""
+    def _products(self, rows: FloatArray, vector: FloatArray) -> FloatArray:
+        """Inner products (k,) of rows (k, n) with a vector: the blocks' parts, over all ranks."""
         count = self._sizes[-1]
-        local = float(a[:count] @ b[:count])
-        return self.system.comm.allreduce(local) if self.system.comm.size > 1 else local
+        return self._sum(rows[:, :count] @ vector[:count])
+
+    def _squares(self, *vectors: FloatArray) -> FloatArray:
+        """Squares of the norms of the blocks' parts over all ranks."""
+        count = self._sizes[-1]
+        return self._sum(np.array([v[:count] @ v[:count] for v in vectors]))
+
+    def _sum(self, values: FloatArray) -> FloatArray:
+        if self.system.comm.size > 1:
+            self.system.comm.Allreduce(MPI.IN_PLACE, values)
+        return values
 
     def _put(self, solution: FloatArray) -> FloatArray:
         """Write the blocks' parts of a solution to their steps; the multipliers' part."""

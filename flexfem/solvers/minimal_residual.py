@@ -2,6 +2,7 @@
 """GMRES for a few vectors, for operators that are close to the identity."""
 
 from collections.abc import Callable
+from math import hypot, isfinite, sqrt
 
 import numpy as np
 
@@ -9,20 +10,28 @@ from flexfem._types import FloatArray
 
 __all__ = ["minimal_residual"]
 
+#: A vector that loses more than this of its square in one orthogonalisation takes a second one
+#: (Daniel, Gragg, Kaufman, Stewart 1976).
+_LOST = 0.99
+
 
 def minimal_residual(
     apply: Callable[[FloatArray], FloatArray],
     residual: FloatArray,
-    dot: Callable[[FloatArray, FloatArray], float],
+    norm: float,
+    products: Callable[[FloatArray, FloatArray], FloatArray],
     tolerance: float,
     most: int,
 ) -> tuple[FloatArray, bool]:
-    """Solve ``B z = residual`` from zero (Saad, Schultz 1986, with modified Gram–Schmidt).
+    """Solve ``B z = residual`` from zero (Saad, Schultz 1986), with one reduction a vector.
+
+    Classical Gram–Schmidt acts on ``(B - I) v``, which is small, so that little is cancelled.
 
     Args:
-        apply: the operator B.
-        residual: right-hand side.
-        dot: inner product, the same on all ranks.
+        apply: the operator B; returns a new vector.
+        residual: right-hand side (n,).
+        norm: its norm.
+        products: inner products (k,) of the rows of (k, n) with (n,), the same on all ranks.
         tolerance: stop when the norm of the residual falls below it.
         most: largest number of applications of B.
 
@@ -30,27 +39,53 @@ def minimal_residual(
         The solution, not finite where residual or operator are not, which is left to the caller;
         whether it is as accurate as asked for.
     """
-    beta = dot(residual, residual) ** 0.5
-    if beta <= tolerance or beta == 0.0 or not np.isfinite(beta):
+    if norm <= tolerance or norm == 0.0 or not isfinite(norm):
         # one sweep of the fixed point, as good as B is close to one
-        return residual.copy(), bool(np.isfinite(beta))
-    basis, hessenberg = [residual / beta], np.zeros((most + 1, most))
-    right = np.zeros(most + 1)
-    right[0] = beta
-    weights, left = np.zeros(1), beta
+        return residual.copy(), isfinite(norm)
+    basis, triangle = np.empty((most + 1, len(residual))), np.zeros((most, most))
+    np.divide(residual, norm, out=basis[0])
+    turns: list[tuple[float, float]] = []
+    right = [norm]
     for k in range(most):
-        vector = apply(basis[k])
-        for i, other in enumerate(basis):
-            hessenberg[i, k] = dot(other, vector)
-            vector -= hessenberg[i, k] * other
-        hessenberg[k + 1, k] = dot(vector, vector) ** 0.5
-        system = hessenberg[: k + 2, : k + 1]
-        if not np.isfinite(system).all():
+        np.subtract(apply(basis[k]), basis[k], out=basis[k + 1])
+        column, length = _orthogonalise(basis[: k + 2], products)
+        column[k] += 1.0
+        if not isfinite(sum(column) + length):
             return np.full_like(residual, np.nan), False
-        weights = np.linalg.lstsq(system, right[: k + 2])[0]
-        left = float(np.linalg.norm(right[: k + 2] - system @ weights))
-        if left <= tolerance or hessenberg[k + 1, k] <= 1e-14 * beta:
+        for i, (c, s) in enumerate(turns):
+            first, second = column[i : i + 2]
+            column[i : i + 2] = c * first + s * second, c * second - s * first
+        size = hypot(column[k], length)
+        if size == 0.0:  # B is singular here
             break
-        basis.append(vector / hessenberg[k + 1, k])
-    solution = np.sum([w * v for w, v in zip(weights, basis, strict=False)], axis=0)
-    return solution, left <= tolerance
+        c, s = column[k] / size, length / size
+        column[k] = size
+        turns.append((c, s))
+        triangle[: k + 1, k] = column
+        right[k:] = [c * right[k], -s * right[k]]
+        if abs(right[-1]) <= tolerance or length <= 1e-14:
+            break
+        basis[k + 1] /= length
+    used = len(turns)
+    weights = np.linalg.solve(triangle[:used, :used], right[:used])
+    return weights @ basis[:used], abs(right[-1]) <= tolerance
+
+
+def _orthogonalise(
+    rows: FloatArray, products: Callable[[FloatArray, FloatArray], FloatArray]
+) -> tuple[list[float], float]:
+    """Make the last row orthogonal to those before it, which are orthonormal.
+
+    Returns:
+        Its components along them, and the length that is left.
+    """
+    basis, vector = rows[:-1], rows[-1]
+    column, left = np.zeros(len(basis)), 0.0
+    for _ in range(2):
+        *found, square = products(rows, vector)
+        vector -= np.dot(found, basis)
+        column += found
+        left = square - float(np.dot(found, found))
+        if left > (1.0 - _LOST) * square:
+            break
+    return column.tolist(), sqrt(max(left, 0.0)) if isfinite(left) else left

@@ -10,6 +10,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import LawKind, RowKind
 from flexfem.core.state import State
+from flexfem.system.action_kernels import add_turning_forces
 from flexfem.system.interface import Interface
 from flexfem.system.numbered_rows import NumberedRows
 from flexfem.system.row_hessians import (
@@ -356,13 +357,9 @@ class Constraints(NumberedRows):
             hessians: (n_pairs, 12, 12) derivatives of the forces.
             steps: (n_slots, 6) local twists.
         """
-        slots = self.pair_slots
-        padded = np.concatenate([steps, np.zeros((1, 6))])
-        along = padded[slots].reshape(-1, 12, 1)
-        change = (hessians @ along).reshape(-1, 6)
-        out = np.zeros((len(steps) + 1, 6))
-        np.add.at(out, slots.ravel(), change)
-        return out[:-1]
+        out = np.zeros_like(steps)
+        add_turning_forces(hessians, self.pair_slots, steps, out)
+        return out
 
     def second_rates(self) -> FloatArray:
         """(r,) second time derivative of every row at constant local velocities."""

@@ -12,6 +12,7 @@ from flexfem.core.row import LawKind
 from flexfem.model.model import Model
 from flexfem.system.constraints import Constraints
 from flexfem.system.momenta import ChosenBodies
+from flexfem.system.row_laws import elastic_part
 from flexfem.system.system import System
 
 __all__ = ["Energies", "EnergyMeter", "refresh_rows"]
@@ -61,12 +62,9 @@ def refresh_rows(system: System) -> None:
 
 def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
     """Stored energy and elastic force of every row, (r,) each; zero for rigid and open ones."""
-    kind, stiffness, _, lower, upper = rows.elastic.T
-    values = rows.sums() - rows.targets
-    beyond = values - np.clip(values, lower, upper)
-    stretch = np.select([kind == LawKind.SPRING, kind == LawKind.LIMIT], [values, beyond], 0.0)
-    pull = np.where(rows.active, stiffness * stretch, 0.0)
-    return 0.5 * pull * stretch, pull
+    energies, pulls = np.empty((2, rows.size))
+    elastic_part(rows.elastic, rows.active, rows.sums() - rows.targets, energies, pulls)
+    return energies, pulls
 
 
 class EnergyMeter:

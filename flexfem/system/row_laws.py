@@ -3,11 +3,11 @@
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.core.row import LawKind
 from flexfem.lie.compiled import kernel
 
-__all__ = ["LIMIT", "NORMAL_FRICTION", "RIGID", "SPRING", "force_law"]
+__all__ = ["LIMIT", "NORMAL_FRICTION", "RIGID", "SPRING", "elastic_part", "force_law"]
 
 RIGID, SPRING, LIMIT, FRICTION, NORMAL_FRICTION = (int(kind) for kind in LawKind)
 
@@ -97,3 +97,18 @@ def force_law(
         _friction(law[3] * normal, law[4], law[2], rate, force, out)
     else:
         _friction(law[3], law[4], law[2], rate, force, out)
+
+
+@kernel
+def elastic_part(
+    laws: FloatArray, active: BoolArray, values: FloatArray, energies: FloatArray, pulls: FloatArray
+) -> None:
+    """Stored energy and elastic force of every row; zero for rigid and open ones."""
+    for r in range(active.size):
+        kind, stretch = int(laws[r, 0]), 0.0
+        if kind == SPRING:
+            stretch = values[r]
+        elif kind == LIMIT:
+            stretch = values[r] - min(max(values[r], laws[r, 3]), laws[r, 4])
+        pulls[r] = laws[r, 1] * stretch if active[r] else 0.0
+        energies[r] = 0.5 * pulls[r] * stretch

@@ -20,6 +20,7 @@ from flexfem.core.load import Load
 from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State
 from flexfem.elements.family import ElementFamily
+from flexfem.system.action_kernels import add_products, subtract_forces
 from flexfem.system.constraints import Constraints
 from flexfem.system.contacts import Contacts, ContactShare
 from flexfem.system.inner_forces import InnerForces
@@ -262,8 +263,8 @@ class System:
         self.interface.update_steps()
         turning = self.constraints.turning_forces(hessians, self.interface.steps)
         for part in self.parts:
-            held = part.slots >= 0
-            np.subtract.at(part.block.residual, part.slots[held], turning[held])
+            if len(part.slots):
+                subtract_forces(turning, part.slots, part.block.residual)
 
     def multiply_mass(self, factor: float) -> None:
         """Residuals become ``factor`` times mass matrix times the blocks' steps (collective)."""
@@ -281,12 +282,12 @@ class System:
                 block.residual[block.owned :] = 0.0
                 mechanics.add_cells(self, part, shifts, factor)
                 block.add_ghosts()
-            for nodes, matrices in (
-                (part.masses.nodes, mechanics.masses(self, part, shifts)),
-                (part.forces.nodes, mechanics.forces(self, part, shifts)),
-            ):
-                action = np.einsum("kij,kj->ki", matrices, block.step[nodes])
-                np.add.at(block.residual, nodes, factor * action)
+            for nodes, tangent in (
+                (part.masses.nodes, mechanics.masses), (part.forces.nodes, mechanics.forces),
+            ):  # fmt: skip
+                if len(nodes):
+                    matrices = tangent(self, part, shifts)
+                    add_products(matrices, nodes, block.step, factor, block.residual)
             if part.contacts is not None and shifts.stiffness:
                 part.contacts.add_action(factor * shifts.scale * shifts.stiffness)
 

@@ -159,6 +159,31 @@ def test_series_is_readable_after_every_write(shared_tmp_path: Path) -> None:
     series.close()
 
 
+def test_an_index_that_was_cut_off_or_lost_is_mended(shared_tmp_path: Path) -> None:
+    """A machine that fails may leave half an index; users may remove one that is being written."""
+    x, cells = segment(COMM.rank)
+    index = shared_tmp_path / "s.pvd"
+    series = VtuSeries(shared_tmp_path, "s", COMM)
+    for step, loss in enumerate((None, "all", "end", None)):
+        series.write(0.1 * step, step, x, cells, "line")
+        COMM.barrier()
+        assert len(pvd(index)) == step + 1
+        COMM.barrier()
+        if COMM.rank == 0 and loss == "all":
+            index.unlink()
+        elif COMM.rank == 0 and loss == "end":
+            index.write_bytes(index.read_bytes()[:-9])
+        COMM.barrier()
+    series.close()
+    if COMM.rank == 0:
+        text = index.read_bytes()
+        index.write_bytes(text[: text.rindex(b"<DataSet") + 20] + bytes(50))
+    COMM.barrier()
+    VtuSeries(shared_tmp_path, "s", COMM, resume=1.0).close()
+    # the half line goes, those before it stay
+    assert [time for time, _ in pvd(index)] == pytest.approx([0.0, 0.1, 0.2])
+
+
 def test_series_replaces_a_step_written_twice(shared_tmp_path: Path) -> None:
     x, cells = segment(COMM.rank)
     series = VtuSeries(shared_tmp_path, "s", COMM)

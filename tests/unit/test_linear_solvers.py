@@ -21,7 +21,9 @@ def test_minimal_residual_is_the_best_of_its_krylov_space(most, rng):
     size = 12
     B = np.eye(size) + 0.4 * rng.normal(size=(size, size))
     right = rng.normal(size=size)
-    found, _ = minimal_residual(lambda v: B @ v, right.copy(), np.dot, 0.0, most)
+    found, _ = minimal_residual(
+        lambda v: B @ v, right.copy(), np.linalg.norm(right), np.dot, 0.0, most
+    )
     krylov = [right]
     for _ in range(most - 1):
         krylov.append(B @ krylov[-1] / np.linalg.norm(krylov[-1]))
@@ -42,19 +44,40 @@ def test_minimal_residual_stops_at_its_tolerance(rng):
         calls.append(None)
         return B @ vector
 
-    tolerance = 1e-3 * np.linalg.norm(right)
-    found, exact = minimal_residual(apply, right, np.dot, tolerance, 9)
+    size = np.linalg.norm(right)
+    tolerance = 1e-3 * size
+    found, exact = minimal_residual(apply, right, size, np.dot, tolerance, 9)
     assert exact
     assert np.linalg.norm(right - B @ found) <= tolerance * (1.0 + 1e-9)
     assert len(calls) <= 6  # contraction of about 0.15 a vector
-    assert not minimal_residual(apply, right, np.dot, tolerance, 2)[1]
+    assert not minimal_residual(apply, right, size, np.dot, tolerance, 2)[1]
 
 
 def test_minimal_residual_of_the_identity_and_of_nothing(rng):
     right = rng.normal(size=5)
     for vector in (right, np.zeros(5)):
-        found, _ = minimal_residual(np.copy, vector, np.dot, 0.0, 4)
+        found, _ = minimal_residual(np.copy, vector, np.linalg.norm(vector), np.dot, 0.0, 4)
         np.testing.assert_allclose(found, vector, rtol=1e-13)
+
+
+def test_minimal_residual_takes_one_reduction_a_vector(rng):
+    """The norm comes with the inner products; operators near the identity lose nothing by it."""
+    E, right, calls = rng.normal(size=(200, 200)) / 200**0.5, rng.normal(size=200), []
+
+    def products(rows, vector):
+        calls.append(len(rows))
+        return rows @ vector
+
+    found, exact = minimal_residual(
+        lambda v: v + 1e-4 * (E @ v), right, np.linalg.norm(right), products, 1e-13, 6
+    )
+    # a norm from what cancels against the identity stops at 1e-8
+    assert exact
+    assert np.linalg.norm(right - found - 1e-4 * (E @ found)) < 2e-13 * np.linalg.norm(right)
+    assert calls == list(range(2, len(calls) + 2))
+    nothing, exact = minimal_residual(lambda v: v * np.nan, right, 1.0, products, 0.0, 3)
+    assert not exact
+    assert np.isnan(nothing).all()
 
 
 @pytest.mark.three_ranks
