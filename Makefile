@@ -41,8 +41,8 @@ $(DOCS_STAMP): $(STAMP)
 
 run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)
 	$(BIN)/mpirun -n $(RANKS) $(BIN)/flexfem run $(CASE)
-	$(BIN)/python postprocess/render.py results/$(CASE)
-	$(BIN)/python postprocess/plot_history.py results/$(CASE)
+	$(BIN)/flexfem render results/$(CASE)
+	$(BIN)/flexfem plot results/$(CASE)
 	@echo "files made in results/$(CASE):"
 	@find results/$(CASE) -type f ! -name '*vtu' | sort
 	@echo "and $$(find results/$(CASE) -type f -name '*vtu' | wc -l) ParaView field files"
