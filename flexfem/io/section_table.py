@@ -5,7 +5,7 @@ import csv
 from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from flexfem import _checks
 from flexfem.materials.material import Material
@@ -28,7 +28,7 @@ _MATERIAL = {"E": "youngs_modulus", "nu": "poisson_ratio", "rho": "density"}
 _COLUMNS = {
     "E": "Pa", "nu": "", "rho": "kg/m^3",
     "width": "m", "height": "m", "wall": "m", "diameter": "m", "inner_diameter": "m",
-    "outer_diameter": "m",
+    "outer_diameter": "m", "web": "m", "flange": "m", "thickness": "m", "fillet": "m",
     "A": "m^2", "I2": "m^4", "I3": "m^4", "J": "m^4", "k2": "", "k3": "",
     "mass_y": "m", "mass_z": "m", "shear_y": "m", "shear_z": "m",
 }  # fmt: skip
@@ -37,8 +37,14 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "hollow_rectangle": ("width", "height", "wall"),
     "circle": ("diameter",),
     "tube": ("inner_diameter", "outer_diameter"),
+    "i_section": ("width", "height", "web", "flange"),
+    "channel": ("width", "height", "web", "flange"),
+    "angle": ("width", "height", "thickness"),
+    "t_section": ("width", "height", "web", "flange"),
     "constants": ("A", "I2", "I3", "J", "k2", "k3"),
 }
+#: Kinds that may have a fillet, and that know their shear centre.
+_PROFILES = ("i_section", "channel", "angle", "t_section")
 _CENTRES = ("mass_y", "mass_z", "shear_y", "shear_z")
 
 
@@ -73,11 +79,13 @@ def read_sections(
             ``material`` (a name in `materials`) or ``E``, ``nu`` and ``rho``, and those that the
             kinds need, all in SI units unless another one stands in brackets (``width [mm]``):
             "rectangle" ``width, height``; "hollow_rectangle" ``width, height, wall``; "circle"
-            ``diameter``; "tube" ``inner_diameter, outer_diameter``; "constants" the area ``A``,
-            the second moments ``I2`` (integral of z^2, bending about e2) and ``I3`` (of y^2,
-            about e3), the torsion constant ``J`` and the shear factors ``k2, k3``. The latter
-            two may be given for the other kinds as well; the mass centre ``mass_y, mass_z`` and
-            the shear centre ``shear_y, shear_z`` for all. Fields that do not apply stay empty.
+            ``diameter``; "tube" ``inner_diameter, outer_diameter``; "i_section", "channel" and
+            "t_section" ``width, height, web, flange``, "angle" ``width, height, thickness``, these
+            four with a ``fillet`` or none; "constants" the area ``A``, the second moments ``I2``
+            (integral of z^2, bending about e2) and ``I3`` (of y^2, about e3), the torsion constant
+            ``J`` and the shear factors ``k2, k3``. The latter two may be given for the other kinds
+            as well; the mass centre ``mass_y, mass_z`` and the shear centre ``shear_y, shear_z``
+            for all. Fields that do not apply stay empty.
         materials: Materials by name, as from :func:`read_materials`.
 
     Returns:
@@ -107,25 +115,30 @@ def _section(row: "_Row", materials: Mapping[str, Material]) -> Section:
         row.fail(f'material "{name}" is not known; there are {_checks.show(known, 200)}')
     material = materials[name] if name else row.material()
     needed = _DIMENSIONS[kind]
-    allowed = {*needed, "k2", "k3", *_CENTRES, *(() if name else _MATERIAL)}
+    profile = ("fillet",) if kind in _PROFILES else ()
+    allowed = {*needed, *profile, "k2", "k3", *_CENTRES, *(() if name else _MATERIAL)}
     for column in _COLUMNS:
         if row.fields.get(column) and column not in allowed:
-            why = f"the material is {name}" if column in _MATERIAL else f"a {kind} has none"
+            article = "an" if kind[0] in "ai" else "a"
+            why = f"the material is {name}" if column in _MATERIAL else f"{article} {kind} has none"
             row.fail(f"{column} must be empty, {why}, got {row.fields[column]!r}")
     values = {column: row.number(column) for column in needed}
     if bool(row.fields.get("k2")) != bool(row.fields.get("k3")):
         row.fail("k2 and k3 must both be given, or neither")
     factors = (row.number("k2"), row.number("k3")) if row.fields.get("k2") else None
     mass_y, mass_z, shear_y, shear_z = (row.optional(column) or 0.0 for column in _CENTRES)
-    centres = {"mass_centre": (mass_y, mass_z), "shear_centre": (shear_y, shear_z)}
+    more: dict[str, Any] = {"mass_centre": (mass_y, mass_z), "shear_factor": factors}
+    # profiles know their own shear centre
+    if not profile or row.fields.get("shear_y") or row.fields.get("shear_z"):
+        more["shear_centre"] = (shear_y, shear_z)
+    if profile:
+        more["fillet"] = row.optional("fillet") or 0.0
     if kind == "constants":
         assert factors is not None
         return Section.of_constants(
-            values["A"], values["I2"], values["I3"], values["J"], material,
-            shear_factor=factors, **centres,
-        )  # fmt: skip
-    make = getattr(Section, kind)
-    section: Section = make(*values.values(), material, shear_factor=factors, **centres)
+            values["A"], values["I2"], values["I3"], values["J"], material, **more
+        )
+    section: Section = getattr(Section, kind)(*values.values(), material, **more)
     return section
 
 

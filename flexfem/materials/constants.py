@@ -35,6 +35,11 @@ class Shape:
         outline: Vertices (y, z) of the outer boundary, anticlockwise, the last one joined to the
             first, shape (k, 2), metres; None when unknown.
         boundaries: Outer boundary, and inner one of hollow shapes, with as many vertices.
+        product: Integral of y z, m^4.
+        shear_coupling: k23 where shear forces along e2 also shear along e3.
+        shear_centre: (y, z), m.
+        warping_constant: About the shear centre, m^6, as tables list it; the beams here warp
+            freely and have no use for it. None when unknown.
     """
 
     area: float
@@ -43,6 +48,10 @@ class Shape:
     shear_factors: tuple[float, float]
     outline: FloatArray | None
     boundaries: tuple[Boundary, ...]
+    product: float = 0.0
+    shear_coupling: float = 0.0
+    shear_centre: tuple[float, float] = (0.0, 0.0)
+    warping_constant: float | None = None
 
 
 def rectangle_torsion(a: float, b: float) -> float:

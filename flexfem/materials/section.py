@@ -7,7 +7,8 @@ y along e2 and z along e3, measured from the reference axis (the line of nodes).
 Strain order: extension gamma1, shears gamma2, gamma3, twist kappa1, bendings kappa2, kappa3.
 The stiffness of a section that is symmetric about its reference axis is
 `D = diag(E A, k2 G A, k3 G A, G J_t, E I22, E I33)`, where I22 = integral of z^2 resists bending
-about e2 and I33 = integral of y^2 bending about e3.
+about e2 and I33 = integral of y^2 bending about e3; where the integral I23 of y z does not vanish,
+the last two rows couple by -E I23.
 
 Velocity order: (V, Omega), translation first. The inertia per length is
 `[[m I, -S], [S, J]]`, m = rho A, S = skew(m c) with c = (0, y_c, z_c) the mass centre, and the
@@ -30,6 +31,8 @@ from flexfem.materials import constants
 from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite, check_inertia_form
 from flexfem.materials.section_law import BeamLaw
+from flexfem.materials.section_matrices import about_shear_centre, inertia_of, stiffness_of
+from flexfem.materials.section_profiles import ProfileSections
 from flexfem.materials.section_wall import SectionWall
 
 #: Vertices that an outline needs to pass for a circle, and by how much their radii may differ.
@@ -37,7 +40,7 @@ _ROUND = (12, 1e-6)
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Section:
+class Section(ProfileSections):
     """Section of a beam: stiffness or law, inertia, and an outline for pictures.
 
     Attributes:
@@ -50,6 +53,8 @@ class Section:
         law: The section's own law; None for the linear one of the stiffness.
         walls: Boundaries as pictures show them: the outer one, and the inner one of hollow shapes;
             with what is known of the stresses there. Empty without an outline.
+        shape: Area, second moments, torsion constant, shear centre and the like; None where only
+            matrices are known.
     """
 
     stiffness: FloatArray | None
@@ -57,6 +62,7 @@ class Section:
     outline: FloatArray | None
     law: BeamLaw | None
     walls: tuple[SectionWall, ...]
+    shape: constants.Shape | None
 
     def __init__(
         self,
@@ -66,6 +72,7 @@ class Section:
         *,
         law: BeamLaw | None = None,
         walls: Sequence[SectionWall] = (),
+        shape: constants.Shape | None = None,
     ) -> None:
         """Create a section from its matrices; the other constructors are for common shapes.
 
@@ -97,7 +104,9 @@ class Section:
                 )
             walls = walls or (SectionWall(outline),)
         walls = tuple(walls)
-        _checks.assign(self, stiffness=d, inertia=m, outline=outline, law=law, walls=walls)
+        _checks.assign(
+            self, stiffness=d, inertia=m, outline=outline, law=law, walls=walls, shape=shape
+        )
 
     @classmethod
     def general(
@@ -133,7 +142,7 @@ class Section:
         """
         _checks.instance("Section", "law", law, BeamLaw)
         walls = [SectionWall(wall.points) for wall in self.walls]  # the stresses are the law's
-        return type(self)(None, self.inertia, self.outline, law=law, walls=walls)
+        return type(self)(None, self.inertia, self.outline, law=law, walls=walls, shape=self.shape)
 
     @classmethod
     def rectangle(
@@ -311,23 +320,26 @@ class Section:
         shape: constants.Shape,
         material: Material,
         mass_centre: npt.ArrayLike,
-        shear_centre: npt.ArrayLike,
+        shear_centre: npt.ArrayLike | None,
         shear_factor: npt.ArrayLike | None,
     ) -> Self:
         """Create the section of a given shape and material."""
         _checks.instance("Section", "material", material, Material)
         factors = _shear_factors(shear_factor, shape.shear_factors)
         centre = _checks.array("Section", "mass_centre", mass_centre, (2,))
-        elastic = _stiffness(shape, material, factors)
-        pole = _checks.array("Section", "shear_centre", shear_centre, (2,))
+        coupling = shape.shear_coupling if shear_factor is None else 0.0
+        elastic = stiffness_of(shape, material, factors, coupling)
+        own = shape.shear_centre if shear_centre is None else shear_centre
+        pole = _checks.array("Section", "shear_centre", own, (2,))
         return cls(
-            _about_shear_centre(elastic, pole),
-            _inertia(shape, material.density, centre),
+            about_shear_centre(elastic, pole),
+            inertia_of(shape, material.density, centre),
             shape.outline,
             walls=[
-                SectionWall.linear(boundary, shape.area, shape.second_moments, pole)
+                SectionWall.linear(boundary, shape.area, shape.second_moments, pole, shape.product)
                 for boundary in shape.boundaries
             ],
+            shape=shape,
         )
 
     @property
@@ -378,43 +390,3 @@ def _shear_factors(
         raise ValueError(f"Section: shear_factor must be positive, got {_checks.show(given)}")
     k2, k3 = np.broadcast_to(values, (2,))
     return float(k2), float(k3)
-
-
-def _stiffness(
-    shape: constants.Shape, material: Material, factors: tuple[float, float]
-) -> FloatArray:
-    """Return the stiffness of a section whose centres all lie on the reference axis."""
-    e, g = material.youngs_modulus, material.shear_modulus
-    i22, i33 = shape.second_moments
-    k2, k3 = factors
-    area = shape.area
-    return np.diag(
-        [e * area, k2 * g * area, k3 * g * area, g * shape.torsion_constant, e * i22, e * i33]
-    )
-
-
-def _about_shear_centre(stiffness: FloatArray, centre: FloatArray) -> FloatArray:
-    """Let shear forces act through, and twist turn about, the shear centre (y, z).
-
-    The shear strains there are `gamma2 - z kappa1` and `gamma3 + y kappa1` (the strain of the
-    point c is gamma + kappa x c; extension stays that of the reference axis). With A the matrix
-    of this map, `D' = A^T D A`.
-    """
-    y, z = centre
-    a = np.eye(6)
-    a[1, 3] = -z
-    a[2, 3] = y
-    result: FloatArray = a.T @ stiffness @ a
-    return result
-
-
-def _inertia(shape: constants.Shape, density: float, centre: FloatArray) -> FloatArray:
-    """Return the inertia per length about the reference axis, mass centre at (y, z)."""
-    y, z = centre
-    mass = density * shape.area
-    i22, i33 = shape.second_moments
-    skew = mass * np.array([[0.0, -z, y], [z, 0.0, 0.0], [-y, 0.0, 0.0]])
-    # m (c.c I - c c^T) is skew(c)^T skew(c) times m
-    steiner = skew.T @ skew / mass if mass > 0.0 else np.zeros((3, 3))
-    rotary = density * np.diag([i22 + i33, i22, i33]) + steiner
-    return np.block([[mass * np.eye(3), -skew], [skew, rotary]])

@@ -4,11 +4,12 @@
 Axes and signs as in ``flexfem.materials.section``: y along e2, z along e3, resultants
 (N, Q2, Q3, T, M2, M3). Where a section is linear and elastic, the axial stress is
 
-    sigma = N/A + M2 z/I22 - M3 y/I33,
+    sigma = N/A + M2 (I33 z - I23 y)/D + M3 (I23 z - I22 y)/D, D = I22 I33 - I23^2,
 
 and on the surface, which is free, shear stress acts along the boundary only. Given here is that of
-Saint-Venant's torsion; the shear stress of the shear forces Q2 and Q3, smaller than that of bending
-by the slenderness of the beam, and stresses of restrained warping are left out.
+Saint-Venant's torsion and, for profiles, of the shear forces Q2 and Q3. In compact sections the
+latter is left out: it is smaller than the stress of bending by the slenderness of the beam. So are
+stresses of restrained warping.
 """
 
 from dataclasses import dataclass
@@ -34,10 +35,13 @@ class Boundary:
     Attributes:
         points: (k, 2) its vertices (y, z) in anticlockwise order, m.
         torsion: (k,) shear stress in this sense per torque, 1/m^3.
+        shear: (k, 2) the same per force along e2 and e3 through the shear centre, 1/m^2; None where
+            it is left out.
     """
 
     points: FloatArray
     torsion: FloatArray
+    shear: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +60,7 @@ class SectionWall:
     @classmethod
     def linear(
         cls, boundary: Boundary, area: float, second_moments: tuple[float, float],
-        shear_centre: FloatArray,
+        shear_centre: FloatArray, product: float = 0.0,
     ) -> "SectionWall":  # fmt: skip
         """The boundary of a linear elastic section with its centroid on the reference axis.
 
@@ -65,14 +69,19 @@ class SectionWall:
             area: m^2.
             second_moments: (I22, I33), m^4.
             shear_centre: (y, z) of the point about which torques twist, m.
+            product: I23, m^4.
         """
         y, z = boundary.points.T
         stress = np.zeros((len(y), 2, 6))
         stress[:, 0, 0] = 1.0 / area
-        stress[:, 0, 4], stress[:, 0, 5] = z / second_moments[0], -y / second_moments[1]
+        (i22, i33), i23 = second_moments, product
+        root = i22 * i33 - i23**2
+        stress[:, 0, 4], stress[:, 0, 5] = (i33 * z - i23 * y) / root, (i23 * z - i22 * y) / root
         # T is the torque about the reference axis: that about the shear centre twists
         about = np.array([0.0, shear_centre[1], -shear_centre[0], 1.0, 0.0, 0.0])
         stress[:, 1] = boundary.torsion[:, np.newaxis] * about
+        if boundary.shear is not None:
+            stress[:, 1, 1:3] += boundary.shear
         return cls(boundary.points, stress)
 
 
