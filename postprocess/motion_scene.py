@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
-from result_series import ARROWS, FLEXIBLE, Instant, RenderError
+from result_series import ARROWS, FLEXIBLE, OBSTACLES, Instant, RenderError
 
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
@@ -66,6 +66,7 @@ def survey(
 ) -> tuple[np.ndarray, tuple[float, float]]:
     """Points all over the motion (n, 3) and range of the field."""
     clouds: list[np.ndarray] = [np.zeros((0, 3))]
+    obstacles: list[np.ndarray] = [np.zeros((0, 3))]
     values: list[float] = []
     names: set[str] = set()
     flexible = False
@@ -73,14 +74,15 @@ def survey(
         for name, mesh in instant.meshes(deformation).items():
             points = np.asarray(mesh.points, dtype=float)
             ends = np.concatenate([points.argmin(axis=0), points.argmax(axis=0)])
-            clouds += [points[ends], points[:: 1 + len(points) // 1000]]
+            of = obstacles if name == OBSTACLES else clouds
+            of += [points[ends], points[:: 1 + len(points) // 1000]]
             if name in FLEXIBLE:
                 flexible = True
                 names.update(mesh.array_names)
                 found = scalars(mesh, field)
                 if found is not None and np.isfinite(found[1]).any():
                     values += [float(np.nanmin(found[1])), float(np.nanmax(found[1]))]
-    cloud = np.concatenate(clouds)
+    cloud = with_obstacles(np.concatenate(clouds), np.concatenate(obstacles))
     if not len(cloud) or not np.isfinite(cloud).all():
         raise RenderError(f"{instants[0].folder}: empty or infinite geometry")
     if flexible and not values:
@@ -91,6 +93,15 @@ def survey(
         largest = max(-smallest, largest)
         return cloud, (-largest, largest)
     return cloud, (0.0, largest if largest > 0.0 else 1.0)
+
+
+def with_obstacles(cloud: np.ndarray, obstacles: np.ndarray) -> np.ndarray:
+    """Points of a motion with those of obstacles (n, 3), as far as these are close to it."""
+    if not len(cloud) or not len(obstacles):
+        return cloud if len(cloud) else obstacles
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    margin = 0.1 * float(np.linalg.norm(high - low))
+    return np.concatenate([cloud, np.clip(obstacles, low - margin, high + margin)])
 
 
 def arrow_reach(
@@ -184,6 +195,10 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
             if opacity == 1.0:
                 draw_arrows(plotter, mesh, scene, own)
             continue
+        if name == OBSTACLES and opacity == 1.0:
+            draw_obstacles(plotter, mesh, own)
+        if name == OBSTACLES:
+            continue
         if name == "floating_lines":
             own |= {"line_width": 6, "render_lines_as_tubes": True}
         if name == "beams":
@@ -220,6 +235,13 @@ def draw_flexible(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) 
         shown = (shown.clean() if surface else shown).cell_data_to_point_data()
     cmap = SIGNED if scene.limits[0] < 0.0 else POSITIVE
     return plotter.add_mesh(shown, scalars="shown", clim=scene.limits, cmap=cmap, **style)
+
+
+def draw_obstacles(plotter: Any, mesh: Any, style: dict[str, Any]) -> None:
+    """Add the surfaces that contacts touch, seen from the side where they do."""
+    surface = mesh.extract_surface(algorithm="dataset_surface")
+    style = style | {"color": "#b3bdc7", "culling": "back", "ambient": 0.2}
+    plotter.add_mesh(surface, smooth_shading=True, split_sharp_edges=True, **style)
 
 
 def draw_arrows(plotter: Any, mesh: Any, scene: Scene, style: dict[str, Any]) -> None:

@@ -52,7 +52,7 @@ class RigidBodyFields:
 
 
 class RigidBodyWriter:
-    """Series ``rigid_bodies``: surfaces with displacement and velocity of their points."""
+    """Series ``rigid_bodies``, or of another name: surfaces with displacement and velocity."""
 
     def __init__(
         self,
@@ -60,6 +60,7 @@ class RigidBodyWriter:
         comm: MPI.Comm,
         surfaces: Sequence[Surface],
         *,
+        name: str = "rigid_bodies",
         resume: float | None = None,
     ) -> None:
         """Declare the series; nothing is written yet.
@@ -68,9 +69,10 @@ class RigidBodyWriter:
             folder: Result folder.
             comm: Communicator; `write` and `close` are collective.
             surfaces: Surface of every body of the model in body axes (see `body_surface`).
+            name: Of the series.
             resume: Keep the instants of an earlier run up to this time (s).
         """
-        self._series = VtuSeries(folder, "rigid_bodies", comm, resume=resume)
+        self._series = VtuSeries(folder, name, comm, resume=resume)
         self._templates = InstanceCache(surfaces)
 
     def write(self, time: float, step: int, bodies: RigidBodyFields) -> None:

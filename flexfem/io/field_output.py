@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""ParaView output of a whole system: beams, shells, bodies in floating frames, joints."""
+"""ParaView output of a whole system: beams, shells, bodies, obstacles and joints."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -17,6 +17,7 @@ from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.io.beam_fields import BeamFields, BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
+from flexfem.io.contact_surfaces import ContactSurfaceWriter
 from flexfem.io.curve_fields import CurveSampler
 from flexfem.io.floating_fields import FloatingState, FloatingWriter
 from flexfem.io.paraview_state import write_paraview_state
@@ -32,8 +33,10 @@ from flexfem.system.system import BlockPart, System
 
 __all__ = ["FieldOutput"]
 
-#: Size of joints and of bodies without shape, relative to the model.
+#: Size of joints, relative to the model.
 _GLYPH = 0.02
+#: Largest size of the boxes that stand for bodies without shape, relative to flexible models.
+_BODY = 0.2
 
 
 class FieldOutput:
@@ -65,8 +68,13 @@ class FieldOutput:
         self._thickness = np.array([shell.section.thickness for shell in model.shells])
         self._model_bodies = model.floating_bodies
         self._floating = FloatingWriter(folder, comm, self._model_bodies, resume=resume)
-        surfaces = [body_surface(b.shape, b.mass, b.inertia, b.centre) for b in model.rigid_bodies]
+        # an inertia that drives or brakes must not hide what is flexible
+        largest = _BODY * model_extent(serial) if len(serial.nodes) else np.inf
+        surfaces = [
+            body_surface(b.shape, b.mass, b.inertia, b.centre, largest) for b in model.rigid_bodies
+        ]
         self._bodies = RigidBodyWriter(folder, comm, surfaces, resume=resume)
+        self._obstacles = ContactSurfaceWriter(folder, system, serial, resume)
         # what locks elastic coordinates is inside a body and not shown
         self._shown = np.array([not isinstance(j, ElasticLock) for j in serial.joints], dtype=bool)
         kinds = [j.owner.partition(" ")[0] for j in serial.joints]
@@ -84,6 +92,7 @@ class FieldOutput:
             time, step, self._shell_fields(shells) if shells else ShellFields.empty()
         )
         self._bodies.write(time, step, _body_fields(bodies) if bodies else RigidBodyFields.empty())
+        self._obstacles.write(time, step)
         if FLOATING in self._parts:
             states = _floating_states(self._parts[FLOATING], self._model_bodies)
             self._floating.write(time, step, states)
@@ -115,6 +124,7 @@ class FieldOutput:
 
     def close(self) -> None:
         """End all series."""
+        self._obstacles.close()
         for writer in (self._beams, self._shells, self._bodies, self._floating, self._joints):
             writer.close()
 

@@ -5,6 +5,7 @@ In ParaView: File > Load State. From a shell, with the window or without:
 
     paraview --script=open_in_paraview.py
     pvbatch open_in_paraview.py picture.png
+    pvbatch open_in_paraview.py state.pvsm
 
 It may be moved and copied with its folder; it reads the series (*.pvd) that are there.
 """
@@ -26,6 +27,7 @@ COLOURS = {
     "floating_lines": (("CELLS", "von_mises"),),
 }
 PLAIN = {"rigid_bodies": (0.56, 0.64, 0.72), "joints": (0.88, 0.48, 0.22)}
+PLAIN["contact_surfaces"] = (0.74, 0.78, 0.82)
 ARROWS = {"force": (0.49, 0.25, 0.66), "moment": (0.16, 0.55, 0.42)}
 UNITS = {"bending_moment": "N m", "von_mises": "Pa"}
 #: From blue to red without dark ends, which would hide shading.
@@ -137,6 +139,20 @@ def show_arrows(reader: Any, view: Any, times: list[float], size: float) -> None
             simple.Hide(arrows, view)
 
 
+def whole(boxes: dict[str, Box]) -> Box:
+    """What all series fill together; of obstacles, what is close to the others."""
+    obstacle = boxes.get("contact_surfaces")
+    others = [box for name, box in boxes.items() if name != "contact_surfaces"]
+    every = others or list(boxes.values()) or [([0.0] * 3, [1.0] * 3)]
+    low = [min(box[0][i] for box in every) for i in range(3)]
+    high = [max(box[1][i] for box in every) for i in range(3)]
+    if obstacle and others:
+        margin = 0.1 * sum((high[i] - low[i]) ** 2 for i in range(3)) ** 0.5
+        low = [max(low[i] - margin, min(low[i], obstacle[0][i])) for i in range(3)]
+        high = [min(high[i] + margin, max(high[i], obstacle[1][i])) for i in range(3)]
+    return low, high
+
+
 def look_at(view: Any, low: list[float], high: list[float]) -> None:
     """Parallel projection that shows the whole motion: across a flat one, else from a corner."""
     extent = [high[i] - low[i] for i in range(3)]
@@ -164,7 +180,8 @@ def main() -> None:
     view.UseColorPaletteForBackground = 0
     view.Background = [0.965, 0.973, 0.984]
     view.OrientationAxesLabelColor = [0.19, 0.22, 0.25]
-    displays, boxes, readers = [], [], {}
+    displays, readers = [], {}
+    boxes: dict[str, Box] = {}
     for name, times in found.items():
         reader = readers[name] = simple.PVDReader(
             registrationName=name, FileName=str(folder / (name + ".pvd"))
@@ -179,13 +196,14 @@ def main() -> None:
             display.ColorArrayName = ["POINTS", ""]
             display.DiffuseColor = display.AmbientColor = list(PLAIN.get(name, (0.65, 0.69, 0.73)))
             _, bounds = extremes(reader, times, "CELLS", "")
+        if name == "contact_surfaces":  # triangles face the side that touches
+            display.BackfaceRepresentation = "Cull Backface"
         if name in ("beams", "floating_lines"):
             display.LineWidth = 4.0
         if name == "beams" and "beam_surfaces" in found:
             display.LineWidth = 2.0
-        boxes.append(bounds)
-    low = [min(box[0][i] for box in boxes) for i in range(3)] if boxes else [0.0] * 3
-    high = [max(box[1][i] for box in boxes) for i in range(3)] if boxes else [1.0] * 3
+        boxes[name] = bounds
+    low, high = whole(boxes)
     if "reactions" in readers:
         size = sum((high[i] - low[i]) ** 2 for i in range(3)) ** 0.5 or 1.0
         show_arrows(readers["reactions"], view, found["reactions"], size)
@@ -196,10 +214,12 @@ def main() -> None:
         scene.AnimationTime = max(times[-1] for times in found.values())
     look_at(view, low, high)
     simple.Render(view)
-    pictures = [a for a in sys.argv[1:] if a.endswith(".png")]
-    if pictures:
-        view.ViewSize = [1200, 800]
-        simple.SaveScreenshot(pictures[0], view, ImageResolution=[1200, 800])
+    for name in sys.argv[1:]:
+        if name.endswith(".png"):
+            view.ViewSize = [1200, 800]
+            simple.SaveScreenshot(name, view, ImageResolution=[1200, 800])
+        elif name.endswith(".pvsm"):
+            simple.SaveState(name)
 
 
 LARGEST: dict[str, float] = {}

@@ -49,7 +49,9 @@ def box(sizes: ArrayLike) -> Surface:
     return Surface(corners * np.asarray(sizes, dtype=np.float64), triangles)
 
 
-def cylinder(radius: float, length: float, axis: ArrayLike, *, sides: int = 32) -> Surface:
+def cylinder(
+    radius: float, length: float, axis: ArrayLike, *, sides: int = 32, caps: bool = True
+) -> Surface:
     """Cylinder about an axis (3,), centred at the origin; radius and length in m."""
     phi = 2.0 * np.pi * np.arange(sides) / sides
     ring = radius * np.stack([np.cos(phi), np.sin(phi), np.zeros(sides)], axis=1)
@@ -64,7 +66,8 @@ def cylinder(radius: float, length: float, axis: ArrayLike, *, sides: int = 32) 
         (np.full(sides, 4 * sides), bottom + k, bottom + j),
         (np.full(sides, 4 * sides + 1), top + j, top + k),
     ]
-    triangles = np.concatenate([np.stack(f, axis=1) for f in faces])
+    triangles = np.concatenate([np.stack(f, axis=1) for f in (faces if caps else faces[:2])])
+    points = points if caps else points[:bottom]
     return Surface(points @ frames_along(np.atleast_2d(axis))[0].T, triangles)
 
 
@@ -87,7 +90,11 @@ def sphere(radius: float, *, refinements: int = 3) -> Surface:
 
 
 def body_surface(
-    shape: Any, mass: float, inertia: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0)
+    shape: Any,
+    mass: float,
+    inertia: ArrayLike,
+    centre: ArrayLike = (0.0, 0.0, 0.0),
+    largest: float = np.inf,
 ) -> Surface:
     """Surface of a rigid body in its own axes.
 
@@ -99,12 +106,14 @@ def body_surface(
         mass: Mass in kg.
         inertia: Inertia (3, 3) or its diagonal (3,) about the centre of mass in kg m^2.
         centre: Centre of mass (3,) relative to the reference point in body axes in m.
+        largest: Longest side of the box in m; it is smaller, where it would be longer.
 
     Raises:
         TypeError: If the shape has none of these attributes.
     """
     if shape is None:
         matrix, sizes = _equivalent_box(mass, inertia)
+        sizes *= min(1.0, largest / float(sizes.max()))
         return box(sizes).moved(matrix, centre)
     return _shape_surface(shape)
 

@@ -43,7 +43,7 @@ _HALVINGS = 6
 #: Series that a run of a multibody model may have left in the folder.
 _OF_MODELS = (
     "beams", "beam_surfaces", "shells", "floating_bodies", "floating_lines", "rigid_bodies",
-    "joints", "reactions",
+    "joints", "reactions", "contact_surfaces",
 )  # fmt: skip
 #: Options of multibody models that equations know nothing of, with the values they must have.
 _FOREIGN = {

@@ -3,19 +3,28 @@
 
 import numpy as np
 
+from flexfem._types import FloatArray
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import joint_ends
 
-__all__ = ["model_extent"]
+__all__ = ["model_box", "model_extent"]
 
 
-def model_extent(serial: Assembly) -> float:
-    """Diagonal of the box about all nodes, bodies and markers of joints at the start, m."""
+def model_box(serial: Assembly) -> FloatArray:
+    """Lowest and highest coordinates (2, 3) of nodes, bodies and markers of joints at the start."""
     joints = serial.joints
     poses = [pose.position for joint in joints for pose in joint_ends(serial, joint).poses]
     every = np.concatenate(
         [np.array(poses).reshape(-1, 3), se3.position(serial.rigid_frames), serial.nodes]
     )
-    size = float(np.linalg.norm(np.ptp(every, axis=0))) if len(every) else 0.0
-    return size or 1.0
+    if not len(every):
+        return np.zeros((2, 3))
+    box: FloatArray = np.stack([every.min(axis=0), every.max(axis=0)])
+    return box
+
+
+def model_extent(serial: Assembly) -> float:
+    """Diagonal of the box about all nodes, bodies and markers of joints at the start, m."""
+    low, high = model_box(serial)
+    return float(np.linalg.norm(high - low)) or 1.0
