@@ -138,7 +138,8 @@ def _strip(
 ) -> list[Cell]:  # fmt: skip
     """A straight wall along u; with cells of its whole thickness, the layer, at both ends."""
     end = thickness if layer is None else layer
-    inner = [end, length - end] if length > 3.0 * end else [0.5 * length] * (length > end)
+    # round-off in lengths must not decide
+    inner = [end, length - end] if length > 3.001 * end else [0.5 * length] * (length > 1.001 * end)
     stops, high = [0.0, *inner, length], thickness * v
     return [
         _cell(start + a * u, start + b * u, start + b * u + high, start + a * u + high)

@@ -181,6 +181,8 @@ def _lagrange(x: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _nodes(cells: Sequence[Cell]) -> tuple[FloatArray, IntArray]:
     """Nodes of each cell (m, n, 2), and their numbers (m, n): one where cells meet."""
+    from scipy.spatial import cKDTree
+
     s = 0.5 * (1.0 + _lobatto())
     u, v = (x[..., np.newaxis] for x in np.meshgrid(s, s, indexing="ij"))
     found = []
@@ -198,10 +200,10 @@ def _nodes(cells: Sequence[Cell]) -> tuple[FloatArray, IntArray]:
             points += v * (arc - chord)[:, np.newaxis]
         found.append(points.reshape(-1, 2))
     nodes = np.stack(found)
-    # places are equal to round-off; an odd raster, so that no round number lies between two fields
-    raster = 7.310585e-8 * np.ptp(nodes.reshape(-1, 2), axis=0).max()
-    keys = np.round(nodes.reshape(-1, 2) / raster).astype(np.int64)
-    _, numbers = np.unique(keys, axis=0, return_inverse=True)
+    every = nodes.reshape(-1, 2)
+    # shared places are equal but for round-off
+    near = cKDTree(every).query_ball_point(every, 1e-9 * np.ptp(every, axis=0).max())
+    _, numbers = np.unique([min(same) for same in near], return_inverse=True)
     return nodes, numbers.reshape(nodes.shape[:2])
 
 
@@ -275,7 +277,7 @@ def _side(number: int, nodes: FloatArray, fields: FloatArray) -> _Side:
     length, across = (
         np.linalg.norm(corner[(i + 1) % 4] - corner[i]) for i in (number, (number + 1) % 4)
     )
-    bowed = tangents[0] @ tangents[2] < 1.0 - 1e-9 or length > 2.0 * across
+    bowed = tangents[0] @ tangents[2] < 1.0 - 1e-9 or length > 2.001 * across
     values: FloatArray = np.einsum("qfi,qi->qf", stress, tangents)
     return _Side(points, tangents, values, bool(bowed))
 

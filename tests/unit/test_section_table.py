@@ -82,6 +82,39 @@ def test_materials_in_the_rows_of_sections(file) -> None:
     np.testing.assert_array_equal(found["a"].stiffness, section.stiffness)
 
 
+PROFILES = """\
+name, kind, material, width [mm], height [mm], web [mm], flange [mm], thickness [mm], fillet [mm], \
+k2, k3, shear_y [mm]
+IPE 100, i_section, steel, 55, 100, 4.1, 5.7, , 7
+UPE 100, channel, steel, 55, 100, 4.5, 7.5, , 10
+U, channel, steel, 55, 100, 4.5, 7.5, , 10, 0.4, 0.3, -35
+L, angle, steel, 100, 65, , , 8
+T, t_section, steel, 50, 60, 5, 6
+"""
+
+
+def test_profiles(file) -> None:
+    steel = ff.Material(210e9, 0.3, 7850.0)
+    channel = (0.055, 0.1, 0.0045, 0.0075, steel)
+    expected = {
+        "IPE 100": ff.Section.i_section(0.055, 0.1, 0.0041, 0.0057, steel, fillet=0.007),
+        "UPE 100": ff.Section.channel(*channel, fillet=0.01),
+        "U": ff.Section.channel(
+            *channel, fillet=0.01, shear_factor=(0.4, 0.3), shear_centre=(-0.035, 0.0)
+        ),
+        "L": ff.Section.angle(0.1, 0.065, 0.008, steel),
+        "T": ff.Section.t_section(0.05, 0.06, 0.005, 0.006, steel),
+    }
+    found = ff.read_sections(file(PROFILES), {"steel": steel})
+    for name, section in expected.items():
+        # decimal fractions times 1e-3, through the solution of a system: 1e-12 and less of the
+        # largest entry; sides or columns exchanged are off by per cents
+        for got, wanted in (
+            (found[name].stiffness, section.stiffness), (found[name].outline, section.outline),
+        ):  # fmt: skip
+            np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+
+
 HEAD = "name,kind,material,diameter,width,height,k2,k3\n"
 BAD = [
     ("", "no line with the names of columns"),
@@ -102,6 +135,18 @@ BAD = [
     (HEAD + "a,circle,steel,1,2\n", "width must be empty, a circle has none, got '2'"),
     (HEAD + "a,circle,steel,1,,,0.9\n", 'line 2 "a": k2 and k3 must both be given, or neither'),
     (HEAD + "a,circle,steel,1,,,0.9,0\n", "shear_factor must be positive"),
+    (
+        "name,kind,material,diameter,fillet\na,circle,steel,1,1\n",
+        "fillet must be empty, a circle has none, got '1'",
+    ),
+    (
+        "name,kind,material,width,height,thickness,web\na,angle,steel,1,1,0.1,0.1\n",
+        "web must be empty, an angle has none, got '0.1'",
+    ),
+    (
+        "name,kind,material,width,height,thickness\na,angle,steel,1,1,2\n",
+        'line 2 "a": thickness and fillet must be less than the width 1, got 2',
+    ),
     (HEAD + "a,circle,steel,1\na,circle,steel,2\n", 'line 3: the name "a" is there twice'),
     (HEAD + ",circle,steel,1\n", "line 2: name is missing"),
     (HEAD + "a,circle,steel,1,,,,,5\n", "line 2: 9 fields for 8 columns"),
