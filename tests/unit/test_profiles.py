@@ -9,6 +9,7 @@ import pytest
 import flexfem as ff
 from flexfem.io.polygons import cut
 from flexfem.materials.saint_venant import Cell, solve_section
+from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
 
@@ -321,3 +322,4 @@ def test_shapes_that_cannot_be(make, message):
     with pytest.raises((ValueError, TypeError), match=message) as caught:
         make()
     assert str(caught.value).startswith("Section: ")
+    assert_on_page(str(caught.value))

@@ -25,7 +25,8 @@ def cut_solids(shape: str, cells: IntArray) -> tuple[IntArray, IntArray]:
 
     A cell is the pyramids of its lowest node over the faces without it, quadrilaterals being cut
     through their lowest node: both cells at a face cut it alike (Dompierre, Labbé, Vallet and
-    Camarero 1999, How to subdivide pyramids, prisms and hexahedra into tetrahedra).
+    Camarero, How to subdivide pyramids, prisms and hexahedra into tetrahedra, Proceedings of the
+    8th International Meshing Roundtable, 1999).
     """
     top = cells.min(axis=1)
     pieces, rows = [np.empty((0, 4), dtype=np.int64)], [np.empty(0, dtype=np.int64)]
