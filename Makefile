@@ -7,8 +7,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 BENCH_STAMP := $(VENV)/.set-up-bench
-DOCS_STAMP := $(VENV)/.set-up-docs
-EXTRAS := dolfinx,post,test,fmi
+EXTRAS := dolfinx,post,test,fmi,docs
 CASE ?= slider_crank
 # More ranks than cores would spend their time waiting: MPICH polls.
 RANKS := $(shell test "$$(nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
@@ -35,10 +34,6 @@ $(BENCH_STAMP): $(STAMP)
 	@sh .ci/setup $(VENV) $(EXTRAS),bench
 	@touch $@
 
-$(DOCS_STAMP): $(STAMP)
-	@sh .ci/setup $(VENV) $(EXTRAS),docs
-	@touch $@
-
 run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)
 	$(BIN)/mpirun -n $(RANKS) $(BIN)/flexfem run $(CASE)
 	$(BIN)/flexfem render results/$(CASE)
@@ -55,10 +50,10 @@ lint: $(STAMP) ## style, types, architecture
 
 # Tests compile generated C more often than they need it fast: half the time for half the effort.
 test: export FLEXFEM_CFLAGS := -O1 -march=native -fno-math-errno
-test: $(STAMP) ## lint, then all tests on 1 and 2 ranks, some on 3
-	@# loops that all tests of floating bodies need are compiled on the core that linters leave idle
+test: $(STAMP) ## lint, documentation, then all tests on 1 and 2 ranks, some on 3
+	@# loops that all tests of floating bodies need are compiled on the core that these leave idle
 	@$(BIN)/python -m tests.warm_up & compiled=$$!; \
-		$(MAKE) --no-print-directory lint && wait $$compiled
+		$(MAKE) --no-print-directory lint docs && wait $$compiled
 	# each process starts with its share of the tests and takes over from the other one at the end
 	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist worksteal \
 		--ignore tests/cases --ignore tests/test_architecture.py
@@ -74,7 +69,7 @@ bench: $(BENCH_STAMP) ## timings, against Exudyn where it has the same problem
 	$(BIN)/python tests/benchmarks/chain_against_exudyn.py --ranks 2
 	$(BIN)/python tests/benchmarks/scaling.py
 
-docs: $(DOCS_STAMP) ## the documentation: build/docs/html/index.html
+docs: $(STAMP) ## the documentation: build/docs/html/index.html
 	$(BIN)/python -m sphinx -b html -W --keep-going -q flexfem/docs build/docs/html
 	@echo "open build/docs/html/index.html"
 
