@@ -367,6 +367,16 @@ def test_box_of_a_body_without_shape_has_its_inertia() -> None:
     )
 
 
+def test_box_of_a_body_without_shape_is_not_larger_than_allowed() -> None:
+    """A flywheel's inertia without its mass would fill the picture."""
+    surface = body_surface(None, 1.0, (1.0, 1.0, 1.0), (1.0, 2.0, 3.0), 0.5)
+    # the side of the equivalent cube is 2.4 m
+    assert np.allclose(np.ptp(surface.points, axis=0), 0.5, rtol=1e-12)
+    assert np.allclose(surface.points.mean(axis=0), [1.0, 2.0, 3.0])
+    small = body_surface(None, 1.0, (1e-4, 1e-4, 1e-4), (0.0, 0.0, 0.0), 0.5)
+    assert np.ptp(small.points) == pytest.approx(6e-4**0.5, rel=1e-12)
+
+
 def test_frames_along_all_directions(rng: np.random.Generator) -> None:
     axes = np.concatenate([rng.normal(size=(20, 3)), np.eye(3), -np.eye(3), np.zeros((1, 3))])
     frames = frames_along(axes)
