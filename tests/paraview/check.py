@@ -3,7 +3,8 @@
 
 Every series of each folder is opened at all its times: number of times and last time against the
 PVD file, array names, finite and non-empty bounds, and a picture that is not blank, written to
-``<folder>/paraview/<series>.png``. The script in the folder that opens all draws ``all.png``.
+``<folder>/paraview/<series>.png``. The script in the folder that opens all draws ``all.png``
+and leaves ``all.pvsm``.
 """
 
 import math
@@ -143,17 +144,24 @@ def check_series(path):
 
 
 def check_script(folder):
-    """Run the script that opens everything, and look at its picture."""
+    """Run the script that opens everything, look at its picture, and load the state it leaves."""
     script, picture = folder / "open_in_paraview.py", folder / "paraview" / "all.png"
+    state = folder / "paraview" / "all.pvsm"
     if not script.exists():
         raise CheckError(f"{script}: missing")
-    picture.unlink(missing_ok=True)
-    arguments, sys.argv = sys.argv, [str(script), str(picture)]
+    for made in (picture, state):
+        made.unlink(missing_ok=True)
+    arguments, sys.argv = sys.argv, [str(script), str(picture), str(state)]
     try:
         runpy.run_path(str(script), run_name="__main__")
     finally:
         sys.argv = arguments
     check_picture(picture)
+    shown = len(simple.GetSources())
+    simple.ResetSession()
+    simple.LoadState(str(state))
+    if len(simple.GetSources()) != shown:
+        raise CheckError(f"{state}: {len(simple.GetSources())} sources, the script has {shown}")
     simple.ResetSession()
 
 
