@@ -66,10 +66,22 @@ class PublicNames(FromPackage):
 def _documented(name: str) -> str:
     value = getattr(flexfem, name)
     if inspect.isclass(value):
-        return f".. autoclass:: flexfem.{name}\n   :members:\n"
+        more = "".join(f"\n   .. automethod:: flexfem.{name}.{one}\n" for one in _made_by(value))
+        return f".. autoclass:: flexfem.{name}\n   :members:\n{more}"
     if callable(value):
         return f".. autofunction:: flexfem.{name}\n"
     return _constant(name, value)
+
+
+def _made_by(value: type) -> list[str]:
+    """Constructors that a class has from others of the package; its own are described anyway."""
+    return [
+        one
+        for base in value.__mro__[1:]
+        if base.__module__.startswith("flexfem")
+        for one, what in vars(base).items()
+        if isinstance(what, classmethod) and not one.startswith("_") and one not in vars(value)
+    ]
 
 
 def _constant(name: str, value: Any) -> str:
