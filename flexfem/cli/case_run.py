@@ -101,13 +101,16 @@ def _prepare(
     Returns:
         The model, and the folders that this process has created, innermost first.
     """
-    message, created = "", []
+    message, created = "", list[Path]()
     try:
         model = case.model(**parameters)
         if launch.rank() == 0 and options.output is not None:
             path = options.output
-            created = [folder for folder in (path, *path.parents) if not folder.exists()]
-            path.mkdir(parents=True, exist_ok=True)
+            missing = [folder for folder in (path, *path.parents) if not folder.exists()]
+            for folder in reversed(missing):
+                folder.mkdir(exist_ok=True)
+                created.insert(0, folder)
+            path.mkdir(exist_ok=True)  # says so if it is a file
     except (InstallationError, OSError, TypeError, ValueError) as error:
         message = str(error) or type(error).__name__
     message = launch.first_message(message)

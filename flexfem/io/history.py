@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 from collections.abc import Sequence
@@ -78,8 +79,14 @@ class HistoryWriter:
             raise ValueError(
                 f"HistoryWriter '{self.path}': {len(row)} values for {len(self.columns)} columns"
             )
-        self._stream.write(",".join(map(repr, [float(t), *row.tolist()])) + "\n")
-        self._stream.flush()
+        try:
+            self._stream.write(",".join(map(repr, [float(t), *row.tolist()])) + "\n")
+            self._stream.flush()
+        except OSError:
+            # what the disk does not take is not tried again when Python ends
+            with contextlib.suppress(OSError):
+                self.close()
+            raise
 
     def sync(self) -> None:
         """Bring all rows to disk; rank 0, the others do nothing.
@@ -93,8 +100,8 @@ class HistoryWriter:
     def close(self) -> None:
         """Close the file."""
         if self._stream is not None:
-            self._stream.close()
-            self._stream = None
+            stream, self._stream = self._stream, None
+            stream.close()
 
     def _open(self, resume: float | None) -> None:
         header = ",".join(("t", *self.columns))

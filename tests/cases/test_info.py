@@ -122,6 +122,6 @@ def test_dolfinx_and_petsc_are_not_needed(own_case: Path) -> None:
         capture_output=True,
         text=True,
         check=True,
-        env={"PYTHONPATH": root, "PATH": "/usr/bin:/bin"},
+        env={"PYTHONPATH": root, "PATH": "/usr/bin:/bin", "HOME": str(own_case.parent)},
     )
     assert done.stdout.splitlines()[-1] == "imported:"
