@@ -114,6 +114,7 @@ def test_fmu_goes_on_after_a_restart(fmu, shared_tmp_path):
         ({"inputs": ["y"]}, r"inputs must be a Mapping, got \['y'\]"),
         ({"outputs": {"y": "motor"}}, 'variable "y" of the FMU is no output but input'),
         ({"parameters": {"gain": 1.0}}, 'the FMU has no variable "gain", its parameters are'),
+        ({"parameters": {"damping": "2"}}, "parameter \"damping\" must be a .*number, got '2'"),
         ({"file": "nowhere.fmu"}, "file 'nowhere.fmu' cannot be read: No such file"),
         ({"file": __file__}, "is no FMU: File is not a zip file"),
     ],
