@@ -302,8 +302,7 @@ class _Run:
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at t = {self.path.point.t:.6g}"
-        self.finish(reason)
-        return interruption(self.signal, reason)
+        return interruption(self.signal, reason, outcome=self.finish(reason))
 
     def reason(self, status: Status) -> str:
         """The status in words, with the load factor, where, and what to try (collective)."""

@@ -162,6 +162,7 @@ def test_statics_end_in_order(shared_tmp_path: Path) -> None:
         ff.solve_static(bouncer(False, grows), options)
     assert caught.value.code == 128 + signal.SIGTERM
     assert caught.value.checkpoint is None
+    assert caught.value.outcome.status == "interrupted at t = 0.5"  # for interactive work
     COMM.Barrier()
     history = read_history(options.output / "history.csv")
     np.testing.assert_allclose(history["t"], np.arange(6) / 10, atol=1e-12)
