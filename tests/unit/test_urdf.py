@@ -351,5 +351,7 @@ def test_an_ascii_stl_file_is_read_without_a_warning(tmp_path: Path) -> None:
     (tmp_path / "plate.stl").write_text(f"solid plate\n{facet}endsolid plate\n")
     link = heavy("one", more=BOX.format('<mesh filename="plate.stl"/>'))
     shape = read(tmp_path, link, base="free").items[0].shape
-    assert isinstance(shape, ff.SurfaceShape)
-    assert len(shape.triangles) == 1
+    assert isinstance(shape, ff.CompoundShape)  # of one shape, where the file puts it
+    mesh = shape.parts[0][0]
+    assert isinstance(mesh, ff.SurfaceShape)
+    assert mesh.points == pytest.approx(np.array([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)]))
