@@ -15,6 +15,7 @@ from scipy.linalg import expm, solve_continuous_are
 
 import flexfem as ff
 from flexfem.simulation.stepping import Simulation
+from tests.unit.refusals import assert_on_page
 
 COMM = MPI.COMM_WORLD
 MASS, INERTIA, LENGTH, GRAVITY = 2.0, 0.05, 0.5, 9.81
@@ -311,6 +312,7 @@ def test_mistakes_are_told(given, message):
     with pytest.raises((TypeError, ValueError), match=message) as raised:
         ff.simulate(pendulum(_controller(**given)), ff.RunOptions(dt=0.002, t_end=0.01, quiet=True))
     assert "\n" not in str(raised.value)
+    assert_on_page(str(raised.value))
 
 
 @pytest.mark.serial

@@ -12,6 +12,7 @@ import pytest
 
 import flexfem as ff
 from tests.unit.fmu_files import make_fmu
+from tests.unit.refusals import assert_on_page
 
 pytest.importorskip("fmpy")
 if shutil.which("cc") is None and shutil.which("gcc") is None:
@@ -124,6 +125,7 @@ def test_mistakes_are_told(fmu, given, message):
         of_file(**({"file": fmu} | given))
     assert str(raised.value).startswith('FmuController "pi": ')
     assert "\n" not in str(raised.value)
+    assert_on_page(str(raised.value))
 
 
 @pytest.mark.serial
@@ -137,4 +139,5 @@ def test_fmu_of_another_machine_is_told(fmu, tmp_path):
     with pytest.raises(ValueError, match=r'^FmuController "pi": law at t = 0 s: ') as raised:
         _run(of_file(other), output=tmp_path / "out")
     assert "\n" not in str(raised.value)
+    assert_on_page(str(raised.value))
     assert not (tmp_path / "out").exists()
