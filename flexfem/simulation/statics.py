@@ -108,7 +108,7 @@ class _Run:
 
     def __init__(
         self, model: Model, options: StaticOptions, case: str, results: Results | None,
-        comm: MPI.Intracomm, restart: Restart | None,
+        comm: MPI.Intracomm | None, restart: Restart | None = None,
     ) -> None:  # fmt: skip
         self._begin = time.perf_counter()
         self._options, self._case, self._results = options, case, results
