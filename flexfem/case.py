@@ -87,6 +87,11 @@ class Case:
             for choice, values in choices.items():
                 self._check_values("presets", {key: choice} | dict(values))
 
+    def __repr__(self) -> str:
+        """Name, analysis and own options, for interactive work."""
+        names = ", ".join(option.name for option in self.options) or "no options of its own"
+        return f"Case({self.name!r}, {self.analysis.name}: {names})"
+
     def _check_names(self) -> None:
         common = {option.name for option in self.analysis.settings.OPTIONS}
         for key in self.settings:

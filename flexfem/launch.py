@@ -5,6 +5,7 @@ MPI itself is imported only where ranks must talk, so that ``--help`` and wrong 
 """
 
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -57,6 +58,14 @@ def say(text: str, *, error: bool = False) -> None:
     except BrokenPipeError:
         # what is still in the stream's buffer must go somewhere when the process ends
         os.dup2(os.memfd_create("unread"), stream.fileno())
+
+
+def program(name: str) -> str | None:
+    """Path of a program of this Python's environment, else of the first on PATH; None without.
+
+    The ``mpirun`` beside the interpreter belongs to its MPI.
+    """
+    return shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
 
 
 #: What launchers set for the processes they start, and what sets the threads of each.

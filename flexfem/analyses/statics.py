@@ -2,6 +2,7 @@
 """Options of statics."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings
@@ -69,6 +70,13 @@ _OPTIONS = (
         "hold motions without stiffness, and search stable equilibria only",
     ),
     Option("every", int, 1, "write the ParaView fields every N-th step", minimum=1),
+    Option(
+        "checkpoint_every",
+        int,
+        0,
+        "write a checkpoint every N-th load step and at the end; 0: only if the run ends early",
+        minimum=0,
+    ),
     SPLIT_ABOVE,
 )
 _DEFAULTS = {option.name: option.default for option in _OPTIONS}
@@ -98,7 +106,10 @@ class StaticOptions(Settings):
         stabilise: Hold motions without stiffness, and search stable equilibria only: of bodies that
             come to rest on others, too, from some lengths of elements away.
         every: Fields are written every that many steps.
+        checkpoint_every: A checkpoint is written every that many load steps and at the end; 0
+            writes one only if the run fails or is interrupted. There are none along arc lengths.
         split_above: Elements above which one beam may be split over ranks.
+        restart: Checkpoint to go on from; None starts at t = 0.
 
     Raises:
         TypeError: If a value has the wrong type.
@@ -106,6 +117,8 @@ class StaticOptions(Settings):
     """
 
     OPTIONS = _OPTIONS
+    PATHS = ("output", "restart")
+    RESTART_AGREES = ("gravity", "stabilise")
 
     load_steps: int = _DEFAULTS["load_steps"]
     t_end: float = _DEFAULTS["t_end"]
@@ -121,7 +134,9 @@ class StaticOptions(Settings):
     buckling_modes: int = _DEFAULTS["buckling_modes"]
     stabilise: bool = _DEFAULTS["stabilise"]
     every: int = _DEFAULTS["every"]
+    checkpoint_every: int = _DEFAULTS["checkpoint_every"]
     split_above: int = _DEFAULTS["split_above"]
+    restart: Path | None = None
 
     def __post_init__(self) -> None:
         """Check every value, and the values against each other."""
@@ -130,6 +145,11 @@ class StaticOptions(Settings):
             raise ValueError(f"StaticOptions: branch {self.branch:g} needs an arc_length above 0")
         if self.stop_value != 0.0 and self.stop_column == "none":
             raise ValueError(f"StaticOptions: stop_value {self.stop_value:g} needs a stop_column")
+        if self.arc_length > 0.0 and (self.checkpoint_every or self.restart is not None):
+            raise ValueError(
+                "StaticOptions: checkpoints are those of load steps, a path by arc_length "
+                f"{self.arc_length:g} has none"
+            )
         if self.stabilise and self.arc_length > 0.0:
             raise ValueError(
                 f"StaticOptions: stabilise searches stable equilibria only, arc_length "

@@ -46,9 +46,7 @@ def _program(prog: str | None) -> str:
     return f"{shlex.quote(sys.argv[0])} {prog.removeprefix('flexfem ')}"
 
 
-def _beside(program: str) -> str:
+def _beside(name: str) -> str:
     """A program of this Python's environment, by its path unless it is the first on PATH."""
-    path = Path(sys.executable).parent / program
-    if shutil.which(program) == str(path) or not path.exists():
-        return program
-    return shlex.quote(str(path))
+    path = launch.program(name)
+    return name if path is None or path == shutil.which(name) else shlex.quote(path)

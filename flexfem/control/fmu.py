@@ -53,6 +53,7 @@ class FmuLaw:
         Raises:
             ValueError: fmpy is not installed, the file cannot be read, is no FMU for co-simulation
                 of FMI 2 or 3, or has no such variables.
+            TypeError: a parameter is a number, its value is none.
         """
         description = self._read()
         known = {variable.name: variable for variable in description.modelVariables}
@@ -81,6 +82,8 @@ class FmuLaw:
                         f'{self.owner}: variable "{name}" of the FMU must be one number, got '
                         f"{variable.type}{' array' if array else ''}"
                     )
+                if what == "parameter" and variable.type in _REAL and not array:
+                    _checks.number(self.owner, f'parameter "{name}"', self.parameters[name])
         self.checksum = hashlib.blake2b(self.file.read_bytes(), digest_size=8).hexdigest()
         self._fmu: Any = None
         self._references: tuple[list[int], list[int]] = ([], [])

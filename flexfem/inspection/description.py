@@ -55,6 +55,10 @@ class Description:
 
         return description_text(self)
 
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """Show the table in notebooks and IPython."""
+        printer.text(str(self))
+
     def as_dict(self) -> dict[str, Any]:
         """Return all numbers by name, as JSON has them; SI units."""
         counts = self.mobility

@@ -18,6 +18,22 @@ _REFRESH = 0.2
 _SHARE, _LONGEST = 0.02, 30.0
 
 
+def shown_kind(how: str) -> tuple[str, float]:
+    """What "auto", "bar", "lines", "lines:SECONDS" or "none" means here.
+
+    Returns:
+        "bar", "lines" or "none", and the seconds between two lines; "auto" is a bar on a terminal
+        and in a notebook, else nothing.
+
+    Raises:
+        ValueError: It is none of these.
+    """
+    kind, seconds = progress_kind(how)
+    if kind == "auto":
+        kind = "bar" if sys.stderr.isatty() or in_notebook() else "none"
+    return kind, seconds
+
+
 class Progress:
     """Time, iterations, factorisations, remaining time and more on the standard error stream.
 
@@ -37,19 +53,16 @@ class Progress:
             enabled: False on ranks other than 0 and in quiet runs.
             t_start: Its start (after a restart: where it goes on).
             unit: Of both; empty for a load factor.
-            how: "auto" (a bar if the stream is a terminal), "bar", "lines", "lines:SECONDS" or
-                "none".
+            how: see :func:`shown_kind`.
 
         Raises:
             ValueError: If it is none of these.
         """
-        kind, self._interval = progress_kind(how)
+        kind, self._interval = shown_kind(how)
         self._bar: Any = None
         self._t_end, self._t_start = float(t_end), float(t_start)
         self._unit = f" {unit}" if unit else ""
         self._begin, self._next = time.monotonic(), 0.0
-        if kind == "auto":
-            kind = "bar" if sys.stderr.isatty() or in_notebook() else "none"
         self._lines = enabled and kind == "lines"
         if enabled and kind == "bar":
             self._interval = _REFRESH

@@ -11,7 +11,8 @@ from flexfem import _checks
 from flexfem.control.law import Law, SampledLaw
 from flexfem.core.load import Load
 from flexfem.joints.actuator import Actuator
-from flexfem.model.probe import Probe, check_columns, strings
+from flexfem.model.measured import ReactionProbe
+from flexfem.model.probe import AnyProbe, check_columns, strings
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -33,12 +34,15 @@ class Controller:
     a whole multiple of the time step. The integrators take forces at the end of each step, so that
     what is held acts half a time step later than an ideal hold, to second order in the step.
 
+    Sampled laws may read every probe. A joint's force follows an output at once, so that a
+    continuous law cannot read it; what a sampled one reads is that at the end of the step.
+
     The outputs are added to the force of an ``Actuator``, and are the amplitude of a load, which
     must have none of its own. Analyses other than motion in time take all outputs as zero.
 
     Attributes:
         name: unique name in the model.
-        inputs: names of probes of markers, or of single columns of theirs.
+        inputs: names of probes, or of single columns of theirs.
         outputs: names of actuators and loads.
         law: a function ``law(t, y)`` of time (s) and measurements, shape (inputs,), that returns
             one number per output, or an object with memory, see ``flexfem.control.law``; each run
@@ -92,13 +96,14 @@ class Controller:
         """Whether its outputs are held between samples."""
         return self.sample_time is not None or isinstance(self.law, SampledLaw)
 
-    def measured(self, model: Model) -> tuple[tuple[Probe, int], ...]:
+    def measured(self, model: Model) -> tuple[tuple[AnyProbe, int], ...]:
         """Probe and column number of every measurement.
 
         Raises:
-            ValueError: The model has no such probe of markers or column.
+            ValueError: The model has no such probe or column, or it is a joint's force, which
+                no continuous law can read.
         """
-        found: list[tuple[Probe, int]] = []
+        found: list[tuple[AnyProbe, int]] = []
         for wanted in self.inputs:
             fits = [
                 (probe, k)
@@ -117,13 +122,13 @@ class Controller:
                     f'{owner}: {model!r} has no probe or column "{wanted}", its columns are '
                     f"{_checks.show(', '.join(known), 200)}"
                 )
-            for probe, k in fits:
-                if not isinstance(probe, Probe):
+            for probe, _ in fits:
+                if isinstance(probe, ReactionProbe) and not self.sampled:
                     raise ValueError(
-                        f'{owner}: input "{wanted}" is a column of {type(probe).__name__} '
-                        f'"{probe.name}"; only probes of markers can be fed back'
+                        f'{owner}: input "{wanted}" of ReactionProbe "{probe.name}" is known at '
+                        "the ends of steps only; give the controller a sample_time"
                     )
-                found.append((probe, k))
+            found += fits
         return tuple(found)
 
     def check(self, model: Model) -> None:
@@ -138,7 +143,11 @@ class Controller:
         for output in self.outputs:
             thing = model.get(output)
             if not isinstance(thing, Actuator | Load):
-                got = "there is none" if thing is None else f"it is a {type(thing).__name__}"
+                got = f"it is a {type(thing).__name__}"
+                if thing is None:
+                    known = [x.name for x in model.joints if isinstance(x, Actuator)]
+                    known += [load.name for load in model.loads]
+                    got = f"which has {_checks.show(', '.join(known), 200) if known else 'none'}"
                 raise ValueError(
                     f'{owner}: output "{output}" must be an Actuator or a load of {model!r}, {got}'
                 )

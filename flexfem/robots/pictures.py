@@ -128,7 +128,9 @@ def _read_surface(path: Path) -> tuple[FloatArray, IntArray]:
     from meshio import obj, stl
 
     try:
-        mesh = (stl if suffix == ".stl" else obj).read(path)
+        # meshio takes the text of an ASCII file for a number of triangles first
+        with np.errstate(over="ignore"):
+            mesh = (stl if suffix == ".stl" else obj).read(path)
         points = np.array(mesh.points, dtype=np.float64)[:, :3]
         faces = [_fan(np.asarray(block.data)) for block in mesh.cells]
         triangles = np.concatenate(faces).astype(np.int64)

@@ -88,7 +88,7 @@ def sweep_spin(
     summary = point.summary(case, reason)
     outcome = conclude(summary, history, results, options, point.system.comm)
     if signal:
-        raise interruption(signal, reason)
+        raise interruption(signal, reason, outcome=outcome)
     return outcome
 
 

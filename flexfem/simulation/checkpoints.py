@@ -13,8 +13,10 @@ from typing import Protocol
 from mpi4py import MPI
 
 import flexfem
+from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.analyses.relaxation import RelaxationOptions
+from flexfem.analyses.statics import StaticOptions
 from flexfem.core.state import Numbering, State
 from flexfem.io.checkpoint import Checkpoint, remove_files, write_checkpoint
 from flexfem.simulation.time_grid import TimeGrid
@@ -25,6 +27,8 @@ from flexfem.system.system import System
 __all__ = ["Checkpoints", "Restart", "SavedState"]
 
 _NAME = re.compile(r"checkpoint_\d{6,}\.h5|\.checkpoint_\d{6,}\.h5\.tmp")
+#: Of the analyses that have checkpoints.
+_Options = RunOptions | RelaxationOptions | StaticOptions
 #: Files of one run that are kept.
 _KEEP = 2
 
@@ -86,6 +90,10 @@ class SavedState:
                 "options that wrote it"
             )
 
+    def refuse(self, why: str) -> InputError:
+        """The exception that says why the file will not do."""
+        return self._file.refuse(why)
+
     def restore(self, target: _Restorable, system: System) -> None:
         """Put a system, or what steps it, where the checkpoint left it (collective).
 
@@ -107,7 +115,7 @@ class Restart(SavedState):
         step: last completed step.
     """
 
-    def __init__(self, options: RunOptions | RelaxationOptions, comm: MPI.Intracomm) -> None:
+    def __init__(self, options: _Options, comm: MPI.Intracomm) -> None:
         """Check the file named by the options (collective).
 
         Raises:
@@ -124,8 +132,10 @@ class Restart(SavedState):
         self.step: int = header["step"]
         self._check_end(options)
 
-    def _check_end(self, options: RunOptions | RelaxationOptions) -> None:
-        """Refuse a run that has come to its end already."""
+    def _check_end(self, options: _Options) -> None:
+        """Refuse a run that has come to its end already; of load steps the state tells."""
+        if isinstance(options, StaticOptions):
+            return
         if isinstance(options, RelaxationOptions):
             end, over = f"max_iterations = {options.max_iterations}", options.max_iterations
             reached = f"iteration {self.step}"
@@ -141,7 +151,7 @@ class Checkpoints:
 
     def __init__(
         self, simulation: _Stateful, serial: Assembly | Mapping[str, str],
-        options: RunOptions | RelaxationOptions, grid: TimeGrid, restart: Restart | None,
+        options: _Options, grid: TimeGrid, restart: Restart | None,
     ) -> None:  # fmt: skip
         """Note what all checkpoints of the run have in common.
 

@@ -18,12 +18,11 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.control.law import SampledLaw
 from flexfem.core.load import Load
-from flexfem.io.history import AngleColumns
 from flexfem.joints.actuator import Actuator
 from flexfem.model.controller import Controller
 from flexfem.model.model import Model
+from flexfem.simulation.measurements import Measurements
 from flexfem.system.assembly import Assembly
-from flexfem.system.marker_states import MarkerStates
 from flexfem.system.system import System
 
 __all__ = ["Controls", "Outputs", "driven_model"]
@@ -89,7 +88,8 @@ class _Loop:
             ValueError: the law has returned something else.
         """
         try:
-            values = np.atleast_1d(np.asarray(outputs, dtype=np.float64))
+            # a function without "return" gives None, of which NumPy would make nan
+            values = np.atleast_1d(np.asarray(() if outputs is None else outputs, np.float64))
         except (TypeError, ValueError):
             values = np.empty(0)
         if values.shape != (self.count,):
@@ -216,20 +216,21 @@ class Controls:
 
     def attach(self, system: System, serial: Assembly) -> None:
         """Find what is measured (collective)."""
-        self._system, model = system, serial.model
-        measured = [loop.controller.measured(model) for loop in self._loops]
+        self._system = system
+        measured = [loop.controller.measured(serial.model) for loop in self._loops]
         probes = {probe.name: probe for part in measured for probe, _ in part}
-        self._probes = list(probes.values())
-        markers = [marker for probe in self._probes for marker in probe.markers]
-        self._states = MarkerStates(system, serial, markers)
-        columns = [column for probe in self._probes for column in probe.columns]
-        unwrap = [column for probe in self._probes for column in probe.unwrap]
-        self._angles = AngleColumns(columns, unwrap)
+        often = [
+            probe.name
+            for loop, part in zip(self._loops, measured, strict=True)
+            if isinstance(loop, _Continuous)
+            for probe, _ in part
+        ]
+        self._measurements = Measurements(system, serial, list(probes.values()), often)
+        columns = self._measurements.columns
         self._inputs: list[IntArray] = [
             np.array([columns.index(probe.columns[k]) for probe, k in part], dtype=np.int64)
             for part in measured
         ]
-        self._measured = np.zeros(len(columns))
 
     def start(self) -> None:
         """Measure at the start and compute the first outputs (collective).
@@ -238,26 +239,25 @@ class Controls:
             InputError: a law or a probe fails, or a law does not return a number per output.
         """
         try:
+            self._measurements.begin()
             self.accepted(jumped=True)
             self.outputs(self._system.time)
             self.sample()
         except (ValueError, TypeError, RuntimeError) as error:
             raise InputError(str(error)) from error
 
+    def started(self) -> None:
+        """The forces at the start are those of the outputs now: work counts from here."""
+        self._measurements.begin()
+
     def accepted(self, jumped: bool = False) -> None:
         """Measure at an accepted state (collective); ``jumped``: velocities may have changed."""
         if not self._loops:
             return
-        system = self._system
-        states, at, values = self._states.evaluate(), 0, [np.empty(0)]
-        for probe in self._probes:
-            count = len(probe.markers)
-            values.append(probe.evaluate(system.time, states[at : at + count]))
-            at += count
-        self._measured = self._angles.unwrap(np.concatenate(values))
+        self._measurements.accepted()
         for loop, inputs in zip(self._loops, self._inputs, strict=True):
             if isinstance(loop, _Continuous):
-                loop.note(system.time, self._measured[inputs], jumped)
+                loop.note(self._system.time, self._measurements.values[inputs], jumped)
 
     def sample(self) -> None:
         """Call the laws whose sample is due at the accepted state (collective).
@@ -273,6 +273,7 @@ class Controls:
         ]
         if not due:
             return
+        self._measurements.complete()
         found: list[FloatArray] | str = []
         cause: Exception | None = None
         if comm.rank == 0:
@@ -280,7 +281,7 @@ class Controls:
             try:
                 values = []
                 for loop, inputs in due:
-                    values.append(loop.sampled(t, self._measured[inputs]))
+                    values.append(loop.sampled(t, self._measurements.values[inputs]))
                 found = values
             except Exception as error:  # whatever a law of the user's raises, all ranks hear of it
                 text = str(error)
@@ -302,21 +303,22 @@ class Controls:
         return None
 
     def state(self) -> dict[str, FloatArray]:
-        """What all of them remember."""
-        own = {"controls_angles": self._measured} if self._loops else {}
+        """What all of them remember (collective)."""
+        own = self._measurements.state() if self._loops else {}
         for k, loop in enumerate(self._loops):
             own |= {f"controls_{k}_{name}": value for name, value in loop.state().items()}
         return own
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
-        """Take back what :meth:`state` returned."""
-        if not self._loops:
-            return
-        self._measured = state["controls_angles"]
-        self._angles.previous = self._measured.copy()
+        """Take back outputs and memories of what :meth:`state` returned."""
         for k, loop in enumerate(self._loops):
             own = {name: state[f"controls_{k}_{name}"] for name in loop.state()}
             if isinstance(loop, _Sampled):
                 loop.restore(own, self._system.comm.rank == 0)
             else:
                 loop.restore(own)
+
+    def resume(self, state: Mapping[str, FloatArray]) -> None:
+        """Take back the measurements, once the system is where it was (collective)."""
+        if self._loops:
+            self._measurements.restore(state["controls_angles"], state["controls_sums"])

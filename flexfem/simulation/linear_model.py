@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -15,36 +16,43 @@ from flexfem._types import FloatArray
 from flexfem.analyses.modes import LinearOptions
 from flexfem.core.status import Status
 from flexfem.io.state_space import write_arrays
+from flexfem.model.measured import ShellStrainProbe, StrainProbe
 from flexfem.model.model import Model
 from flexfem.model.probe import Probe
+from flexfem.simulation.modes import few_modes
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.reasons import MODES, with_hint
 from flexfem.solvers.mode_shapes import ComplexArray, find
 from flexfem.solvers.reduction import Reduction, reduce_equations
 from flexfem.system.probe_rates import probe_rates
+from flexfem.system.strain_rates import strain_rates
 
 __all__ = ["LARGEST", "LinearModel", "linearize"]
 
 #: Unknowns of a model that keeps every freedom.
 LARGEST = 600
 _ACCURACY = 1e-10
+#: Probes whose columns are outputs of a linear model.
+_LINEAR = Probe, StrainProbe, ShellStrainProbe
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LinearModel:
     """``x' = A x + B u, y = y0 + C x + D u``, the same on every rank.
 
     The state holds the reduced coordinates, those of the drives, and the rates of both. The inputs
     are changes of the loads' amplitudes, forces of the actuators (N or N m), and accelerations of
     the drives (the second derivative of the rows' targets, m/s^2 or rad/s^2: no state space has an
-    input that acts through its derivatives). The outputs are the columns of the probes of markers;
-    energies, momenta, joint forces and resultants of beams are left out.
+    input that acts through its derivatives). The outputs are the columns of the probes of markers
+    and of strains, in the order of the model; energies, momenta, joint forces and contacts are left
+    out.
 
     Attributes:
         A, B, C, D: (n, n), (n, m), (p, n), (p, m).
         inputs, outputs: names; a drive with several rows has one input ``<joint>_<row>`` for each.
         y0: (p,) outputs in the state about which the model is linearised.
-        status: "ok", or why there is no such state; all arrays are empty then.
+        status: "ok"; or why there is no such state, all arrays are empty then; or how many modes
+            converged of those asked for, with a warning, and the arrays have the motions of these.
     """
 
     A: FloatArray
@@ -55,6 +63,11 @@ class LinearModel:
     outputs: tuple[str, ...]
     y0: FloatArray
     status: str = "ok"
+
+    def __repr__(self) -> str:
+        """Status, size and names."""
+        count, inputs, outputs = len(self.A), ", ".join(self.inputs), ", ".join(self.outputs)
+        return f"LinearModel({self.status!r}, {count} states, inputs {inputs}; outputs {outputs})"
 
     @property
     def poles(self) -> ComplexArray:
@@ -91,7 +104,7 @@ def linearize(
         )
     point.check_count("LinearOptions", options.modes)
     status = point.settle(options.spin)
-    outputs = tuple(c for probe in model.probes if isinstance(probe, Probe) for c in probe.columns)
+    outputs = tuple(c for p in model.probes if isinstance(p, _LINEAR) for c in p.columns)
     if status is not Status.OK:
         nothing = np.zeros((0, 0))
         return LinearModel(
@@ -104,12 +117,15 @@ def linearize(
             np.zeros(0),
             with_hint(status.value, MODES.get(status)),
         )
-    shapes = None
+    shapes, reason = None, "ok"
     if options.modes > 0:
-        shapes = find(point.linearization, options.modes, 0.0, _ACCURACY).shapes
+        found = find(point.linearization, options.modes, 0.0, _ACCURACY)
+        shapes, reason = found.shapes, few_modes(found, options.modes)
+        if reason != "ok" and point.system.comm.rank == 0:
+            warnings.warn(f"linearize: {reason}", RuntimeWarning, stacklevel=2)
     reduction = reduce_equations(point.linearization, len(model.loads), shapes)
-    rates = probe_rates(point.system, point.serial, point.linearization.split, reduction.basis)
-    linear = _assemble(model, reduction, outputs, *rates)
+    matrices = _rates(model, point, reduction.basis)
+    linear = _assemble(model, reduction, outputs, *matrices, reason)
     if options.output is not None:
         arrays = {name: getattr(linear, name) for name in ("A", "B", "C", "D", "y0")}
         names = {"inputs": np.array(linear.inputs), "outputs": np.array(linear.outputs)}
@@ -117,9 +133,25 @@ def linearize(
     return linear
 
 
+def _rates(
+    model: Model, point: OperatingPoint, motions: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Outputs and their derivatives by the coordinates and their rates, in the model's order."""
+    given = point.system, point.serial, point.linearization.split, motions
+    strains, by_shape = strain_rates(*given)
+    values, by_q, by_rate = probe_rates(*given)
+    both = np.concatenate([values, strains])
+    probes = [p for p in model.probes if isinstance(p, _LINEAR)]
+    markers = np.repeat([isinstance(p, Probe) for p in probes], [len(p.columns) for p in probes])
+    order = np.empty(len(both), dtype=np.int64)
+    order[markers], order[~markers] = np.split(np.arange(len(both)), [len(values)])
+    by_rate = np.vstack([by_rate, np.zeros_like(by_shape)])
+    return both[order], np.vstack([by_q, by_shape])[order], by_rate[order]
+
+
 def _assemble(
     model: Model, reduction: Reduction, outputs: tuple[str, ...], y0: FloatArray,
-    by_position: FloatArray, by_velocity: FloatArray,
+    by_position: FloatArray, by_velocity: FloatArray, status: str,
 ) -> LinearModel:  # fmt: skip
     """State matrices from ``u = T q + S s`` with the drives' coordinates s, ``s'' = input``."""
     r = reduction
@@ -136,4 +168,4 @@ def _assemble(
     B[count + n :, loads:] = np.eye(drives)
     inputs = (*(load.name for load in model.loads), *r.actuators, *r.names)
     C = np.hstack([by_position, by_velocity])
-    return LinearModel(A, B, C, np.zeros((len(C), loads + drives)), inputs, outputs, y0)
+    return LinearModel(A, B, C, np.zeros((len(C), loads + drives)), inputs, outputs, y0, status)

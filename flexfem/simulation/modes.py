@@ -23,7 +23,7 @@ from flexfem.simulation.outcome import Outcome, Results, conclude
 from flexfem.simulation.reasons import MODES, with_hint
 from flexfem.solvers.mode_shapes import Modes, find
 
-__all__ = ["ModesOutcome", "find_modes", "modes_at"]
+__all__ = ["ModesOutcome", "few_modes", "find_modes", "modes_at"]
 
 _COLUMNS = ("frequency", "damping_ratio", "real", "imag", "mass_x", "mass_y", "mass_z")
 
@@ -102,16 +102,18 @@ def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Mode
     return find(point.linearization, options.modes + more, target, options.accuracy)
 
 
+def few_modes(found: Modes, asked: int, more: str = "") -> str:
+    """That fewer modes converged than were asked for, and what ``more`` to try; else "ok"."""
+    if len(found) >= asked:
+        return "ok"
+    return with_hint(f"only {len(found)} of {asked} modes converged", f"ask for fewer modes{more}")
+
+
 def _reason(status: Status, options: ModeOptions, found: Modes | None) -> str:
     if found is None:
         what = "steady rotation" if options.spin else "equilibrium"
         return with_hint(f"{status.value} in the search for the {what}", MODES.get(status))
-    if len(found) < options.modes:
-        return with_hint(
-            f"only {len(found)} of {options.modes} modes converged",
-            "ask for fewer modes or a larger accuracy, or give a target near them",
-        )
-    return "ok"
+    return few_modes(found, options.modes, " or a larger accuracy, or give a target near them")
 
 
 def _write(

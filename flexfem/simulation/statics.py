@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from functools import partial
+from pathlib import Path as FilePath
 from typing import Any
 
 from mpi4py import MPI
@@ -18,14 +19,17 @@ from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
+from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import check_held, rest
+from flexfem.simulation.followed import Followed
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
 from flexfem.simulation.reasons import ITERATED, STATICS, moves_most, not_finite, with_hint
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.setup import set_up
+from flexfem.simulation.time_grid import TimeGrid
 from flexfem.solvers.buckling import LinearBuckling
 from flexfem.solvers.statics import Equilibrium, Limits, settle
 from flexfem.solvers.tangent import TangentSolver
@@ -72,10 +76,13 @@ def solve_static(
         InputError: a mistake in the model, before anything is written (a ValueError).
         TypeError: the options are those of another analysis.
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT or SIGTERM came; the path so far is written.
+        KeyboardInterrupt: SIGINT or SIGTERM came; the path so far is written, and of load steps a
+            checkpoint.
     """
     _checks.instance("solve_static", "options", options, StaticOptions)
-    run = _Run(model, options, case, results, comm)
+    comm = comm or MPI.COMM_WORLD
+    restart = None if options.restart is None else Restart(options, comm)
+    run = _Run(model, options, case, results, comm, restart)
     with StopSignals() as signals:
         status = run.to_the_end(signals)
         if run.signal:
@@ -101,11 +108,12 @@ class _Run:
 
     def __init__(
         self, model: Model, options: StaticOptions, case: str, results: Results | None,
-        comm: MPI.Intracomm | None,
+        comm: MPI.Intracomm | None, restart: Restart | None = None,
     ) -> None:  # fmt: skip
         self._begin = time.perf_counter()
         self._options, self._case, self._results = options, case, results
-        self._serial, self.system = set_up(model, comm, options.split_above)
+        check = None if restart is None else restart.check
+        self._serial, self.system = set_up(model, comm, options.split_above, check)
         self._probes = ProbeRecorder(self.system, self._serial, depth=1)
         self._check_column()
         self.equilibrium = rest(
@@ -119,6 +127,11 @@ class _Run:
         self._departures = Departures(self.system, self._serial)
         self._columns = partial(_columns, self._probes, self.equilibrium)
         self._status = self._checked(settle(self.equilibrium))
+        self._buckling = LinearBuckling(self.equilibrium) if options.buckling_modes else None
+        self.followed = Followed(self.system, self.equilibrium, self._probes.columns)
+        if restart is not None:
+            self._go_on(restart)
+        self._start = None if restart is None else restart.step
         self.path = Path(
             self.equilibrium, follow=options.arc_length > 0.0, count=options.critical_points,
             columns=self._columns,
@@ -128,19 +141,26 @@ class _Run:
                 f"StaticOptions: arc_length {options.arc_length:g} follows the path of a growing "
                 f'load, but nothing in Model "{model.name}" that moves it grows with t'
             )
-        self._buckling = LinearBuckling(self.equilibrium) if options.buckling_modes else None
         self._recorder = Recorder(
             self.system, self._serial, options, options.every, options.t_end, unit="",
-            varies=True,
+            varies=True, resume=None if restart is None else restart.state,
         )  # fmt: skip
+        self._checkpoints = Checkpoints(
+            self.followed, self._serial, options, TimeGrid(1.0, 1), restart
+        )
+        self._checkpoint: FilePath | None = None
         self.signal, self._agreement = 0, Agreement(self.system.comm)
-        self._critical: list[CriticalPoint] = []
         self._factors: list[float] = []
         self._setup: float | None = None
         self._first: float | None = None
-        self._steps = self._rejected = 0
-        self._largest = 0.0  # step tried
         self._branched = options.branch == 0.0
+
+    def _go_on(self, restart: Restart) -> None:
+        """Put everything where the checkpoint left it (collective)."""
+        restart.restore(self.followed, self.system)
+        t, end = self.equilibrium.loading.t, self._options.t_end
+        if t >= end * (1.0 - _EXACT):
+            raise restart.refuse(f"is at t = {t:g} already, t_end = {end:g} leaves nothing to do")
 
     def _check_column(self) -> None:
         column = self._options.stop_column
@@ -164,28 +184,35 @@ class _Run:
         options, path, status = self._options, self.path, self._status
         if status is not Status.OK:
             return status
-        self._recorder.record(0)
-        self._look(signals)
+        if self._start is None:
+            self._recorder.record(0)
+            self._look(signals)
         self._setup = self._elapsed()
         h = options.t_end / options.load_steps
         if path.arc is not None:
             h = options.arc_length * options.t_end / path.arc.slope
-        width, done = h, False
+        width, done, followed = h, False, self.followed
+        h = min(h, followed.next or h)
         while not done:
             if path.arc is not None:
                 h = min(h, _LARGEST_TURN / path.arc.largest_turn())
-                if self._steps == options.max_steps:
+                if followed.steps == options.max_steps:
                     return Status.NOT_CONVERGED
             else:
                 h = min(h, options.t_end - path.point.t)
             status, tried, done = self._advance(h, signals)
             if status is not Status.OK:
-                self._recorder.record_last(self._steps)
+                self._recorder.record_last(followed.steps)
+                followed.next = width
+                self._save()
                 return status
+            h = followed.next = self._grown(tried, width)
             self._look(signals)
+            every = options.checkpoint_every
+            if self.signal or (every and (done or followed.steps % every == 0)):
+                self._save()
             if self.signal:
                 return status
-            h = self._grown(tried, width)
         self._find_buckling()
         return status
 
@@ -194,6 +221,12 @@ class _Run:
         self.signal = self._agreement.on(signals, self._recorder.due)
         if self._agreement.show:
             self._recorder.show()
+
+    def _save(self) -> None:
+        """Write a checkpoint of load steps."""
+        if self.path.arc is None:
+            records = self._recorder.state()
+            self._checkpoint = self._checkpoints.write(self.followed.steps, records)
 
     def _grown(self, h: float, width: float) -> float:
         """Next step from the one just taken and its iterations."""
@@ -209,11 +242,11 @@ class _Run:
     def _advance(self, h: float, signals: StopSignals) -> tuple[Status, float, bool]:
         """One accepted step of at most ``h``, its size, and whether the run has ended."""
         path, before = self.path, self._beyond() if self._options.stop_column != _NONE else 0.0
-        self._largest = max(self._largest, h)
-        smallest = self._largest * 0.5**_HALVINGS
+        self.followed.largest = max(self.followed.largest, h)
+        smallest = self.followed.largest * 0.5**_HALVINGS
         status, end, critical = self._tried(h, before)
         while status not in (Status.OK, Status.LEFT) and h > smallest:
-            self._rejected += 1
+            self.followed.rejected += 1
             h *= self.equilibrium.cut
             status, end, critical = self._tried(h, before)
             self.signal = self.signal or self._agreement.on(signals)
@@ -224,7 +257,7 @@ class _Run:
             return status, h, True
         self._accept(end and critical is None)
         if critical is not None:
-            self._critical.append(critical)
+            self.followed.critical.append(critical)
             status = self._branch_off(critical)
         return status, h, end and critical is None
 
@@ -244,10 +277,10 @@ class _Run:
 
     def _accept(self, last: bool) -> None:
         self.path.accept()
-        self._steps += 1
-        if self._steps == 1:
+        self.followed.steps += 1
+        if self._first is None:
             self._first = self._elapsed()
-        self._recorder.record(self._steps, last=last)
+        self._recorder.record(self.followed.steps, last=last)
 
     def _branch_off(self, critical: CriticalPoint) -> Status:
         """Leave the path at the first bifurcation, if that is asked for."""
@@ -284,7 +317,7 @@ class _Run:
         self._factors = [t for t, _ in found]
         if self._options.output is None:
             return
-        modes = [(c.t, c.motion) for c in self._critical if c.kind == "bifurcation"] + found
+        modes = [(c.t, c.motion) for c in self.followed.critical if c.kind == "bifurcation"] + found
         fields = FieldOutput(self._options.output / "modes", self.system, self._serial)
         base = self.equilibrium.keep()
         for number, (t, motion) in enumerate(modes):
@@ -302,8 +335,7 @@ class _Run:
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at t = {self.path.point.t:.6g}"
-        self.finish(reason)
-        return interruption(self.signal, reason)
+        return interruption(self.signal, reason, self._checkpoint, self.finish(reason))
 
     def reason(self, status: Status) -> str:
         """The status in words, with the load factor, where, and what to try (collective)."""
@@ -312,7 +344,7 @@ class _Run:
         t, options = self.equilibrium.loading.t, self._options
         if status is Status.LEFT:
             return f"{self._departures.reason} after t = {t:.6g}"
-        if self._steps == options.max_steps:
+        if self.followed.steps == options.max_steps:
             return with_hint(
                 f"not at the end after {options.max_steps} arc-length steps, t = {t:.6g}",
                 "take more max_steps or a larger arc_length, or a stop_value that is reached",
@@ -332,11 +364,12 @@ class _Run:
 
     def _summary(self, reason: str) -> dict[str, Any]:
         return summary_of(self.system, self._case, reason) | {
-            "steps": self._steps,
-            "rejected_steps": self._rejected,
+            "steps": self.followed.steps,
+            "rejected_steps": self.followed.rejected,
+            "restarted_at_step": self._start,
             "wall_seconds": self._elapsed(),
             "wall_seconds_setup": self._setup or self._elapsed(),
             "wall_seconds_first_step": self._first,
-            "critical_points": [point.summary() for point in self._critical],
+            "critical_points": [point.summary() for point in self.followed.critical],
             "buckling": self._factors,
         }

@@ -108,6 +108,7 @@ class Simulation:
             self.controls.start()
             self.system.set_time(self.time)
             status = make_consistent(self.system, self._tangent, self.options.dt)
+            self.controls.started()
         return status
 
     @property
@@ -139,6 +140,7 @@ class Simulation:
         system.mechanics = usual
         system.restore(state)
         self._integrator.restore(system, state)
+        self.controls.resume(state.values)
 
     def advance(self, h: float, t: float | None = None) -> Status:
         """Advance by ``h`` (s), in one step or in parts of it.

@@ -40,6 +40,15 @@ class HeldSteps:
         self._hold = self._used = _SMALLEST
         self._load = 0.0
 
+    @property
+    def memory(self) -> FloatArray:
+        """(2,) what the next load step begins with."""
+        return np.array([self._hold, self._used])
+
+    @memory.setter
+    def memory(self, values: FloatArray) -> None:
+        self._hold, self._used = values.tolist()
+
     def load(self) -> None:
         """Take note of the loads that act now (collective)."""
         equilibrium = self._equilibrium

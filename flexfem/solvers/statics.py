@@ -208,6 +208,16 @@ class Equilibrium:
         self.shifts = Shifts(velocity=0.0, acceleration=0.0, scale=1.0 / stiffness)
         self.weights = [_isotropic(d / stiffness, self.size) for d in diagonals]
 
+    @property
+    def memory(self) -> FloatArray:
+        """What an iteration remembers of those before, besides the state; empty for most."""
+        return np.empty(0) if self._held is None else self._held.memory
+
+    @memory.setter
+    def memory(self, values: FloatArray) -> None:
+        if self._held is not None:
+            self._held.memory = values
+
     def release(self) -> None:
         """Give dampers and springs back what dynamics needs of them."""
         self.system.constraints.elastic[:] = self._elastic

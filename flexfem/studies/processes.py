@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from flexfem.io.run_log import run_log
-from flexfem.launch import environment_of_runs
+from flexfem.launch import environment_of_runs, program
 
 __all__ = ["Processes", "cores", "run_command"]
 
@@ -33,15 +32,13 @@ def run_command(arguments: Sequence[str], ranks: int) -> list[str]:
     Raises:
         ValueError: There is no mpirun for several ranks.
     """
-    program = [sys.executable, "-m", "flexfem.cli", "run", *arguments]
+    run = [sys.executable, "-m", "flexfem.cli", "run", *arguments]
     if ranks == 1:
-        return program
-    # the one beside this interpreter belongs to its MPI
-    beside = str(Path(sys.executable).parent)
-    mpirun = shutil.which("mpirun", path=beside) or shutil.which("mpirun")
+        return run
+    mpirun = program("mpirun")
     if mpirun is None:
         raise ValueError(f"{ranks} ranks need mpirun, which is not on PATH")
-    return [mpirun, "-n", str(ranks), *program]
+    return [mpirun, "-n", str(ranks), *run]
 
 
 class Processes:

@@ -8,7 +8,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from flexfem.options import progress_kind
+from flexfem.io.notebook import bar_class
+from flexfem.io.progress import shown_kind
 
 __all__ = ["SweepProgress"]
 
@@ -25,21 +26,17 @@ class SweepProgress:
         Args:
             count: number of runs.
             done: those that are there already.
-            how: "auto" (a bar if the stream is a terminal), "bar", "lines" or "none".
+            how: as for a run, but lines come with runs that end, whatever their seconds.
 
         Raises:
             ValueError: It is none of these.
         """
-        kind, _ = progress_kind(how)
-        if kind == "auto":
-            kind = "bar" if sys.stderr.isatty() else "none"
+        kind, _ = shown_kind(how)
         self._count, self._done, self._failed = count, done, 0
         self._lines, self._shown = kind == "lines", 0.0
         self._bar: Any = None
         if kind == "bar":
-            from tqdm import tqdm
-
-            self._bar = tqdm(
+            self._bar = bar_class()(
                 total=count, initial=done, file=sys.stderr, dynamic_ncols=True,
                 bar_format="{n_fmt} of {total_fmt} runs|{bar:10}| {elapsed} < {remaining}{postfix}",
             )  # fmt: skip

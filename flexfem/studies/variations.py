@@ -99,7 +99,7 @@ def combinations(varied: Mapping[str, Sequence[Any]], together: bool) -> list[di
         ValueError: Nothing to vary, a value that comes twice, or numbers of values that differ.
     """
     if not varied:
-        raise ValueError("nothing to vary")
+        raise ValueError("nothing to vary, give options and their values")
     for name, values in varied.items():
         if not len(values):
             raise ValueError(f"no values of {name}")

@@ -81,7 +81,7 @@ class EnergyMeter:
         latest: (6,) what :meth:`update` returned last; zero before.
     """
 
-    SHARES = 6
+    SHARES = 7
 
     def __init__(self, system: System, model: Model, bodies: Sequence[str] | None = None) -> None:
         """Choose the bodies and read the accepted state they start from.
@@ -128,13 +128,14 @@ class EnergyMeter:
         return self.latest
 
     def state(self) -> FloatArray:
-        """(6,) this rank's shares of what is summed up and of what was there at the start."""
-        return np.array([self._work, self._dissipation, self._initial, *self._start])
+        """(7,) this rank's shares of what is summed up and of what was there at the start."""
+        sums = self._work, self._dissipation, self._growth, self._initial
+        return np.array([*sums, *self._start])
 
     def restore(self, shares: FloatArray) -> None:
         """Take back what :meth:`state` returned; only its sum over the ranks matters."""
-        self._work, self._dissipation, self._initial = shares[:3].tolist()
-        self._start = shares[3:].copy()
+        self._work, self._dissipation, self._growth, self._initial = shares[:4].tolist()
+        self._start = shares[4:].copy()
 
     def total(self) -> Energies:
         """Take in the accepted state and sum over all ranks (collective)."""

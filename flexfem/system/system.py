@@ -362,6 +362,8 @@ class System:
             "time": np.array([self.time]),
             "prediction": np.array([float(self.prediction)]),
             "counters": np.array(astuple(self.counters), dtype=np.float64),
+            # of the step's end: functions of feedback give others at the accepted state
+            "factors": self._factors.copy(),
         }
         blocks = {part.block.name: part.block.state() for part in self.parts}
         state = State(values, blocks) | self.constraints.state()
@@ -372,6 +374,7 @@ class System:
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned (collective)."""
         self.set_time(float(state.values["time"][0]))
+        self._factors[:] = state.values["factors"]
         self.prediction = Prediction(int(state.values["prediction"][0]))
         self.counters = Counters(*map(int, state.values["counters"]))
         for part in self.parts:

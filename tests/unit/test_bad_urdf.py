@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import flexfem as ff
+from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
 
@@ -89,6 +90,7 @@ def test_files(old: str, new: str, message: str, tmp_path: Path) -> None:
     # another line or element than the wrong one would send its author astray
     assert re.match(rf'"{path}", line \d+: ', text)
     assert "\n" not in text
+    assert_on_page(text)
 
 
 BEAM = ff.BeamLink(ff.Section.circle(0.01, ff.Material(2e11, 0.3, 7800.0)))
@@ -124,6 +126,7 @@ def test_arguments(arguments: dict[str, Any], message: str, tmp_path: Path) -> N
     with pytest.raises((ValueError, TypeError), match=message) as raised:
         ff.read_urdf(path, **arguments)
     assert "\n" not in str(raised.value)
+    assert_on_page(str(raised.value))
 
 
 def test_what_stands_on_the_ground_needs_no_sense(tmp_path: Path) -> None:

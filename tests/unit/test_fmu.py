@@ -12,6 +12,7 @@ import pytest
 
 import flexfem as ff
 from tests.unit.fmu_files import make_fmu
+from tests.unit.refusals import assert_on_page
 
 pytest.importorskip("fmpy")
 if shutil.which("cc") is None and shutil.which("gcc") is None:
@@ -114,6 +115,7 @@ def test_fmu_goes_on_after_a_restart(fmu, shared_tmp_path):
         ({"inputs": ["y"]}, r"inputs must be a Mapping, got \['y'\]"),
         ({"outputs": {"y": "motor"}}, 'variable "y" of the FMU is no output but input'),
         ({"parameters": {"gain": 1.0}}, 'the FMU has no variable "gain", its parameters are'),
+        ({"parameters": {"damping": "2"}}, "parameter \"damping\" must be a .*number, got '2'"),
         ({"file": "nowhere.fmu"}, "file 'nowhere.fmu' cannot be read: No such file"),
         ({"file": __file__}, "is no FMU: File is not a zip file"),
     ],
@@ -123,6 +125,7 @@ def test_mistakes_are_told(fmu, given, message):
         of_file(**({"file": fmu} | given))
     assert str(raised.value).startswith('FmuController "pi": ')
     assert "\n" not in str(raised.value)
+    assert_on_page(str(raised.value))
 
 
 @pytest.mark.serial
@@ -136,4 +139,5 @@ def test_fmu_of_another_machine_is_told(fmu, tmp_path):
     with pytest.raises(ValueError, match=r'^FmuController "pi": law at t = 0 s: ') as raised:
         _run(of_file(other), output=tmp_path / "out")
     assert "\n" not in str(raised.value)
+    assert_on_page(str(raised.value))
     assert not (tmp_path / "out").exists()

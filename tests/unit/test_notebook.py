@@ -13,6 +13,7 @@ import pytest
 import flexfem as ff
 from flexfem import launch
 from flexfem.io.progress import Progress
+from flexfem.studies.progress import SweepProgress
 
 CASE = '''
 """A pendulum."""
@@ -46,6 +47,21 @@ def test_bar_is_shown_in_a_notebook(monkeypatch, capsys):
         bar.update(0.5, 1, 1)
     # without ipywidgets, whose absence is no reason for a warning: those are errors here
     assert "t = 0.5 of 1 s" in capsys.readouterr().err
+    bar = SweepProgress(3, 1, "auto")
+    bar.ended("dt=1", {"status": "ok"})
+    bar.close()
+    assert "2 of 3 runs" in capsys.readouterr().err
+
+
+@pytest.mark.serial
+def test_summary_of_a_model_is_shown_as_a_table():
+    """As the value of a cell; its representation would be that of all it consists of."""
+    shown: list[str] = []
+    printer = ModuleType("printer")
+    printer.__dict__["text"] = shown.append
+    summary = ff.describe(_pendulum(lambda t, at: [0.0]))
+    summary._repr_pretty_(printer, False)
+    assert shown == [str(summary)]
 
 
 def _pendulum(function) -> ff.Model:

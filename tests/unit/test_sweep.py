@@ -168,7 +168,7 @@ def test_reductions_of_a_history_with_uneven_steps() -> None:
 @pytest.mark.parametrize(
     ("line", "part"),
     [
-        ("", "nothing to vary"),
+        ("", "nothing to vary, give options and their values"),
         ("--vary speed=1,1", "speed=1.0 comes twice"),
         ("--vary sped=1,2", "did you mean speed"),
         ("--vary speed=1,nan", "got 'nan'"),

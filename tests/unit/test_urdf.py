@@ -342,3 +342,16 @@ def test_what_pictures_need(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     with pytest.raises(ValueError, match=r"a.stl.*: no readable .stl file"):
         read(here, link, base="free", pictures="collision")
     assert read(here, link, base="free", pictures="none").items[0].shape is None
+
+
+def test_an_ascii_stl_file_is_read_without_a_warning(tmp_path: Path) -> None:
+    """Its reader takes text for a number first, which overflows; warnings are errors here."""
+    corners = "".join(f"vertex {x} {y} 0\n" for x, y in ((0, 0), (0.1, 0), (0, 0.1)))
+    facet = f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
+    (tmp_path / "plate.stl").write_text(f"solid plate\n{facet}endsolid plate\n")
+    link = heavy("one", more=BOX.format('<mesh filename="plate.stl"/>'))
+    shape = read(tmp_path, link, base="free").items[0].shape
+    assert isinstance(shape, ff.CompoundShape)  # of one shape, where the file puts it
+    mesh = shape.parts[0][0]
+    assert isinstance(mesh, ff.SurfaceShape)
+    assert mesh.points == pytest.approx(np.array([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)]))
