@@ -7,6 +7,8 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
+from flexfem.core.joint import Joint
+from flexfem.core.marker import Marker
 from flexfem.core.row import START_GAP, LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
@@ -208,10 +210,22 @@ def check_gaps(system: System) -> None:
         joint, gap = worst[first]
         text = (
             f"{joint.owner}: the markers violate the joint at the start by {gap:.6g} (m or rad); "
-            "place the bodies so that it holds, or let flexfem.assemble move them"
+            f"place the bodies so that it holds, or let flexfem.assemble move them{_nodes(joint)}"
         )
     texts = [t for t in system.comm.allgather(text) if t is not None]
     raise InputError(texts[0])
+
+
+def _nodes(joint: Joint) -> str:
+    """Words on markers that may be at another place than the one that was meant."""
+    fractions = [
+        str(marker)
+        for marker in joint.markers
+        if isinstance(marker, Marker) and isinstance(marker.point, float)
+    ]
+    if not fractions:
+        return ""
+    return f" ({' and '.join(fractions)}: on two-node elements the node nearest to the fraction)"
 
 
 def drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
