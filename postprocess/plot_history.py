@@ -30,7 +30,6 @@ mpl.use("Agg")  # before pyplot, which would look for a display
 import matplotlib.pyplot as plt
 import numpy as np
 
-
 #: Terms of an energy balance. What is left of it, a small difference, has a panel of its own.
 _ENERGIES = ("kinetic", "strain", "gravity", "work", "dissipation")
 #: Components: of vectors in axes (tip_x), of what probes record (hook_fx, root_m2, root_gamma1,

@@ -183,7 +183,7 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
             f'Event "{name}": too many in one step at t = {t:.6g} s (what bounces comes to rest '
             "with a rest_speed)"
         )
-    # the start looks three steps ahead to differentiate drives
+    # the start looks ahead to differentiate drives
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])
     culprit = simulation.controls.not_finite(t) or not_finite(simulation.serial, ahead)
     if culprit:
