@@ -32,9 +32,9 @@ _RATES = np.array([1.0, 1.0])
 #: constraint is violated by this part of the distance its force moves the model within a step;
 #: rounding of positions, divided by it, disturbs the part of the multipliers that does no work.
 _COMPLIANCE = 1e-5
-#: Span over which drives are differentiated, in time steps. A drive that begins with the third power
-#: of time must give no velocity: damping that is proportional to a stiffness would make a force of
-#: it. A much shorter span would magnify the rounding of measured drives.
+#: Span over which drives are differentiated, in time steps. A drive that begins with the third
+#: power of time must give no velocity: damping that is proportional to a stiffness would make a
+#: force of it. A much shorter span would magnify the rounding of measured drives.
 _SPAN = 0.125
 #: Friction at the start is found in at most so many iterations.
 _SWEEPS = 25

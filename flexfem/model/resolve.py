@@ -48,7 +48,7 @@ def node_fraction(mesh: LineMesh, beam: Beam, marker: Marker) -> float:
     Raises:
         ValueError: As for :func:`beam_node`.
     """
-    nodes = _ordered(mesh, beam, f'Marker on "{beam.name}"', marker.point)
+    nodes = _ordered(mesh, beam, f'Marker on "{beam.name}"', _point(beam, marker))
     length = arc_length(mesh.points[nodes])
     at = np.flatnonzero(nodes == beam_node(mesh, beam, marker))[0]
     return float(length[at] / length[-1])

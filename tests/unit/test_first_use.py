@@ -40,7 +40,7 @@ def test_a_file_without_its_ending_is_named(
     with pytest.raises(ValueError, match="known are"):
         case_file("my_own_thing")
     (tmp_path / "my_own_thing.py").touch()
-    with pytest.raises(ValueError, match="did you mean the file my_own_thing.py"):
+    with pytest.raises(ValueError, match=r"did you mean the file my_own_thing\.py"):
         case_file("my_own_thing")
 
 
