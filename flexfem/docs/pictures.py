@@ -3,7 +3,8 @@
 
     python -m flexfem.docs.pictures [RESULTS_DIR]
 
-runs the tutorials, and the script of the walk, from the source tree and puts small pictures into ``figures/``.
+runs the tutorials, and the script of the walk, from the source tree and puts small pictures into
+``figures/``.
 """
 
 import re

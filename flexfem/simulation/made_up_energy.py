@@ -14,6 +14,8 @@ __all__ = ["made_up_energy"]
 #: Part of the largest energy from which it is told. Sound runs stay below a quarter of this; what
 #: impacts and jumps make of coarse steps is some times as much.
 _PART = 0.02
+#: Energies, J, that are round-off.
+_NOTHING = 1e-12
 _ENERGIES = ("kinetic", "strain", "gravity", "work")
 
 
@@ -34,7 +36,7 @@ def _found(model: Model, history: Mapping[str, FloatArray]) -> Iterator[str]:
         balance = history[f"{probe.name}_balance"]
         largest = max(float(np.abs(history[f"{probe.name}_{e}"]).max()) for e in _ENERGIES)
         gained = float(balance.max())
-        if not gained > _PART * largest or len(balance) < 2:
+        if not gained > max(_PART * largest, _NOTHING) or len(balance) < 2:
             continue
         jump = int(np.argmax(np.diff(balance))) + 1
         yield (

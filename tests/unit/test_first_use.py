@@ -128,6 +128,9 @@ def test_made_up_energy_is_told() -> None:
     assert not told([0.0, -1.0, -2.0, -3.0])
     assert not told([0.0, 0.01, 0.3, 0.31], "bob")  # parts of a model exchange energy
     assert not made_up_energy(sliding(ff.EnergyProbe()), {})
+    tiny = {name: 1e-15 * values for name, values in history.items()}  # a model at rest
+    tiny["energy_balance"] = np.array([0.0, 0.0, 1e-14, 1e-14])
+    assert not made_up_energy(sliding(ff.EnergyProbe()), tiny)
 
 
 def test_coarse_steps_of_a_stop_are_told() -> None:
