@@ -35,6 +35,7 @@ $(BENCH_STAMP): $(STAMP)
 	@touch $@
 
 run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)
+	@echo "(a first run compiles its kernels before it starts, for half a minute or more)"
 	$(BIN)/mpirun -n $(RANKS) $(BIN)/flexfem run $(CASE)
 	$(BIN)/flexfem render results/$(CASE)
 	$(BIN)/flexfem plot results/$(CASE)

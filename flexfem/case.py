@@ -266,6 +266,8 @@ def case_file(name: str | Path) -> Path:
         raise ValueError(str(error)) from error
     if name not in cases:
         hint = _near(str(name), cases) or f"known are {', '.join(cases)}"
+        if Path(f"{name}.py").is_file():
+            hint = f"did you mean the file {name}.py"
         raise ValueError(f"unknown case '{name}': {hint}")
     return cases[str(name)]
 

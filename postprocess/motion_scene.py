@@ -11,6 +11,8 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from result_series import ARROWS, FLEXIBLE, OBSTACLES, Instant, RenderError
 
+#: What is shown unless told otherwise: resultants of beams and shells, else stresses of solids.
+FIELDS = ("bending_moment", "von_mises", "deformation")
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
 UNITS |= dict.fromkeys(("axial_stress", "shear_stress", "von_mises", "stress"), "Pa")
@@ -59,6 +61,15 @@ def scalars(mesh: Any, field: str) -> tuple[str, np.ndarray] | None:
                 if array.GetComponentName(i) == field:
                     return where, np.asarray(data[name], dtype=float)[:, i]
     return None
+
+
+def default_field(instants: list[Instant]) -> str:
+    """The first usual field that the flexible bodies have."""
+    names: set[str] = set()
+    for name, mesh in instants[0].meshes(1.0).items():
+        if name in FLEXIBLE:
+            names.update(mesh.array_names)
+    return next((field for field in FIELDS if field in names), FIELDS[0])
 
 
 def survey(

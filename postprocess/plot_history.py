@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Plot the history table of a result folder: history.png, one panel per quantity, or path.png.
 
-Components (tip_x, tip_y, tip_z or force_1, force_2) share a panel:
+Components (tip_x, tip_y, tip_z or hook_fx, hook_fy, hook_fz) and energies share a panel:
 
     python postprocess/plot_history.py results/slider_crank --columns tip_x,tip_y,energy
 
@@ -18,6 +18,8 @@ The path of a point with columns mass_x, mass_y, mass_z in planes, of equal scal
 from __future__ import annotations
 
 import argparse
+import difflib
+import re
 import sys
 from pathlib import Path
 
@@ -27,6 +29,12 @@ mpl.use("Agg")  # before pyplot, which would look for a display
 
 import matplotlib.pyplot as plt
 import numpy as np
+
+#: Terms of an energy balance. What is left of it, a small difference, has a panel of its own.
+_ENERGIES = ("kinetic", "strain", "gravity", "work", "dissipation")
+#: Components: of vectors in axes (tip_x), of what probes record (hook_fx, root_m2, root_gamma1,
+#: spot_eps11), and numbered ones (force_1).
+_COMPONENT = re.compile(r"([fmpl]?)[xyz]|(|[nm]|gamma|kappa|eps)\d+")
 
 
 class PlotError(ValueError):
@@ -61,7 +69,9 @@ def choose(table: dict[str, np.ndarray], columns: str | None, x: str, path: Path
         chosen = list(dict.fromkeys(c.strip() for c in columns.split(",") if c.strip()))
     unknown = [name for name in chosen if name not in known]
     if unknown:
-        raise PlotError(f"{path}: no column '{unknown[0]}', there are: {', '.join(known)}")
+        near = difflib.get_close_matches(unknown[0], known)
+        hint = f"did you mean {' or '.join(near)}" if near else f"there are: {', '.join(known)}"
+        raise PlotError(f"{path}: no column '{unknown[0]}', {hint}")
     if not chosen:
         raise PlotError(f"{path}: no columns to plot")
     return chosen
@@ -71,10 +81,20 @@ def grouped(columns: list[str]) -> list[tuple[str, list[str]]]:
     """Groups (label, columns) of components, in the order of their first columns."""
     groups: dict[str, list[str]] = {}
     for name in columns:
-        prefix, _, last = name.rpartition("_")
-        component = prefix and (last in ("x", "y", "z") or last.isdigit())
-        groups.setdefault(prefix if component else name, []).append(name)
+        groups.setdefault(quantity(name), []).append(name)
     return [(g if len(names) > 1 else names[0], names) for g, names in groups.items()]
+
+
+def quantity(column: str) -> str:
+    """What a column is a component of: "hook_f" for "hook_fx", itself if it is none."""
+    prefix, _, last = column.rpartition("_")
+    if prefix and last in _ENERGIES:
+        return prefix
+    found = _COMPONENT.fullmatch(last) if prefix else None
+    if found is None:
+        return column
+    name = found[1] or found[2]
+    return f"{prefix}_{name}" if name else prefix
 
 
 def plot(table: dict[str, np.ndarray], columns: list[str], x: str, title: str, path: Path) -> None:

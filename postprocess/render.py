@@ -43,10 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--colour",
         "--color",
-        default="bending_moment",
         metavar="FIELD",
         help="field or component on beams (N, Q2, Q3, T, M2, M3, kappa1, axial_stress, von_mises, "
-        "velocity, ...), shells or floating bodies (deformation, ...); default: %(default)s",
+        "velocity, ...), shells or floating bodies (deformation, ...); default: bending_moment, "
+        "von_mises where only floating bodies are",
     )
     parser.add_argument(
         "--arrows",
@@ -162,7 +162,7 @@ def make(options: argparse.Namespace) -> list[Path]:
 
 def make_folder(folder: Path, options: argparse.Namespace) -> list[Path]:
     """Pictures of one result folder."""
-    from motion_scene import Scene, arrow_reach, survey
+    from motion_scene import Scene, arrow_reach, default_field, survey
     from result_series import between, nearest, read_series, title_of
 
     instants = read_series(folder, arrows=options.arrows is not None)
@@ -176,12 +176,13 @@ def make_folder(folder: Path, options: argparse.Namespace) -> list[Path]:
             frames.append(instants[-1])
         shown = spread(instants, options.interval)
     surveyed = [*shown, *frames]
-    cloud, limits = survey(surveyed, options.colour, options.scale_deformation)
+    field = options.colour or default_field(surveyed)
+    cloud, limits = survey(surveyed, field, options.scale_deformation)
     scale, deformation = 0.0, options.scale_deformation
     if options.arrows:
         cloud, scale = arrow_reach(surveyed, options.arrows, cloud, deformation)
     scene = Scene(
-        *title_of(folder), options.colour, limits, cloud, options.size, options.view,
+        *title_of(folder), field, limits, cloud, options.size, options.view,
         deformation, options.arrows, scale,
     )  # fmt: skip
     target = options.output or folder

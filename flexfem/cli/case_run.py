@@ -3,6 +3,7 @@
 
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,6 +55,26 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
         UsageError: An option, a value or the model is not admissible.
     """
     case, parameters, options = parse(case, argv, prog=prog)
+    with _word_on_compilation(options):
+        return _run(case, parameters, options, argv, prog)
+
+
+def _word_on_compilation(options: Settings) -> AbstractContextManager[None]:
+    """Who watches a terminal learns why a first run takes long to start."""
+    if options.quiet or options.progress == "none" or not sys.stderr.isatty():
+        return nullcontext()
+    try:
+        from flexfem.la.first_compilation import told_of_compilation
+    except ImportError:  # numba is missing, or will not load: the run says so
+        return nullcontext()
+    return told_of_compilation(lambda text: launch.say(text, error=True))
+
+
+def _run(
+    case: Case, parameters: Mapping[str, Any], options: Settings, argv: Sequence[str],
+    prog: str | None,
+) -> int:  # fmt: skip
+    """Build the model of a case and run it; returns the exit code."""
     try:
         model, folders = _prepare(case, parameters, options)
     except NumericalError as error:
@@ -72,6 +93,8 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
         launch.say(f"failed: {error}", error=True)
         launch.abort(1)
         return 1
+    for warning in outcome.summary.get("warnings", ()):
+        launch.say(f"warning: {warning}", error=True)
     if outcome.status != "ok":
         launch.say(f"failed: {outcome.status}", error=True)
         return 1

@@ -2,6 +2,7 @@
 """What all command lines share: parser, wrong input in one line, exit codes."""
 
 import argparse
+import difflib
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -12,6 +13,8 @@ from flexfem import launch
 from flexfem.installation import InstallationError
 from flexfem.options import Option
 
+#: How argparse begins to say that there is no such option.
+_UNKNOWN = "unrecognized arguments: "
 #: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
 _PATIENCE = 0.5
 
@@ -42,8 +45,17 @@ class Parser(argparse.ArgumentParser):
         )
 
     def error(self, message: str) -> NoReturn:
-        """Wrong input in one line, with where to read on."""
-        raise UsageError(f"{message} (see {self.prog} --help)")
+        """Wrong input in one line, with what may be meant and where to read on."""
+        raise UsageError(f"{message}{self._meant(message)} (see {self.prog} --help)")
+
+    def _meant(self, message: str) -> str:
+        """Options that are spelt like the first one that is unknown."""
+        unknown = message.removeprefix(_UNKNOWN).split()
+        if not message.startswith(_UNKNOWN) or not unknown[0].startswith("--"):
+            return ""
+        known = [text for text in self._option_string_actions if text.startswith("--")]
+        near = difflib.get_close_matches(unknown[0].partition("=")[0], known)
+        return f"; did you mean {' or '.join(near)}?" if near else ""
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if launch.rank() == 0:

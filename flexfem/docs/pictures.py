@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Make the pictures of the tutorials from their results.
+"""Make the pictures of the documentation from their results.
 
     python -m flexfem.docs.pictures [RESULTS_DIR]
 
-runs the tutorials from the source tree and puts small pictures into ``figures/``.
+runs the tutorials, and the script of the walk, from the source tree and puts small pictures into
+``figures/``.
 """
 
+import re
 import shutil
 import subprocess
 import sys
@@ -50,7 +52,14 @@ PICTURES = {
     ),
     "tutorial_7_motion": ("tutorial_7_bead", ("render", *_SIZE)),
     "tutorial_7_history": ("tutorial_7_bead", ("plot_history", "--columns", "way,speed")),
+    "walk_motion": ("scissor", ("render", *_SIZE)),
+    "walk_history": (
+        "scissor",
+        ("plot_history", "--columns", "top_z,driving_fx,foot_force_fz,rail_force_fz"),
+    ),
 }
+#: Cases that are no files: the page whose first complete script each is.
+PAGES = {"scissor": "guide/walk.md"}
 #: What each script draws, unless told otherwise.
 _DRAWN = {"render": "motion.png", "plot_history": "history.png", "plot_campbell": "campbell.png"}
 
@@ -60,9 +69,19 @@ def main(results: Path) -> None:
     for name, (case, (script, *options)) in PICTURES.items():
         folder = results / case
         if not (folder / "summary.json").exists():
-            _python(ROOT / "cases" / f"{case}.py", "--output", folder)
+            _python(*_program(case), "--output", folder)
         _python(ROOT / "postprocess" / f"{script}.py", folder, *options)
         shutil.copyfile(folder / _DRAWN[script], FIGURES / f"{name}.png")
+
+
+def _program(case: str) -> tuple[object, ...]:
+    """How Python is told to run a case: its file, or the script that a page shows."""
+    if case not in PAGES:
+        return (ROOT / "cases" / f"{case}.py",)
+    text = (Path(__file__).parent / PAGES[case]).read_text(encoding="utf-8")
+    found = re.search(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    assert found is not None
+    return "-c", found[1]
 
 
 def _python(*arguments: object) -> None:

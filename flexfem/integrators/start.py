@@ -7,6 +7,8 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
+from flexfem.core.joint import Joint
+from flexfem.core.marker import Marker
 from flexfem.core.row import START_GAP, LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
@@ -30,6 +32,10 @@ _RATES = np.array([1.0, 1.0])
 #: constraint is violated by this part of the distance its force moves the model within a step;
 #: rounding of positions, divided by it, disturbs the part of the multipliers that does no work.
 _COMPLIANCE = 1e-5
+#: Span over which drives are differentiated, in time steps. A drive that begins with the third
+#: power of time must give no velocity: damping that is proportional to a stiffness would make a
+#: force of it. A much shorter span would magnify the rounding of measured drives.
+_SPAN = 0.125
 #: Friction at the start is found in at most so many iterations.
 _SWEEPS = 25
 
@@ -74,7 +80,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     Velocities move by the least kinetic energy onto the constraints (they stay as they are if they
     satisfy them already); accelerations and multipliers follow from
     ``[[M, G^T], [G, 0]] (w, lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided
-    differences over ``dt`` (s), since a motion need not be defined before the start.
+    differences over a part of ``dt`` (s), as a motion need not be defined before the start.
     """
     rows = system.constraints
     status = project_velocities(system, tangent, dt, np.zeros(rows.size))
@@ -208,36 +214,51 @@ def check_gaps(system: System) -> None:
         joint, gap = worst[first]
         text = (
             f"{joint.owner}: the markers violate the joint at the start by {gap:.6g} (m or rad); "
-            "place the bodies so that it holds, or let flexfem.assemble move them"
+            f"place the bodies so that it holds, or let flexfem.assemble move them{_nodes(joint)}"
         )
     texts = [t for t in system.comm.allgather(text) if t is not None]
     raise InputError(texts[0])
 
 
+def _nodes(joint: Joint) -> str:
+    """Words on markers that may be at another place than the one that was meant."""
+    fractions = [
+        str(marker)
+        for marker in joint.markers
+        if isinstance(marker, Marker) and isinstance(marker.point, float)
+    ]
+    if not fractions:
+        return ""
+    return f" ({' and '.join(fractions)}: on two-node elements the node nearest to the fraction)"
+
+
 def drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
-    """Row values at t, t + dt, t + 2 dt, t + 3 dt at held positions, and total rates at t."""
-    rows, start = system.constraints, system.time
+    """Row values at t, t + h, t + 2 h, t + 3 h at held positions, and total rates at t.
+
+    The span h is a part of ``dt``; rates are exact for motions of third degree.
+    """
+    rows, start, h = system.constraints, system.time, _SPAN * dt
     values = []
     for k in range(4):
-        rows.set_time(start + k * dt)
+        rows.set_time(start + k * h)
         rows.evaluate(_RATES)
         values.append(rows.values.copy())
     rows.set_time(start)
     rows.evaluate(_RATES)
-    by_time = (-3.0 * values[0] + 4.0 * values[1] - values[2]) / (2.0 * dt)
+    by_time = (-11.0 * values[0] + 18.0 * values[1] - 9.0 * values[2] + 2.0 * values[3]) / (6.0 * h)
     return values, rows.rates() + by_time
 
 
 def second_rates(system: System, dt: float, values: list[FloatArray]) -> FloatArray:
     """Second time derivative of the rows at zero accelerations."""
-    rows, start = system.constraints, system.time
+    rows, start, h = system.constraints, system.time, _SPAN * dt
     rates = []
     for k in range(3):
-        rows.set_time(start + k * dt)
+        rows.set_time(start + k * h)
         rows.evaluate(_RATES)
         rates.append(rows.rates())
     rows.set_time(start)
     rows.evaluate(_RATES)
-    turning = (-3.0 * rates[0] + 4.0 * rates[1] - rates[2]) / (2.0 * dt)
-    by_time = (2.0 * values[0] - 5.0 * values[1] + 4.0 * values[2] - values[3]) / (dt * dt)
+    turning = (-3.0 * rates[0] + 4.0 * rates[1] - rates[2]) / (2.0 * h)
+    by_time = (2.0 * values[0] - 5.0 * values[1] + 4.0 * values[2] - values[3]) / (h * h)
     return rows.second_rates() + 2.0 * turning + by_time

@@ -33,7 +33,7 @@ class Beam:
     Attributes:
         name: Unique name in the model.
         section: Stiffness and inertia.
-        group: Line group of the model's mesh, None with a curve.
+        group: Line group of the model's mesh; None for that of the beam's name, or with a curve.
         curve: Curve of a beam that needs no mesh; its elements are its knot spans.
         degree: Degree of the curve through the nodes of the group with the formulation "nurbs";
             None for others.

@@ -42,6 +42,18 @@ def beam_node(mesh: LineMesh, beam: Beam, marker: Marker) -> int:
     return int(nodes[np.argmin(np.abs(length - point * length[-1]))])
 
 
+def node_fraction(mesh: LineMesh, beam: Beam, marker: Marker) -> float:
+    """Fraction of the beam's length at which the node of a marker is that is given by one.
+
+    Raises:
+        ValueError: As for :func:`beam_node`.
+    """
+    nodes = _ordered(mesh, beam, f'Marker on "{beam.name}"', _point(beam, marker))
+    length = arc_length(mesh.points[nodes])
+    at = np.flatnonzero(nodes == beam_node(mesh, beam, marker))[0]
+    return float(length[at] / length[-1])
+
+
 def shell_node(mesh: SurfaceMesh, shell: Shell, marker: Marker) -> int:
     """Return the mesh node of a marker on a shell.
 

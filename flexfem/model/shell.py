@@ -36,7 +36,7 @@ class Shell:
     Attributes:
         name: Unique name in the model.
         section: Stiffness and mass.
-        body: Name of the body in the surface mesh.
+        body: Name of the body in the surface mesh; None for that of the name of the shell.
         element: Formulation: "rotation_free" for triangles with nodal positions alone, "director"
             for quadratic triangles with directors amid their edges, which shear across their
             thickness, turn as one where edges are shared, also at kinks, and do on any mesh. All

@@ -19,8 +19,9 @@ from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.interruption import Agreement, interruption
+from flexfem.simulation.made_up_energy import made_up_energy
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
-from flexfem.simulation.reasons import ITERATED, MOTION, moves_most, not_finite, with_hint
+from flexfem.simulation.reasons import ITERATED, MOTION, START, moves_most, not_finite, with_hint
 from flexfem.simulation.recording import Recorder
 from flexfem.simulation.stepping import HALVINGS, Simulation
 from flexfem.simulation.time_grid import TimeGrid
@@ -161,6 +162,8 @@ class _Run:
         summary["wall_seconds_setup"] = self._setup or summary["wall_seconds"]
         summary["wall_seconds_first_step"] = self._first
         comm = self._simulation.system.comm
+        # the history is the first rank's
+        summary["warnings"] = comm.bcast(made_up_energy(self._simulation.serial.model, history))
         return conclude(summary, history, self._results, self._options, comm)
 
 
@@ -180,12 +183,14 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
             f'Event "{name}": too many in one step at t = {t:.6g} s (what bounces comes to rest '
             "with a rest_speed)"
         )
-    # the start looks three steps ahead to differentiate drives
+    # the start looks ahead to differentiate drives
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])
     culprit = simulation.controls.not_finite(t) or not_finite(simulation.serial, ahead)
     if culprit:
         return f"{culprit} after t = {t:.6g} s"
     where = moves_most(simulation.serial, simulation.system) if status in ITERATED else ""
+    if status in ITERATED and simulation.status is status:  # before the first step
+        return with_hint(f"{status.value} in the search for the equilibrium{where}", START)
     return with_hint(f"{status.value} at t = {t:.6g} s{where}", MOTION.get(status))
 
 

@@ -21,6 +21,7 @@ __all__ = [
     "MODES",
     "MOTION",
     "RELAXATION",
+    "START",
     "STATICS",
     "moves_most",
     "not_finite",
@@ -42,6 +43,11 @@ MOTION: Mapping[Status, str] = {
     "least_norm carries them), for bodies without mass, and for positions that a mechanism cannot "
     "pass",
 }
+#: The same where the equilibrium was not found in which it is to start.
+START = (
+    "the model may have no equilibrium near its start, because nothing holds it up for example: "
+    "flexfem info tells what looks wrong, start given begins at rest or with what bodies have"
+)
 #: The same where a mechanism of energies, or other equations, failed.
 EQUATIONS: Mapping[Status, str] = {
     Status.NOT_CONVERGED: _STEP,

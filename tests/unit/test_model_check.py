@@ -153,6 +153,29 @@ def still(gravity: bool) -> ff.Model:
     return model
 
 
+def railed(axis: list[float]) -> ff.Model:
+    """A body that has been turned about y, on a rail."""
+    rail = ff.Prismatic("rail", ff.Ground(), ff.Marker("bob"), axis=axis)
+    turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    model = ff.Model()
+    model.add(DOWN, ff.RigidBody("bob", 1.0, (0.1, 0.1, 0.1), rotation=turn), rail)
+    return model
+
+
+def beside_a_ball(length: float) -> ff.Model:
+    """A sheet that is as long and wide, and a ball."""
+    model = sheet(length * EVEN, 0.1, length * EVEN)
+    model.add(ff.RigidBody("ball", 1.0, (1e-3, 1e-3, 1e-3), shape=ff.Sphere(0.05)))
+    return model
+
+
+def pushed_at(fraction: float) -> ff.Model:
+    """A beam of four elements under a force."""
+    model = beam()
+    model.add(ff.PointForce("push", ff.Marker("rod", fraction), (0.0, 0.0, 1.0)))
+    return model
+
+
 def sized(E: float, density: float, diameter: float = 0.02) -> ff.Section:
     return ff.Section.circle(diameter, ff.Material(E, 0.3, density))
 
@@ -166,6 +189,11 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "flight": (
         "unconnected", "falls freely", lambda: beam(joined=False),
         lambda: beam(joined=False, gravity=ff.Gravity((0, 0, 0))), MOTION,
+    ),
+    # axes of the body lie across those of gravity
+    "on a rail": (
+        "unconnected", "no joint to the ground holds it up", lambda: railed(Z), lambda: railed(X),
+        None,
     ),
     "lost sheet": (
         "unconnected", 'Shell "sheet": no joint', lambda: falling(False), lambda: falling(True),
@@ -230,6 +258,14 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "size": (
         "units", "its size is", lambda: beam(sized(2e11, 7850.0, 1e3), length=2e6),
         lambda: beam(sized(2e11, 7850.0, 1e3), length=2e5), None,
+    ),
+    "mesh in millimetres": (
+        "units", 'Shell "sheet": 141 m long, other bodies have 0.173 m',
+        lambda: beside_a_ball(100.0), lambda: beside_a_ball(10.0), None,
+    ),
+    "between nodes": (
+        "fractions", 'PointForce "push": rod:0.4 is the node at 0.5 of Beam "rod"',
+        lambda: pushed_at(0.4), lambda: pushed_at(0.75), None,
     ),
     "gap": (
         "gaps", "0.5 m from", lambda: body(ground=(0.3, 0.4, 0.0)), body, None

@@ -8,8 +8,11 @@ import numpy as np
 from flexfem.core.marker import Attachment, Ground, Marker
 from flexfem.inspection.finding import Finding, listed, owner_of
 from flexfem.inspection.inspection import Inspection
+from flexfem.inspection.mobility import part_rows
 
 _GROUND = -1
+#: Part of a fall that joints feel which is none.
+_ZERO = 1e-9
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
@@ -26,6 +29,8 @@ def find(inspection: Inspection) -> Iterator[Finding]:
                 "join it to Ground(), or leave gravity out",
             )  # fmt: skip
         return
+    if falls and inspection.moves is not False:
+        yield from _falling(inspection, [group for group in groups if _GROUND in group])
     if len(floating) == len(groups):  # in free flight: the heaviest group is the model
         floating.remove(max(floating, key=lambda group: float(masses[sorted(group)].sum())))
     for group in floating:
@@ -36,6 +41,29 @@ def find(inspection: Inspection) -> Iterator[Finding]:
             what = "no joint, contact or held edge connects them to the other bodies or the ground"
         hint = "add the joint that is missing, or the body to a contact"
         yield Finding("unconnected", where, what, hint)
+
+
+def _falling(inspection: Inspection, held: list[set[int]]) -> Iterator[Finding]:
+    """The model, if joints tie it to the ground but none of them keeps it from falling.
+
+    Forces, contacts and sliders may keep it: where there are some, nothing is said.
+    """
+    model, rows = inspection.model, inspection.rows.rows
+    if len(held) != 1 or model.contacts or model.loads or not bool(rows.rigid.all()):
+        return
+    table = part_rows(inspection, rows.rigid)
+    assert model.gravity is not None
+    down = np.asarray(model.gravity.acceleration) / np.linalg.norm(model.gravity.acceleration)
+    # gradients are with respect to twists in the axes of the parts
+    turns = inspection.parts.frames[:, 3:].reshape(-1, 3, 3)
+    ways = np.concatenate([np.einsum("nij,i->nj", turns, down), np.zeros((1, 3))])
+    drops = np.zeros(int(table.row.max(initial=-1)) + 1)
+    np.add.at(drops, table.row, np.einsum("tsi,tsi->t", table.gradient[..., :3], ways[table.nodes]))
+    if len(drops) and np.abs(drops).max() < _ZERO:
+        yield Finding(
+            "unconnected", repr(model), "it falls freely: no joint to the ground holds it up",
+            "join it to Ground() where it is held, or leave gravity out",
+        )  # fmt: skip
 
 
 def _groups(inspection: Inspection) -> list[set[int]]:

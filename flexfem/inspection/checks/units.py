@@ -23,6 +23,8 @@ _DENSITY = (1e-2, 3e4)
 _GRAVITY = 400.0
 #: Size of a model, m.
 _SIZE = (1e-6, 1e6)
+#: A mesh body of this length, m, that is so many times as long as another body is one in mm.
+_LARGE, _TIMES = 30.0, 300.0
 #: Radius of gyration of a rigid body relative to the model.
 _GYRATION = 30.0
 
@@ -64,6 +66,25 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         yield Finding(
             "units", repr(model), f"its size is {inspection.extent:.3g} m", "give lengths in m"
         )
+    else:
+        yield from _giants(inspection)
+
+
+def _giants(inspection: Inspection) -> Iterator[Finding]:
+    """Bodies of meshes beside which others are specks: a mesh in millimetres, most likely."""
+    sizes = [float(np.linalg.norm(one.size)) for one in inspection.bodies]
+    smallest = min((size for size in sizes if size > 0.0), default=np.inf)
+    giants = [
+        (owner_of(one.body), size)
+        for one, size in zip(inspection.bodies, sizes, strict=True)
+        if size > _LARGE and size > _TIMES * smallest and one.kind in ("shell", "floating body")
+    ]
+    if giants:
+        yield Finding(
+            "units", listed([owner for owner, _ in giants]),
+            f"{max(size for _, size in giants):.3g} m long, other bodies have {smallest:.3g} m",
+            "give lengths in m; the functions that read meshes take scale=1e-3 for millimetres",
+        )  # fmt: skip
 
 
 def _material(

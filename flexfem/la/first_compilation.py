@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A word on the compilation of kernels, which keeps a first run waiting."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from numba.core import event
+
+__all__ = ["told_of_compilation"]
+
+#: Seconds of compilation after which it is told.
+_SHORT = 1.0
+_WORDS = (
+    "compiling kernels, which are kept: a first run waits for half a minute or more, later ones "
+    "start at once"
+)
+
+
+class _Listener(event.Listener):
+    """Adds the time of compilations up, and tells once."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell, self._begun, self._depth, self._spent = tell, 0.0, 0, 0.0
+        self._told = False
+
+    def on_start(self, event: event.Event) -> None:
+        """A compilation begins, perhaps within another one."""
+        if self._depth == 0:
+            self._begun = time.monotonic()
+        self._depth += 1
+        if not self._told and self._spent + time.monotonic() - self._begun > _SHORT:
+            self._told = True
+            self._tell(_WORDS)
+
+    def on_end(self, event: event.Event) -> None:
+        """It has ended."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._spent += time.monotonic() - self._begun
+
+
+@contextmanager
+def told_of_compilation(tell: Callable[[str], None]) -> Iterator[None]:
+    """While numba compiles for more than a second, ``tell`` gets a line, once.
+
+    What is loaded from the cache on disk is not compiled.
+    """
+    listener = _Listener(tell)
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)

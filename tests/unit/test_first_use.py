@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What helps on first use: near spellings, words on what takes long or looks wrong, panels."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.case import case_file
+from flexfem.cli.postprocessing import script
+from flexfem.cli.usage import Parser, UsageError
+from flexfem.simulation.made_up_energy import made_up_energy
+
+pytestmark = pytest.mark.serial
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("--elemets 9", "--elemets 9; did you mean --elements? (see x --help)"),
+        ("--elemets=9", "; did you mean --elements?"),
+        ("--xyz", "--xyz (see"),
+        ("word", "word (see"),
+    ],
+)
+def test_near_options_are_named(given: str, told: str) -> None:
+    parser = Parser(prog="x")
+    parser.add_argument("--elements")
+    with pytest.raises(UsageError) as caught:
+        parser.parse_args(given.split())
+    assert told in str(caught.value)
+
+
+def test_a_file_without_its_ending_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match="known are"):
+        case_file("my_own_thing")
+    (tmp_path / "my_own_thing.py").touch()
+    with pytest.raises(ValueError, match=r"did you mean the file my_own_thing\.py"):
+        case_file("my_own_thing")
+
+
+def test_gap_names_fractions() -> None:
+    """On five elements no node is in the middle; elsewhere no fraction is to blame."""
+    steel = ff.Material(2.1e11, 0.3, 7850.0)
+    for place, words in ((0.5, r"\(rod:0.5: on two-node elements the node"), ("end", "them$")):
+        model = ff.Model("m", mesh=ff.LineMesh.straight({"rod": [(0, 0, 0), (1, 0, 0)]}, 5))
+        model.add(
+            ff.Beam("rod", ff.Section.circle(0.01, steel)),
+            ff.Spherical("pin", ff.Ground((0.5, 0.0, 0.0)), ff.Marker("rod", place)),
+        )
+        with pytest.raises(ValueError, match=words):
+            ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=1e-3))
+
+
+def test_components_and_energies_share_panels() -> None:
+    pytest.importorskip("matplotlib")
+    grouped = script("plot_history").grouped
+    columns = [
+        "tip_x",
+        "tip_y",
+        "hook_fx",
+        "hook_fy",
+        "hook_mx",
+        "hook_my",
+        "root_n1",
+        "root_gamma2",
+        "root_gamma3",
+        "spot_eps11",
+        "spot_eps12",
+        "force_1",
+        "force_2",
+        "energy_kinetic",
+        "energy_work",
+        "energy_balance",
+        "mode_1_fixed",
+    ]
+    assert [names for _, names in grouped(columns)] == [
+        ["tip_x", "tip_y"], ["hook_fx", "hook_fy"], ["hook_mx", "hook_my"], ["root_n1"],
+        ["root_gamma2", "root_gamma3"], ["spot_eps11", "spot_eps12"], ["force_1", "force_2"],
+        ["energy_kinetic", "energy_work"], ["energy_balance"], ["mode_1_fixed"],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("series", "fields", "shown"),
+    [
+        ("floating_bodies", ["stress", "von_mises", "deformation"], "von_mises"),
+        ("floating_lines", ["deformation"], "deformation"),
+        ("beam_surfaces", ["von_mises", "bending_moment"], "bending_moment"),
+        ("rigid_bodies", ["velocity"], "bending_moment"),
+    ],
+)
+def test_colour_is_a_field_that_is_there(series: str, fields: list[str], shown: str) -> None:
+    pytest.importorskip("pyvista")
+    mesh = SimpleNamespace(array_names=fields)
+    instant = SimpleNamespace(meshes=lambda _: {series: mesh})
+    assert script("motion_scene").default_field([instant]) == shown
+
+
+def sliding(*probes: ff.EnergyProbe) -> ff.Model:
+    model = ff.Model("m")
+    model.add(ff.RigidBody("bob", 2.0, (0.1, 0.1, 0.1)), ff.Gravity((0.0, 0.0, -9.81)), *probes)
+    return model
+
+
+def test_made_up_energy_is_told() -> None:
+    """Of the whole model, from a fiftieth of the largest energy on; what is lost is not told."""
+    zero = np.zeros(4)
+    names = ("kinetic", "strain", "gravity", "work", "dissipation")
+    history = {f"energy_{name}": zero for name in names} | {"t": np.arange(4.0)}
+    history["energy_gravity"] = np.array([0.0, -5.0, -10.0, -10.0])
+
+    def told(balance: list[float], *bodies: str) -> list[str]:
+        probe = ff.EnergyProbe(bodies=bodies or None)
+        return made_up_energy(
+            sliding(probe), history | {"energy_balance": np.array(balance)}
+        )  # fmt: skip
+
+    (line,) = told([0.0, 0.01, 0.3, 0.31])
+    assert "made up 0.31 J (energy_balance) beside energies of 10 J" in line
+    assert "t = 2 s" in line
+    assert not told([0.0, 0.0, 0.19, 0.19])
+    assert not told([0.0, -1.0, -2.0, -3.0])
+    assert not told([0.0, 0.01, 0.3, 0.31], "bob")  # parts of a model exchange energy
+    assert not made_up_energy(sliding(ff.EnergyProbe()), {})
+    tiny = {name: 1e-15 * values for name, values in history.items()}  # a model at rest
+    tiny["energy_balance"] = np.array([0.0, 0.0, 1e-14, 1e-14])
+    assert not made_up_energy(sliding(ff.EnergyProbe()), tiny)
+
+
+def test_coarse_steps_of_a_stop_are_told() -> None:
+    """A mass falls onto a stiff stop, which steps of 20 ms do not resolve; finer ones do."""
+    warnings = {}
+    for dt in (2e-2, 2e-4):
+        model = sliding(ff.EnergyProbe())
+        ends = ff.Ground(), ff.Marker("bob")
+        model.add(
+            ff.Prismatic("rail", *ends),
+            ff.LimitStop("floor", *ends, axis=(0, 0, 1), lower=-0.1, stiffness=1e5),
+        )
+        outcome = ff.simulate(model, ff.RunOptions(dt=dt, t_end=0.4, rho_inf=1.0))
+        assert outcome.status == "ok"
+        warnings[dt] = outcome.summary["warnings"]
+    assert len(warnings[2e-2]) == 1
+    assert warnings[2e-4] == []
+
+
+def test_smooth_drive_of_a_damped_beam_begins_without_a_force() -> None:
+    """A motion that begins with the third power of time has neither velocity nor acceleration."""
+    steel = ff.Material(2.1e11, 0.3, 7850.0)
+    model = ff.Model("m", mesh=ff.LineMesh.straight({"rod": [(0, 0, 0), (1, 0, 0)]}, 4))
+    ends = ff.Ground(), ff.Marker("rod", "start")
+    model.add(
+        ff.Beam("rod", ff.Section.circle(0.01, steel), damping=1e-3),
+        ff.Prismatic("rail", *ends, axis=(1.0, 0.0, 0.0)),
+        ff.PrescribedDisplacement("drive", *ends, (1.0, 0.0, 0.0), ff.SmoothStep(0.0, 1.0)),
+        ff.ReactionProbe("push", "drive"),
+    )
+    push = ff.simulate(model, ff.RunOptions(dt=2e-3, t_end=0.1)).history["push_fx"]
+    # the mass of 0.617 kg takes 2.7 N at 0.1 s; with a velocity at the start it were 9 N at once
+    assert abs(push[0]) < 0.01
+    assert 2.0 < push.max() < 3.0
+
+
+def test_no_equilibrium_is_said_so() -> None:
+    """A body on an upright rail has none."""
+    model = sliding()
+    model.add(ff.Prismatic("rail", ff.Ground(), ff.Marker("bob")))
+    status = ff.simulate(model, ff.RunOptions(dt=1e-2, t_end=0.1, start="equilibrium")).status
+    assert "in the search for the equilibrium" in status
+    assert "smaller dt" not in status
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Seconds that the test sets."""
+    from flexfem.la import first_compilation
+
+    now = [0.0]
+    monkeypatch.setattr(first_compilation.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_long_compilation_is_told_once(clock: list[float]) -> None:
+    """From a second on, nested ones not twice; nothing is told of what comes after the run."""
+    from numba.core import event
+
+    from flexfem.la.first_compilation import told_of_compilation
+
+    told: list[str] = []
+    with told_of_compilation(told.append):
+        for seconds, lines in ((0.6, 0), (0.6, 0), (0.1, 1), (5.0, 1)):
+            event.start_event("numba:compile")
+            event.start_event("numba:compile")
+            clock[0] += seconds
+            event.end_event("numba:compile")
+            event.end_event("numba:compile")
+            assert len(told) == lines
+    event.start_event("numba:compile")
+    event.end_event("numba:compile")
+    assert len(told) == 1
