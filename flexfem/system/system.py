@@ -30,6 +30,10 @@ from flexfem.system.node_loads import NodeForces, NodeMasses
 
 __all__ = ["MASS", "BlockPart", "Counters", "Shifts", "System"]
 
+#: A prediction is better if it is off by less than this part of the other. Of a motion that begins
+#: at rest all are alike, and rounding, which the number of ranks changes, must not choose.
+_BETTER = 0.99
+
 
 @dataclass
 class Counters:
@@ -330,7 +334,7 @@ class System:
     def choose_prediction(self, misses: Sequence[Misses]) -> None:
         """Set ``prediction`` by how far all of them were off in each block (collective).
 
-        Where they are equal velocities are used: what begins to move goes on.
+        Where they are alike velocities are used: what begins to move goes on.
         """
         largest = [max(each) for each in zip(*misses, strict=True)]
         if self.comm.size > 1:
@@ -338,8 +342,8 @@ class System:
             self.comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
             largest = buffer.tolist()
         rest, plain, curved = largest
-        better = Prediction.ACCELERATION if curved < plain else Prediction.VELOCITY
-        self.prediction = Prediction.REST if rest < min(plain, curved) else better
+        better = Prediction.ACCELERATION if curved < _BETTER * plain else Prediction.VELOCITY
+        self.prediction = Prediction.REST if rest < _BETTER * min(plain, curved) else better
 
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Which prediction the next step begins with."""
+
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import pytest
+
+from flexfem.core.prediction import Prediction
+from flexfem.system.system import System
+
+
+@pytest.mark.parametrize(
+    ("misses", "chosen"),
+    [
+        # at rest all are alike up to rounding
+        ((1.0, 1.0, 1.0), Prediction.VELOCITY),
+        ((1.0, 1.0 + 1e-5, 1.0 - 1e-5), Prediction.VELOCITY),
+        ((1.0 - 1e-5, 1.0, 1.0), Prediction.VELOCITY),
+        ((0.0, 0.0, 0.0), Prediction.VELOCITY),
+        ((3.0, 2.0, 1.0), Prediction.ACCELERATION),
+        ((3.0, 1.0, 2.0), Prediction.VELOCITY),
+        ((1.0, 3.0, 2.0), Prediction.REST),
+    ],
+)
+def test_the_best_prediction_is_chosen(
+    misses: tuple[float, float, float], chosen: Prediction
+) -> None:
+    """The largest miss of any block on any rank counts; what is alike is left to velocities."""
+    comm = MPI.COMM_WORLD
+    own = misses if comm.rank == comm.size - 1 else (0.0, 0.0, 0.0)
+    system = SimpleNamespace(comm=comm)
+    System.choose_prediction(system, [(0.0, 0.0, 0.0), own])  # type: ignore[arg-type]
+    assert system.prediction is chosen
