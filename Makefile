@@ -8,6 +8,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 BENCH_STAMP := $(VENV)/.set-up-bench
 EXTRAS := dolfinx,post,test,fmi,docs
+# A user's own scripts may lie beside these.
+SOURCES := flexfem cases meshes postprocess tests
 CASE ?= slider_crank
 # More ranks than cores would spend their time waiting: MPICH polls.
 RANKS := $(shell test "$$(nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
@@ -44,8 +46,8 @@ run: $(STAMP) ## run a case on 2 ranks and draw it (CASE=slider_crank)
 	@echo "and $$(find results/$(CASE) -type f -name '*vtu' | wc -l) ParaView field files"
 
 lint: $(STAMP) ## style, types, architecture
-	$(BIN)/ruff check
-	$(BIN)/ruff format --check
+	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy flexfem
 	$(BIN)/python -m pytest -q tests/test_architecture.py
 
