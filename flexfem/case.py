@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Declaration of a case: a named model with options, an analysis and headline results."""
 
-import difflib
 import os
 import re
 import sys
@@ -18,7 +17,7 @@ from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.analyses.modes import MODES
 from flexfem.analyses.relaxation import RELAXATION
 from flexfem.analyses.statics import STATICS
-from flexfem.options import Option, Settings
+from flexfem.options import Option, Settings, meant
 from flexfem.resources import load_module, shipped_files
 
 if TYPE_CHECKING:
@@ -173,7 +172,7 @@ class Case:
         checked = {}
         for name, value in given.items():
             if name not in options:
-                hint = _near(name, options) or f"known are {', '.join(options)}"
+                hint = meant(name, options) or f"known are {', '.join(options)}"
                 raise ValueError(f"case '{self.name}': no option '{name}', {hint}")
             try:
                 checked[name] = options[name].check(value)
@@ -265,7 +264,7 @@ def case_file(name: str | Path) -> Path:
     except FileNotFoundError as error:
         raise ValueError(str(error)) from error
     if name not in cases:
-        hint = _near(str(name), cases) or f"known are {', '.join(cases)}"
+        hint = meant(str(name), cases) or f"known are {', '.join(cases)}"
         if Path(f"{name}.py").is_file():
             hint = f"did you mean the file {name}.py"
         raise ValueError(f"unknown case '{name}': {hint}")
@@ -274,8 +273,3 @@ def case_file(name: str | Path) -> Path:
 
 def _is_path(name: str | Path) -> bool:
     return Path(name).suffix == ".py" or os.sep in str(name)
-
-
-def _near(name: str, known: Mapping[str, Any]) -> str:
-    near = difflib.get_close_matches(name, known)
-    return f"did you mean {' or '.join(near)}" if near else ""

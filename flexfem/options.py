@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Options: what a value may be, said once for the command line and for Python callers."""
 
+import difflib
 import math
 import operator
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -180,6 +181,12 @@ class ProgressOption(Option):
 
 #: Seconds between two lines of progress unless told otherwise.
 _EVERY = 30.0
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """Names that an unknown one is spelt like, as "did you mean a or b"; empty without any."""
+    near = difflib.get_close_matches(name, list(known))
+    return f"did you mean {' or '.join(near)}" if near else ""
 
 
 def progress_kind(text: str) -> tuple[str, float]:

@@ -2,7 +2,6 @@
 """What all command lines share: parser, wrong input in one line, exit codes."""
 
 import argparse
-import difflib
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -11,7 +10,7 @@ from typing import Any, NoReturn
 
 from flexfem import launch
 from flexfem.installation import InstallationError
-from flexfem.options import Option
+from flexfem.options import Option, meant
 
 #: How argparse begins to say that there is no such option.
 _UNKNOWN = "unrecognized arguments: "
@@ -54,8 +53,8 @@ class Parser(argparse.ArgumentParser):
         if not message.startswith(_UNKNOWN) or not unknown[0].startswith("--"):
             return ""
         known = [text for text in self._option_string_actions if text.startswith("--")]
-        near = difflib.get_close_matches(unknown[0].partition("=")[0], known)
-        return f"; did you mean {' or '.join(near)}?" if near else ""
+        hint = meant(unknown[0].partition("=")[0], known)
+        return f"; {hint}?" if hint else ""
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if launch.rank() == 0:

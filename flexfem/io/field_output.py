@@ -124,8 +124,9 @@ class FieldOutput:
 
     def close(self) -> None:
         """End all series."""
-        self._obstacles.close()
-        for writer in (self._beams, self._shells, self._bodies, self._floating, self._joints):
+        for writer in (
+            self._beams, self._shells, self._bodies, self._obstacles, self._floating, self._joints,
+        ):  # fmt: skip
             writer.close()
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.options import Option
+from flexfem.options import Option, meant
 
 __all__ = ["combinations", "parse_variation", "value_text"]
 
@@ -40,8 +39,7 @@ def parse_variation(text: str, options: Mapping[str, Option]) -> tuple[str, list
     if not equals or not name:
         raise ValueError(f"'{text}' is not of the form option=a,b,c or option=start:stop:count")
     if name not in options:
-        near = difflib.get_close_matches(name, options)
-        hint = f"did you mean {' or '.join(near)}" if near else f"known are {', '.join(options)}"
+        hint = meant(name, options) or f"known are {', '.join(options)}"
         raise ValueError(f"no option '{name}', {hint}")
     option = options[name]
     found: list[Any] = []

@@ -42,7 +42,7 @@ class _State:
         viscous, stretching: (j, 6) viscous stress of the elements, and the rate of their strain.
         forces: (r,) of all rows.
         rates: (r,) of the rows that do work, by the motion of the sides that they work on.
-        pulls: (r,) elastic part of the forces.
+        sprung, pulls: (r,) energy stored in rows, and the elastic part of their forces.
         all_rates: (r,) of all rows.
     """
 
@@ -51,6 +51,7 @@ class _State:
     stretching: FloatArray
     forces: FloatArray
     rates: FloatArray
+    sprung: FloatArray
     pulls: FloatArray
     all_rates: FloatArray
 
@@ -111,7 +112,7 @@ class EnergyMeter:
         self._state = self._read()
         self._gravity, self._growth = system.gravity.copy(), 0.0
         self._centre = self._start = self._first_moment()
-        self._initial = float(self.stored().sum())
+        self._initial = float(self._stored(self._state.sprung).sum())
 
     def update(self) -> FloatArray:
         """Take in the accepted state and return this rank's share (6,) of :class:`Energies`."""
@@ -122,7 +123,7 @@ class EnergyMeter:
         self._work += _work(before, self._state, h) + self._drive(before, self._state, h)
         self._dissipation += self._loss(before, self._state, h) + self._contact_loss()
         self._let_gravity_grow()
-        stored = self.stored()
+        stored = self._stored(self._state.sprung)
         balance = float(stored.sum()) - self._work + self._dissipation - self._initial
         self.latest = np.array([*stored, self._work, self._dissipation, balance])
         return self.latest
@@ -155,7 +156,7 @@ class EnergyMeter:
         stress, rate = np.concatenate(viscosity, axis=1)
         return _State(
             np.concatenate(loads), stress, rate, rows.forces.copy(), self._side_rates(),
-            _springs(rows)[1], rows.rates(),
+            *_springs(rows), rows.rates(),
         )  # fmt: skip
 
     def _side_rates(self) -> FloatArray:
@@ -167,9 +168,13 @@ class EnergyMeter:
 
         Rows must be those of the accepted state, see :func:`refresh_rows` (collective).
         """
+        return self._stored(_springs(self._system.constraints)[0])
+
+    def _stored(self, sprung: FloatArray) -> FloatArray:
+        """The same with the energies (r,) stored in rows."""
         system, chosen = self._system, self._chosen
         state = chosen.motion()
-        strain = float(_springs(system.constraints)[0] @ self._springs)
+        strain = float(sprung @ self._springs)
         for part, cells in zip(system.parts, chosen.cells, strict=True):
             if part.elements is not None:
                 strain += float(part.elements.energies(part.block.frames) @ cells)

@@ -2,13 +2,14 @@
 """Running programs as a user does, with or without mpirun."""
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from flexfem import launch
 
 ROOT = Path(__file__).parents[2]
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -34,10 +35,7 @@ def command_line() -> Callable[..., list[str]]:
         program = [sys.executable, *map(str, arguments)]
         if ranks == 1:
             return program
-        # the one beside this Python belongs to its MPI
-        mpirun = shutil.which("mpirun", path=str(Path(sys.executable).parent)) or shutil.which(
-            "mpirun"
-        )
+        mpirun = launch.program("mpirun")
         if mpirun is None:
             pytest.skip("no mpirun")
         return [mpirun, "-n", str(ranks), *program]

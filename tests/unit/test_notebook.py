@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What interactive work needs: bars, interruption with results kept, runs on several ranks."""
 
-import shutil
 import signal
 import sys
 from pathlib import Path
@@ -126,8 +125,7 @@ def case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.serial
 @pytest.mark.slow
 def test_case_runs_on_several_ranks(case):
-    beside = shutil.which("mpirun", path=str(Path(sys.executable).parent))
-    if beside is None and shutil.which("mpirun") is None:
+    if launch.program("mpirun") is None:
         pytest.skip("no mpirun")
     outcome = ff.run_case(case, ranks=2, length=2.0, dt=0.02)
     assert outcome.status == "ok"
