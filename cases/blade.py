@@ -37,6 +37,8 @@ def build(*, elements: int, hub: float) -> ff.Model:
         ff.Revolute("bearing", ff.Ground((-hub, 0, 0)), ff.Marker("hub"), axis=(0, 0, 1)),
         ff.PrescribedAngle("motor", ff.Ground((-hub, 0, 0)), ff.Marker("hub"), axis=(0, 0, 1)),
         ff.Rigid("clamp", ff.Marker("hub", offset=(hub, 0, 0)), ff.Marker("blade", "start")),
+        ff.PositionProbe("tip", ff.Marker("blade", "end")),
+        ff.StrainProbe("root", "blade", 0.0),
     )
     return model
 

@@ -63,7 +63,7 @@ CASE = ff.Case(
     description=__doc__,
     build=build,
     options=(
-        ff.Option("elements", int, 16, "beam elements of the rod, an even number", minimum=2),
+        ff.Option("elements", int, 16, "beam elements of the rod", minimum=2),
         ff.Option("stiffness", float, 5e7, "Young's modulus", unit="N/m^2", above=0.0),
     ),
     dt=2e-3,

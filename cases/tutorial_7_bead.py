@@ -69,7 +69,7 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.Option("shape", str, "helix", "of the wire", choices=("helix", "line")),
-        ff.Option("elements", int, 24, "cubic elements of the wire", minimum=2),
+        ff.Option("elements", int, 32, "cubic elements of the wire", minimum=2),
         ff.Option("diameter", float, 0.012, "of the wire", unit="m", above=0.0),
         ff.Option("friction", float, 0.1, "Coulomb's coefficient", minimum=0.0),
     ),

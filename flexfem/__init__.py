@@ -30,6 +30,7 @@ t                  time, or the load factor in statics, iterations of a relaxati
 h, rho_inf         time step; spectral radius of an integrator at infinite frequency
 """
 
+import atexit
 import sys
 from importlib import import_module
 from typing import Any
@@ -39,6 +40,9 @@ from flexfem import launch
 if launch.launched_in_parallel():
     # a script may fail on one rank before it comes to anything of ours
     sys.excepthook = launch.excepthook
+    # or leave it, while others wait for it
+    atexit.register(launch.tell_of_leaving)
+    launch.limit_threads()
 
 __version__ = "0.1.0"
 
@@ -129,6 +133,7 @@ _MODULES = {
     "PointOnLine": "joints.point_on_line",
     "PointOnPlane": "joints.point_on_plane",
     "Universal": "joints.universal",
+    "RevoluteSpherical": "joints.revolute_spherical",
     "ConstantVelocity": "joints.constant_velocity",
     "Screw": "joints.screw",
     "Planar": "joints.planar",
@@ -155,12 +160,14 @@ _MODULES = {
     "PointForce": "loads.point_force",
     "PointMoment": "loads.point_moment",
     "LineLoad": "loads.line_load",
+    "LineTable": "loads.line_table",
     "EdgeLoad": "loads.edge_load",
     "SurfaceLoad": "loads.surface_load",
     "Pressure": "loads.pressure",
     "Table": "loads.amplitude",
     "Spline": "loads.amplitude",
     "SmoothStep": "loads.amplitude",
+    "TimeFunction": "loads.amplitude",
     "read_urdf": "robots.urdf",
     "Robot": "robots.robot",
     "BeamLink": "robots.flexible",
@@ -227,6 +234,7 @@ _MODULES = {
     "CAMPBELL": "analyses.modes",
     "STATICS": "analyses.statics",
     "Outcome": "simulation.outcome",
+    "FunctionError": "_faults",
     "simulate": "simulation.dynamics",
     "simulate_mechanism": "simulation.formalisms",
     "compare_formalisms": "simulation.formalisms",

@@ -11,10 +11,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flexfem._faults import FAILURES, located
 from flexfem._types import FloatArray, IntArray
 
 # Rotation matrices typed with six digits are accepted and made orthonormal
 _ROTATION_TOLERANCE = 1e-6
+# Whole numbers that arrays are counted by lie below
+_COUNTS = 2**63
+# Directions whose length can be squared
+_SHORTEST, _LONGEST = 1e-150, 1e150
 
 
 class InputError(ValueError):
@@ -27,7 +32,10 @@ class NumericalError(ArithmeticError):
 
 def show(value: object, length: int = 72) -> str:
     """Return `value` on one line, shortened to about `length` characters."""
-    text = " ".join(repr(value).split())
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:  # Python writes no integer of more than 4300 digits
+        text = "an integer of thousands of digits"
     return text if len(text) <= length else text[: length - 3] + "..."
 
 
@@ -85,7 +93,10 @@ def number(
         value, (int, float, np.integer, np.floating)
     ):
         raise TypeError(f"{owner}: {what} must be a number, got {show(value)}")
-    result = float(value)
+    try:
+        result = float(value)
+    except OverflowError:  # an integer beyond 1.8e308
+        result = np.inf
     if not np.isfinite(result):
         raise ValueError(f"{owner}: {what} must be finite, got {show(value)}")
     if positive and result <= 0.0:
@@ -149,10 +160,21 @@ def indices(owner: str, what: str, values: object, limit: int, columns: int) -> 
 
 
 def vector(owner: str, what: str, value: object, *, nonzero: bool = False) -> FloatArray:
-    """Return a read-only vector of three finite numbers, different from zero on demand."""
+    """Return a read-only vector of three finite numbers; on demand it is a direction.
+
+    Raises:
+        TypeError: `value` does not consist of real numbers.
+        ValueError: `value` has another shape, holds NaN or infinite numbers, or is a direction that
+            is zero, or so short or long that the square of its length is no number.
+    """
     result = array(owner, what, value, (3,))
     if nonzero and not result.any():
         raise ValueError(f"{owner}: {what} must not be zero, got {show(value)}")
+    if nonzero and not _SHORTEST < np.abs(result).max() < _LONGEST:
+        raise ValueError(
+            f"{owner}: {what} must be of a length between {_SHORTEST:g} and {_LONGEST:g}, got "
+            f"{show(value)}"
+        )
     return result
 
 
@@ -176,14 +198,29 @@ def rotation(owner: str, what: str, value: object) -> FloatArray:
 
 
 def instance(owner: str, what: str, value: object, kinds: type | tuple[type, ...]) -> None:
-    """Check the type of `value`.
+    """Check the type of `value`; a truth value is no whole number.
 
     Raises:
         TypeError: `value` is none of `kinds`.
+        ValueError: `value` is a whole number of more than 64 bits, which counts nothing.
     """
+    if kinds is int and (isinstance(value, bool) or not isinstance(value, int)):
+        raise TypeError(f"{owner}: {what} must be a whole number, got {show(value)}")
+    if isinstance(value, int):
+        countable(owner, what, value)
     if not isinstance(value, kinds):
         names = [kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,))]
         raise TypeError(f"{owner}: {what} must be a {' or '.join(names)}, got {show(value)}")
+
+
+def countable(owner: str, what: str, value: int) -> None:
+    """Check that arrays can be counted by a whole number.
+
+    Raises:
+        ValueError: it has more than 64 bits.
+    """
+    if not -_COUNTS <= value < _COUNTS:
+        raise ValueError(f"{owner}: {what} must be a whole number of 64 bits, got {show(value)}")
 
 
 def function(owner: str, what: str, value: object, shape: tuple[int, ...]) -> None:
@@ -191,14 +228,19 @@ def function(owner: str, what: str, value: object, shape: tuple[int, ...]) -> No
 
     Raises:
         TypeError: `value` cannot be called.
-        ValueError: its value at t = 0 does not have the given shape, or is not finite.
+        ValueError: it fails at t = 0, or its value there does not have the given shape or is not
+            finite.
     """
     if not callable(value):
         raise TypeError(f"{owner}: {what} must be a function of time, got {show(value)}")
+    try:
+        start = value(0.0)
+    except FAILURES as error:
+        raise ValueError(f"{owner}: {what}: {located(value, error)}") from error
     if shape:
-        array(owner, f"{what}(0)", value(0.0), shape)
+        array(owner, f"{what}(0)", start, shape)
     else:
-        number(owner, f"{what}(0)", value(0.0))
+        number(owner, f"{what}(0)", start)
 
 
 def stiffness_and_damping(owner: str, stiffness: object, damping: object) -> None:

@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from flexfem import _checks, launch
+from flexfem._faults import FAILURES, mistake
 from flexfem.analyses.analysis import Analysis
 from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.analyses.modes import MODES
 from flexfem.analyses.relaxation import RELAXATION
 from flexfem.analyses.statics import STATICS
 from flexfem.options import Option, Settings, meant
-from flexfem.resources import load_module, shipped_files
+from flexfem.resources import imported_elsewhere, load_module, shipped_files
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
@@ -30,9 +32,12 @@ History = Mapping[str, npt.NDArray[np.float64]]
 
 #: Arguments of the command line that are no numerical options.
 _RESERVED = {
-    "output", "quiet", "progress", "smoke", "help", "analysis", "restart", "state",
+    "output", "quiet", "progress", "smoke", "help", "analysis", "restart", "state", "traceback",
     "checkpoint_every",
 }  # fmt: skip
+
+#: What a run takes besides its options: how it is shown, and the files it begins with.
+_UNTOLD = ("progress", "restart", "state", "smoke")
 
 
 class Case:
@@ -202,18 +207,24 @@ class Case:
         model.validate()
         return model
 
-    def run(self, *, output: Path | str | None = None, **given: Any) -> "Outcome":
+    def run(
+        self, *, output: Path | str | None = None, quiet: bool = True, **given: Any
+    ) -> "Outcome":
         """Build the model and carry the analysis out (collective).
 
         Args:
             output: folder of the results; None writes nothing.
-            given: values of own options and of those of the analysis by name.
+            quiet: show no progress; else as ``progress`` says, a bar on terminals by default.
+            given: values of own options and of those of the analysis by name; also ``progress``,
+                ``smoke`` and, where the analysis has them, ``restart`` and ``state``.
 
         Raises:
             TypeError: A value has the wrong type.
             ValueError: There is no such option, a value is not admissible, or the model is wrong.
         """
-        parameters, settings = self.prepare(given, output=output, quiet=True)
+        _checks.instance(f"case '{self.name}'", "quiet", quiet, bool)
+        more = {name: given.pop(name) for name in _UNTOLD if name in given}
+        parameters, settings = self.prepare(given, output=output, quiet=quiet, **more)
         model = self.build(**parameters)
         outcome: Outcome = self.analysis.run(model, settings, case=self.name, results=self.results)
         return outcome
@@ -236,19 +247,35 @@ def _only(names: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
 def load_case(name: str | Path) -> Case:
     """Load a shipped case by its name, or an own one by the path of its file.
 
+    The file may import others of its folder, which are looked for behind Python's own modules and
+    those that are installed.
+
     Raises:
         ValueError: There is no such case, or the file does not define one.
     """
     path = case_file(name)
-    if _is_path(name):
-        sys.path.insert(0, str(path.parent))  # as if it had been started by itself
+    if _is_path(name) and str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))  # behind all else: no file there replaces a library
     try:
         case = getattr(load_module(path, "flexfem_case"), "CASE", None)
-    except (ImportError, OSError, ValueError, TypeError) as error:
-        raise ValueError(f"case '{name}': {error}") from error
+    except FAILURES as error:
+        raise ValueError(f"case '{name}': {mistake(error)}") from error
+    finally:
+        if _is_path(name):
+            _tell_of_namesakes(path)
     if not isinstance(case, Case):
         raise ValueError(f"case '{name}': the file does not define CASE = flexfem.Case(...)")
     return case
+
+
+def _tell_of_namesakes(path: Path) -> None:
+    """Say which files beside a case were not imported, though they have the names of imports."""
+    for name, origin in imported_elsewhere(path):
+        launch.say(
+            f"warning: '{path}' imports {name} of {origin}, not the file beside it, which needs "
+            "another name",
+            error=True,
+        )
 
 
 def case_file(name: str | Path) -> Path:

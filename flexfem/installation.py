@@ -26,7 +26,7 @@ _SOURCES = (
     "python3-dolfinx-real of Debian"
 )
 #: Packages without which no analysis gets to its end, h5py when the first checkpoint is due.
-_PACKAGES = ("scipy", "numba", "h5py", "tqdm")
+_PACKAGES = ("scipy", "numba", "h5py", "tqdm", "threadpoolctl")
 
 
 class InstallationError(ImportError):
@@ -88,6 +88,9 @@ def load_dolfinx() -> None:
         if find_spec(name) is None:
             raise InstallationError(f"DOLFINx is not installed (there is no {name}): {_SOURCES}")
     _check_mpi(require("mpi4py.MPI"))
+    if launch.ranks() > 1:
+        launch.meet()  # PETSc starts on all ranks together
+    _start_petsc()
     dolfinx = require("dolfinx")
     _check_version("DOLFINx", dolfinx)
     if find_spec("petsc4py") is None or not getattr(dolfinx, "has_petsc4py", True):
@@ -101,6 +104,21 @@ def load_dolfinx() -> None:
             "python3-slepc4py-real of Debian; the wheels of flexfem[dolfinx] hold it"
         )
     check_packages()
+
+
+def _start_petsc() -> None:
+    """Keep PETSc from ``.petscrc`` of the working folder, which may name libraries to load.
+
+    There is one switch for that of the home folder and of the working folder; options in the
+    variable PETSC_OPTIONS are taken.
+    """
+    if find_spec("petsc4py") is None:
+        return  # told below
+    petsc4py = require("petsc4py")
+    try:
+        petsc4py.init(["flexfem", "-skip_petscrc"])
+    except (ImportError, OSError, RuntimeError):
+        return  # so is what is wrong with it
 
 
 def _check_version(what: str, module: ModuleType) -> None:

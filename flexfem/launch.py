@@ -55,8 +55,9 @@ def say(text: str, *, error: bool = False) -> None:
     stream = sys.stderr if error else sys.stdout
     try:
         print(text, file=stream, flush=True)
-    except BrokenPipeError:
-        # what is still in the stream's buffer must go somewhere when the process ends
+    except OSError:
+        # nobody reads, or the terminal is gone: what is still in the stream's buffer must go
+        # somewhere when the process ends
         os.dup2(os.memfd_create("unread"), stream.fileno())
 
 
@@ -68,10 +69,28 @@ def program(name: str) -> str | None:
     return shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
 
 
-#: What launchers set for the processes they start, and what sets the threads of each.
+#: What launchers set for the processes they start, and what sets the threads of each: all
+#: libraries look at the first where they have no variable of their own.
 _LAUNCHED = ("PMI", "HYDI_", "MPI_LOCAL", "OMPI_")
 _SETTINGS = "OMPI_MCA_"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def limit_threads() -> None:
+    """One thread of BLAS and OpenMP for this rank, where the environment asks for none.
+
+    By themselves they take a thread for each core on every rank, which then wait for one another.
+    Libraries that are loaded already, as NumPy's, are told so; others read it from the environment.
+    """
+    given = any(os.environ.get(name) for name in _THREADS)
+    os.environ.setdefault(_THREADS[0], "1")
+    if given or "numpy" not in sys.modules:
+        return
+    try:
+        from threadpoolctl import threadpool_limits
+    except ImportError:  # runs say that it is missing
+        return
+    threadpool_limits(1)
 
 
 def environment_of_runs() -> dict[str, str]:
@@ -87,14 +106,117 @@ def environment_of_runs() -> dict[str, str]:
     return kept | dict.fromkeys(_THREADS, "1")
 
 
+#: Tags of messages to the other ranks: this one has come to a run, has left the program, or says
+#: what is wrong on it before a run.
+_COME, _LEFT, _SAID = 30001, 30002, 30003
+#: Seconds between looks at messages, and those that ranks leave a lower one to say what is wrong.
+_LOOK, _FIRST = 1e-3, 0.5
+#: Seconds after which others do not come: they may wait for this rank in a collective call.
+_PATIENCE = 2.0
+#: How lines begin that end a program, by its exit code.
+_BEGINNINGS = {1: "failed", 2: "error"}
+
+
 def first_message(message: str) -> str:
-    """The first message that is not empty on any rank; collective when launched in parallel."""
+    """The first message that is not empty on any rank; see :func:`first_failure`."""
+    return first_failure(message, 2)[0]
+
+
+def first_failure(message: str, code: int) -> tuple[str, int]:
+    """The first message that is not empty on any rank, and its code.
+
+    Collective when launched in parallel. A rank with a message does not wait for ever: others may
+    wait for it in a collective call of what it has failed in. It then prints its message and ends
+    all ranks.
+
+    Args:
+        message: What is wrong on this rank, empty if nothing is.
+        code: The exit code that goes with it.
+    """
     if not launched_in_parallel():
-        return message
+        return message, code
     from flexfem.installation import require
 
-    MPI = require("mpi4py.MPI")
-    return next(filter(None, MPI.COMM_WORLD.allgather(message)), "")
+    comm = require("mpi4py.MPI").COMM_WORLD
+    others = [rank for rank in range(comm.size) if rank != comm.rank]
+    sent = [comm.isend((message, code), other, tag=_SAID) for other in others]
+    said = {comm.rank: (message, code)}
+    end = time.monotonic() + _PATIENCE if message else float("inf")
+    while len(said) < comm.size:
+        _hear(comm, [other for other in others if other not in said], said)
+        if time.monotonic() > end:
+            _end_with(said, comm.rank)
+        time.sleep(_LOOK if len(said) < comm.size else 0.0)
+    for request in sent:
+        request.wait()
+    return next((said[rank] for rank in sorted(said) if said[rank][0]), ("", code))
+
+
+def _hear(comm: Any, others: list[int], said: dict[int, tuple[str, int]]) -> None:
+    """Take what others have said; ends all ranks if one has left without a word."""
+    for other in others:
+        left = comm.iprobe(source=other, tag=_LEFT)  # asked first: the last word comes before it
+        if comm.iprobe(source=other, tag=_SAID):
+            said[other] = comm.recv(source=other, tag=_SAID)
+        elif left:
+            _end_without(other)
+
+
+def _end_with(said: dict[int, tuple[str, int]], own: int) -> None:
+    """End all ranks, of which some do not come; the lowest that knows what is wrong says it."""
+    message, code = said[own]
+    if any(text for rank, (text, _) in said.items() if rank < own):
+        time.sleep(_FIRST)
+    else:
+        line = f"{_BEGINNINGS[code]}: {' '.join(message.split())}"
+        print(line, file=sys.stderr, flush=True)
+    abort(code)
+    os._exit(code)  # the request to end takes its time
+
+
+def meet() -> None:
+    """Wait until all ranks come to the same run; ends all if one has left for good (collective)."""
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    others = [rank for rank in range(comm.size) if rank != comm.rank]
+    sent = [comm.isend(None, other, tag=_COME) for other in others]
+    while others:
+        for other in list(others):
+            if comm.iprobe(source=other, tag=_COME):
+                comm.recv(source=other, tag=_COME)
+                others.remove(other)
+            elif comm.iprobe(source=other, tag=_LEFT):
+                _end_without(other)
+        time.sleep(_LOOK if others else 0.0)
+    MPI.Request.waitall(sent)
+
+
+def _end_without(other: int) -> None:
+    """End all ranks, as this one would wait for ever for another that has left."""
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    if any(not comm.iprobe(source=lower, tag=_LEFT) for lower in range(comm.rank)):
+        time.sleep(_FIRST)  # a lower rank says so
+    else:
+        text = f"failed: rank {other} of {comm.size} has left the program before a run of all ranks"
+        print(text, file=sys.stderr, flush=True)
+    abort(1)
+    os._exit(1)  # the request to end takes its time
+
+
+def tell_of_leaving() -> None:
+    """Tell the other ranks, which may come to a run later, that this one has left the program."""
+    try:
+        from mpi4py import MPI
+    except ImportError:
+        return
+    if not MPI.Is_finalized():
+        comm = MPI.COMM_WORLD
+        for other in range(comm.size):
+            if other != comm.rank:
+                comm.isend(None, other, tag=_LEFT)
 
 
 def abort(code: int) -> None:
@@ -119,7 +241,7 @@ def excepthook(
 
 #: Signals that ask a run to end, and seconds within which a second one counts as the same: a
 #: launcher may pass on what the terminal has sent already.
-_SIGNALS, _SAME = (signal.SIGINT, signal.SIGTERM), 1.0
+_SIGNALS, _SAME = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP), 1.0
 
 
 class Interrupted(KeyboardInterrupt):
@@ -145,9 +267,11 @@ class Interrupted(KeyboardInterrupt):
 
 
 class StopSignals:
-    """Notes SIGINT and SIGTERM while it is entered, for a run to end at its next step.
+    """Notes SIGINT, SIGTERM and SIGHUP while it is entered, for a run to end at its next step.
 
-    A second signal ends at once (KeyboardInterrupt), in case the run hangs. Only the main thread
+    Where SIGHUP is ignored, as under ``nohup``, it stays so: the run outlives its terminal. A
+    second signal ends at once (KeyboardInterrupt), in case the run hangs. Only the main thread of
+    a process receives signals; in others nothing is noted.
     of a process receives signals; in others nothing is noted.
 
     Attributes:
@@ -162,7 +286,11 @@ class StopSignals:
     def __enter__(self) -> Self:
         """Take over from the handlers that are there."""
         if threading.current_thread() is threading.main_thread():
-            self._former = {number: signal.signal(number, self._note) for number in _SIGNALS}
+            self._former = {
+                number: signal.signal(number, self._note)
+                for number in _SIGNALS
+                if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
+            }
         return self
 
     def __exit__(self, *_: object) -> None:

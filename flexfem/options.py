@@ -5,10 +5,13 @@ import difflib
 import math
 import operator
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
+
+from flexfem._checks import show
+from flexfem._files import number_in
 
 
 @dataclass(frozen=True)
@@ -66,9 +69,19 @@ class Option:
             ValueError: If the text is no admissible value; the message starts with "must be".
         """
         try:
-            return self.check(self.kind(text))
-        except ValueError:
+            return self.check(self._read(text))
+        except (TypeError, ValueError):
             raise ValueError(f"must be {self.describe()}, got '{text}'") from None
+
+    def _read(self, text: str) -> Any:
+        """The value of a text; numbers are decimal, while Python's own take 1_0 for 10.
+
+        Raises:
+            ValueError: The text is none.
+        """
+        if self.kind in (int, float):
+            number_in(text)
+        return self.kind(text)
 
     def check(self, value: Any) -> Any:
         """Return the value as the option's own type.
@@ -79,10 +92,12 @@ class Option:
         """
         converted = self._convert(value)
         inside = not self.choices or converted in self.choices
-        if self.kind in (int, float):
+        if self.kind is int and abs(converted) > _MOST:
+            inside = False
+        elif self.kind in (int, float):
             inside = inside and math.isfinite(converted) and self._in_range(converted)
         if not inside:
-            raise ValueError(f"must be {self.describe()}, got {value!r}")
+            raise ValueError(f"must be {self.describe()}, got {show(value)}")
         return converted
 
     def _convert(self, value: Any) -> Any:
@@ -94,7 +109,7 @@ class Option:
                 raise TypeError
             return operator.index(value) if self.kind is int else self.kind(value)
         except (TypeError, ValueError, OverflowError):
-            raise TypeError(f"must be {self.describe()}, got {value!r}") from None
+            raise TypeError(f"must be {self.describe()}, got {show(value)}") from None
 
     def _in_range(self, value: float) -> bool:
         return (
@@ -156,6 +171,43 @@ def grid_nodes(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
+@dataclass(frozen=True)
+class TargetsOption(Option):
+    """Values of columns, such as "t=0.5,1;tip_z=-0.1"."""
+
+    def check(self, value: Any) -> str:
+        """Return the text; see :meth:`Option.check`. A mapping of columns to values will do."""
+        if isinstance(value, Mapping):
+            parts = [f"{name}={','.join(map(repr, list(some)))}" for name, some in value.items()]
+            value = ";".join(parts) or "none"
+        text: str = super().check(value)
+        try:
+            target_values(text)
+        except ValueError:
+            raise ValueError(f"must be {self.describe()}, got {value!r}") from None
+        return text
+
+    def describe(self) -> str:
+        """See :meth:`Option.describe`."""
+        return "values of columns such as t=0.5,1;tip_z=-0.1, or none"
+
+
+def target_values(text: str) -> dict[str, tuple[float, ...]]:
+    """Return the values of each column in a text such as "t=0.5,1;tip_z=-0.1"; "none" has none.
+
+    Raises:
+        ValueError: It is not of this form, or a value is not finite.
+    """
+    found: dict[str, tuple[float, ...]] = {}
+    for part in () if text == "none" else text.split(";"):
+        name, sign, numbers = part.strip().partition("=")
+        values = tuple(float(number) for number in numbers.split(","))
+        if not name or not sign or not all(map(math.isfinite, values)):
+            raise ValueError(f'values are written as t=0.5,1;tip_z=-0.1, got "{text}"')
+        found[name] = found.get(name, ()) + values
+    return found
+
+
 @dataclass(frozen=True, init=False)
 class ProgressOption(Option):
     """How progress is shown: see :func:`progress_kind`."""
@@ -181,6 +233,13 @@ class ProgressOption(Option):
 
 #: Seconds between two lines of progress unless told otherwise.
 _EVERY = 30.0
+#: Largest whole number that arrays hold.
+_MOST = 2**63 - 1
+
+
+def is_text(path: str) -> bool:
+    """Whether the name of a file is UTF-8 and has no NUL."""
+    return "\0" not in path and not any("\ud800" <= letter <= "\udfff" for letter in path)
 
 
 def meant(name: str, known: Iterable[str]) -> str:
@@ -199,7 +258,7 @@ def progress_kind(text: str) -> tuple[str, float]:
     if word not in ("auto", "bar", "lines", "none") or (colon and word != "lines"):
         raise ValueError(f'progress must be auto, bar, lines, lines:SECONDS or none, got "{text}"')
     try:
-        every = float(seconds) if colon else _EVERY
+        every = number_in(seconds) if colon else _EVERY
     except ValueError:
         every = math.nan
     if not 0.1 <= every < math.inf:
@@ -253,9 +312,16 @@ class Settings:
 
         Raises:
             TypeError: It is none.
+            ValueError: It is not UTF-8, or has a NUL.
         """
         try:
-            return Path(getattr(self, name))
+            path = Path(getattr(self, name))
+            if not is_text(str(path)):
+                raise ValueError(
+                    f"{type(self).__name__}: {name} {str(path)!a} is not UTF-8; rename the file or "
+                    "folder"
+                )
+            return path
         except TypeError:
             value = getattr(self, name)
             raise TypeError(

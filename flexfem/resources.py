@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Shipped cases, meshes and scripts: inside an installed package, or beside it in a source tree."""
 
+import ast
 import importlib.util
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -49,3 +51,22 @@ def load_module(path: Path, prefix: str) -> ModuleType:
     except SyntaxError as error:
         raise ValueError(f"'{path}', line {error.lineno}: {error.msg}") from None
     return module
+
+
+def imported_elsewhere(path: Path) -> Iterator[tuple[str, str]]:
+    """Modules that a file imports from elsewhere, though there are files of their names beside it.
+
+    Returns:
+        Their names, and where they are from.
+    """
+    try:
+        nodes = list(ast.walk(ast.parse(path.read_bytes())))
+    except (OSError, SyntaxError, ValueError):  # told by whoever loads it
+        return
+    names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    names |= {n.module or "" for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}
+    for name in sorted({name.partition(".")[0] for name in names} & set(sys.modules)):
+        origin = getattr(sys.modules[name], "__file__", None) or "Python itself"
+        file = path.parent / f"{name}.py"
+        if file.is_file() and Path(origin).resolve() != file.resolve():
+            yield name, origin

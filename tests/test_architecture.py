@@ -14,7 +14,18 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # From low to high: a package may import those on the lines above its own. Those on one line do not
 # import each other, save the small modules of the first.
 LAYERS = [
-    {"_types", "_checks", "resources", "launch", "options", "installation"},
+    {
+        "_types",
+        "_faults",
+        "_checks",
+        "_files",
+        "_trust",
+        "_memory",
+        "resources",
+        "launch",
+        "options",
+        "installation",
+    },
     {"analyses"},
     {"lie", "la", "materials", "control"},
     {"forms", "mesh"},
@@ -101,7 +112,7 @@ def test_imports_point_downwards(path: Path) -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_only_io_opens_files(path: Path) -> None:
     """Result files are written in one place."""
-    if part(path) in {"io", "mesh"}:  # meshes are input
+    if part(path) in {"io", "mesh", "_files"}:  # meshes are input, and so is what the last opens
         return
     calls = (
         node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
+from flexfem import _checks
+from flexfem._files import number_in
 from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings
 
@@ -27,7 +29,14 @@ _STATE_OPTIONS: tuple[Option, ...] = (
 )
 _MODE_OPTIONS: tuple[Option, ...] = (
     Option("modes", int, 10, "number of modes", minimum=1),
-    Option("target", float, 0.0, "frequency the modes shall be nearest to", unit="Hz", minimum=0),
+    Option(
+        "target",
+        float,
+        0.0,
+        "frequency the modes shall be nearest to, 0 for the lowest",
+        unit="Hz",
+        minimum=0,
+    ),
     *_STATE_OPTIONS,
     Option("accuracy", float, 1e-10, "relative residual of eigenvalues", above=0, maximum=1e-2),
     Option(
@@ -89,8 +98,7 @@ class StateOptions(Settings):
             raise ValueError(
                 f"{type(self).__name__}: a state has its own time, got time {self.time:g}"
             )
-        if not any(self.axis_vector):
-            raise ValueError(f"{type(self).__name__}: axis must not be zero, got {self.axis!r}")
+        _checks.vector(type(self).__name__, "axis", self.axis_vector, nonzero=True)
         self._numbers("centre", self.centre)
 
     @property
@@ -105,7 +113,7 @@ class StateOptions(Settings):
 
     def _numbers(self, what: str, text: str) -> tuple[float, ...]:
         try:
-            values = tuple(float(word) for word in text.split(","))
+            values = tuple(number_in(word) for word in text.split(","))
         except ValueError:
             values = ()
         if len(values) != 3 or not all(map(math.isfinite, values)):
@@ -123,8 +131,11 @@ class ModeOptions(StateOptions):
 
     Args:
         modes: How many.
-        target: Frequency the modes shall be nearest to, Hz; only at rest without damping.
-        accuracy: Relative residual of the eigenvalues at which the iteration stops.
+        target: Frequency the modes shall be nearest to, Hz, in axes that turn with the model; 0 for
+            the lowest.
+        accuracy: Relative residual of the eigenvalues at which the iteration stops. The residuals
+            of those found are computed anew; ten times as much is a failure, unless rounding allows
+            no better.
         amplitude: Largest displacement in pictures relative to the size of the model.
         frames: Pictures of each mode per period; 0 writes none.
     """

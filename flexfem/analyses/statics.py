@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
-from flexfem.options import Option, Settings
+from flexfem.options import Option, Settings, TargetsOption
 
 __all__ = ["StaticOptions"]
 
@@ -31,6 +31,13 @@ _OPTIONS = (
     ),
     Option("max_iterations", int, 30, "iterations after which a step is cut", minimum=1),
     Option(
+        "linear",
+        bool,
+        False,
+        "one linear solution from the start instead: small displacements, rotations and contacts "
+        "that do not change",
+    ),
+    Option(
         "arc_length",
         float,
         0.0,
@@ -38,9 +45,23 @@ _OPTIONS = (
         minimum=0,
         maximum=1,
     ),
+    Option(
+        "max_step",
+        float,
+        0.15,
+        "largest arc-length step: rotation (rad), or displacement relative to the model's size",
+        above=0,
+        maximum=1,
+    ),
     Option("max_steps", int, 1000, "arc-length steps after which the run gives up", minimum=1),
     Option("stop_column", str, "none", "column of the history that ends the run at a value"),
     Option("stop_value", float, 0.0, "value of the column at which the run ends"),
+    TargetsOption(
+        "output_at",
+        str,
+        "none",
+        "points of the path with fields: load factors and values of columns; t=0.5,1;tip_z=-0.1",
+    ),
     Option(
         "critical_points",
         bool,
@@ -79,6 +100,11 @@ _OPTIONS = (
     ),
     SPLIT_ABOVE,
 )
+#: Options of paths, which a linear solution is none of.
+_NOT_LINEAR = (
+    "arc_length", "stop_column", "critical_points", "branch", "buckling_modes", "stabilise",
+    "checkpoint_every", "restart",
+)  # fmt: skip
 _DEFAULTS = {option.name: option.default for option in _OPTIONS}
 
 
@@ -96,10 +122,19 @@ class StaticOptions(Settings):
         tolerance: Newton steps must fall below it: displacements relative to the size of the
             model, rotations in rad.
         max_iterations: Iterations after which a step is cut.
+        linear: One linear solution from the start, also at the load factors of ``output_at``. The
+            columns of the history are of first order in it, exact for small loads; fields show the
+            moved shape, whose strains hold the stretch of second order that rotations make. The
+            summary says under ``linear`` which part of it the next iteration would change, and its
+            largest rotation (rad) or displacement relative to the model's size.
         arc_length: First step along the path as a fraction of ``t_end``; 0 for load steps.
+        max_step: Largest rotation (rad) or relative displacement of an arc-length step.
         max_steps: Arc-length steps after which the run gives up.
         stop_column: Column of the history that ends the run, "none" for none.
         stop_value: Value of this column at the end.
+        output_at: Load factors ``t`` and values of columns at which the path has a point, with a
+            row in the history and fields: text such as "t=0.5,1;tip_z=-0.1", or a mapping such as
+            ``{"t": [0.5, 1.0]}``; every time that the path passes them.
         critical_points: Find bifurcation points as well as limit points.
         branch: First step off the path at the first bifurcation (rad or relative); 0 for none.
         buckling_modes: Number of linearised buckling loads.
@@ -125,10 +160,13 @@ class StaticOptions(Settings):
     gravity: str = _DEFAULTS["gravity"]
     tolerance: float = _DEFAULTS["tolerance"]
     max_iterations: int = _DEFAULTS["max_iterations"]
+    linear: bool = _DEFAULTS["linear"]
     arc_length: float = _DEFAULTS["arc_length"]
+    max_step: float = _DEFAULTS["max_step"]
     max_steps: int = _DEFAULTS["max_steps"]
     stop_column: str = _DEFAULTS["stop_column"]
     stop_value: float = _DEFAULTS["stop_value"]
+    output_at: str = _DEFAULTS["output_at"]
     critical_points: bool = _DEFAULTS["critical_points"]
     branch: float = _DEFAULTS["branch"]
     buckling_modes: int = _DEFAULTS["buckling_modes"]
@@ -145,6 +183,13 @@ class StaticOptions(Settings):
             raise ValueError(f"StaticOptions: branch {self.branch:g} needs an arc_length above 0")
         if self.stop_value != 0.0 and self.stop_column == "none":
             raise ValueError(f"StaticOptions: stop_value {self.stop_value:g} needs a stop_column")
+        if self.linear:
+            self._check_linear()
+        if self.max_step != _DEFAULTS["max_step"] and self.arc_length == 0.0:
+            raise ValueError(
+                f"StaticOptions: max_step {self.max_step:g} needs an arc_length above 0; load "
+                "steps are limited by load_steps"
+            )
         if self.arc_length > 0.0 and (self.checkpoint_every or self.restart is not None):
             raise ValueError(
                 "StaticOptions: checkpoints are those of load steps, a path by arc_length "
@@ -155,6 +200,14 @@ class StaticOptions(Settings):
                 f"StaticOptions: stabilise searches stable equilibria only, arc_length "
                 f"{self.arc_length:g} follows unstable ones as well"
             )
+
+    def _check_linear(self) -> None:
+        """Raise for options that a single linear solution has no use for."""
+        for name in _NOT_LINEAR:
+            if getattr(self, name) != _DEFAULTS.get(name):
+                raise ValueError(
+                    f"StaticOptions: linear takes no {name}, got {getattr(self, name)!r}"
+                )
 
 
 STATICS = Analysis("statics", StaticOptions, "flexfem.simulation.statics:solve_static")

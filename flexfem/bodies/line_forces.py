@@ -1,15 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled forces and moments at points inside NURBS elements.
+"""Compiled forces and moments at points inside elements of beams.
 
-As ``node_forces``, but the point is carried by all control points of its element, with the frame
-``offset`` relative to that of the section. With J the local twist of the point by those of the
-control points and ``g`` the wrench in the axes of the point, the control points feel ``J^T g``.
+As ``node_forces``, but the point is carried by all nodes of its element, with the frame ``offset``
+relative to that of the section. With J the local twist of the point by those of the nodes and ``g``
+the wrench in the axes of the point, the nodes feel ``J^T g``. The element is one of those of
+``line_points``; ``turns`` are rotations of sections against their nodes, (n, 0, 9) for none.
 """
 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.core.line_points import NURBS, add_line_second, line_jacobian, offset_jacobian
+from flexfem.core.line_points import (
+    add_line_second,
+    line_jacobian,
+    offset_jacobian,
+    turn_columns,
+    turn_frames,
+    turn_second,
+)
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 
@@ -17,10 +25,13 @@ __all__ = ["add_line_forces", "line_force_states", "line_force_tangent", "line_t
 
 
 @inlined
-def _gather(nodes: IntArray, frames: FloatArray, out: FloatArray) -> None:
+def _gather(nodes: IntArray, turns: FloatArray, frames: FloatArray, out: FloatArray) -> None:
+    """Frames of the sections at the nodes of an element."""
     for i in range(nodes.size):
         for j in range(12):
             out[i, j] = frames[nodes[i], j]
+    if turns.shape[0] > 0:
+        turn_frames(out, turns, out)
 
 
 @inlined
@@ -41,17 +52,18 @@ def _wrench(
 
 @kernel
 def add_line_forces(
-    nodes: IntArray, shape: FloatArray, xi: FloatArray, offsets: FloatArray, forces: FloatArray,
-    moments: FloatArray, follower: BoolArray, load: IntArray, factors: FloatArray,
-    frames: FloatArray, scale: float, residual: FloatArray,
+    element: int, nodes: IntArray, shape: FloatArray, xi: FloatArray, turns: FloatArray,
+    offsets: FloatArray, forces: FloatArray, moments: FloatArray, follower: BoolArray,
+    load: IntArray, factors: FloatArray, frames: FloatArray, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Subtract ``scale * factors[load]`` times every wrench from the residuals of its nodes."""
     k = nodes.shape[1]
     F, J = np.empty((k, 12)), np.empty((6, 6 * k + 1))
     H, g = np.empty(12), np.empty(6)
     for n in range(nodes.shape[0]):
-        _gather(nodes[n], frames, F)
-        line_jacobian(NURBS, F, shape[n], xi[n], H, J)
+        _gather(nodes[n], turns[n], frames, F)
+        line_jacobian(element, F, shape[n], xi[n], H, J)
+        turn_columns(turns[n], J)
         offset_jacobian(offsets[n], J)
         compose_into(H, offsets[n], H)
         _wrench(H, forces[n], moments[n], follower[n], scale * factors[load[n]], g)
@@ -78,9 +90,9 @@ def _back(offset: FloatArray, g: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def line_force_tangent(
-    nodes: IntArray, shape: FloatArray, xi: FloatArray, offsets: FloatArray, forces: FloatArray,
-    moments: FloatArray, follower: BoolArray, load: IntArray, factors: FloatArray,
-    frames: FloatArray, scale: float, out: FloatArray,
+    element: int, nodes: IntArray, shape: FloatArray, xi: FloatArray, turns: FloatArray,
+    offsets: FloatArray, forces: FloatArray, moments: FloatArray, follower: BoolArray,
+    load: IntArray, factors: FloatArray, frames: FloatArray, scale: float, out: FloatArray,
 ) -> None:  # fmt: skip
     """Write ``scale`` times the derivative of every wrench's residual to ``out`` (n, 6k, 6k)."""
     k = nodes.shape[1]
@@ -89,14 +101,16 @@ def line_force_tangent(
     S, change = np.empty((size + 1, size + 1)), np.empty(6)
     H, g, carried = np.empty(12), np.empty(6), np.empty(6)
     for n in range(nodes.shape[0]):
-        _gather(nodes[n], frames, F)
-        line_jacobian(NURBS, F, shape[n], xi[n], H, J)
+        _gather(nodes[n], turns[n], frames, F)
+        line_jacobian(element, F, shape[n], xi[n], H, J)
+        turn_columns(turns[n], J)
         offset_jacobian(offsets[n], J)
         compose_into(H, offsets[n], H)
         _wrench(H, forces[n], moments[n], follower[n], -scale * factors[load[n]], g)
         _back(offsets[n], g, carried)
         S[:] = 0.0
-        add_line_second(NURBS, F, shape[n], xi[n], carried, S)
+        add_line_second(element, F, shape[n], xi[n], carried, S)
+        turn_second(turns[n], S)
         for c in range(size):
             if not follower[n]:  # d(R^T f) = (R^T f) x theta
                 for half in range(0, 6, 3):
@@ -112,15 +126,16 @@ def line_force_tangent(
 
 @kernel
 def line_twists(
-    nodes: IntArray, shape: FloatArray, xi: FloatArray, frames: FloatArray, velocity: FloatArray,
-    points: FloatArray, twists: FloatArray,
+    element: int, nodes: IntArray, shape: FloatArray, xi: FloatArray, turns: FloatArray,
+    frames: FloatArray, velocity: FloatArray, points: FloatArray, twists: FloatArray,
 ) -> None:  # fmt: skip
     """Write frames (n, 12) and local twists (n, 6) of places in elements, offsets left out."""
     k = nodes.shape[1]
     F, J = np.empty((k, 12)), np.empty((6, 6 * k + 1))
     for n in range(nodes.shape[0]):
-        _gather(nodes[n], frames, F)
-        line_jacobian(NURBS, F, shape[n], xi[n], points[n], J)
+        _gather(nodes[n], turns[n], frames, F)
+        line_jacobian(element, F, shape[n], xi[n], points[n], J)
+        turn_columns(turns[n], J)
         for i in range(6):
             twists[n, i] = 0.0
             for a in range(k):

@@ -10,7 +10,15 @@ from typing import Any
 
 from flexfem.analyses.analysis import Analysis
 from flexfem.case import Case
-from flexfem.cli.usage import Parser, UsageError, file, folder, join_negative_values, reader
+from flexfem.cli.usage import (
+    TRACEBACK,
+    Parser,
+    UsageError,
+    file,
+    folder,
+    join_negative_values,
+    reader,
+)
 from flexfem.options import PROGRESS, Option, Settings
 
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
@@ -75,7 +83,8 @@ def read_options(
     case = _chosen(case, analyses, argv)
     parser = _case_parser(case, analyses, prog)
     given = vars(parser.parse_args(join_negative_values(argv)))
-    given.pop("analysis", None)
+    for name in ("analysis", "traceback"):
+        given.pop(name, None)
     return case, given
 
 
@@ -127,6 +136,9 @@ def _case_parser(case: Case, analyses: Mapping[str, Analysis], prog: str | None)
     _add_option(common, PROGRESS, "", "{auto,bar,lines,lines:S,none}")
     common.add_argument(
         "--quiet", action="store_true", default=False, help="no progress bar, errors only"
+    )
+    common.add_argument(
+        TRACEBACK, action="store_true", help="show Python's traceback of an error as well"
     )
     common.add_argument(
         "--smoke", action="store_true", default=False, help="a few steps on a tiny mesh"

@@ -4,21 +4,25 @@
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexfem import case as cases
 from flexfem import launch
 from flexfem._checks import InputError, NumericalError
+from flexfem._faults import FAILURES, FunctionError, mistake
 from flexfem.case import Case
 from flexfem.cli.case_line import parse
 from flexfem.cli.shown_command import shown_command
-from flexfem.cli.usage import UsageError, exit_code
+from flexfem.cli.usage import FailedRunError, UsageError, exit_code
 from flexfem.installation import InstallationError
 from flexfem.options import Settings
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
+
+
+#: Exit codes of models that cannot be built: wrong input, or a computation that has failed.
+_REFUSED, _FAILED = 2, 1
 
 
 def main(case: Case, argv: Sequence[str] | None = None, *, prog: str | None = None) -> int:
@@ -33,7 +37,7 @@ def main(case: Case, argv: Sequence[str] | None = None, *, prog: str | None = No
         The exit code.
     """
     arguments = sys.argv[1:] if argv is None else argv
-    return exit_code(lambda: run_case(case, arguments, prog))
+    return exit_code(lambda: run_case(case, arguments, prog), arguments)
 
 
 def load_case(name: str) -> Case:
@@ -74,27 +78,22 @@ def _run(
     case: Case, parameters: Mapping[str, Any], options: Settings, argv: Sequence[str],
     prog: str | None,
 ) -> int:  # fmt: skip
-    """Build the model of a case and run it; returns the exit code."""
-    try:
-        model, folders = _prepare(case, parameters, options)
-    except NumericalError as error:
-        launch.say(f"failed: {error}", error=True)
-        return 1
+    """Build the model of a case and run it; returns the exit code.
 
+    Raises:
+        UsageError: Nothing was computed.
+        FailedRunError: What was computed has come to an end before its own.
+    """
+    model = _built(case, parameters)
     try:
         outcome = case.analysis.run(model, options, case=case.name, results=case.results)
     except (InputError, InstallationError) as error:
-        for folder in folders:
-            folder.rmdir()
         raise UsageError(str(error), agreed=True) from error
     except launch.Interrupted as stop:
         raise _with_command(stop, options, prog, argv) from stop
-    except OSError as error:
-        launch.say(f"failed: {error}", error=True)
-        launch.abort(1)
-        return 1
-    for warning in outcome.summary.get("warnings", ()):
-        launch.say(f"warning: {warning}", error=True)
+    except (FunctionError, OSError) as error:  # on all ranks
+        ended = getattr(error, "outcome", None)
+        raise FailedRunError(str(error) if ended is None else ended.status) from error
     if outcome.status != "ok":
         launch.say(f"failed: {outcome.status}", error=True)
         return 1
@@ -116,29 +115,25 @@ def _with_command(
     )
 
 
-def _prepare(
-    case: Case, parameters: Mapping[str, Any], options: Settings
-) -> tuple["Model", list[Path]]:
-    """Build and validate the model and create the output folder; ranks agree on success.
+def _built(case: Case, parameters: Mapping[str, Any]) -> "Model":
+    """Build and validate the model; ranks agree on success.
 
-    Returns:
-        The model, and the folders that this process has created, innermost first.
+    Raises:
+        UsageError: It cannot be built on a rank.
+        FailedRunError: What it is built from cannot be computed.
     """
-    message, created = "", list[Path]()
+    message, code, model = "", _REFUSED, None
+    cause: BaseException | None = None
     try:
         model = case.model(**parameters)
-        if launch.rank() == 0 and options.output is not None:
-            path = options.output
-            missing = [folder for folder in (path, *path.parents) if not folder.exists()]
-            for folder in reversed(missing):
-                folder.mkdir(exist_ok=True)
-                created.insert(0, folder)
-            path.mkdir(exist_ok=True)  # says so if it is a file
-    except (InstallationError, OSError, TypeError, ValueError) as error:
-        message = str(error) or type(error).__name__
-    message = launch.first_message(message)
+    except NumericalError as error:
+        message, code, cause = str(error), _FAILED, error
+    except FAILURES as error:
+        message, cause = mistake(error), error
+    message, code = launch.first_failure(message, code)
+    if message and code == _FAILED:
+        raise FailedRunError(message) from cause
     if message:
-        for folder in created:
-            folder.rmdir()
-        raise UsageError(message, agreed=True)
-    return model, created
+        raise UsageError(message, agreed=True) from cause
+    assert model is not None
+    return model

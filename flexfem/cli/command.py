@@ -22,7 +22,7 @@ def command(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = sys.argv[1:] if argv is None else argv
-    return exit_code(lambda: _dispatch(arguments))
+    return exit_code(lambda: _dispatch(arguments), arguments)
 
 
 def _dispatch(argv: Sequence[str]) -> int:

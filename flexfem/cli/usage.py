@@ -2,20 +2,24 @@
 """What all command lines share: parser, wrong input in one line, exit codes."""
 
 import argparse
+import contextlib
 import sys
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from flexfem import launch
 from flexfem.installation import InstallationError
-from flexfem.options import Option, meant
+from flexfem.options import Option, is_text, meant
 
 #: How argparse begins to say that there is no such option.
 _UNKNOWN = "unrecognized arguments: "
 #: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
 _PATIENCE = 0.5
+#: The option that shows where an error comes from.
+TRACEBACK = "--traceback"
 
 
 class UsageError(Exception):
@@ -30,6 +34,10 @@ class UsageError(Exception):
         """Keep the message."""
         super().__init__(message)
         self.agreed = agreed
+
+
+class FailedRunError(Exception):
+    """A computation that came to an end before its own; the message is what to print."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -61,22 +69,34 @@ class Parser(argparse.ArgumentParser):
             super()._print_message(message, file)
 
 
-def exit_code(action: Callable[[], int]) -> int:
+def exit_code(action: Callable[[], int], argv: Sequence[str]) -> int:
     """Turn errors of the user or of the installation, and Ctrl-C, into one line and an exit code.
 
     The rest ends all ranks. Whatever ends before a run starts is told to the other ranks, which
     may have got further.
+
+    Args:
+        action: What to do.
+        argv: Arguments of the command; with ``--traceback`` among them Python's is printed, too.
+
+    Returns:
+        What the action returns, or 2 for wrong input, 1 for a failed run, 128 and its number for a
+        signal.
     """
     sys.excepthook = launch.excepthook
     try:
+        _check_text([*argv, *sys.argv[:1]])
         return action()
     except UsageError as error:
         message = str(error) if error.agreed else launch.first_message(str(error))
-        launch.say("error: " + " ".join(message.split()), error=True)
+        _say(f"error: {' '.join(message.split())}", error, argv)
         return 2
     except InstallationError as error:  # the same on all ranks
-        launch.say(f"error: {error}", error=True)
+        _say(f"error: {error}", error, argv)
         return 2
+    except FailedRunError as error:
+        _say(f"failed: {error}", error, argv)
+        return 1
     except SystemExit:
         if message := launch.first_message(""):
             launch.say("error: " + " ".join(message.split()), error=True)
@@ -88,9 +108,31 @@ def exit_code(action: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         if launch.rank() > 0:
             time.sleep(_PATIENCE)  # whoever gets here next: the first rank may hang in a receive
-        print("interrupted", file=sys.stderr, flush=True)
+        with contextlib.suppress(OSError):  # the terminal is gone
+            print("interrupted", file=sys.stderr, flush=True)
         launch.abort(130)
         return 130
+
+
+def _check_text(arguments: Sequence[str]) -> None:
+    """Refuse names of files that are no text: neither summaries nor ParaView's files hold them.
+
+    Raises:
+        UsageError: One is not UTF-8.
+    """
+    for argument in arguments:
+        if not is_text(argument):
+            raise UsageError(f"{argument!a} is not UTF-8; rename the file or folder")
+
+
+def _say(line: str, error: Exception, argv: Sequence[str]) -> None:
+    """Print an error, after Python's traceback of its cause if that is asked for."""
+    cause = error.__cause__
+    if cause is not None and TRACEBACK in argv:
+        # that of another rank comes as text
+        trace = getattr(cause, "trace", "") or "".join(traceback.format_exception(cause))
+        launch.say(trace.rstrip(), error=True)
+    launch.say(line, error=True)
 
 
 def join_negative_values(argv: Sequence[str]) -> list[str]:

@@ -214,6 +214,14 @@ class TriangleContact:
         extra = np.concatenate([self._held_nodes[:, 1:], self._held_weights[:, 1:]], axis=1)
         return np.concatenate([rows, self.held.packed(len(rows), extra)], axis=1)
 
+    def doubts(self, memory: FloatArray, count: int) -> str:
+        """Says that :meth:`memory` never returned this, with ``count`` points; empty if it may."""
+        _, held = np.split(memory, [2 * _THROUGH], axis=1)
+        _, extra = HeldContacts.unpacked(self._law, held, self.slaves.stiffness)
+        nodes = extra[:, :3]
+        good = (nodes >= 0.0) & (nodes < count) & (nodes % 1.0 == 0.0)
+        return "" if good.all() else "a contact is held by a node that is not there"
+
     def recall(self, points: FloatArray, memory: FloatArray) -> None:
         """Take back what :meth:`memory` returned, at the same positions."""
         self.sides[:] = self.masters.sides[self.rows.values]

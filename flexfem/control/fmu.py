@@ -6,16 +6,23 @@ import shutil
 import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from os import SEEK_END
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+from zipfile import ZipFile
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._files import open_file
+from flexfem._memory import shown
 from flexfem._types import FloatArray
 
 __all__ = ["FmuLaw"]
 
+#: Files in an archive, and bytes of all of them and of the description alone, once unpacked.
+_MEMBERS, _UNPACKED, _DESCRIPTION = 100_000, 4e9, 64e6
 #: Names of types of numbers in FMI 2 and 3.
 _REAL = ("Real", "Float64")
 _SETTABLE = ("parameter", "structuralParameter", "input")
@@ -84,7 +91,9 @@ class FmuLaw:
                     )
                 if what == "parameter" and variable.type in _REAL and not array:
                     _checks.number(self.owner, f'parameter "{name}"', self.parameters[name])
-        self.checksum = hashlib.blake2b(self.file.read_bytes(), digest_size=8).hexdigest()
+        with open_file(f"{self.owner}: file '{self.file}' cannot be read", self.file) as archive:
+            digest = partial(hashlib.blake2b, digest_size=8)
+            self.checksum = hashlib.file_digest(archive, digest).hexdigest()
         self._fmu: Any = None
         self._references: tuple[list[int], list[int]] = ([], [])
         self._second = description.fmiVersion == "2.0"
@@ -98,12 +107,10 @@ class FmuLaw:
             raise ValueError(
                 f"{self.owner}: FMUs need the package fmpy (pip install 'flexfem[fmi]'): {error}"
             ) from error
+        with open_file(f"{self.owner}: file '{self.file}' cannot be read", self.file) as archive:
+            _check_archive(f"{self.owner}: file '{self.file}'", archive)
         try:
             description = read_model_description(self.file, validate=False)
-        except OSError as error:
-            raise ValueError(
-                f"{self.owner}: file '{self.file}' cannot be read: {error.strerror or error}"
-            ) from error
         except Exception as error:  # whatever is wrong with a file, fmpy raises many kinds
             text = " ".join(str(error).split())
             raise ValueError(f"{self.owner}: file '{self.file}' is no FMU: {text}") from error
@@ -130,8 +137,17 @@ class FmuLaw:
         """Take the measurements (inputs,) at a sample ``t`` (s); returns the outputs.
 
         Raises:
-            RuntimeError: the FMU ends before the run does.
+            RuntimeError: the FMU does not start, fails, or ends before the run does.
         """
+        try:
+            return self._updated(t, y)
+        except (RuntimeError, ValueError):
+            raise
+        except Exception as error:  # fmpy raises many kinds
+            text = " ".join(str(error).split())
+            raise RuntimeError(f"the FMU fails at t = {t:.6g} s: {text}") from error
+
+    def _updated(self, t: float, y: FloatArray) -> FloatArray:
         if self._fmu is None:
             self._start(t, y)
         else:
@@ -184,6 +200,36 @@ class FmuLaw:
             raise ValueError(f"parameter {next(iter(values))} of the FMU cannot be set")
         self._set(y)
         fmu.exitInitializationMode()
+
+
+def _check_archive(owner: str, archive: BinaryIO) -> None:
+    """Look at an archive's list of contents before anything is unpacked.
+
+    Raises:
+        ValueError: it is none, or its contents are too large, overlap, or belong elsewhere.
+    """
+    size = archive.seek(0, SEEK_END)
+    try:
+        members = ZipFile(archive).infolist()
+    except Exception as error:  # whatever is wrong with it
+        raise ValueError(f"{owner} is no FMU: {' '.join(str(error).split())}") from error
+    unpacked = sum(member.file_size for member in members)
+    if len(members) > _MEMBERS or unpacked > _UNPACKED:
+        raise ValueError(
+            f"{owner} is no FMU: it unpacks to {len(members)} files of {shown(unpacked)}, at most "
+            f"{_MEMBERS} of {shown(_UNPACKED)} are unpacked"
+        )
+    if sum(member.compress_size for member in members) > size:
+        raise ValueError(f"{owner} is no FMU: its files overlap")
+    for member in members:
+        if member.filename.startswith("/") or ".." in member.filename.split("/"):
+            name = _checks.show(member.filename)
+            raise ValueError(f"{owner} is no FMU: it would put {name} outside of its folder")
+        if member.filename == "modelDescription.xml" and member.file_size > _DESCRIPTION:
+            raise ValueError(
+                f"{owner} is no FMU: its description has {shown(member.file_size)}, at most "
+                f"{shown(_DESCRIPTION)} are read"
+            )
 
 
 def _free(fmu: Any, folder: Any) -> None:

@@ -24,6 +24,8 @@ __all__ = ["FrameBlock"]
 
 #: law of prediction that stays at the accepted state
 _NOTHING = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+#: How far rotations of a long motion are from being such at most.
+_ROUND_OFF = 1e-6
 
 
 class FrameBlock:
@@ -49,12 +51,14 @@ class FrameBlock:
             Of nodes with three unknowns the last three components mean nothing.
         node_ids: (n,) index of each node in the model's input order.
         offset: first global node of this rank.
+        elements: (m,) numbers of the elements whose places this rank evaluates; None: those whose
+            last node it owns.
     """
 
     def __init__(
         self, name: str, comm: MPI.Intracomm, frames: FloatArray, velocity: FloatArray,
         node_ids: IntArray, index_map: Any, inertial: bool, width: int = 6,
-        held: BoolArray | None = None,
+        held: BoolArray | None = None, elements: IntArray | None = None,
     ) -> None:  # fmt: skip
         """Create a block (collective).
 
@@ -68,11 +72,13 @@ class FrameBlock:
             inertial: integrate translations in inertial axes (R^3 x SO(3)) instead of on SE(3).
             width: unknowns of a node; 3 needs ``inertial``.
             held: (n, width) unknowns that stay as they are, on all ranks or none.
+            elements: see the attribute.
         """
         from dolfinx import la
 
         self.name, self.comm, self.inertial, self.width = name, comm, inertial, width
         self.node_ids, self.index_map, self.held = node_ids, index_map, held
+        self.elements = elements
         self.owned = int(index_map.size_local)
         self.size_global = int(index_map.size_global)
         self.offset = int(index_map.local_range[0])
@@ -221,6 +227,20 @@ class FrameBlock:
             to_inertial(self.frames, self._velocity0, self._acceleration0)
         self._auxiliary0[:] = self._acceleration0
 
+    @property
+    def accelerations(self) -> FloatArray:
+        """(n, 6) accepted ones, rates of the increments' rates."""
+        return self._acceleration0
+
+    def lead_auxiliary(self, before: FloatArray, part: float) -> None:
+        """Let the acceleration-like variable be ahead of the accelerations.
+
+        Args:
+            before: (n, 6) accelerations at the start of the last step.
+            part: of their change since then by which it is ahead.
+        """
+        self._auxiliary0[:] = self._acceleration0 + part * (self._acceleration0 - before)
+
     def take(self) -> None:
         """Accept the trial state as it stands, with its velocities and accelerations."""
         orthonormalise(self.frames)
@@ -245,6 +265,13 @@ class FrameBlock:
             "acceleration": self._acceleration0,
             "auxiliary": self._auxiliary0,
         }
+
+    def doubts(self, state: Mapping[str, FloatArray]) -> str:
+        """Says that frames are none, which :meth:`state` never returns; empty if they are."""
+        turns = state["frames"][:, 3:].reshape(-1, 3, 3)
+        defect = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(initial=0.0)
+        good = defect < _ROUND_OFF and (np.linalg.det(turns) > 0.0).all()
+        return "" if good else f'"{self.name}/frames" has a rotation that is none'
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         """Accept a state returned by :meth:`state`, ghosts included."""

@@ -2,10 +2,12 @@
 """What the model knows of a load."""
 
 from collections.abc import Callable
+from math import nan
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._faults import FAILURES, noted
 from flexfem._types import FloatArray
 from flexfem.core.marker import Marker
 
@@ -52,9 +54,25 @@ class Load:
         """
         raise NotImplementedError
 
+    @property
+    def uniform(self) -> bool:
+        """Whether :attr:`wrench` says all; not so where a load varies along a beam."""
+        return True
+
+    @property
+    def has_moment(self) -> bool:
+        """Whether moments are among what acts."""
+        return bool(self.wrench[1].any())
+
     def factor(self, t: float) -> float:
-        """Return the amplitude at time `t` in seconds."""
-        return 1.0 if self.amplitude is None else float(self.amplitude(t))
+        """Return the amplitude at time `t` in seconds; nan in a run where the function fails."""
+        if self.amplitude is None:
+            return 1.0
+        try:
+            return float(self.amplitude(t))
+        except FAILURES as error:
+            noted(f'{type(self).__name__} "{self.name}"', self.amplitude, error)
+            return nan
 
     def _check(self) -> str:
         """Check name and amplitude, and return the owner text of messages."""

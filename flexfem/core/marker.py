@@ -25,9 +25,9 @@ class Marker:
     Attributes:
         body: Name of a Beam, Shell, RigidBody or FloatingBody.
         point: For beams, where on the line: name of a physical point group, "start" or "end", or
-            a fraction of the arc length in [0, 1]: the nearest node of an SE(3) beam, the exact
-            place on a NURBS beam. For shells: name of a node of the surface mesh, or a position
-            (x, y, z) at the start, for the shell's nearest node. None for rigid bodies.
+            a fraction of the arc length in [0, 1], also inside an element. For shells: name of a
+            node of the surface mesh, or a position (x, y, z) at the start, for the shell's nearest
+            node. None for rigid bodies.
         offset: Position of the marker relative to the node (in section axes) or to the reference
             point of the rigid body (in body axes), shape (3,), metres.
         rotation: Orientation of the marker in inertial axes at the initial time, shape (3, 3);

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexfem import _checks
+from flexfem._faults import ReturnError
 from flexfem._types import FloatArray
 from flexfem.formalisms.frames import Frame
 from flexfem.formalisms.matter import Matter
@@ -217,7 +218,7 @@ def evaluate_motion(joint: Constraint, t: float, count: int) -> tuple[FloatArray
     except ValueError:
         shaped = []
     if len(shaped) != 3:
-        raise ValueError(
+        raise ReturnError(
             f"{joint.owner}: motion must return value, rate and second rate of {count} numbers, "
             f"got {_checks.show(parts)}"
         )

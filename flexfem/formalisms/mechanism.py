@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexfem import _checks
+from flexfem._faults import FAILURES, located
 from flexfem._types import BoolArray, FloatArray
 from flexfem.formalisms.frames import Frame, PlanarFrame, SpatialFrame
 from flexfem.formalisms.joints import AppliedForce, Constraint, End
@@ -144,11 +145,12 @@ class Mechanism:
         return "\n".join(lines)
 
     def validate(self) -> None:
-        """Check that everything named exists.
+        """Check that everything named exists, and that functions of time can be called.
 
         Raises:
             TypeError: something has the wrong type.
-            ValueError: a name is unknown or used twice, or the formalism is unknown.
+            ValueError: a name is unknown or used twice, the formalism is unknown, or a function
+                fails at t = 0.
         """
         owner = _checks.named(self, self.name)
         if self.formalism not in FORMALISMS:
@@ -176,3 +178,20 @@ class Mechanism:
         for user, end in ends:
             if end.body not in known:
                 raise ValueError(f'{user}: there is no body "{end.body}"')
+        for joint in self.joints:
+            if joint.motion is not None:
+                _call(joint.owner, joint.motion)
+        for force in self.forces:
+            _call(force.owner, force.force)
+
+
+def _call(owner: str, function: Callable[[float], object]) -> None:
+    """Call a function of time at the start, before anything is compiled on all ranks together.
+
+    Raises:
+        ValueError: it fails.
+    """
+    try:
+        function(0.0)
+    except FAILURES as error:
+        raise ValueError(f"{owner}: {located(function, error)}") from error

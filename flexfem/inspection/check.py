@@ -3,14 +3,20 @@
 
 import importlib
 import pkgutil
+from collections.abc import Container
 
 from flexfem.inspection import checks
 from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
 from flexfem.model.model import Model
 from flexfem.options import Settings
+from flexfem.system.assembly import Assembly
 
-__all__ = ["check", "findings"]
+__all__ = ["check", "findings", "findings_of_run"]
+
+#: Checks that a run makes more exactly by itself: it refuses joints that do not hold and redundant
+#: ones, and watches drives from step to step.
+_OWN = ("drives", "gaps", "redundant")
 
 
 def check(model: Model, options: Settings | None = None) -> list[Finding]:
@@ -31,10 +37,22 @@ def check(model: Model, options: Settings | None = None) -> list[Finding]:
     return findings(Inspection(model, options))
 
 
-def findings(inspection: Inspection) -> list[Finding]:
-    """Findings of all checks, the files of ``flexfem.inspection.checks``."""
+def findings(inspection: Inspection, without: Container[str] = ()) -> list[Finding]:
+    """Findings of all checks, the files of ``flexfem.inspection.checks``, but for some."""
     found: list[Finding] = []
     for module in pkgutil.iter_modules(checks.__path__):
+        if module.name in without:
+            continue
         look = importlib.import_module(f"{checks.__name__}.{module.name}").find
         found += look(inspection)
     return found
+
+
+def findings_of_run(serial: Assembly, options: Settings) -> list[Finding]:
+    """Findings of the checks that an analysis does not make by itself.
+
+    Args:
+        serial: serial data of its validated model.
+        options: those of the analysis.
+    """
+    return findings(Inspection.of(serial, options), _OWN)

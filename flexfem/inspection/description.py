@@ -13,6 +13,7 @@ from flexfem.inspection.joint_facts import JointFacts
 from flexfem.inspection.mesh_facts import MeshFacts, matrix_entries
 from flexfem.inspection.mobility import Mobility, mobility
 from flexfem.model.model import Model
+from flexfem.system.memory import memory_of_run
 
 __all__ = ["Description", "describe", "description_of"]
 
@@ -33,6 +34,7 @@ class Description:
         meshes: elements of each flexible body.
         extent: characteristic length, m.
         entries: of the matrix of a step, about; contact left out.
+        memory: bytes that a motion on one rank takes, about; contact left out.
     """
 
     model: Model
@@ -43,6 +45,7 @@ class Description:
     meshes: list[MeshFacts]
     extent: float
     entries: int
+    memory: float
 
     @property
     def matrix_bytes(self) -> int:
@@ -85,6 +88,7 @@ class Description:
             "elements": [_mesh(one) for one in self.meshes],
             "matrix_entries": self.entries,
             "matrix_bytes": self.matrix_bytes,
+            "memory_bytes": self.memory,
         }
 
 
@@ -115,6 +119,7 @@ def description_of(inspection: Inspection) -> Description:
         meshes=inspection.meshes,
         extent=inspection.extent,
         entries=matrix_entries(inspection.serial, inspection.rows.rows),
+        memory=memory_of_run(inspection.model),
     )
 
 

@@ -2,6 +2,7 @@
 """A model laid open: its serial data, bodies as wholes and joints, each computed when asked for."""
 
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -30,7 +31,6 @@ class Inspection:
         model: the model, validated.
         serial: its serial data.
         options: those of the analysis that it is for, None where that is not known.
-        rows: its joints at the start.
     """
 
     def __init__(self, model: Model, options: Settings | None = None) -> None:
@@ -45,10 +45,22 @@ class Inspection:
             _checks.instance("check", "options", options, Settings)
         try:
             model.validate()
-            self.model, self.serial, self.options = model, Assembly(model), options
-            self.rows = StartRows(self.serial, self.parts)
+            self.serial: Assembly = Assembly(model)
+            self.model, self.options = model, options
+            self.rows  # noqa: B018 - joints that cannot be placed are mistakes in the model
         except ValueError as error:
             raise InputError(str(error)) from error
+
+    @classmethod
+    def of(cls, serial: Assembly, options: Settings) -> Self:
+        """Look at a model that an analysis has validated and numbered already.
+
+        Raises:
+            ValueError: a joint cannot be placed.
+        """
+        inspection = cls.__new__(cls)
+        inspection.model, inspection.serial, inspection.options = serial.model, serial, options
+        return inspection
 
     @property
     def moves(self) -> bool | None:
@@ -56,6 +68,11 @@ class Inspection:
         if self.options is None:
             return None
         return not isinstance(self.options, (StaticOptions, RelaxationOptions))
+
+    @cached_property
+    def rows(self) -> StartRows:
+        """Its joints at the start."""
+        return StartRows(self.serial, self.parts)
 
     @cached_property
     def parts(self) -> RigidParts:

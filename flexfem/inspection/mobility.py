@@ -119,7 +119,7 @@ def free_motions(inspection: Inspection, chosen: BoolArray) -> tuple[int, IntArr
     matrix = np.zeros((total, count + 1, 6))  # the ground comes last
     for side in range(2):
         np.add.at(matrix, (rows.row, rows.nodes[:, side]), rows.gradient[:, side])
-    _, sizes, right = np.linalg.svd(matrix[:, :-1].reshape(total, -1), full_matrices=True)
+    _, sizes, right = np.linalg.svd(matrix[:, :-1].reshape(total, 6 * count), full_matrices=True)
     motions = right[int((sizes > _ZERO).sum()) :].reshape(-1, count, 6)
     moving = np.abs(motions).max(axis=(0, 2), initial=0.0) > _PART
     return len(motions), np.flatnonzero(moving)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexfem._memory import available, shown
 from flexfem._types import FloatArray
 from flexfem.inspection.body_facts import KINDS, BodyFacts, MassFacts
 from flexfem.inspection.finding import Finding, listed, owner_of
@@ -129,11 +130,11 @@ def _where(load: Load) -> str:
     """Where a load acts, how large it is, and whether it changes."""
     places = [str(place) for place in (*load.markers, *load.beams, *load.shells)]
     units = ("N", "N m") if load.markers else ("", "")
-    sizes = [
+    sizes = ["varies along it"] if not load.uniform else [
         f"{_vector(part)} {unit}"
         for part, unit in zip(load.wrench, units, strict=True)
         if np.any(part)
-    ]
+    ]  # fmt: skip
     more = ["times a function of time"] if load.amplitude is not None else []
     follows = ["following"] if load.follower else []
     return ", ".join([listed(places), *(size.strip() for size in sizes), *follows, *more])
@@ -193,6 +194,9 @@ def _sizes(description: Description) -> list[str]:
     rows.append(
         ["matrix of a step", f"about {description.entries} entries, {_number(size)} MB{more}"]
     )
+    room = available()
+    left = f", {shown(room)} are left" if np.isfinite(room) else ""
+    rows.append(["memory of a run", f"about {shown(description.memory)} on one rank{left}"])
     return ["sizes", *_aligned(rows)]
 
 

@@ -13,6 +13,7 @@ the null space of the constraints at the start of the step in the place of chose
 K. Mani, E. J. Haug, K. E. Atkinson, J. Mech., Trans., and Automation 107 (1985) 82-87.
 """
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -56,7 +57,7 @@ class IndependentCoordinates(Integrator):
         Raises:
             ValueError: it lies outside [0, 1].
         """
-        self.scheme = GeneralizedAlpha(rho_inf)
+        self.scheme = self._usual = GeneralizedAlpha(rho_inf)
         self._motions: IndependentMotions | None = None
 
     def prepare(self, system: System) -> None:
@@ -122,6 +123,17 @@ class IndependentCoordinates(Integrator):
         step, _ = motions.solve(residual, np.zeros(len(motions.rigid)))
         motions.to_steps(step)
         return system.largest_step()
+
+    def begin_parts(self, system: System) -> Integrator:
+        """See :meth:`Integrator.begin_parts`."""
+        self.scheme = GeneralizedAlpha(1.0)
+        self._usual.begin_parts(system)
+        return self
+
+    def end_parts(self, system: System, before: Sequence[FloatArray], ratio: float) -> None:
+        """See :meth:`Integrator.end_parts`."""
+        self.scheme = self._usual
+        self.scheme.end_parts(system, before, ratio)
 
     def accept(self, system: System, h: float) -> None:
         """See :meth:`Integrator.accept`.

@@ -4,11 +4,14 @@
 A new scheme is a new file and its line in ``flexfem.analyses.dynamics.INTEGRATORS``.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from typing import ClassVar, Protocol
 
+from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import INTEGRATORS
 from flexfem.core.prediction import Prediction
 from flexfem.core.state import State
@@ -76,6 +79,20 @@ class Integrator(Protocol):
     def accept(self, system: System, h: float) -> None:
         """Take the trial state (collective)."""
         ...
+
+    def begin_parts(self, system: System) -> Integrator:
+        """Scheme for parts of a step between jumps and kinks, whose first one needs no history."""
+        return self
+
+    def end_parts(self, system: System, before: Sequence[FloatArray], ratio: float) -> None:
+        """Go on with whole steps.
+
+        Args:
+            system: in the state accepted last.
+            before: accelerations (n, 6) of each block at the start of the last part.
+            ratio: size of a whole step over that of the last part, 0 if that is too short to tell.
+        """
+        return
 
     def step(self, system: System, policy: Policy, h: float) -> Status:
         """Advance the system by ``h`` (s); on failure it is left at the accepted state."""

@@ -21,6 +21,7 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.equations import Equations, Motion
+from flexfem.core.state import counts
 from flexfem.core.status import Status
 from flexfem.formalisms.formalism import Partition, accelerations, partition
 from flexfem.formalisms.motion import FormalismMotion
@@ -177,5 +178,7 @@ class MaggiAlpha(VectorStepper):
 
     def _recall(self, state: Mapping[str, FloatArray]) -> None:
         self._w = np.array(state["motion_w"])
-        dependent = np.array(state["motion_dependent"]).astype(np.int64)
+        dependent = np.array(counts("motion_dependent", state["motion_dependent"]), dtype=np.int64)
+        if len(np.unique(dependent)) < len(dependent) or dependent.max(initial=0) >= len(self._w):
+            raise ValueError('"motion_dependent" holds coordinates that there are not')
         self._split = Partition(dependent, np.setdiff1d(np.arange(len(self._w)), dependent))

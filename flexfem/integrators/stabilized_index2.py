@@ -59,10 +59,10 @@ class _PositionsAndRates:
         if not rows.driven:
             return total
         for k, weight in _WEIGHTS:
-            rows.set_time(system.time + k * self._span)
+            rows.set_time(system.instant + k * self._span)
             rows.evaluate(shifts.dynamics)
             total += weight / self._span * rows.values
-        rows.set_time(system.time)
+        rows.set_time(system.instant)
         rows.evaluate(shifts.dynamics)
         return total
 

@@ -7,8 +7,6 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
-from flexfem.core.joint import Joint
-from flexfem.core.marker import Marker
 from flexfem.core.row import START_GAP, LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
@@ -20,6 +18,7 @@ __all__ = [
     "check_gaps",
     "check_start",
     "drives",
+    "laws_settled",
     "make_consistent",
     "project_velocities",
     "second_rates",
@@ -100,6 +99,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
         part.block.acceleration[:] = part.block.step
         part.block.start()
     rows.forces[:] = tangent.multiplier_step
+    rows.consistent = True
     return Status.OK
 
 
@@ -163,9 +163,7 @@ def _relax(system: System, tangent: TangentSolver) -> None:
 def _compliant(system: System) -> FloatArray:
     """Equations of the rows that carry forces by laws, linearised, at zero multipliers."""
     rows = system.constraints
-    values = rows.values + rows.compliance * rows.multipliers
-    np.add.at(values, rows.coupled[:, 0], rows.coupling * rows.multipliers[rows.coupled[:, 1]])
-    return values * ~rows.rigid
+    return (rows.values + rows.yielding(rows.multipliers)) * ~rows.rigid
 
 
 def _update_laws(system: System, tangent: TangentSolver) -> bool:
@@ -174,16 +172,24 @@ def _update_laws(system: System, tangent: TangentSolver) -> bool:
     Other laws give their forces at once, since they do not depend on multipliers.
     """
     rows, found = system.constraints, tangent.multiplier_step
+    if laws_settled(system, found):
+        return False
+    rows.multipliers[:] = found
+    rows.evaluate(_RATES)
+    tangent.assemble(MASS)
+    return tangent.factor()
+
+
+def laws_settled(system: System, found: FloatArray) -> bool:
+    """Multipliers found (r,) that friction depends on are those it was linearised at (collective).
+
+    There may be no friction at all.
+    """
+    rows = system.constraints
     rubbing = _rubbing(rows)
     change = float(np.max(np.abs(found - rows.multipliers)[rubbing], initial=0.0))
     size = float(np.max(np.abs(found)[rubbing], initial=0.0))
-    worst = system.comm.allreduce(change > 1e-12 * size, op=MPI.LOR)
-    if worst:
-        rows.multipliers[:] = found
-        rows.evaluate(_RATES)
-        tangent.assemble(MASS)
-        worst = tangent.factor()
-    return bool(worst)
+    return not system.comm.allreduce(change > 1e-12 * size, op=MPI.LOR)
 
 
 def _rubbing(rows: Constraints) -> BoolArray:
@@ -214,22 +220,10 @@ def check_gaps(system: System) -> None:
         joint, gap = worst[first]
         text = (
             f"{joint.owner}: the markers violate the joint at the start by {gap:.6g} (m or rad); "
-            f"place the bodies so that it holds, or let flexfem.assemble move them{_nodes(joint)}"
+            "place the bodies so that it holds, or let flexfem.assemble move them"
         )
     texts = [t for t in system.comm.allgather(text) if t is not None]
     raise InputError(texts[0])
-
-
-def _nodes(joint: Joint) -> str:
-    """Words on markers that may be at another place than the one that was meant."""
-    fractions = [
-        str(marker)
-        for marker in joint.markers
-        if isinstance(marker, Marker) and isinstance(marker.point, float)
-    ]
-    if not fractions:
-        return ""
-    return f" ({' and '.join(fractions)}: on two-node elements the node nearest to the fraction)"
 
 
 def drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
@@ -237,7 +231,7 @@ def drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
 
     The span h is a part of ``dt``; rates are exact for motions of third degree.
     """
-    rows, start, h = system.constraints, system.time, _SPAN * dt
+    rows, start, h = system.constraints, system.instant, _SPAN * dt
     values = []
     for k in range(4):
         rows.set_time(start + k * h)
@@ -251,7 +245,7 @@ def drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
 
 def second_rates(system: System, dt: float, values: list[FloatArray]) -> FloatArray:
     """Second time derivative of the rows at zero accelerations."""
-    rows, start, h = system.constraints, system.time, _SPAN * dt
+    rows, start, h = system.constraints, system.instant, _SPAN * dt
     rates = []
     for k in range(3):
         rows.set_time(start + k * h)

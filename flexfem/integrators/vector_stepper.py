@@ -11,6 +11,7 @@ import scipy.sparse.linalg
 
 from flexfem._types import FloatArray
 from flexfem.core.equations import Equations, Motion
+from flexfem.core.state import counts
 from flexfem.core.status import Status
 
 __all__ = ["MOST_ITERATIONS", "SLOW", "VectorStepper", "factor"]
@@ -81,12 +82,13 @@ class VectorStepper:
     def restore(self, equations: Equations, options: Any, state: Mapping[str, FloatArray]) -> None:
         """See :class:`Stepper`."""
         self._set(equations, options)
+        self._solve = self._kept = None
         names = ("q", "v", "a", "multipliers")
         t = float(state["motion_t"][0])
         self.motion = Motion(t, *(np.array(state[f"motion_{name}"]) for name in names))
         self._recall(state)
-        counts = state["motion_counters"]
-        self.counters = {name: int(c) for name, c in zip(self.counters, counts, strict=True)}
+        numbers = counts("motion_counters", state["motion_counters"])
+        self.counters = dict(zip(self.counters, numbers, strict=True))
 
 
 def factor(matrix: Any) -> Any:

@@ -27,8 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem._checks import InputError
+from flexfem._files import open_file
 from flexfem.core.state import Numbering, State
 from flexfem.io.atomic import raise_together
+from flexfem.io.hdf5 import PlainFile
+from flexfem.io.hdf5_structure import check_structure
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -37,6 +40,7 @@ __all__ = ["Checkpoint", "remove_files", "write_checkpoint"]
 
 #: Layout of the file; another one is refused.
 _FORMAT = 1
+_TAG = 1203  # of the messages between ranks that take turns
 _BLOCK = 512  # bytes of the user block: the least that HDF5 has
 _SEAL = re.compile(rb"flexfem checkpoint\nformat (\d+)\nbytes (\d+)\nblake2b ([0-9a-f]{64})\n")
 _MARK = b"flexfem checkpoint\n"
@@ -102,16 +106,17 @@ class Checkpoint:
             InputError: on all ranks; it cannot be read, is something else, or is damaged.
         """
         self.path, self._comm = Path(path), comm
-        error, header = None, ""
+        error, header = None, dict[str, Any]()
         if comm.rank == 0:
             try:
-                _check_seal(self.path)
+                self._check_seal()
+                check_structure(self.path)
                 with _hdf5(self.path, "r") as file:
-                    header = str(file.attrs["header"])
-            except (OSError, KeyError, ValueError) as exc:
+                    header = _header(PlainFile(file, self.path.stat().st_size))
+            except Exception as exc:  # whatever HDF5's library makes of a forged file
                 error = self._refusal(exc)
         raise_together(comm, error)
-        self.header: dict[str, Any] = json.loads(comm.bcast(header))
+        self.header: dict[str, Any] = comm.bcast(header)
 
     def refuse(self, reason: str) -> InputError:
         """The error that says why this file cannot be used."""
@@ -126,23 +131,49 @@ class Checkpoint:
         error, state = None, State()
         try:
             with _hdf5(self.path, "r") as file:
-                values = {name: dataset[()] for name, dataset in file["values"].items()}
+                plain = PlainFile(file, self.path.stat().st_size)
+                values = {
+                    name: plain.values(f"values/{name}").astype(np.float64)
+                    for name in plain.names("values")
+                }
                 rows = {
                     group: {
-                        name: self._rows(dataset, numberings[group])
-                        for name, dataset in file[f"rows/{group}"].items()
+                        name: self._rows(plain.array(f"rows/{group}/{name}"), numberings[group])
+                        for name in plain.names(f"rows/{group}")
                     }
                     for group in numberings
                 }
             state = State(values, rows)
-        except (OSError, KeyError, ValueError) as exc:
+        except Exception as exc:  # as above
             error = self._refusal(exc)
         raise_together(self._comm, error)
         return state
 
+    def _check_seal(self) -> None:
+        """Check that a plain file is as it was written, whatever wrote it."""
+        with open_file(f"checkpoint '{self.path}'", self.path) as file:
+            block = file.read(_BLOCK)
+            if not block.startswith(_MARK):
+                raise ValueError("is not a checkpoint of flexfem")
+            found = _SEAL.match(block)
+            if found is None or block != _seal(int(found[1]), int(found[2]), found[3].decode()):
+                raise ValueError(f"is damaged in its first 512 bytes; {_OTHER}")
+            if int(found[1]) != _FORMAT:
+                raise ValueError(f"has format {int(found[1])}, this version reads format {_FORMAT}")
+            size, digest = _digest(file)
+        if size != int(found[2]):
+            raise ValueError(
+                f"is damaged: {_BLOCK + size} bytes instead of {_BLOCK + int(found[2])}; {_OTHER}"
+            )
+        if digest != found[3].decode():
+            raise ValueError(
+                f"is damaged: its contents do not have the checksum they had; {_OTHER}"
+            )
+
     def _rows(self, dataset: Any, numbering: Numbering) -> NDArray[np.float64]:
-        if len(dataset) != numbering.size:
-            raise self.refuse(f"{dataset.name} has {len(dataset)} rows, not {numbering.size}")
+        count = dataset.shape[0] if dataset.shape else 0
+        if count != numbering.size:
+            raise self.refuse(f"{dataset.name} has {count} rows, not {numbering.size}")
         out = np.empty((len(numbering.numbers), *dataset.shape[1:]))
         for rows, local in _runs(numbering.numbers):
             out[local] = dataset[rows]
@@ -153,7 +184,7 @@ class Checkpoint:
             return error
         if isinstance(error, OSError) and error.strerror:
             return self.refuse(error.strerror)
-        return self.refuse(str(error) or type(error).__name__)
+        return self.refuse(" ".join(str(error).split()) or type(error).__name__)
 
 
 class _Stream:
@@ -219,6 +250,25 @@ class _Stream:
         os.fsync(self._file.fileno())
 
 
+def _header(file: PlainFile) -> dict[str, Any]:
+    """The file's header.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        header = json.loads(file.text("header"), parse_constant=_no_number)
+    except RecursionError:
+        header = None
+    if not isinstance(header, dict):
+        raise ValueError("its header is no object of JSON")
+    return header
+
+
+def _no_number(text: str) -> None:
+    raise ValueError(f"its header has the number {text}")
+
+
 def _hdf5(file: _Stream | Path, mode: str) -> Any:
     import h5py  # late: it takes a tenth of a second, and most runs need none
 
@@ -239,25 +289,6 @@ def _digest(file: Any) -> tuple[int, str]:
         digest.update(block)
         size += len(block)
     return size, digest.hexdigest()
-
-
-def _check_seal(path: Path) -> None:
-    with path.open("rb") as file:
-        block = file.read(_BLOCK)
-        if not block.startswith(_MARK):
-            raise ValueError("is not a checkpoint of flexfem")
-        found = _SEAL.match(block)
-        if found is None or block != _seal(int(found[1]), int(found[2]), found[3].decode()):
-            raise ValueError(f"is damaged in its first 512 bytes; {_OTHER}")
-        if int(found[1]) != _FORMAT:
-            raise ValueError(f"has format {int(found[1])}, this version reads format {_FORMAT}")
-        size, digest = _digest(file)
-    if size != int(found[2]):
-        raise ValueError(
-            f"is damaged: {_BLOCK + size} bytes instead of {_BLOCK + int(found[2])}; {_OTHER}"
-        )
-    if digest != found[3].decode():
-        raise ValueError(f"is damaged: its contents do not have the checksum they had; {_OTHER}")
 
 
 def _lay_out(
@@ -292,14 +323,14 @@ def _runs(numbers: NDArray[np.int64]) -> Iterator[tuple[slice, NDArray[np.int64]
 
 def _in_turn(comm: MPI.Comm, action: Callable[[], None]) -> None:
     """Let one rank act after the other, up to the first that fails (collective)."""
-    error: OSError | None = comm.recv(source=comm.rank - 1) if comm.rank > 0 else None
+    error: OSError | None = comm.recv(source=comm.rank - 1, tag=_TAG) if comm.rank > 0 else None
     if error is None:
         try:
             action()
         except OSError as exc:
             error = exc
     if comm.rank < comm.size - 1:
-        comm.send(error, dest=comm.rank + 1)
+        comm.send(error, dest=comm.rank + 1, tag=_TAG)
     raise_together(comm, error)
 
 

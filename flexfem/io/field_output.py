@@ -191,9 +191,10 @@ def _joint_fields(system: System, shown: BoolArray) -> JointFields:
     ``shown`` are those of all joints that have a picture.
     """
     rows = system.constraints
+    forces = system.reported_forces() if shown.any() else rows.forces
     owned = np.array([placed.owned and shown[placed.index] for placed in rows.joints], dtype=bool)
     first = rows.marker_start[:-1][owned]
-    frames, wrench = rows.poses, rows.reactions()[first]
+    frames, wrench = rows.poses, rows.reactions(forces)[first]
     axis = np.zeros((len(first), 3))
     joints = [placed for placed in rows.joints if placed.owned and shown[placed.index]]
     start = np.array([placed.poses[0].position for placed in joints])

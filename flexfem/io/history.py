@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -14,10 +15,33 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem._checks import InputError
+from flexfem._files import read_text
 from flexfem.io.atomic import raise_together, replace_file
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+
+class FolderLostError(OSError):
+    """The output folder was removed, or replaced, while a run wrote into it.
+
+    Attributes:
+        replaced: another run writes there now.
+    """
+
+    def __init__(self, folder: Path, replaced: bool) -> None:
+        """Say so."""
+        kept = (
+            "it holds other results now, which are left as they are"
+            if replaced
+            else "the table, a checkpoint and the summary are written anew, earlier fields are lost"
+        )
+        super().__init__(f"output folder '{folder}' was removed during the run, {kept}")
+        self.folder, self.replaced = folder, replaced
+
+    def __reduce__(self) -> tuple[type, tuple[Path, bool]]:
+        """For other ranks."""
+        return type(self), (self.folder, self.replaced)
 
 
 class HistoryWriter:
@@ -86,7 +110,33 @@ class HistoryWriter:
             # what the disk does not take is not tried again when Python ends
             with contextlib.suppress(OSError):
                 self.close()
+            with contextlib.suppress(OSError):
+                _cut_torn_row(self.path)
             raise
+
+    @property
+    def lost(self) -> bool:
+        """The file was removed, or replaced by another one, while it is open."""
+        if self._stream is None:
+            return False
+        try:
+            return not os.path.samestat(os.fstat(self._stream.fileno()), self.path.stat())
+        except OSError:
+            return True
+
+    def write_anew(self, rows: Sequence[ArrayLike]) -> None:
+        """Write the table where it was removed, and go on with it.
+
+        Args:
+            rows: all so far, (1 + columns) each.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        self.close()
+        self._open(None)
+        for t, *values in np.asarray(rows).tolist():
+            self.write(t, values)
 
     def sync(self) -> None:
         """Bring all rows to disk; rank 0, the others do nothing.
@@ -174,8 +224,7 @@ def read_history(path: Path) -> dict[str, NDArray[np.float64]]:
         One array (rows,) per column, in the order of the file.
 
     Raises:
-        ValueError: If the file is not a table of numbers.
-        OSError: If it cannot be read.
+        ValueError: If the file cannot be read, or is not a table of numbers.
     """
     lines = _complete_lines(Path(path))
     if not lines:
@@ -183,6 +232,8 @@ def read_history(path: Path) -> dict[str, NDArray[np.float64]]:
     names = lines[0].split(",")
     table = np.zeros((0, len(names)))
     if len(lines) > 1:
+        if not any(line.strip() for line in lines[1:]):
+            raise ValueError(f"history '{path}': its lines are empty")
         try:
             table = np.loadtxt(io.StringIO("\n".join(lines[1:])), delimiter=",", ndmin=2)
         except ValueError as exc:
@@ -192,8 +243,14 @@ def read_history(path: Path) -> dict[str, NDArray[np.float64]]:
     return {name: table[:, i].copy() for i, name in enumerate(names)}
 
 
+def _cut_torn_row(path: Path) -> None:
+    """Remove what follows the last complete row."""
+    with path.open("r+b") as file:
+        file.truncate(file.read().rfind(b"\n") + 1)
+
+
 def _complete_lines(path: Path) -> list[str]:
-    return path.read_text(encoding="utf-8").split("\n")[:-1]
+    return read_text(f"history '{path}'", path, sys.maxsize - 1).split("\n")[:-1]
 
 
 def _check_columns(columns: tuple[str, ...]) -> None:

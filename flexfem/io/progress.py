@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from collections.abc import Sequence
@@ -108,8 +109,15 @@ class Progress:
             more: What else is known of the state.
             cost: Time that it took to find that out, s; what is costly is shown less often.
         """
-        if not self.enabled:
-            return
+        if self.enabled:
+            try:
+                self._show(t, iterations, factorizations, more)
+            except OSError:  # the terminal is gone
+                self._bar, self._lines = None, False
+            self._next = time.monotonic() + max(self._interval, min(cost / _SHARE, _LONGEST))
+
+    def _show(self, t: float, iterations: int, factorizations: int, more: Sequence[str]) -> None:
+        """Show the state."""
         counts = f"{iterations} iterations", f"{factorizations} factorisations"
         text = ", ".join([f"t = {t:.4g} of {self._t_end:.4g}{self._unit}", *counts, *more])
         if self._bar is not None:
@@ -118,7 +126,6 @@ class Progress:
             self._bar.update(min(t, self._t_end) - self._bar.n)
         else:
             self._print(t, text)
-        self._next = time.monotonic() + max(self._interval, min(cost / _SHARE, _LONGEST))
 
     def _print(self, t: float, text: str) -> None:
         """Print a line with date, share, times and text."""
@@ -131,8 +138,9 @@ class Progress:
 
     def close(self) -> None:
         """Leave the bar as it is and end the line."""
-        if self._bar is not None:
-            self._bar.close()
+        with contextlib.suppress(OSError):  # the terminal is gone
+            if self._bar is not None:
+                self._bar.close()
         self._bar, self._lines = None, False
 
     def __enter__(self) -> Self:

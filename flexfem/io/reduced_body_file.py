@@ -11,14 +11,18 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem._files import read_bytes
 from flexfem._types import FloatArray, IntArray
 from flexfem.io.atomic import raise_together, replace_file
+from flexfem.io.hdf5 import PlainFile
+from flexfem.io.hdf5_structure import check_structure
 from flexfem.reduction.reduced_body import Interface, Recovery, ReducedBody
 
 if TYPE_CHECKING:
@@ -30,6 +34,9 @@ __all__ = ["load_reduced_body", "save_reduced_body"]
 _FORMAT = 1
 _ARRAYS = ("moments", "products", "stiffness", "damping", "held", "frequencies")
 _OPTIONAL = ("acceleration_stiffness", "interface_stiffness")
+_SURFACE = ("points", "cells", "displacement")
+#: Bytes of a file beyond which it must be something else: it is read as a whole.
+_LARGEST = 4_000_000_000
 
 
 def save_reduced_body(
@@ -67,26 +74,39 @@ def load_reduced_body(path: str | Path, comm: MPI.Intracomm | None = None) -> Re
         InputError: a ValueError on all ranks; the file cannot be read, is something else, or is
             damaged.
     """
+    from mpi4py import MPI
+
     comm = _communicator(comm)
     error: Exception | None = None
-    raw = b""
+    raw, owner = b"", f"reduced body '{path}'"
     if comm.rank == 0:
         try:
-            raw = Path(path).read_bytes()
-            _read(raw)
-        except (OSError, KeyError, TypeError, ValueError) as exc:
-            text = (exc.strerror if isinstance(exc, OSError) else None) or str(exc)
-            error = InputError(f"reduced body '{path}': {' '.join(text.split())}")
+            raw = read_bytes(owner, path, _LARGEST)
+            check_structure(Path(path))
+            _body(raw, MPI.COMM_SELF)
+        except InputError as exc:
+            error = exc if str(exc).startswith(owner) else InputError(f"{owner}: {exc}")
+        except Exception as exc:  # whatever HDF5's library makes of a forged file
+            error = InputError(f"{owner}: {' '.join(str(exc).split()) or type(exc).__name__}")
     raise_together(comm, error)
-    arrays = _read(comm.bcast(raw))
-    names = json.loads(arrays.pop("names"))
-    position = arrays.pop("positions")
-    recovery = arrays.pop("recovery")
-    if recovery is not None:
-        recovery = _share(recovery, comm)
+    return _body(comm.bcast(raw), comm)
+
+
+def _body(raw: bytes, comm: MPI.Intracomm) -> ReducedBody:
+    """The body in a file's bytes, with this rank's share of its surface.
+
+    Raises:
+        OSError: no HDF5 file.
+        TypeError, ValueError: another format, the checksum differs, or it is no body.
+    """
+    arrays = _read(raw)
+    names, position = arrays.pop("names"), arrays.pop("positions")
+    surface = arrays.pop("recovery")
+    if len(names) != len(position):
+        raise ValueError(f"it has {len(position)} positions of {len(names)} interfaces")
     return ReducedBody(
         interfaces=tuple(Interface(n, x) for n, x in zip(names, position, strict=True)),
-        recovery=recovery,
+        recovery=None if surface is None else _share(surface, comm),
         **arrays,
     )
 
@@ -113,21 +133,22 @@ def _contents(body: ReducedBody, recovery: Recovery | None) -> bytes:
             if getattr(body, name) is not None:
                 file[name] = getattr(body, name)
         if recovery is not None:
-            for name in ("points", "cells", "displacement", "stress"):
+            for name in (*_SURFACE, "stress"):
                 if getattr(recovery, name) is not None:
                     file[f"recovery/{name}"] = getattr(recovery, name)
-        file.attrs["digest"] = _digest(file)
+        file.attrs["digest"] = _digest(PlainFile(file, sys.maxsize))
     return stream.getvalue()
 
 
-def _digest(file: Any) -> str:
+def _digest(file: PlainFile) -> str:
     """Checksum of the attributes and all arrays, in the order of their names."""
     digest = hashlib.blake2b(digest_size=32)
-    digest.update(f"{file.attrs['interfaces']} {float(file.attrs['mass'])!r}".encode())
-    names: list[str] = []
-    file.visititems(lambda name, item: names.append(name) if hasattr(item, "shape") else None)
+    digest.update(f"{file.text('interfaces')} {file.number('mass')!r}".encode())
+    names = [name for name in file.names("") if name != "recovery"]
+    if file.has("recovery"):
+        names += [f"recovery/{name}" for name in file.names("recovery")]
     for name in sorted(names):
-        values = file[name][()]
+        values = file.values(name)
         digest.update(f"{name} {values.shape} {values.dtype.str}".encode())
         digest.update(np.ascontiguousarray(values))
     return digest.hexdigest()
@@ -138,28 +159,58 @@ def _read(raw: bytes) -> dict[str, Any]:
 
     Raises:
         OSError: no HDF5 file.
-        KeyError: something is missing.
-        ValueError: another format, or the checksum differs.
+        ValueError: something is missing, another format, or the checksum differs.
     """
     import h5py
 
-    with h5py.File(io.BytesIO(raw), "r") as file:
-        if "format" not in file.attrs or "digest" not in file.attrs:
+    with h5py.File(io.BytesIO(raw), "r") as opened:
+        if "format" not in opened.attrs or "digest" not in opened.attrs:
             raise ValueError("this is no file of a reduced body")
-        if int(file.attrs["format"]) != _FORMAT:
-            raise ValueError(f"its format is {file.attrs['format']}, not {_FORMAT}")
-        if _digest(file) != file.attrs["digest"]:
+        file = PlainFile(opened, len(raw))
+        if file.number("format") != _FORMAT:
+            raise ValueError(f"its format is {file.number('format'):g}, not {_FORMAT}")
+        if _digest(file) != file.text("digest"):
             raise ValueError("it is damaged: its checksum differs")
-        fields: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
-        fields |= {name: file[name][()] if name in file else None for name in _OPTIONAL}
-        fields["mass"] = float(file.attrs["mass"])
-        fields["names"] = str(file.attrs["interfaces"])
-        fields["positions"] = file["positions"][()]
+        file = PlainFile(opened, len(raw))  # all are read a second time
+        fields: dict[str, Any] = {name: file.values(name) for name in _ARRAYS}
+        fields |= {name: file.values(name) if file.has(name) else None for name in _OPTIONAL}
+        fields["mass"] = file.number("mass")
+        fields["names"] = _names(file.text("interfaces"))
+        fields["positions"] = file.values("positions").reshape(-1, 3)
         fields["recovery"] = None
-        if "recovery" in file:
-            group = file["recovery"]
-            fields["recovery"] = {name: dataset[()] for name, dataset in group.items()}
+        if file.has("recovery"):
+            names = file.names("recovery")
+            fields["recovery"] = _surface({n: file.values(f"recovery/{n}") for n in names})
     return fields
+
+
+def _names(text: str) -> list[str]:
+    """Names of the interfaces.
+
+    Raises:
+        ValueError: the text does not say them.
+    """
+    try:
+        names = json.loads(text)
+    except RecursionError:
+        names = None
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ValueError("its interfaces have no names")
+    return names
+
+
+def _surface(arrays: dict[str, Any]) -> dict[str, Any]:
+    """Arrays of the whole surface, checked.
+
+    Raises:
+        TypeError, ValueError: they are none.
+    """
+    for name in _SURFACE:
+        if name not in arrays:
+            raise ValueError(f'it does not hold "recovery/{name}"')
+    points, cells, displacement = (arrays[name] for name in _SURFACE)
+    whole = Recovery(points, cells, displacement, arrays.get("stress"))
+    return {name: getattr(whole, name) for name in (*_SURFACE, "stress")}
 
 
 def _gathered(recovery: Recovery | None, comm: MPI.Intracomm) -> Recovery | None:

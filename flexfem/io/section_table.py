@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from flexfem import _checks
+from flexfem._files import number_in, read_text
 from flexfem.materials.material import Material
 from flexfem.materials.section import Section
 
@@ -23,6 +24,8 @@ _UNITS: dict[str, dict[str, float]] = {
     "kg/m^3": {"kg/m^3": 1.0, "g/cm^3": 1e3, "t/mm^3": 1e12},
 }
 
+#: Bytes of a table, and characters of a line, beyond which it must be something else.
+_LARGEST, _LONGEST = 16_000_000, 10_000
 _MATERIAL = {"E": "youngs_modulus", "nu": "poisson_ratio", "rho": "density"}
 # SI unit of each column of numbers
 _COLUMNS = {
@@ -108,7 +111,7 @@ def read_sections(
 def _section(row: "_Row", materials: Mapping[str, Material]) -> Section:
     kind = row.text("kind")
     if kind not in _DIMENSIONS:
-        row.fail(f"kind must be one of {', '.join(_DIMENSIONS)}, got {kind!r}")
+        row.fail(f"kind must be one of {', '.join(_DIMENSIONS)}, got {_checks.show(kind)}")
     name = row.fields.get("material", "")
     if name and name not in materials:
         known = ", ".join(materials) or "none"
@@ -121,7 +124,7 @@ def _section(row: "_Row", materials: Mapping[str, Material]) -> Section:
         if row.fields.get(column) and column not in allowed:
             article = "an" if kind[0] in "ai" else "a"
             why = f"the material is {name}" if column in _MATERIAL else f"{article} {kind} has none"
-            row.fail(f"{column} must be empty, {why}, got {row.fields[column]!r}")
+            row.fail(f"{column} must be empty, {why}, got {_checks.show(row.fields[column])}")
     values = {column: row.number(column) for column in needed}
     if bool(row.fields.get("k2")) != bool(row.fields.get("k3")):
         row.fail("k2 and k3 must both be given, or neither")
@@ -147,11 +150,7 @@ class _Table:
 
     def __init__(self, path: Path, known: set[str]) -> None:
         self.owner = f'table "{path}"'
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is no text"
-            raise ValueError(f"{self.owner} cannot be read: {reason}") from None
+        text = read_text(f"{self.owner} cannot be read", path, _LARGEST)
         lines = [
             (number, line)
             for number, line in enumerate(text.splitlines(), 1)
@@ -159,6 +158,9 @@ class _Table:
         ]
         if not lines:
             raise ValueError(f"{self.owner}: no line with the names of columns")
+        for number, line in lines:
+            if len(line) > _LONGEST:
+                raise ValueError(f"{self.owner}, line {number}: more than {_LONGEST} characters")
         self.line, head = lines[0]
         self.separator = ";" if ";" in head else ","
         self.columns: list[str] = []
@@ -252,9 +254,9 @@ class _Row:
         """Return a number in SI units."""
         text = self.text(column)
         try:
-            value = float(text)
-        except ValueError:
-            self.fail(f"{column} must be a number, got {text!r}")
+            value = number_in(text)
+        except ValueError as error:
+            self.fail(f"{column} {error}")
         return value * self.table.factors[column]
 
     def material(self) -> Material:

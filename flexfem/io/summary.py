@@ -11,10 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexfem._files import read_text
 from flexfem.io.atomic import replace_file
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+
+#: Bytes of a file beyond which it must be something else.
+_LARGEST = 64_000_000
 
 
 def write_summary(path: Path, data: Mapping[str, Any], comm: MPI.Comm | None = None) -> None:
@@ -44,10 +49,18 @@ def read_summary(path: Path) -> dict[str, Any]:
     """Read a summary.
 
     Raises:
-        OSError: If the file cannot be read.
-        ValueError: If it is none.
+        ValueError: If the file cannot be read, or is none.
     """
-    found: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+    owner = f"summary '{path}'"
+    text = read_text(owner, path, _LARGEST)
+    try:
+        found = json.loads(text)
+    except ValueError as error:  # no JSON, or a number of thousands of digits
+        raise ValueError(f"{owner}: {error}") from None
+    except RecursionError:
+        found = None
+    if not isinstance(found, dict):
+        raise ValueError(f"{owner}: it is no object of JSON")
     return found
 
 

@@ -168,7 +168,11 @@ class VtuSeries:
             error = exc
         raise_together(self.comm, error)
         if self.comm.rank == 0:
-            self._index(time, step, headers, present[0])
+            try:
+                self._index(time, step, headers, present[0])
+            except OSError as exc:
+                error = exc
+        raise_together(self.comm, error)
 
     def close(self) -> None:
         """End the series; collective: on return its files are complete for every rank.

@@ -61,7 +61,9 @@ def carried(
     """Sum of inertia matrices (6, 6) in frames (k, 12), times weights, about an origin (12,)."""
     A = se3.adjoint(se3.inverse(se3.compose(se3.inverse(origin), frames)))
     w = np.ones(len(frames)) if weights is None else weights
-    total: FloatArray = np.einsum("k,kji,jl,klm->im", w, A, inertia, A, optimize=True)
+    A = A.reshape(-1, 6)
+    weighted = (inertia @ A.reshape(-1, 6, 6)) * w[:, np.newaxis, np.newaxis]
+    total: FloatArray = A.T @ weighted.reshape(-1, 6)
     return total
 
 

@@ -128,6 +128,7 @@ def _moved_body[Body: (FloatingBody, RigidBody)](body: Body, motion: Pose) -> Bo
         position=_checks.freeze(motion.apply(body.position)),
         rotation=_checks.freeze(motion.rotation @ body.rotation),
         velocity=_checks.freeze(motion.rotation @ body.velocity),
+        angular_velocity=_checks.freeze(motion.rotation @ body.angular_velocity),
     )
     return moved
 

@@ -20,6 +20,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from flexfem.la.batch import compile_batch
+from flexfem.la.jit import compile_options
 
 __all__ = ["Kernel", "cell_form", "compile_kernel", "tabulate", "tabulate_batch"]
 
@@ -31,8 +32,6 @@ _COMPILE_ARGUMENTS = [
 ]
 #: Of a kernel for one cell of which loops take the variant for several: only its text is needed.
 _QUICKLY = ["-O0", "-g0"]
-#: Seconds that a process waits for another one that compiles the same form.
-_PATIENCE = 120
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,7 @@ def cell_form(comm: MPI.Intracomm, form: ufl.Form, *, batched: bool = False) -> 
     from dolfinx.fem import compile_form
 
     arguments = _QUICKLY if batched else _COMPILE_ARGUMENTS
-    options = {"cffi_extra_compile_args": arguments, "timeout": _PATIENCE}
-    return compile_form(comm, form, jit_options=options)
+    return compile_form(comm, form, **compile_options(comm, arguments))
 
 
 def compile_kernel(

@@ -15,6 +15,7 @@ from flexfem._types import FloatArray, IntArray
 __all__ = [
     "CoordinateMatrix",
     "block_indices",
+    "counting_factorisation",
     "create_nest_matrix",
     "create_nest_vector",
     "direct_solver",
@@ -84,6 +85,19 @@ def direct_solver(mat: PETSc.Mat, prefix: str) -> PETSc.KSP:
     ksp.setOperators(mat)
     ksp.setFromOptions()
     return ksp
+
+
+def counting_factorisation(mat: PETSc.Mat, *, symmetric: bool) -> PETSc.PC:
+    """Factorisation by MUMPS, not yet done, that tells of pivots and determinant (collective)."""
+    pc = PETSc.PC().create(comm=mat.comm)
+    pc.setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
+    pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+    pc.setOperators(mat)
+    pc.setFactorSetUpSolverType()
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(13, 1)  # no root front by ScaLAPACK, which would hide pivots
+    factor.setMumpsIcntl(33, 1)  # the determinant
+    return pc
 
 
 def factorise(ksp: PETSc.KSP, mat: PETSc.Mat) -> bool:

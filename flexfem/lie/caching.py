@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""When compiled loops kept on disk are out of date.
+"""Where compiled loops are kept on disk, and when they are out of date.
 
+They are kept where numba keeps them, but nowhere that others can write (``flexfem._trust``).
 Numba compiles a loop anew when its own file has changed. Ours contain code of other files, whose
 functions are inlined or called: they are compiled anew when any module of the package that their
 file imports has changed, also by way of others.
 """
 
 import hashlib
+import os
 import re
 from functools import cache
 from pathlib import Path
@@ -18,6 +20,8 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
     UserWideCacheLocator,
 )
+
+from flexfem._trust import private_folder, trusted
 
 __all__ = ["install", "source_stamp"]
 
@@ -45,7 +49,8 @@ def _imported(path: Path, package: Path) -> list[Path]:
     """Files of the package that a module imports from."""
     names = (package / name.replace(".", "/") for name in _IMPORT.findall(path.read_text()))
     files = (name / "__init__.py" if name.is_dir() else name.with_suffix(".py") for name in names)
-    return [file for file in files if file.is_file()]
+    # where loops are kept changes none of them
+    return [file for file in files if file.is_file() and file != Path(__file__)]
 
 
 @cache
@@ -54,39 +59,70 @@ def _stamp(file: str) -> str:
     return source_stamp(Path(file))
 
 
-class _OfPackage:
-    """Locator of loops of this package, whose stamp is that of all they are made of."""
+class _Kept:
+    """Locator of loops in a folder where no one else can put something."""
 
     _py_file: str
+    #: What else helps if others can.
+    _advice = "NUMBA_CACHE_DIR names a folder of your own"
 
-    def get_source_stamp(self) -> str:
-        """See :func:`source_stamp`."""
-        return _stamp(self._py_file)
+    def ensure_cache_path(self) -> None:
+        """Make the folder where there is none yet.
 
-    @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> Any:
-        """Locator of a function, None for those of others."""
-        if not Path(py_file).resolve().is_relative_to(_PACKAGE):
-            return None
-        return super().from_function(py_func, py_file)  # type: ignore[misc]
+        Raises:
+            OSError: it cannot be written, or others can.
+        """
+        self._check()
+        super().ensure_cache_path()  # type: ignore[misc]
+        self._check()  # others may have been quicker to make it
+
+    def _check(self) -> None:
+        folder = self.get_cache_path()  # type: ignore[attr-defined]
+        if not trusted(folder, self._advice, self._program()):
+            raise PermissionError(f"others can write into {folder}")
+
+    def _program(self) -> Path | None:
+        """The folder whose owner is trusted as well."""
+        return None
+
+    def get_source_stamp(self) -> Any:
+        """See :func:`source_stamp`; that of numba for loops of other programs."""
+        if Path(self._py_file).resolve().is_relative_to(_PACKAGE):
+            return _stamp(self._py_file)
+        return super().get_source_stamp()  # type: ignore[misc]
 
 
-class ProvidedLocator(_OfPackage, UserProvidedCacheLocator):
+class ProvidedLocator(_Kept, UserProvidedCacheLocator):
     """In the folder that NUMBA_CACHE_DIR names."""
 
 
-class InTreeLocator(_OfPackage, InTreeCacheLocator):
-    """Beside the source."""
+class InTreeLocator(_Kept, InTreeCacheLocator):
+    """Beside the source: who owns a program is trusted with what is compiled from it."""
+
+    def _program(self) -> Path | None:
+        return Path(self._py_file).parent
 
 
-class UserWideLocator(_OfPackage, UserWideCacheLocator):
+class UserWideLocator(_Kept, UserWideCacheLocator):
     """In the user's folder of caches."""
 
 
+class ProcessLocator(_Kept, InTreeCacheLocator):
+    """In a folder of this process, for want of any other: compiled anew each time."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        """Choose the folder."""
+        super().__init__(py_func, py_file)
+        self._cache_path = str(private_folder() / self.get_suitable_cache_subpath(py_file))
+
+
 def install() -> None:
-    """Let numba keep loops of this package by these rules, all others by its own."""
-    own = [f"{__name__}.{c.__name__}" for c in (ProvidedLocator, InTreeLocator, UserWideLocator)]
-    usual = ["UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator"]
+    """Let numba keep loops by these rules, those of notebooks by its own."""
     settings: Any = config
+    if Path(".numba_config.yaml").exists():  # whoever left it in the working folder
+        settings.CACHE_DIR = os.environ.get("NUMBA_CACHE_DIR", "")
+        settings.CACHE_LOCATOR_CLASSES = os.environ.get("NUMBA_CACHE_LOCATOR_CLASSES", "")
     if not settings.CACHE_LOCATOR_CLASSES:
-        settings.CACHE_LOCATOR_CLASSES = ",".join([*own, *usual, "IPythonCacheLocator"])
+        own = [ProvidedLocator, InTreeLocator, UserWideLocator, ProcessLocator]
+        places = [f"{__name__}.{locator.__name__}" for locator in own]
+        settings.CACHE_LOCATOR_CLASSES = ",".join(["IPythonCacheLocator", *places])

@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Functions of time that scale loads or drive joints; any function of time will do as well."""
+"""Functions of time that scale loads or drive joints; any function of time will do as well.
+
+Those here tell at which times they jump or have kinks (``breakpoints``, in seconds): steps of a
+motion end there. Functions of a user's own tell it through :class:`TimeFunction`, or by an
+attribute of that name.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +44,11 @@ class Table:
         if (np.diff(t) <= 0.0).any():
             raise ValueError(f"Table: times must increase, got {_checks.show(times)}")
         _checks.assign(self, times=t, values=y)
+
+    @property
+    def breakpoints(self) -> FloatArray:
+        """Times of kinks, seconds."""
+        return self.times
 
     def __call__(self, t: float) -> float:
         """Return the value at time `t` in seconds."""
@@ -82,6 +93,11 @@ class Spline:
         _checks.assign(
             self, times=table.times, values=table.values, degree=degree, _evaluate=spline
         )
+
+    @property
+    def breakpoints(self) -> FloatArray:
+        """Times of kinks in seconds, which are both ends, and for degree 1 all times."""
+        return self.times if self.degree == 1 else self.times[[0, -1]]
 
     def __call__(self, t: float) -> float:
         """Return the value at time `t` in seconds."""
@@ -142,7 +158,51 @@ class SmoothStep:
             known, got = ", ".join(_PROFILES), _checks.show(self.profile)
             raise ValueError(f"SmoothStep: profile must be one of {known}, got {got}")
 
+    @property
+    def breakpoints(self) -> FloatArray:
+        """Times at which it begins and ends, seconds."""
+        return np.array([self.t0, self.t1])
+
     def __call__(self, t: float) -> float:
         """Return the value at time `t` in seconds."""
         tau = min(max((t - self.t0) / (self.t1 - self.t0), 0.0), 1.0)
         return self.y0 + (self.y1 - self.y0) * _PROFILES[self.profile](tau)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class TimeFunction:
+    """A function of time with the times at which it jumps or has kinks.
+
+    A step of a motion ends at each of them, so that no pulse is lost between two steps and the
+    impulse of a load that is switched is that of its integral. At a jump the value may be that
+    before or after.
+
+    Attributes:
+        function: Function of time in seconds.
+        breakpoints: Strictly increasing times, shape (n,), seconds.
+    """
+
+    function: Callable[[float], Any]
+    breakpoints: FloatArray
+
+    def __init__(self, function: Callable[[float], Any], breakpoints: npt.ArrayLike) -> None:
+        """Create the function.
+
+        Raises:
+            TypeError: The function is none, or the times do not consist of numbers.
+            ValueError: NaN, or times that do not increase.
+        """
+        if not callable(function):
+            raise TypeError(
+                f"TimeFunction: function must be a function of time, got {_checks.show(function)}"
+            )
+        t = _checks.array("TimeFunction", "breakpoints", breakpoints, (-1,))
+        if (np.diff(t) <= 0.0).any():
+            raise ValueError(
+                f"TimeFunction: breakpoints must increase, got {_checks.show(breakpoints)}"
+            )
+        _checks.assign(self, function=function, breakpoints=t)
+
+    def __call__(self, t: float) -> Any:
+        """Return the value at time `t` in seconds."""
+        return self.function(t)

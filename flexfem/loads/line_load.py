@@ -1,30 +1,50 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Force per length along a beam."""
+"""Force and moment per length along a beam."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.load import NOTHING, Amplitude, Load
+from flexfem.loads.line_table import LineTable
+
+__all__ = ["LineLoad"]
+
+#: A vector, or a function of the place along the beam that returns one.
+Distribution = FloatArray | Callable[[float], npt.ArrayLike]
+
+#: What places along a beam may be counted in.
+_COORDINATES = ("length", "fraction")
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class LineLoad(Load):
-    """Uniform force per initial length along a beam.
+    """Force and moment per initial length along a beam, uniform or functions of the place.
 
     Attributes:
         name: Unique name in the model.
         body: Name of the beam.
-        force_per_length: In inertial axes, or in section axes for a follower, shape (3,), N/m.
+        force_per_length: In inertial axes, or in section axes for a follower, shape (3,), N/m; or a
+            function of the place that returns it.
+        moment_per_length: Likewise, N m/m.
+        coordinate: What functions are given: the arc "length" from the start, m, or the "fraction"
+            of the beam's length.
+        breakpoints: Places where functions jump or bend, besides those of a :class:`LineTable`.
+            Forces are integrated by Gauss points in each element, or in each piece of it.
         follower: Whether it turns with the sections.
         amplitude: Factor as a function of time, None for the constant 1.
     """
 
     name: str
     body: str
-    force_per_length: FloatArray
+    force_per_length: Distribution
+    moment_per_length: Distribution
+    coordinate: str
+    breakpoints: FloatArray
     follower: bool
     amplitude: Amplitude | None
 
@@ -32,8 +52,11 @@ class LineLoad(Load):
         self,
         name: str,
         body: str,
-        force_per_length: npt.ArrayLike,
+        force_per_length: npt.ArrayLike | Callable[[float], npt.ArrayLike] = NOTHING,
         *,
+        moment_per_length: npt.ArrayLike | Callable[[float], npt.ArrayLike] = NOTHING,
+        coordinate: str = "length",
+        breakpoints: Sequence[float] = (),
         follower: bool = False,
         amplitude: Amplitude | None = None,
     ) -> None:
@@ -41,14 +64,26 @@ class LineLoad(Load):
 
         Raises:
             TypeError: An argument has the wrong type.
-            ValueError: An argument has the wrong shape or is not finite.
+            ValueError: An argument has the wrong shape or is not finite, or another coordinate.
         """
         _checks.assign(self, name=name, body=body, follower=follower, amplitude=amplitude)
         owner = self._check()
         _checks.text(owner, "body", body)
         _checks.instance(owner, "follower", follower, bool)
-        force = _checks.vector(owner, "force_per_length", force_per_length)
-        _checks.assign(self, force_per_length=force)
+        if coordinate not in _COORDINATES:
+            raise ValueError(
+                f'{owner}: coordinate must be "length" or "fraction", got '
+                f"{_checks.show(coordinate)}"
+            )
+        tables = [t for t in (force_per_length, moment_per_length) if isinstance(t, LineTable)]
+        own = _checks.array(owner, "breakpoints", list(breakpoints) or np.empty(0), (-1,))
+        _checks.assign(
+            self,
+            force_per_length=_distribution(owner, "force_per_length", force_per_length),
+            moment_per_length=_distribution(owner, "moment_per_length", moment_per_length),
+            coordinate=coordinate,
+            breakpoints=np.unique(np.concatenate([own, *(table.breakpoints for table in tables)])),
+        )
 
     @property
     def beams(self) -> tuple[str, ...]:
@@ -56,6 +91,48 @@ class LineLoad(Load):
         return (self.body,)
 
     @property
+    def uniform(self) -> bool:
+        """See :attr:`flexfem.core.load.Load.uniform`."""
+        return not (callable(self.force_per_length) or callable(self.moment_per_length))
+
+    @property
+    def has_moment(self) -> bool:
+        """See :attr:`flexfem.core.load.Load.has_moment`."""
+        moment = self.moment_per_length
+        return callable(moment) or bool(moment.any())
+
+    @property
     def wrench(self) -> tuple[FloatArray, FloatArray]:
-        """See :attr:`flexfem.core.load.Load.wrench`."""
-        return self.force_per_length, NOTHING
+        """See :attr:`flexfem.core.load.Load.wrench`; only of uniform loads.
+
+        Raises:
+            ValueError: The load varies along the beam.
+        """
+        force, moment = self.force_per_length, self.moment_per_length
+        if callable(force) or callable(moment):
+            raise ValueError(f'LineLoad "{self.name}": it varies along the beam')
+        return force, moment
+
+    def at(self, place: float) -> tuple[FloatArray, FloatArray]:
+        """Return force and moment per length (3,) at a place in the load's coordinate.
+
+        Raises:
+            TypeError: A function does not return numbers.
+            ValueError: It does not return three finite ones.
+        """
+        owner = f'LineLoad "{self.name}"'
+        force, moment = (
+            _checks.vector(owner, f"{what}({place:.6g})", given(place))
+            if callable(given)
+            else given
+            for what, given in (
+                ("force_per_length", self.force_per_length),
+                ("moment_per_length", self.moment_per_length),
+            )
+        )
+        return force, moment
+
+
+def _distribution(owner: str, what: str, value: object) -> Distribution:
+    """Return a function as it is, or a checked vector."""
+    return value if callable(value) else _checks.vector(owner, what, value)

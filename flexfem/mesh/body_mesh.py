@@ -129,7 +129,7 @@ def _on_first[T](comm: MPI.Intracomm, make: Callable[[], T]) -> T | None:
     if comm.rank == 0:
         try:
             made = make()
-        except (TypeError, ValueError) as error:
+        except Exception as error:  # whatever it is, the others must not wait
             failure = error
     failure = comm.bcast(failure)
     if failure is not None:

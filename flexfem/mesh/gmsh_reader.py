@@ -4,7 +4,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -67,21 +66,6 @@ def session(name: str) -> Iterator[None]:
             gmsh.model.remove()
             if previous in names:
                 gmsh.model.setCurrent(previous)
-
-
-def merge(path: Path) -> None:
-    """Read a file into the current gmsh model.
-
-    Raises:
-        ValueError: Gmsh cannot read it.
-    """
-    import gmsh
-
-    try:
-        gmsh.merge(str(path))
-    except Exception as error:  # gmsh raises nothing more specific
-        reason = " ".join(str(error).split())
-        raise ValueError(f'mesh file "{path}" cannot be read: {reason}') from None
 
 
 def line_data() -> _LineData:

@@ -134,5 +134,5 @@ def _check_parameters(name: str, build: Build, parameters: dict[str, Any]) -> No
                 f"it has {', '.join(known)}"
             )
         _checks.number(f'mesh "{name}"', key, value, positive=True)
-        if isinstance(known[key].default, int) and not isinstance(value, int):
-            raise TypeError(f'mesh "{name}": {key} must be a whole number, got {value!r}')
+        if isinstance(known[key].default, int):
+            _checks.instance(f'mesh "{name}"', key, value, int)

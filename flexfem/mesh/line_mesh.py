@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._memory import check_room
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.frames import CORNER_ANGLE, node_tangents, section_frames
 from flexfem.mesh.topology import edge_keys, group_order, orient
@@ -28,6 +29,8 @@ __all__ = [
 
 # Shortest cell relative to the size of the mesh
 _ZERO_LENGTH = 1e-12
+# Bytes of a cell with its nodes while a mesh and a model are made of it, about
+_CELL = 500
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -105,6 +108,7 @@ class LineMesh:
             raise ValueError(f"LineMesh: elements must be at least 1, got {elements}")
         if not lines:
             raise ValueError("LineMesh: lines must hold at least one line, got none")
+        check_room(f"LineMesh: {elements} elements a line", float(_CELL) * elements * len(lines))
         ends = np.array(
             [_checks.array("LineMesh", f'line "{name}"', x, (2, 3)) for name, x in lines.items()]
         )
@@ -199,9 +203,9 @@ def read_mesh(
     file. Node sets of one node are point groups.
 
     Args:
-        path: Ends in .msh (any version; physical groups are sets), .inp (Abaqus), .bdf, .dat or
-            .nas (Nastran: property_N, material_N, set_N), .vtu or .vtk (data of whole numbers:
-            NAME_VALUE). A gmsh session that is open stays as it is.
+        path: Ends in .msh (formats 2.2, 4.0 and 4.1; physical groups are sets), .inp (Abaqus),
+            .bdf, .dat or .nas (Nastran: property_N, material_N, set_N), .vtu or .vtk (data of
+            whole numbers: NAME_VALUE). Nothing in it is executed.
         scale: Metres in a unit of length of the file, 1e-3 for millimetres.
         merge: Make nodes that are at most so far apart one, metres; None leaves them apart.
         lines: Element sets to take; None for all.

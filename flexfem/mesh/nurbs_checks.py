@@ -4,6 +4,7 @@
 import numpy as np
 
 from flexfem import _checks
+from flexfem._memory import check_room
 from flexfem._types import FloatArray
 from flexfem.mesh.nurbs_basis import (
     bernstein_powers,
@@ -20,6 +21,8 @@ MAX_DEGREE = 7
 
 # Smallest ratio of speeds inside an element, and of an element's speed to the curve's size
 _STANDSTILL = 1e-8
+# Bytes of an element while a curve and a model are made of it, about
+_ELEMENT = 1000
 
 
 def count(what: str, value: object) -> int:
@@ -31,8 +34,10 @@ def count(what: str, value: object) -> int:
     """
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise TypeError(f"{OWNER}: {what} must be an integer, got {_checks.show(value)}")
+    _checks.countable(OWNER, what, int(value))
     if value < 1:
         raise ValueError(f"{OWNER}: {what} must be positive, got {value}")
+    check_room(f"{OWNER}: {value} {what}", _ELEMENT * float(value))
     return int(value)
 
 
@@ -105,8 +110,7 @@ def check_speed(degree: int, knots: FloatArray, points: FloatArray, weights: Flo
 
 def check_order(degree: int, order: int) -> None:
     """Raise unless a continuity is a whole number between 0 and p - 1."""
-    if isinstance(order, bool) or not isinstance(order, int):
-        raise TypeError(f"{OWNER}: continuity must be a whole number, got {_checks.show(order)}")
+    _checks.instance(OWNER, "continuity", order, int)
     if not 0 <= order < degree:
         raise ValueError(
             f"{OWNER}: continuity must lie between 0 and {degree - 1} at degree {degree}, got "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Triangles of a grid whose rectangles are all cut along the same diagonal."""
+"""Triangles of a grid whose rectangles are cut along diagonals."""
 
 from collections.abc import Callable, Sequence
 
@@ -9,6 +9,7 @@ import numpy.typing as npt
 from flexfem._types import BoolArray, FloatArray, IntArray
 
 __all__ = [
+    "DIAGONALS",
     "grid_corners",
     "grid_lines",
     "grid_midpoints",
@@ -16,6 +17,14 @@ __all__ = [
     "joined_midpoints",
     "turned_midpoints",
 ]
+
+#: Diagonals of a grid: that of the first rectangle and of every second one, and that of the others.
+DIAGONALS = {
+    "right": ("right", "right"),
+    "left": ("left", "left"),
+    "right_left": ("right", "left"),
+    "left_right": ("left", "right"),
+}
 
 
 def grid_triangles(columns: int, rows: int, *, closed: bool, diagonal: str) -> IntArray:
@@ -28,14 +37,19 @@ def grid_triangles(columns: int, rows: int, *, closed: bool, diagonal: str) -> I
         columns: Nodes in each row.
         rows: Number of rows.
         closed: Whether the last column is followed by the first.
-        diagonal: "right" runs from bottom left to top right, "left" from bottom right to top left.
+        diagonal: One of ``DIAGONALS``: "right" runs from bottom left to top right, "left" from
+            bottom right to top left; the others change from each rectangle to its neighbours.
     """
     i, j = np.arange(columns if closed else columns - 1), np.arange(rows - 1)[:, np.newaxis]
+    parity = ((i + j) % 2).ravel()
     following = (i + 1) % columns
     a, b = (columns * j + i).ravel(), (columns * j + following).ravel()
     c, d = b + columns, a + columns
-    pairs = [a, b, c, a, c, d] if diagonal == "right" else [a, b, d, b, c, d]
-    return np.stack(pairs, axis=1).reshape(-1, 3)
+    right = np.stack([a, b, c, a, c, d], axis=1)
+    left = np.stack([a, b, d, b, c, d], axis=1)
+    first, second = DIAGONALS[diagonal]
+    chosen = np.where(parity == 0, first == "right", second == "right")
+    return np.where(chosen[:, np.newaxis], right, left).reshape(-1, 3)
 
 
 def grid_lines(columns: int, rows: int, *, closed: bool) -> dict[str, IntArray]:

@@ -14,12 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._memory import check_room
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh import surface_checks, surface_grid, surface_topology
 from flexfem.mesh.surface_topology import SurfaceTopology
 from flexfem.mesh.topology import edge_keys, group_order
 
 __all__ = ["SurfaceMesh", "read_surface_mesh"]
+
+# Bytes of a node with its triangles while a mesh is made of it, about
+_NODE = 1000
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -119,7 +123,7 @@ class SurfaceMesh:
         closed: bool = False,
         diagonal: str = "right",
     ) -> Self:
-        """Create one body from a grid in two parameters, all rectangles cut along one diagonal.
+        """Create one body from a grid in two parameters, each rectangle cut along a diagonal.
 
         Node i + len(u) j has the parameters u[i], v[j]; the normals point to x_u cross x_v. The
         lines of the four sides are called name_bottom and name_top (first and last v, along u),
@@ -134,18 +138,20 @@ class SurfaceMesh:
                 (u, v, 0) when None.
             closed: Whether a last column of rectangles joins the last u to the first, as around a
                 cylinder; then there is no left and right, and there are no corners.
-            diagonal: "right" from bottom left to top right, "left" from bottom right to top left.
+            diagonal: "right" from bottom left to top right, "left" from bottom right to top left;
+                "right_left" and "left_right" alternate between both, beginning with the first (as
+                in DOLFINx; a pattern without preferred direction, known as union jack).
 
         Raises:
             TypeError: An argument is of the wrong kind.
-            ValueError: Parameters that do not ascend, an unknown diagonal, or positions that make
-                no mesh.
+            ValueError: Parameters that do not ascend, an unknown diagonal, alternating ones around
+                an odd number of columns, or positions that make no mesh.
         """
         owner = f'SurfaceMesh.grid "{_checks.text("SurfaceMesh.grid", "name", name)}"'
         first, second = _ascending(owner, "u", u, 3 if closed else 2), _ascending(owner, "v", v, 2)
-        if diagonal not in ("right", "left"):
-            raise ValueError(f'{owner}: diagonal must be "right" or "left", got {diagonal!r}')
         columns, rows = len(first), len(second)
+        check_room(f"{owner}: {columns} x {rows} nodes", float(_NODE) * columns * rows)
+        _check_diagonal(owner, diagonal, columns if closed else 0)
         parameters = np.column_stack([np.tile(first, rows), np.repeat(second, columns)])
         points: object = np.column_stack([parameters, np.zeros(len(parameters))])
         if surface is not None:
@@ -374,6 +380,20 @@ def read_surface_mesh(
         return SurfaceMesh(*data)
     except ValueError as error:
         raise ValueError(f"{file.owner}: {error}") from None
+
+
+def _check_diagonal(owner: str, diagonal: object, around: int) -> None:
+    """Check the name of diagonals, and that they alternate around a closed grid's columns."""
+    known = surface_grid.DIAGONALS
+    if not isinstance(diagonal, str) or diagonal not in known:
+        raise ValueError(
+            f"{owner}: diagonal must be one of {', '.join(known)}, got {_checks.show(diagonal)}"
+        )
+    first, second = known[diagonal]
+    if first != second and around % 2:
+        raise ValueError(
+            f'{owner}: diagonal "{diagonal}" does not close around {around} columns, an odd number'
+        )
 
 
 def _ascending(owner: str, what: str, values: npt.ArrayLike, least: int) -> FloatArray:

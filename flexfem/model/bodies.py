@@ -113,7 +113,7 @@ class RigidBody:
         rotation: Initial orientation of the body axes in inertial axes, shape (3, 3).
         centre: Centre of mass relative to the reference point, body axes, shape (3,), metres.
         velocity: Initial velocity of the reference point, inertial axes, shape (3,), m/s.
-        angular_velocity: Initial angular velocity, BODY axes, shape (3,), rad/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s.
         shape: How the body looks in pictures, None for a small default.
     """
 
@@ -137,36 +137,42 @@ class RigidBody:
         rotation: npt.ArrayLike | None = None,
         centre: npt.ArrayLike = _ZERO,
         velocity: npt.ArrayLike = _ZERO,
-        angular_velocity: npt.ArrayLike = _ZERO,
+        angular_velocity: npt.ArrayLike | None = None,
+        local_angular_velocity: npt.ArrayLike | None = None,
         shape: Shape | None = None,
     ) -> None:
         """Create a rigid body; `inertia` may be its diagonal (3,), `rotation` None for none.
 
+        The angular velocity is given in inertial axes, or in body axes (`local_angular_velocity`).
+
         Raises:
             TypeError: An argument has the wrong type.
-            ValueError: A wrong shape, NaN, a mass that is not positive, or an inertia tensor that
-                no body has (not symmetric, not positive definite, triangle inequality violated).
+            ValueError: A wrong shape, NaN, both angular velocities, a mass that is not positive, or
+                an inertia tensor that no body has (not symmetric, not positive definite, triangle
+                inequality violated).
         """
         owner = _checks.named(self, name)
         if shape is not None:
             _checks.instance(owner, "shape", shape, SHAPES)
+        axes = _checks.rotation(owner, "rotation", rotation)
         _checks.assign(
             self,
             name=name,
             mass=_checks.number(owner, "mass", mass, positive=True),
             inertia=_inertia_tensor(owner, inertia),
             position=_checks.vector(owner, "position", position),
-            rotation=_checks.rotation(owner, "rotation", rotation),
+            rotation=axes,
             centre=_checks.vector(owner, "centre", centre),
             velocity=_checks.vector(owner, "velocity", velocity),
-            angular_velocity=_checks.vector(owner, "angular_velocity", angular_velocity),
+            angular_velocity=initial_spin(owner, axes, angular_velocity, local_angular_velocity),
             shape=shape,
         )
 
     @property
     def twist(self) -> FloatArray:
         """Initial velocity of the reference point and angular velocity, (6,), body axes."""
-        return np.concatenate([self.rotation.T @ self.velocity, self.angular_velocity])
+        back = self.rotation.T
+        return np.concatenate([back @ self.velocity, back @ self.angular_velocity])
 
     @property
     def inertia_matrix(self) -> FloatArray:
@@ -276,3 +282,28 @@ def _is_diagonal(value: npt.ArrayLike) -> bool:
         return np.shape(value) == (3,)
     except ValueError:  # ragged: reported as a matrix
         return False
+
+
+def initial_spin(
+    owner: str, rotation: FloatArray, inertial: npt.ArrayLike | None, local: npt.ArrayLike | None
+) -> FloatArray:
+    """Angular velocity of a body at the start, inertial axes, shape (3,).
+
+    Args:
+        owner: the body in messages.
+        rotation: its axes at the start.
+        inertial: given in inertial axes, or None.
+        local: given in body axes, or None.
+
+    Raises:
+        TypeError: One does not hold numbers.
+        ValueError: Both are given, or one has another shape.
+    """
+    if local is None:
+        given = _ZERO if inertial is None else inertial
+        return _checks.vector(owner, "angular_velocity", given)
+    if inertial is not None:
+        raise ValueError(
+            f"{owner}: give angular_velocity (inertial axes) or local_angular_velocity (body axes)"
+        )
+    return _checks.freeze(rotation @ _checks.vector(owner, "local_angular_velocity", local))

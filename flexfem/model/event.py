@@ -3,11 +3,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from math import nan
+from typing import Protocol
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem.core.marker import OBSERVED, Observed
 from flexfem.model.probe import MarkerState, strings
 
@@ -199,7 +201,7 @@ class Event:
                 raise TypeError(f"{owner}: {what} must be callable, got {_checks.show(value)}")
         if not acts:
             raise ValueError(f"{owner}: actions must hold at least one, got none")
-        if direction not in (-1, 0, 1):
+        if isinstance(direction, bool) or direction not in (-1, 0, 1):
             raise ValueError(
                 f"{owner}: direction must be -1, 0 or 1, got {_checks.show(direction)}"
             )
@@ -229,18 +231,25 @@ class Event:
         return tuple(name for a in self.actions if isinstance(a, Stop) for name in a.after)
 
     def evaluate(self, t: float, states: Sequence[MarkerState]) -> float:
-        """Return the function's value at time `t`.
+        """Return the function's value at time `t`; nan in a run where it fails.
 
         Raises:
-            TypeError: It is not one number, or the function takes other arguments.
+            FunctionError: Outside of a run, where it fails or returns something else.
         """
         try:
-            value: Any = self.function(t, *states)
-        except TypeError as error:
-            raise TypeError(f'Event "{self.name}": {error}') from error
-        try:
-            return float(np.asarray(value, dtype=np.float64).reshape(()))
-        except (TypeError, ValueError):
-            raise TypeError(
-                f'Event "{self.name}": function must return a number, got {_checks.show(value)}'
-            ) from None
+            return _number(self.function(t, *states))
+        except FAILURES as error:
+            noted(f'Event "{self.name}"', self.function, error)
+            return nan
+
+
+def _number(value: object) -> float:
+    """What a function has returned as a number.
+
+    Raises:
+        ReturnError: It is none.
+    """
+    try:
+        return float(np.asarray(value, dtype=np.float64).reshape(()))
+    except (TypeError, ValueError):
+        raise ReturnError(f"function must return a number, got {_checks.show(value)}") from None

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import AmplitudeMarker, Marker
-from flexfem.model.bodies import inertia_matrix
+from flexfem.model.bodies import inertia_matrix, initial_spin
 from flexfem.reduction.reduced_body import ReducedBody
 
 __all__ = ["MEAN_AXES", "FloatingBody"]
@@ -37,7 +37,7 @@ class FloatingBody:
         position: Origin of the body's axes at the start, inertial axes, shape (3,), metres.
         rotation: Body axes at the start in inertial axes, shape (3, 3).
         velocity: Initial velocity of the origin, inertial axes, shape (3,), m/s.
-        angular_velocity: Initial angular velocity, body axes, shape (3,), rad/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s.
         stiffening: Forces and accelerations change the stiffness (geometric stiffening by stress
             of the frame's acceleration and of the interfaces' displacements); the reduced data
             must hold what it takes.
@@ -64,15 +64,18 @@ class FloatingBody:
         position: npt.ArrayLike = _ZERO,
         rotation: npt.ArrayLike | None = None,
         velocity: npt.ArrayLike = _ZERO,
-        angular_velocity: npt.ArrayLike = _ZERO,
+        angular_velocity: npt.ArrayLike | None = None,
+        local_angular_velocity: npt.ArrayLike | None = None,
         stiffening: bool = False,
     ) -> None:
         """Create a body; the frame is that of the first interface, without any the mean axes.
 
+        The angular velocity is given in inertial axes, or in body axes (`local_angular_velocity`).
+
         Raises:
             TypeError: An argument has the wrong type.
-            ValueError: A wrong shape, NaN, a frame that the body has not, or no data for geometric
-                stiffening.
+            ValueError: A wrong shape, NaN, both angular velocities, a frame that the body has not,
+                or no data for geometric stiffening.
         """
         owner = _checks.named(self, name)
         _checks.instance(owner, "reduced", reduced, ReducedBody)
@@ -95,15 +98,16 @@ class FloatingBody:
                 f"{owner}: a body without motion out of its plane has no mean axes, take an "
                 f"interface as frame: {', '.join(names)}"
             )
+        axes = _checks.rotation(owner, "rotation", rotation)
         _checks.assign(
             self,
             name=name,
             reduced=reduced,
             **{"frame": frame, "stiffening": stiffening},
             position=_checks.vector(owner, "position", position),
-            rotation=_checks.rotation(owner, "rotation", rotation),
+            rotation=axes,
             velocity=_checks.vector(owner, "velocity", velocity),
-            angular_velocity=_checks.vector(owner, "angular_velocity", angular_velocity),
+            angular_velocity=initial_spin(owner, axes, angular_velocity, local_angular_velocity),
         )
 
     @property

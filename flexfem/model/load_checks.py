@@ -5,11 +5,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from flexfem import _checks
 from flexfem.core.load import Load
-from flexfem.core.marker import Marker
-from flexfem.loads.point_force import PointForce
+from flexfem.loads.line_load import LineLoad
 from flexfem.loads.shell_load import ShellLoad
 from flexfem.model.bodies import Beam
+from flexfem.model.resolve import beam_length
 from flexfem.model.shell import Shell
 
 if TYPE_CHECKING:
@@ -17,13 +20,20 @@ if TYPE_CHECKING:
 
 __all__ = ["check_load"]
 
+#: Places at which functions of loads are tried.
+_SAMPLES = 9
+#: Part of a beam's length that is round-off of places at its end.
+_ROUNDING = 1e-9
+#: What places of a beam are.
+_PLACES = {"length": "which is {:.6g} m long", "fraction": "whose fractions are 0 to 1"}
+
 
 def check_load(model: Model, load: Load) -> None:
     """Check where a load acts.
 
     Raises:
-        ValueError: There is no such beam, shell or line, or a load along a beam or with the axes of
-            a marker is on a shell, whose nodes have none.
+        ValueError: There is no such beam, shell or line, a load along a beam is on a shell, or a
+            function of a load fails.
     """
     owner = f'{type(load).__name__} "{load.name}"'
     for name in load.beams:
@@ -34,6 +44,8 @@ def check_load(model: Model, load: Load) -> None:
             )
         if not isinstance(body, Beam):
             raise ValueError(f'{owner}: {model!r} has no beam "{name}"')
+    if isinstance(load, LineLoad):
+        _check_functions(model, load)
     for name in load.shells:
         body = model.get(name)
         if not isinstance(body, Shell):
@@ -41,20 +53,21 @@ def check_load(model: Model, load: Load) -> None:
         if isinstance(load, ShellLoad):
             assert model.surface is not None  # checked before
             load.check(model.surface, body.body)
-    for marker in load.markers:
-        _check_marker(model, owner, load, marker)
 
 
-def _check_marker(model: Model, owner: str, load: Load, marker: Marker) -> None:
-    """Check that a load at a node of a shell is a dead force."""
-    if not isinstance(model.get(marker.body), Shell):
-        return
-    if not isinstance(load, PointForce):
+def _check_functions(model: Model, load: LineLoad) -> None:
+    """Check what the functions of a load return at some places, and where they are broken."""
+    beam = model[load.body]
+    length = 1.0
+    if load.coordinate == "length" and not load.uniform:
+        length = beam_length(model, beam)
+    for place in length * np.linspace(0.0, 1.0, _SAMPLES):
+        load.at(float(place))
+    outside = (load.breakpoints < -_ROUNDING * length) | (
+        load.breakpoints > (1.0 + _ROUNDING) * length
+    )
+    if not load.uniform and outside.any():
         raise ValueError(
-            f'{owner}: a node of Shell "{marker.body}" has a position only and takes no moment'
-        )
-    if load.follower:
-        raise ValueError(
-            f'{owner}: a node of Shell "{marker.body}" has no axes that a force could follow, '
-            "use Pressure or a dead force"
+            f'LineLoad "{load.name}": {_checks.show(load.breakpoints[outside].tolist())} is not on '
+            f'Beam "{beam.name}", {_PLACES[load.coordinate].format(length)}'
         )

@@ -90,9 +90,10 @@ class EnergyProbe(_BodiesProbe):
 
     Work and dissipation are integrated from row to row of the history, a mean force times a
     displacement, or a mean force times a mean rate times the step: of second order, and exact for
-    linear motion by the trapezoidal rule (``rho_inf=1``). In statics, where nothing has a rate,
-    the work of moments, of drives and of bodies left out is missing; the potential of a weight that
-    grows with the load factor is minus the work it has done.
+    linear motion by the trapezoidal rule (``rho_inf=1``). Drives work with the impulses by which
+    the integrator changes velocities, not with the forces of ``ReactionProbe``. In statics, where
+    nothing has a rate, the work of moments, of drives and of bodies left out is missing; the
+    potential of a weight that grows with the load factor is minus the work it has done.
     """
 
     name: str = "energy"
@@ -125,6 +126,11 @@ class ReactionProbe(AnyProbe):
     that hangs from the ground (marker a) on a joint feels the opposite of its weight. Marker a's
     body feels the opposite force at the same place. Of a joint of lines of shells it is the
     resultant, the moment about its first node, in inertial axes.
+
+    In motions the force belongs to the time of the row and to accelerations that satisfy the
+    constraints there, whatever the integrator; drives are differentiated over eighths of a step.
+    Where accelerations of a drive jump at that time, it is the mean of both sides. A jump of a rate
+    takes an impulse, which is in no row.
 
     Attributes:
         name: Unique name in the model.

@@ -22,7 +22,7 @@ from flexfem.model.event import Event
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
-from flexfem.model.resolve import beam_node, curve_place, group_curve, node_row, shell_node
+from flexfem.model.resolve import beam_place, curve_place, group_curve, node_row, shell_node
 from flexfem.model.shell import Shell
 from flexfem.model.validate import validate
 
@@ -215,7 +215,7 @@ class Model:
             raise ValueError(f'Marker on "{marker.body}": {self!r} has no such body')
         if body.formulation == "nurbs":
             return curve_place(self, body, marker)
-        return Place(beam_node(self._mesh(), body, marker))
+        return beam_place(self._mesh(), body, marker)
 
     def node_row(self, line: ShellLine) -> NodeRow:
         """Return the nodes along a line of a shell.

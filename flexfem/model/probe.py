@@ -2,12 +2,13 @@
 """Probes: what is recorded in the history at every step."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray
 from flexfem.core.marker import OBSERVED, Observed
 
@@ -27,6 +28,8 @@ class MarkerState:
         arc: Of a ``SlidingMarker``: arc length zeta from the carrier's start in the undeformed
             state, metres. The other attributes are those of the carrier's section there.
         arc_rate: Its time derivative, m/s.
+        start: The rotation in the model as it was given, shape (3, 3); identity for a
+            ``SlidingMarker``.
     """
 
     position: FloatArray
@@ -35,6 +38,12 @@ class MarkerState:
     angular_velocity: FloatArray
     arc: float = 0.0
     arc_rate: float = 0.0
+    start: FloatArray = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def turn(self) -> FloatArray:
+        """Rotation since the start in inertial axes, shape (3, 3), whatever the marker's axes."""
+        return self.rotation @ self.start.T
 
 
 class AnyProbe:
@@ -119,15 +128,20 @@ class Probe(AnyProbe):
     def evaluate(self, t: float, states: Sequence[MarkerState]) -> FloatArray:
         """Return the values of the columns at time `t`, shape (number of columns,).
 
+        In a run they are nan where the function fails.
+
         Raises:
-            ValueError: The function does not return one number per column.
+            FunctionError: Outside of a run, where it fails or returns something else.
         """
-        values = np.asarray(self.function(t, *states), dtype=np.float64)
-        if values.shape != (len(self.columns),):
-            raise ValueError(
-                f'{type(self).__name__} "{self.name}": function must return '
-                f"{len(self.columns)} numbers, got shape {values.shape}"
-            )
+        try:
+            values = np.asarray(self.function(t, *states), dtype=np.float64)
+            if values.shape != (len(self.columns),):
+                raise ReturnError(
+                    f"function must return {len(self.columns)} numbers, got shape {values.shape}"
+                )
+        except FAILURES as error:
+            noted(f'{type(self).__name__} "{self.name}"', self.function, error)
+            return np.full(len(self.columns), np.nan)
         return values
 
 

@@ -23,35 +23,54 @@ if TYPE_CHECKING:
     from flexfem.model.model import Model
 
 
-def beam_node(mesh: LineMesh, beam: Beam, marker: Marker) -> int:
-    """Return the mesh node of a marker on a beam.
+#: A fraction so near to a node, as a part of an element, means it: one written with few digits.
+_AT_NODE = 1e-4
+
+
+def beam_place(mesh: LineMesh, beam: Beam, marker: Marker) -> Place:
+    """Return the place of a marker on a beam of two-node elements.
 
     Raises:
         ValueError: No point, a point group that is not on the beam, or an end or fraction of a
             line that has none because it is closed or branches.
     """
     owner, point = f'Marker on "{beam.name}"', _point(beam, marker)
-    if isinstance(point, str) and point not in LINE_ENDS:
+    if isinstance(point, str):
+        return Place(_named_node(mesh, beam, owner, point))
+    nodes = _ordered(mesh, beam, owner, point)
+    length = arc_length(mesh.points[nodes])
+    at = point * length[-1]
+    e = min(int(np.searchsorted(length, at, side="right")), len(nodes) - 1) - 1
+    xi = float((at - length[e]) / (length[e + 1] - length[e]))
+    if min(xi, 1.0 - xi) <= _AT_NODE:
+        return Place(int(nodes[e if xi < 0.5 else e + 1]))
+    return Place(None, e, xi)
+
+
+def _named_node(mesh: LineMesh, beam: Beam, owner: str, point: str) -> int:
+    """Return the mesh node of a point group or of an end of a line."""
+    if point not in LINE_ENDS:
         return _group_node(mesh, beam, point)
     nodes = _ordered(mesh, beam, owner, point)
-    if isinstance(point, str):
-        if nodes[0] == nodes[-1]:
-            raise ValueError(f'{owner}: point "{point}": the line is closed and has no ends')
-        return int(nodes[0 if point == "start" else -1])
-    length = arc_length(mesh.points[nodes])
-    return int(nodes[np.argmin(np.abs(length - point * length[-1]))])
+    if nodes[0] == nodes[-1]:
+        raise ValueError(f'{owner}: point "{point}": the line is closed and has no ends')
+    return int(nodes[0 if point == "start" else -1])
 
 
-def node_fraction(mesh: LineMesh, beam: Beam, marker: Marker) -> float:
-    """Fraction of the beam's length at which the node of a marker is that is given by one.
+def beam_length(model: "Model", beam: Beam) -> float:
+    """Return the arc length of a beam, m.
 
     Raises:
-        ValueError: As for :func:`beam_node`.
+        ValueError: Its line branches or falls apart.
     """
-    nodes = _ordered(mesh, beam, f'Marker on "{beam.name}"', _point(beam, marker))
-    length = arc_length(mesh.points[nodes])
-    at = np.flatnonzero(nodes == beam_node(mesh, beam, marker))[0]
-    return float(length[at] / length[-1])
+    if beam.formulation == "nurbs":
+        return model.curve(beam).length
+    assert model.mesh is not None
+    assert beam.group is not None
+    nodes = model.mesh.order(beam.group)
+    if nodes is None:
+        raise ValueError(f'Beam "{beam.name}": group "{beam.group}" branches or falls apart')
+    return float(arc_length(model.mesh.points[nodes])[-1])
 
 
 def shell_node(mesh: SurfaceMesh, shell: Shell, marker: Marker) -> int:

@@ -10,9 +10,17 @@ from xml.parsers import expat
 import numpy as np
 
 from flexfem import _checks
+from flexfem._checks import InputError
+from flexfem._files import number_in, read_bytes
 from flexfem._types import FloatArray
 
 __all__ = ["Element", "read_elements"]
+
+#: Bytes of a file, elements, their nesting, and characters of a name or value, beyond which it is
+#: no description of a robot.
+_LARGEST, _MOST, _DEEPEST, _LONGEST = 16_000_000, 100_000, 64, 10_000
+#: Characters of a message.
+_MESSAGE = 500
 
 
 @dataclass(eq=False)
@@ -42,7 +50,7 @@ class Element:
             ValueError: always.
         """
         place = f"{self.inside}: " if self.inside else ""
-        raise ValueError(f'"{self.file}", line {self.line}: {place}<{self.tag}> {message}')
+        raise ValueError(_cut(f'"{self.file}", line {self.line}: {place}<{self.tag}> {message}'))
 
     def only(self, attributes: Collection[str], children: Collection[str] = ()) -> "Element":
         """The element itself, after checking that it holds nothing unknown.
@@ -127,15 +135,17 @@ class Element:
         if name not in self.attributes and default:
             return np.array(default)
         text = self.text(name)
+        words = text.split()
         try:
-            values = np.array([float(word) for word in text.split()])
-        except ValueError:
+            values = np.array([number_in(word) for word in words[: count + 1]])
+        except ValueError as error:
             hint = "; expand xacro first" if "${" in text else ""
-            self.refuse(f'{name} must hold {_counted(count)}, got "{text}"{hint}')
-        if len(values) != count:
+            wanted = str(error).partition(", got")[0]
+            if wanted == "must be a number":
+                wanted = f"must hold {_counted(count)}"
+            self.refuse(f'{name} {wanted}, got "{text}"{hint}')
+        if len(words) != count:
             self.refuse(f'{name} must hold {_counted(count)}, got "{text}"')
-        if not np.isfinite(values).all():
-            self.refuse(f'{name} must be finite, got "{text}"')
         return values
 
 
@@ -143,37 +153,61 @@ def _counted(count: int) -> str:
     return "one number" if count == 1 else f"{count} numbers"
 
 
+def _cut(message: str) -> str:
+    """A message whose values are not longer than a screen."""
+    return message if len(message) <= _MESSAGE else f"{message[: _MESSAGE - 3]}..."
+
+
 def read_elements(path: Path) -> Element:
     """The root element of an XML file.
 
     Raises:
-        ValueError: the file is missing, no well-formed XML, or declares entities.
+        ValueError: the file is missing, no well-formed XML, too large, or declares entities.
     """
+    content = read_bytes(f'"{path}"', path, _LARGEST)
+    reader = _Reader(path)
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ValueError(f'"{path}": {error.strerror or error}') from None
-    root: list[Element] = []
-    open_elements: list[Element] = []
-    parser = expat.ParserCreate()
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        around = open_elements[-1].inside if open_elements else ""
-        element = Element(tag, attributes, str(path), parser.CurrentLineNumber, around)
-        if len(open_elements) == 1 and "name" in attributes:
-            element.inside = f'{tag} "{attributes["name"]}"'
-        (open_elements[-1].children if open_elements else root).append(element)
-        open_elements.append(element)
-
-    def entity(*_: object) -> None:
-        raise ValueError(f'"{path}", line {parser.CurrentLineNumber}: entities are not read')
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = lambda tag: open_elements.pop()
-    parser.EntityDeclHandler = entity
-    try:
-        parser.Parse(content, True)
+        reader.parser.Parse(content, True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise ValueError(f'"{path}", line {error.lineno}: no well-formed XML, {reason}') from None
-    return root[0]
+    except InputError:
+        raise
+    except (LookupError, ValueError) as error:  # an encoding that Python does not know
+        raise ValueError(f'"{path}": no well-formed XML, {_cut(str(error))}') from None
+    return reader.root[0]
+
+
+class _Reader:
+    """Makes elements of what the parser finds."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._count = path, 0
+        self.root: list[Element] = []
+        self._open: list[Element] = []
+        self.parser = parser = expat.ParserCreate()
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = lambda tag: self._open.pop()
+        parser.StartDoctypeDeclHandler = self._doctype
+        parser.EntityDeclHandler = lambda *_: self._refuse("entities are not read")
+
+    def _refuse(self, reason: str) -> NoReturn:
+        raise InputError(f'"{self._path}", line {self.parser.CurrentLineNumber}: {reason}')
+
+    def _doctype(self, name: str, system: str | None, public: str | None, inside: bool) -> None:
+        if inside:  # entities that grow, and attributes that no element shows
+            self._refuse("declarations of entities are not read")
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._count += 1
+        if self._count > _MOST or len(self._open) >= _DEEPEST:
+            self._refuse(f"more than {_MOST} elements, or {_DEEPEST} within one another")
+        if max(map(len, (tag, *attributes, *attributes.values()))) > _LONGEST:
+            self._refuse(f"a name or value has more than {_LONGEST} characters")
+        around = self._open[-1].inside if self._open else ""
+        line = self.parser.CurrentLineNumber
+        element = Element(tag, attributes, str(self._path), line, around)
+        if len(self._open) == 1 and "name" in attributes:
+            element.inside = f'{tag} "{attributes["name"]}"'
+        (self._open[-1].children if self._open else self.root).append(element)
+        self._open.append(element)

@@ -62,9 +62,7 @@ class BeamLink:
             _checks.text("BeamLink", "end", self.end)
         elif self.end is not None:
             _checks.vector("BeamLink", "end", self.end)
-        if isinstance(self.elements, bool) or not isinstance(self.elements, int):
-            shown = _checks.show(self.elements)
-            raise TypeError(f"BeamLink: elements must be a whole number, got {shown}")
+        _checks.instance("BeamLink", "elements", self.elements, int)
         if self.elements < 1:
             raise ValueError(f"BeamLink: elements must be at least 1, got {self.elements}")
         if self.formulation not in FORMULATIONS:
@@ -180,7 +178,7 @@ class FloatingHost:
         self.body = FloatingBody(
             name, link.reduced, frame=link.frame, stiffening=link.stiffening,
             position=start.pose.position, rotation=turn, velocity=start.velocity,
-            angular_velocity=turn.T @ start.angular_velocity,
+            angular_velocity=start.angular_velocity,
         )  # fmt: skip
 
     def marker(self, pose: Pose, joint: str | None = None) -> Attachment:

@@ -94,7 +94,7 @@ def rigid_host(
             name, mass, tensor,
             position=start.pose.position, rotation=start.pose.rotation, centre=centre,
             velocity=start.velocity,
-            angular_velocity=start.pose.rotation.T @ start.angular_velocity,
+            angular_velocity=start.angular_velocity,
             shape=CompoundShape(shapes) if shapes else None,
         )  # fmt: skip
     except ValueError as error:

@@ -95,7 +95,11 @@ def _found(element: Element, packages: Mapping[str, Path], folder: Path) -> Path
     else:
         package, _, rest = name.removeprefix(scheme).partition("/")
         path = _package(element, package, packages, folder) / rest
-    if not path.is_file():
+    try:
+        there = path.is_file()
+    except OSError:  # a name that no system takes
+        there = False
+    if not there:
         element.refuse(f'filename "{name}": there is no file "{path}"')
     return path
 

@@ -118,9 +118,10 @@ def check_leaders(joints: dict[str, JointData]) -> None:
     Raises:
         ValueError: they do not.
     """
+    good: set[str] = set()  # those that lead to one without a leader
     for joint in joints.values():
         seen, at = {joint.name}, joint
-        while at.leader is not None:
+        while at.leader is not None and at.name not in good:
             mimic = at.element.required("mimic")
             if at.leader not in joints or joints[at.leader].kind not in SINGLE:
                 mimic.refuse(f'joint "{at.leader}" must be one of type {", ".join(SINGLE)}')
@@ -128,6 +129,7 @@ def check_leaders(joints: dict[str, JointData]) -> None:
             if at.name in seen:
                 mimic.refuse(f'joint "{at.name}" follows itself')
             seen.add(at.name)
+        good |= seen
 
 
 def tree(links: dict[str, LinkData], joints: dict[str, JointData]) -> tuple[str, list[JointData]]:
@@ -154,11 +156,12 @@ def tree(links: dict[str, LinkData], joints: dict[str, JointData]) -> tuple[str,
         second = links[roots[1]].element
         second.refuse(f'has no joint to a parent, but "{roots[0]}" is the root already')
     ordered, waiting = list[JointData](), list(roots)
-    while waiting:
-        for joint in leaving[waiting.pop(0)]:
+    for name in waiting:  # grows
+        for joint in leaving[name]:
             ordered.append(joint)
             waiting.append(joint.child)
     if len(ordered) < len(joints):
-        lost = next(joint for joint in joints.values() if joint not in ordered)
+        found = {joint.name for joint in ordered}
+        lost = next(joint for joint in joints.values() if joint.name not in found)
         lost.element.refuse("is part of a closed loop of parents and children")
     return roots[0], ordered

@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from mpi4py import MPI
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._checks import InputError
+from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import CampbellOptions
 from flexfem.core.status import Status
@@ -18,10 +21,11 @@ from flexfem.io.summary import remove_summary
 from flexfem.launch import StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.interruption import Agreement, interruption
-from flexfem.simulation.modes import modes_at
+from flexfem.simulation.modes import doubts, modes_at
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results, conclude
 from flexfem.simulation.reasons import MODES, with_hint
+from flexfem.simulation.run_guard import agreed, guarded, refuse
 from flexfem.solvers.mode_shapes import Modes
 from flexfem.solvers.tracking import follow, whirl
 
@@ -50,7 +54,8 @@ def sweep_spin(
     the rotation; other modes have several and keep f there. Modes are named ``forward_1``,
     ``backward_1``, ... by the sense of their whirl in fixed axes at the last speed, or ``mode_1``,
     ..., counted by their frequencies at the first speed, of which the lowest are kept. A mode that
-    is not found at a speed is nan.
+    is not found at a speed is nan. The columns of the probes in the steady rotation come last:
+    displacements and strains over the speed for example.
 
     Args:
         model: the model, the same on every rank.
@@ -65,77 +70,133 @@ def sweep_spin(
     Raises:
         InputError: a mistake in the model or the options, before anything is written.
         TypeError: the options are those of another analysis.
+        FunctionError: a function of the model failed at a later speed than the first; the speeds
+            before are written (a RuntimeError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT or SIGTERM came; the speeds so far are written.
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; the speeds so far are written.
     """
     _checks.instance("sweep_spin", "options", options, CampbellOptions)
-    point = OperatingPoint(model, options, comm)
-    point.check_count("CampbellOptions", options.modes)
-    agreement = Agreement(point.system.comm)
-    with StopSignals() as signals:
-        speeds, found, senses, reason = _sweep(point, options, lambda: agreement.on(signals))
-        signal = agreement.on(signals) if reason.startswith(_INTERRUPTED) else 0
-    columns, table = _table(speeds, found, senses, options.modes)
-    if options.output is not None:
-        remove_summary(options.output / "summary.json", point.system.comm)
-        writer = HistoryWriter(options.output / "history.csv", columns, point.system.comm)
-        for speed, row in zip(speeds, table, strict=True):
-            writer.write(speed, row)
-        writer.close()
-    history: dict[str, FloatArray] = {}
-    if point.system.comm.rank == 0 and len(speeds):
-        history = {"t": np.array(speeds)} | dict(zip(columns, table.T.copy(), strict=True))
-    summary = point.summary(case, reason)
-    outcome = conclude(summary, history, results, options, point.system.comm)
-    if signal:
-        raise interruption(signal, reason, outcome=outcome)
-    return outcome
+    comm = comm or MPI.COMM_WORLD
+    with guarded(options, comm) as faults:
+        point = OperatingPoint(model, options, comm)
+        point.check_count("CampbellOptions", options.modes)
+        _check_columns(model, options)
+        agreement = Agreement(comm)
+        with StopSignals() as signals:
+            sweep = _sweep(point, options, lambda: agreement.on(signals))
+            signal = agreement.on(signals) if sweep.reason.startswith(_INTERRUPTED) else 0
+        if not sweep.speeds:
+            refuse(faults, comm)
+        columns, table = _table(sweep, options.modes)
+        with faults.files():
+            _write(options, columns, sweep.speeds, table, comm)
+        history: dict[str, FloatArray] = {}
+        if comm.rank == 0 and len(sweep.speeds):
+            history = {"t": np.array(sweep.speeds)} | dict(
+                zip(columns, table.T.copy(), strict=True)
+            )
+        outcome = conclude(point.summary(case, sweep.reason), history, results, options, comm)
+        if signal:
+            raise interruption(signal, sweep.reason, outcome=outcome)
+        return outcome
+
+
+def _check_columns(model: Model, options: CampbellOptions) -> None:
+    """Refuse probes whose columns have the names of modes.
+
+    Raises:
+        InputError: names the first.
+    """
+    names = {f"{mode}_{value}" for mode in _possible(options.modes) for value in _VALUES}
+    taken = next((c for p in model.probes for c in p.columns if c in names), None)
+    if taken is not None:
+        raise InputError(f"column '{taken}' of a probe: the analysis has one of this name")
+
+
+def _write(
+    options: CampbellOptions, columns: list[str], speeds: list[float], table: FloatArray,
+    comm: MPI.Intracomm,
+) -> None:  # fmt: skip
+    """Write the table (collective)."""
+    if options.output is None:
+        return
+    remove_summary(options.output / "summary.json", comm)
+    writer = HistoryWriter(options.output / "history.csv", columns, comm)
+    for speed, row in zip(speeds, table, strict=True):
+        writer.write(speed, row)
+    writer.close()
+
+
+@dataclass
+class _Sweep:
+    """Speeds reached, modes, senses of whirl and columns of probes at each, and how it ended."""
+
+    speeds: list[float] = field(default_factory=list)
+    modes: list[Modes] = field(default_factory=list)
+    senses: list[FloatArray] = field(default_factory=list)
+    states: list[dict[str, float]] = field(default_factory=list)
+    reason: str = "ok"
 
 
 def _sweep(
     point: OperatingPoint, options: CampbellOptions, stopped: Callable[[], int]
-) -> tuple[list[float], list[Modes], list[FloatArray], str]:
-    """Speeds reached, modes and senses of whirl at each, and how it ended."""
-    reached: list[float] = []
-    found: list[Modes] = []
-    senses: list[FloatArray] = []
+) -> _Sweep:  # fmt: skip
+    """Modes at one speed after the other (collective)."""
+    sweep = _Sweep()
     for speed in np.linspace(options.spin, options.spin_end, options.speeds).tolist():
-        status = point.settle(speed)
-        if status is not Status.OK:
-            text = f"{status.value} at the spin {speed:.6g} rad/s"
-            return reached, found, senses, with_hint(text, MODES.get(status))
-        more = min(_MORE * options.modes, point.freedoms - options.modes)
-        modes = modes_at(point, options, more)
-        if len(modes) == 0:
-            text = f"no mode converged at the spin {speed:.6g} rad/s"
-            return reached, found, senses, with_hint(text, "ask for fewer modes, or more speeds")
-        sign = -1.0 if speed < 0.0 else 1.0
-        reached.append(speed)
-        found.append(modes)
-        senses.append(whirl(modes, sign * point.rotation(speed).axis))
-        if stopped() and len(reached) < options.speeds:
-            return reached, found, senses, f"{_INTERRUPTED} {speed:.6g} rad/s"
-    return reached, found, senses, "ok"
+        failure = _step(point, options, speed, sweep)
+        if failure:
+            sweep.reason = failure
+            return sweep
+        if stopped() and len(sweep.speeds) < options.speeds:
+            sweep.reason = f"{_INTERRUPTED} {speed:.6g} rad/s"
+            return sweep
+    return sweep
 
 
-def _table(
-    speeds: list[float], found: list[Modes], senses: list[FloatArray], count: int
-) -> tuple[list[str], FloatArray]:
+def _step(point: OperatingPoint, options: CampbellOptions, speed: float, sweep: _Sweep) -> str:
+    """Add what is found at a speed; why there is nothing to add, else empty (collective)."""
+    status = point.settle(speed)
+    state = point.columns() if status is Status.OK else {}
+    if error := agreed(current(), point.system.comm):  # a function of the user's
+        return f"{error} at the spin {speed:.6g} rad/s"
+    if status is not Status.OK:
+        text = f"{status.value} at the spin {speed:.6g} rad/s"
+        return with_hint(text, MODES.get(status))
+    more = min(_MORE * options.modes, point.freedoms - options.modes)
+    modes = modes_at(point, options, more)
+    if len(modes) == 0:
+        text = f"no mode converged at the spin {speed:.6g} rad/s"
+        return with_hint(text, "ask for fewer modes, or more speeds")
+    kept = modes.first(options.modes)
+    doubt = doubts(kept, len(kept), options.accuracy)
+    if doubt != "ok" and sweep.reason == "ok":
+        sweep.reason = f"at the spin {speed:.6g} rad/s {doubt}"
+    sign = -1.0 if speed < 0.0 else 1.0
+    sweep.speeds.append(speed)
+    sweep.modes.append(modes)
+    sweep.senses.append(whirl(modes, sign * point.rotation(speed).axis))
+    sweep.states.append(state)
+    return ""
+
+
+def _table(sweep: _Sweep, count: int) -> tuple[list[str], FloatArray]:
     """Names of the columns, and one row for each speed."""
-    if not speeds:
+    if not sweep.speeds:
         return ["mode_1_frequency"], np.zeros((0, 1))
+    found, speeds = sweep.modes, sweep.speeds
     numbers = follow(found, len(found[-1]))
     table = np.full((len(speeds), len(numbers[-1]), len(_VALUES)), np.nan)
     for k, (modes, number) in enumerate(zip(found, numbers, strict=True)):
         for i in np.flatnonzero(number >= 0):
             j = number[i]
-            f, sense = modes.frequencies[j], senses[k][j]
+            f, sense = modes.frequencies[j], sweep.senses[k][j]
             table[k, i] = f, _fixed(f, sense, speeds[k]), modes.damping[j], sense
     # the lowest at the first speed; those that are lost on the way come last
     table = table[:, np.argsort(table[0, :, 0], kind="stable")[:count]]
-    names = _names(table[-1])
-    columns = [f"{name}_{value}" for name in names for value in _VALUES]
-    return columns, table.reshape(len(speeds), -1)
+    columns = [f"{name}_{value}" for name in _names(table[-1]) for value in _VALUES]
+    states = np.array([list(state.values()) for state in sweep.states])
+    return [*columns, *sweep.states[0]], np.hstack([table.reshape(len(speeds), -1), states])
 
 
 def _fixed(frequency: float, sense: float, speed: float) -> float:
@@ -144,6 +205,12 @@ def _fixed(frequency: float, sense: float, speed: float) -> float:
     if abs(sense) < _PURE or speed == 0.0:
         return frequency
     return frequency + turns if sense > 0.0 else turns - frequency
+
+
+def _possible(count: int) -> list[str]:
+    """Names that modes may get."""
+    kinds = ("mode", "forward", "backward")
+    return [f"{kind}_{k + 1}" for kind in kinds for k in range(count)]
 
 
 def _names(last: FloatArray) -> list[str]:

@@ -6,19 +6,23 @@ are the checks that file and model belong together, and which files are kept.
 """
 
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from mpi4py import MPI
 
 import flexfem
+from flexfem import _checks
 from flexfem._checks import InputError
-from flexfem.analyses.dynamics import RunOptions
+from flexfem.analyses.dynamics import MAX_STEPS, RunOptions
 from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.state import Numbering, State
+from flexfem.io.atomic import raise_together
 from flexfem.io.checkpoint import Checkpoint, remove_files, write_checkpoint
+from flexfem.simulation.run_guard import folder_is_lost
 from flexfem.simulation.time_grid import TimeGrid
 from flexfem.system.assembly import Assembly
 from flexfem.system.fingerprint import fingerprint
@@ -36,6 +40,8 @@ _KEEP = 2
 class _Restorable(Protocol):
     """A system, or what steps it, as seen from here."""
 
+    def state(self) -> State: ...
+
     def restore(self, state: State) -> None: ...
 
 
@@ -43,8 +49,6 @@ class _Stateful(_Restorable, Protocol):
     """A simulation, as seen from here."""
 
     system: System
-
-    def state(self) -> State: ...
 
 
 class SavedState:
@@ -63,12 +67,23 @@ class SavedState:
         """
         self._comm, self._file = comm, Checkpoint(path, comm)
         self.path, self.state = self._file.path, State()
-        version = self._file.header["flexfem"]
+        version = self._entry("flexfem", str)
         if version != flexfem.__version__:
             raise self._file.refuse(
-                f"was written by flexfem {version}, this is {flexfem.__version__}; go on with that "
-                "version, or start anew"
+                f"was written by flexfem {_checks.show(version)[1:-1]}, this is "
+                f"{flexfem.__version__}; go on with that version, or start anew"
             )
+
+    def _entry(self, name: str, kind: type) -> Any:
+        """What the header has under a name.
+
+        Raises:
+            InputError: nothing of this kind.
+        """
+        value = self._file.header.get(name)
+        if not isinstance(value, kind) or isinstance(value, bool):
+            raise self._file.refuse(f"its header has no {name}")
+        return value
 
     def check(self, serial: Assembly | Mapping[str, str]) -> None:
         """Compare the model with the one that was run (collective).
@@ -79,9 +94,9 @@ class SavedState:
         Raises:
             InputError: they differ.
         """
-        other: list[str] = []
+        other, self._model = list[str](), self._entry("model", dict)
         if self._comm.rank == 0:  # the model is the same on all ranks
-            then, now = self._file.header["model"], _fingerprint(serial)
+            then, now = self._model, _fingerprint(serial)
             other = [name for name in now if then.get(name) != now[name]]
         other = self._comm.bcast(other)
         if other:
@@ -100,11 +115,15 @@ class SavedState:
         Raises:
             InputError: the file lacks something.
         """
-        self.state = self._file.read(system.numberings())
+        expected, self.state = target.state(), self._file.read(system.numberings())
+        reason = expected.misfit(self.state) or system.doubts(self.state)
+        raise_together(self._comm, self._file.refuse(reason) if reason else None)
         try:
             target.restore(self.state)
         except KeyError as error:
             raise self._file.refuse(f"does not hold {error}") from error
+        except (IndexError, TypeError, ValueError) as error:  # of values: the same on all ranks
+            raise self._file.refuse(" ".join(str(error).split())) from error
 
 
 class Restart(SavedState):
@@ -123,14 +142,37 @@ class Restart(SavedState):
         """
         assert options.restart is not None
         super().__init__(options.restart, comm)
-        file, header = self._file, self._file.header
+        file = self._file
+        written = self._entry("options", dict)
         for name in options.RESTART_AGREES:
-            then, now = header["options"].get(name), getattr(options, name)
+            then, now = written.get(name), getattr(options, name)
             if then != now:
-                raise file.refuse(f"was written with {name} = {then}, not {now}")
-        self.grid = TimeGrid(*header["grid"])
-        self.step: int = header["step"]
+                shown = then if isinstance(then, str | float) else _checks.show(then)
+                raise file.refuse(f"was written with {name} = {shown}, not {now}")
+        self.grid = self._grid()
+        self.step: int = self._entry("step", int)
+        if not 0 <= self.step <= MAX_STEPS:
+            raise file.refuse(f"its header has the step {_checks.show(self.step)}")
         self._check_end(options)
+
+    def _grid(self) -> TimeGrid:
+        grid = self._entry("grid", list)
+        plain = len(grid) == 2 and not any(isinstance(number, bool) for number in grid)
+        if plain and isinstance(grid[0], int | float) and isinstance(grid[1], int):
+            span, count = grid
+            if 0.0 < span <= sys.float_info.max and 0 < count <= MAX_STEPS:
+                return TimeGrid(float(span), count)
+        raise self._file.refuse(f"its header has the grid {_checks.show(grid)}")
+
+    def check_time(self, t: float) -> None:
+        """Check that the state is that of the step, or of a part of the next one.
+
+        Raises:
+            InputError: it is not.
+        """
+        low, high = self.grid.time(self.step), self.grid.time(self.step + 1)
+        if not low - 1e-6 * self.grid.h <= t <= high:
+            raise self._file.refuse(f"is at t = {t:g} s, which is not that of its step {self.step}")
 
     def _check_end(self, options: _Options) -> None:
         """Refuse a run that has come to its end already; of load steps the state tells."""
@@ -186,18 +228,18 @@ class Checkpoints:
             records: state of the recorder.
 
         Returns:
-            The file, None without an output folder.
+            The file, None without an output folder, or if the folder is another run's by now.
 
         Raises:
             OSError: on all ranks, if it cannot be written; the files before are still there.
         """
-        if self._folder is None:
+        comm = self._simulation.system.comm
+        if self._folder is None or folder_is_lost(comm):
             return None
         if not self._numberings:
             self._prepare()
         path = self._folder / f"checkpoint_{step:06d}.h5"
         state = self._simulation.state() | records
-        comm = self._simulation.system.comm
         write_checkpoint(path, comm, {**self._header, "step": step}, state, self._numberings)
         mine = path.absolute()
         self._kept = [*(p for p in self._kept if p != mine), mine][-_KEEP:]

@@ -8,16 +8,18 @@ the time and of measurements at accepted states, so that nothing has to be taken
 in vain.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy, deepcopy
 
 import numpy as np
 
 from flexfem import _checks
 from flexfem._checks import InputError
+from flexfem._faults import FAILURES, FunctionError, ReturnError, noted
 from flexfem._types import FloatArray, IntArray
 from flexfem.control.law import SampledLaw
 from flexfem.core.load import Load
+from flexfem.core.state import counts
 from flexfem.joints.actuator import Actuator
 from flexfem.model.controller import Controller
 from flexfem.model.model import Model
@@ -85,7 +87,7 @@ class _Loop:
         """Outputs as an array (count,).
 
         Raises:
-            ValueError: the law has returned something else.
+            ReturnError: the law has returned something else.
         """
         try:
             # a function without "return" gives None, of which NumPy would make nan
@@ -94,9 +96,8 @@ class _Loop:
             values = np.empty(0)
         if values.shape != (self.count,):
             noun = "number" if self.count == 1 else "numbers"
-            raise ValueError(
-                f"{self.owner}: law must return {self.count} {noun}, got "
-                f"{_checks.show(outputs)} at t = {t:.6g} s"
+            raise ReturnError(
+                f"law must return {self.count} {noun}, got {_checks.show(outputs)} at t = {t:.6g} s"
             )
         return values
 
@@ -127,7 +128,11 @@ class _Continuous(_Loop):
                 change = self._last - self._before
                 y = y + (t - self._last[0]) / change[0] * change[1:]
             assert callable(self.controller.law)
-            self._outputs = self.checked(t, self.controller.law(t, y.copy()))
+            try:
+                self._outputs = self.checked(t, self.controller.law(t, y.copy()))
+            except FAILURES as error:
+                noted(self.owner, self.controller.law, error)
+                self._outputs = np.full(self.count, np.nan)
             self._at = t
         return self._outputs
 
@@ -157,17 +162,27 @@ class _Sampled(_Loop):
         self._next, self.held = 0, np.zeros(self.count)
 
     def due(self, t: float) -> bool:
-        """Whether there is a sample at an accepted state; then the next one is another."""
-        if t < (self._next - _ROUND_OFF) * self._span:
-            return False
-        self._next = int(t / self._span + _ROUND_OFF) + 1
-        return True
+        """Whether there is a sample at an accepted state."""
+        return t >= (self._next - _ROUND_OFF) * self._span
+
+    def take(self, t: float, held: FloatArray) -> None:
+        """Hold the outputs of a sample; the next one is another."""
+        self._next, self.held = int(t / self._span + _ROUND_OFF) + 1, held
 
     def sampled(self, t: float, y: FloatArray) -> FloatArray:
         """Call the law."""
         law = self._law
         outputs = law.update(t, y) if isinstance(law, SampledLaw) else law(t, y)
         return self.checked(t, outputs)
+
+    def memory(self) -> FloatArray:
+        """A copy of what the law remembers."""
+        return np.array(self._law.state if isinstance(self._law, SampledLaw) else ())
+
+    def recall(self, memory: FloatArray) -> None:
+        """Take back what :meth:`memory` returned."""
+        if isinstance(self._law, SampledLaw):
+            self._law.state = memory
 
     def outputs(self, t: float) -> FloatArray:
         return self.held
@@ -179,7 +194,7 @@ class _Sampled(_Loop):
         return {"next": np.array([self._next]), "held": self.held, "law": memory}
 
     def restore(self, state: Mapping[str, FloatArray], first: bool) -> None:
-        self._next, self.held = int(state["next"][0]), state["held"]
+        (self._next,), self.held = counts("next", state["next"]), state["held"]
         if first and isinstance(self._law, SampledLaw):
             self._law.state = state["law"]
 
@@ -243,7 +258,7 @@ class Controls:
             self.accepted(jumped=True)
             self.outputs(self._system.time)
             self.sample()
-        except (ValueError, TypeError, RuntimeError) as error:
+        except (ValueError, TypeError, FunctionError) as error:
             raise InputError(str(error)) from error
 
     def started(self) -> None:
@@ -262,8 +277,7 @@ class Controls:
     def sample(self) -> None:
         """Call the laws whose sample is due at the accepted state (collective).
 
-        Raises:
-            RuntimeError: a law failed, on all ranks.
+        Outputs stay as they are where a law fails, and the sample stays due: the run ends here.
         """
         t, comm = self._system.time, self._system.comm
         due = [
@@ -274,26 +288,25 @@ class Controls:
         if not due:
             return
         self._measurements.complete()
-        found: list[FloatArray] | str = []
-        cause: Exception | None = None
-        if comm.rank == 0:
-            loop = due[0][0]
-            try:
-                values = []
-                for loop, inputs in due:
-                    values.append(loop.sampled(t, self._measurements.values[inputs]))
-                found = values
-            except Exception as error:  # whatever a law of the user's raises, all ranks hear of it
-                text = str(error)
-                if loop.owner not in text:
-                    text = f"{loop.owner}: law at t = {t:.6g} s: {type(error).__name__}: {text}"
-                found, cause = text, error
+        found = self._called(due, t) if comm.rank == 0 else []
         if comm.size > 1:
             found = comm.bcast(found)
-        if isinstance(found, str):
-            raise RuntimeError(found) from cause
-        for (loop, _), held in zip(due, found, strict=True):
-            loop.held = held
+        if found:
+            for (loop, _), held in zip(due, found, strict=True):
+                loop.take(t, held)
+
+    def _called(self, due: Sequence[tuple[_Sampled, IntArray]], t: float) -> list[FloatArray]:
+        """Outputs of laws; nothing where one fails, and all remember what they did before."""
+        found, before = [], [loop.memory() for loop, _ in due]
+        for loop, inputs in due:
+            try:
+                found.append(loop.sampled(t, self._measurements.values[inputs]))
+            except FAILURES as error:  # all ranks hear of it when they next agree
+                noted(loop.owner, loop.controller.law, error)
+                for (one, _), memory in zip(due, before, strict=True):
+                    one.recall(memory)
+                return []
+        return found
 
     def not_finite(self, t: float) -> str | None:
         """The first controller whose outputs are not numbers."""
@@ -322,3 +335,4 @@ class Controls:
         """Take back the measurements, once the system is where it was (collective)."""
         if self._loops:
             self._measurements.restore(state["controls_angles"], state["controls_sums"])
+            self.sample()  # one that failed is still due

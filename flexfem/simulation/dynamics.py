@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import time
+import weakref
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +15,20 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem import _checks
+from flexfem._faults import ReturnError, current, noted
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Checkpoints, Restart
+from flexfem.simulation.energy_watch import EnergyWatch
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.made_up_energy import made_up_energy
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.reasons import ITERATED, MOTION, START, moves_most, not_finite, with_hint
 from flexfem.simulation.recording import Recorder
+from flexfem.simulation.run_guard import guarded, reason_of
 from flexfem.simulation.stepping import HALVINGS, Simulation
 from flexfem.simulation.time_grid import TimeGrid
 
@@ -52,20 +58,26 @@ def simulate(
     Raises:
         InputError: a mistake in the model, before anything is written (a ValueError).
         TypeError: the options are those of another analysis.
+        FunctionError: a function of the model failed after the start; a checkpoint and what was
+            computed are written (a RuntimeError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT or SIGTERM came; a checkpoint and what was computed are written.
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and what was computed are
+            written.
     """
     _checks.instance("simulate", "options", options, RunOptions)
     begin = time.perf_counter()
     comm = comm or MPI.COMM_WORLD
-    restart = None if options.restart is None else Restart(options, comm)
-    simulation = Simulation(model, options, comm, restart)
-    with StopSignals() as signals:
-        run = _Run(simulation, options, case, results, begin, restart)
-        status = run.to_the_end(signals)
-        if run.signal:
-            raise run.interrupted()
-        return run.finish(_reason(simulation, status, options))
+    with guarded(options, comm) as faults:
+        restart = None if options.restart is None else Restart(options, comm)
+        simulation = Simulation(model, options, comm, restart)
+        with StopSignals() as signals:
+            run = _Run(simulation, options, case, results, begin, restart)
+            status = run.to_the_end(signals)
+            if run.signal:
+                raise run.interrupted()
+            when = f" after t = {simulation.time:.6g} s"
+            why = partial(_reason, simulation, status, options)
+            return run.finish(reason_of(faults, comm, when, why))
 
 
 class _Run:
@@ -91,6 +103,8 @@ class _Run:
         self._checkpoints = Checkpoints(simulation, simulation.serial, options, self._grid, restart)
         self._checkpoint: Path | None = None
         self.signal, self._agreement = 0, Agreement(simulation.system.comm)
+        self._faults = current()
+        self._watch: EnergyWatch | None = None
         self._setup: float | None = None
         self._first: float | None = None
 
@@ -100,6 +114,7 @@ class _Run:
     def to_the_end(self, signals: StopSignals) -> Status:
         """Take all steps, or those before the first that fails or a signal."""
         simulation, options, grid = self._simulation, self._options, self._grid
+        simulation.cautions.say()
         status = simulation.status
         if status is not Status.OK:
             return status
@@ -107,8 +122,16 @@ class _Run:
             self._recorder.record(0, measures=self._outputs())
             self._look(signals)
         self._setup = self._elapsed()
+        self._watch = watch = EnergyWatch(
+            simulation.system,
+            simulation.serial,
+            grid.h,
+            probed=self._recorder.balances,
+            fast="steps" in simulation.cautions.found,
+        )
+        simulation.follow = _weakly(self._follow)
         if options.adaptive:
-            simulation.observe = lambda: self._recorder.record_between(self._outputs())
+            simulation.observe = _weakly(self._between)
         count, first = grid.steps(options.t_end), (self._start or 0) + 1
         every = options.checkpoint_every
         for step in range(first, count + 1):
@@ -121,17 +144,29 @@ class _Run:
                 break
             stopped = simulation.events.stopped_by is not None
             last = stopped or step == count
+            watch.step(len(simulation.events.fired), last)
             self._recorder.record(step, last=last, measures=self._outputs())
             if stopped:
                 if every:  # the rest of the step is made by a restart
                     self._save(step if simulation.time >= grid.time(step) else step - 1)
                 break
             self._look(signals)
-            if self.signal or (every and (step % every == 0 or step == count)):
+            early = self.signal or self._agreement.failed
+            if early or (every and (step % every == 0 or step == count)):
                 self._save(step)
-            if self.signal:
+            if early:
                 break
         return status
+
+    def _between(self) -> None:
+        """Record an accepted state within a step."""
+        self._recorder.record_between(self._outputs())
+
+    def _follow(self) -> None:
+        """Take in the work up to an accepted state that is not recorded."""
+        self._recorder.follow()
+        assert self._watch is not None
+        self._watch.follow()
 
     def _outputs(self) -> FloatArray:
         """What the controllers do from the accepted state on."""
@@ -139,13 +174,38 @@ class _Run:
 
     def _look(self, signals: StopSignals) -> None:
         """Look for signals, and show progress where it is time to (collective)."""
-        self.signal = self._agreement.on(signals, self._recorder.due)
+        system = self._simulation.system
+        values = system.factors
+        if len(self._simulation.controls):
+            values = np.concatenate([self._outputs(), values])
+        self.signal = self._agreement.on(signals, self._recorder.due, values)
         if self._agreement.show:
             self._recorder.show()
+        if self._agreement.differs and not self._agreement.failed:
+            self._note_difference(values)
+
+    def _note_difference(self, values: FloatArray) -> None:
+        """Let the run fail by the first law or load whose values ranks do not agree on."""
+        simulation = self._simulation
+        every = np.array(simulation.system.comm.allgather(values))
+        first = int(np.argmax(np.ptp(every, axis=0) > 0.0))
+        model = simulation.serial.model
+        sources: list[tuple[Any, object]] = [
+            (controller, controller.law) for controller in model.controllers
+            for _ in controller.columns
+        ]  # fmt: skip
+        source, function = [*sources, *((load, load.amplitude) for load in model.loads)][first]
+        few, many = every[:, first].min(), every[:, first].max()
+        why = (
+            f"gives {few:.9g} on one rank and {many:.9g} on another at t = {simulation.time:.6g} s"
+        )
+        noted(f'{type(source).__name__} "{source.name}"', function, ReturnError(why))
+        self._agreement.failed = True
 
     def _save(self, step: int) -> None:
-        """Write a checkpoint."""
-        self._checkpoint = self._checkpoints.write(step, self._recorder.state())
+        """Write a checkpoint, if the disk takes it."""
+        with self._faults.files():
+            self._checkpoint = self._checkpoints.write(step, self._recorder.state())
 
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
@@ -161,10 +221,23 @@ class _Run:
         summary["restarted_at_step"] = self._start
         summary["wall_seconds_setup"] = self._setup or summary["wall_seconds"]
         summary["wall_seconds_first_step"] = self._first
-        comm = self._simulation.system.comm
+        comm, cautions = self._simulation.system.comm, self._simulation.cautions
+        cautions.say([] if self._watch is None else self._watch.texts())
         # the history is the first rank's
-        summary["warnings"] = comm.bcast(made_up_energy(self._simulation.serial.model, history))
+        cautions.say(comm.bcast(made_up_energy(self._simulation.serial.model, history)))
+        summary["warnings"] = cautions.texts
         return conclude(summary, history, self._results, self._options, comm)
+
+
+def _weakly(method: Callable[[], None]) -> Callable[[], None]:
+    """A method that does not keep its object: a cycle would let systems outlive their runs."""
+    reference = weakref.WeakMethod(method)
+
+    def call() -> None:
+        if alive := reference():
+            alive()
+
+    return call
 
 
 def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:

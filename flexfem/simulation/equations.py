@@ -7,7 +7,8 @@ Every rank solves the same equations, the first one writes.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,14 +18,15 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._checks import InputError
+from flexfem._faults import FAILURES, ReturnError, current, noted, where
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.equations import Equations, Motion, Stepper
-from flexfem.core.state import Numbering, State
+from flexfem.core.state import Numbering, State, counts
 from flexfem.core.status import Status
 from flexfem.integrators.vector_alpha import VectorAlpha
 from flexfem.io.atomic import raise_together
-from flexfem.io.history import AngleColumns, HistoryWriter
+from flexfem.io.history import AngleColumns, FolderLostError, HistoryWriter
 from flexfem.io.paraview_state import write_paraview_state
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
@@ -34,6 +36,8 @@ from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude
 from flexfem.simulation.reasons import EQUATIONS, with_hint
+from flexfem.simulation.recording import last_record
+from flexfem.simulation.run_guard import agreed, guarded, reason_of, refuse
 from flexfem.simulation.time_grid import TimeGrid
 
 __all__ = ["Source", "simulate_equations"]
@@ -96,8 +100,11 @@ def simulate_equations(
         InputError: a mistake in the data, or an option that has no meaning here, before anything is
             written (a ValueError).
         TypeError: the options are those of another analysis.
+        FunctionError: a function of the model failed after the start; a checkpoint and what was
+            computed are written (a RuntimeError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT or SIGTERM came; a checkpoint and what was computed are written.
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and what was computed are
+            written.
     """
     _checks.instance("simulate_equations", "options", options, RunOptions)
     for name, only in _FOREIGN.items():
@@ -107,23 +114,59 @@ def simulate_equations(
             )
     begin = time.perf_counter()
     comm = comm or MPI.COMM_WORLD
-    restart = None if options.restart is None else Restart(options, comm)
+    with guarded(options, comm) as faults:
+        restart = None if options.restart is None else Restart(options, comm)
+        simulation = _started(source, options, comm, restart)
+        refuse(faults, comm)
+        with StopSignals() as signals:
+            run = _Run(simulation, options, case, results, begin, restart)
+            status = run.to_the_end(signals)
+            if run.signal:
+                raise run.interrupted()
+            when = f" after t = {comm.bcast(run.time):.6g} s"
+            return run.finish(reason_of(faults, comm, when, lambda: run.reason(status)))
+
+
+def _started(
+    source: Source, options: RunOptions, comm: MPI.Intracomm, restart: Restart | None
+) -> _Stepped:
+    """The equations at their start, or where a checkpoint left them (collective).
+
+    Raises:
+        InputError: they have none.
+    """
+    _validate(source, comm)
     try:
-        source.validate()
         simulation = _Stepped(source.equations(comm), options, comm)
         if restart is not None:
             restart.check(simulation.equations.identity())
+        simulation.begin()
+        refuse(current(), comm)  # a function may have failed on one rank
+        if restart is not None and simulation.status is Status.OK:
             restart.restore(simulation, simulation.system)
-        else:
-            simulation.begin()
+            restart.check_time(simulation.stepper.motion.t)
     except ValueError as error:  # on every rank, the data being the same
         raise InputError(str(error)) from error
-    with StopSignals() as signals:
-        run = _Run(simulation, options, case, results, begin, restart)
-        status = run.to_the_end(signals)
-        if run.signal:
-            raise run.interrupted()
-        return run.finish(status)
+    if simulation.status is Status.OK:
+        simulation.observed()
+    return simulation
+
+
+def _validate(source: Source, comm: MPI.Intracomm) -> None:
+    """Check the data before all ranks build on them together (collective).
+
+    Raises:
+        InputError: a mistake, on a rank or on all.
+    """
+    mistake: ValueError | None = None
+    try:
+        source.validate()
+    except ValueError as error:
+        mistake = error
+    try:
+        raise_together(comm, mistake and InputError(str(mistake)))
+    except InputError as error:
+        raise error from mistake
 
 
 class _Replicated:
@@ -135,6 +178,10 @@ class _Replicated:
     def numberings(self) -> dict[str, Numbering]:
         """No rows but the values that are the same on every rank."""
         return {}
+
+    def doubts(self, state: State) -> str:
+        """No rows that could be wrong."""
+        return ""
 
 
 class _Stepped:
@@ -153,12 +200,32 @@ class _Stepped:
 
     def begin(self) -> None:
         """Start at t = 0."""
-        with np.errstate(all="ignore"):  # what is not finite becomes a status
+        self.status = Status.DIVERGED  # unless all functions can be called
+        # what is not finite becomes a status
+        with np.errstate(all="ignore"), self._functions():
             self.status = self.stepper.begin(self.equations, self.options)
 
+    @contextmanager
+    def _functions(self) -> Iterator[None]:
+        """Note where a function of the user's fails within."""
+        try:
+            yield
+        except FAILURES as error:
+            if not (where(error) or isinstance(error, ReturnError)):
+                raise
+            noted(type(self.equations).__name__, self.equations, error)
+
+    def observed(self) -> FloatArray:
+        """The columns of the history at the accepted state."""
+        row = np.full(len(self.equations.columns), np.nan)
+        with self._functions():
+            row[:] = self.equations.observe(self.stepper.motion)
+        return row
+
     def advance(self, h: float, t: float) -> Status:
-        """One step, or parts of it, to time ``t``."""
-        with np.errstate(all="ignore"):
+        """One step, or parts of it, to time ``t``; one in which a function fails diverges."""
+        status = Status.DIVERGED
+        with np.errstate(all="ignore"), self._functions():
             status = self._advance(h, _HALVINGS)
         if status is Status.OK:
             self.stepper.motion.t = t
@@ -182,7 +249,7 @@ class _Stepped:
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` returned."""
-        self.steps, self.rejected = map(int, state.values["steps"])
+        self.steps, self.rejected = counts("steps", state.values["steps"])
         self.stepper.restore(self.equations, self.options, state.values)
 
 
@@ -200,7 +267,8 @@ class _Records:
         self._table: HistoryWriter | None = None
         self._series: dict[str, VtuSeries] = {}
         self._opened = False  # ParaView's script is written
-        row = None if resume is None else resume.values["history"]
+        self._faults, self._broken = current(), False  # broken: the table lacks rows
+        row = None if resume is None else last_record(resume, len(self._columns))
         self._resume = start = None if row is None else float(row[0])
         if options.output is not None:
             self._table = HistoryWriter(
@@ -231,22 +299,49 @@ class _Records:
     def record(self, step: int, simulation: _Stepped, last: bool = False) -> None:
         """Note the accepted state."""
         motion = simulation.stepper.motion
-        row = self._angles.unwrap(self._equations.observe(motion))
+        row = self._angles.unwrap(simulation.observed())
         self._rows.append(np.concatenate([[motion.t], row]))
-        if self._table is not None:
-            self._table.write(motion.t, row)
+        self._write(motion.t, row)
         if last or step % self._every == 0:
             self.picture(step, motion)
         if last:
             self.show(simulation)
 
+    def _write(self, t: float, row: FloatArray) -> None:
+        """Append a row to the table, as long as the disk takes them."""
+        table = self._table
+        try:
+            if table is not None:
+                table.write(t, row)
+        except OSError as error:
+            self._faults.note(error)
+            self._table, self._broken = None, True
+
     def picture(self, step: int, motion: Motion) -> None:
+        """Write what is seen, unless something has failed (collective)."""
+        self._look_after_the_table()
+        if self._folder is not None and agreed(self._faults, self._comm) is None:
+            with self._faults.files():
+                self._picture(self._folder, step, motion)
+
+    def _look_after_the_table(self) -> None:
+        """Write it anew where it was removed; the run ends then."""
+        table = self._table
+        if table is not None and table.lost:
+            self._faults.note(FolderLostError(table.path.parent, table.path.exists()))
+            self._broken = table.path.exists()
+            if self._broken:
+                table.close()
+                self._table = None
+                return
+            with self._faults.files():
+                table.write_anew(self._rows)
+
+    def _picture(self, folder: Path, step: int, motion: Motion) -> None:
         """Write what is seen (collective); the first rank has all of it."""
-        if self._folder is None:
-            return
         for name, seen in self._equations.pictures(motion).items():
             if name not in self._series:
-                self._series[name] = VtuSeries(self._folder, name, self._comm, resume=self._resume)
+                self._series[name] = VtuSeries(folder, name, self._comm, resume=self._resume)
             mine = slice(None) if self._comm.rank == 0 else slice(0)
             self._series[name].write(
                 motion.t, step, seen.points[mine], seen.cells[mine], seen.cell_type,
@@ -254,12 +349,12 @@ class _Records:
                 {key: values[mine] for key, values in seen.cell_data.items()},
             )  # fmt: skip
         if self._series and not self._opened:
-            write_paraview_state(self._folder, self._comm)
+            write_paraview_state(folder, self._comm)
             self._opened = True
 
     def state(self) -> State:
         """What the records go on from; the table is on disk first (collective)."""
-        error = None
+        error: Exception | None = self._faults.error if self._broken else None
         try:
             if self._table is not None:
                 self._table.sync()
@@ -271,14 +366,17 @@ class _Records:
     def close(self) -> dict[str, FloatArray]:
         """Close the files; the columns so far on the first rank."""
         self._progress.close()
-        if self._table is not None:
-            self._table.close()
-        if self._folder is not None:
-            for name in _OF_MODELS:
-                if name not in self._series:
-                    VtuSeries(self._folder, name, self._comm).close()
-        for series in self._series.values():
-            series.close()
+        self._look_after_the_table()
+        with self._faults.files():
+            if self._table is not None:
+                self._table.close()
+        with self._faults.files():
+            if self._folder is not None and agreed(self._faults, self._comm) is None:
+                for name in _OF_MODELS:
+                    if name not in self._series:
+                        VtuSeries(self._folder, name, self._comm).close()
+            for series in self._series.values():
+                series.close()
         if self._comm.rank or not self._rows:
             return {}
         table = np.array(self._rows)
@@ -326,38 +424,47 @@ class _Run:
             status = simulation.advance(grid.rest(t, step), grid.time(step))
             if step == first:
                 self._first = time.perf_counter() - self._begin
+            self.signal = self._agreement.on(signals)
+            if self._agreement.failed:  # what the first rank has is what is written
+                status = simulation.system.comm.bcast(status)
             if status is not Status.OK:
                 self._records.picture(step - 1, simulation.stepper.motion)
                 self._save(step - 1)
                 break
             self._records.record(step, simulation, last=step == count)
-            self.signal = self._agreement.on(signals)
             if self._records.due:
                 self._records.show(simulation)
-            if self.signal or (every and (step % every == 0 or step == count)):
+            early = self.signal or self._agreement.failed
+            if early or (every and (step % every == 0 or step == count)):
                 self._save(step)
-            if self.signal:
+            if early:
                 break
         return status
 
     def _save(self, step: int) -> None:
-        self._checkpoint = self._checkpoints.write(step, self._records.state())
+        with current().files():
+            self._checkpoint = self._checkpoints.write(step, self._records.state())
+
+    @property
+    def time(self) -> float:
+        """Time of the accepted state, s; 0 where there is none."""
+        started = self._simulation.status is Status.OK
+        return self._simulation.stepper.motion.t if started else 0.0
 
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
         reason = f"interrupted at t = {self._simulation.stepper.motion.t:.6g} s"
-        outcome = self._conclude(reason)
+        outcome = self.finish(reason)
         return interruption(self.signal, reason, self._checkpoint, outcome)
 
-    def finish(self, status: Status) -> Outcome:
-        """Write what is left and the summary (collective)."""
+    def reason(self, status: Status) -> str:
+        """The status in words."""
         if status is Status.OK:
-            return self._conclude("ok")
-        started = self._simulation.status is Status.OK
-        t = self._simulation.stepper.motion.t if started else 0.0
-        return self._conclude(with_hint(f"{status.value} at t = {t:.6g} s", EQUATIONS.get(status)))
+            return "ok"
+        return with_hint(f"{status.value} at t = {self.time:.6g} s", EQUATIONS.get(status))
 
-    def _conclude(self, reason: str) -> Outcome:
+    def finish(self, reason: str) -> Outcome:
+        """Write what is left and the summary (collective)."""
         simulation = self._simulation
         history = self._records.close()
         equations, wall = simulation.equations, time.perf_counter() - self._begin

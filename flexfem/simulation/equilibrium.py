@@ -52,7 +52,7 @@ def rest(
     # rows that may carry nothing leave the matrix unsymmetric, as loads without potential do
     plain = rows.active & (rows.elastic[:, 0] <= LawKind.SPRING)
     conservative = bool(system.comm.allreduce(bool(plain.all()), op=MPI.LAND)) and not any(
-        load.follower or np.any(load.wrench[1] != 0.0) for load in loads
+        load.follower or load.has_moment for load in loads
     )
     loading = Loading(system, growing, gravity_grows, span)
     return Equilibrium(

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Events of a run: watched, located in time, carried out.
 
-Every rank evaluates the functions with the same marker states, and so decides alike.
+Every rank evaluates the functions with the same marker states; decisions are taken on the largest
+of their values, so that all ranks decide alike.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -12,12 +14,14 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem._faults import FAILURES, FunctionError, ReturnError, noted
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core.prediction import Prediction
 from flexfem.core.row import LawKind
+from flexfem.core.state import counts
 from flexfem.core.status import Status
 from flexfem.integrators.start import make_consistent, project_velocities
-from flexfem.model.event import LockJoint, Rebound, ReleaseJoint, Stop
+from flexfem.model.event import Event, LockJoint, Rebound, ReleaseJoint, Stop
 from flexfem.model.model import Model
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.assembly import Assembly
@@ -27,6 +31,8 @@ from flexfem.system.system import System
 
 __all__ = ["Events"]
 
+#: Values of one function that differ by less than this part may be rounded by other computers.
+_ALIKE = 1e-9
 #: Round-off of a time, relative.
 _ROUND_OFF = 1e-15
 #: Evaluations after which a bracket must have halved; else it is bisected.
@@ -79,12 +85,13 @@ class Events:
         self.fired: list[tuple[str, float]] = []
         self.stopped_by: str | None = None
         self.bad: str | None = None
+        self._largest = np.zeros(len(self._events))
         _check_rebounds(system.constraints, serial.model)
         self._reversing: BoolArray = np.array([e.reverses for e in self._events], dtype=np.bool_)
         self._armed: BoolArray = np.ones(len(self._events), dtype=np.bool_)
         try:
             self.values = self.evaluate()
-        except TypeError as error:
+        except FunctionError as error:
             raise InputError(str(error)) from error
         if self.bad is not None:
             raise InputError(f'Event "{self.bad}": function must be finite at t = 0')
@@ -103,7 +110,9 @@ class Events:
         """Take back what :meth:`state` returned."""
         self.values, self._sides = state["events"][:2]
         self._armed = state["events"][2] > 0.0
-        self.fired = [(self._events[int(i)].name, float(t)) for i, t in state["fired"]]
+        numbers = counts("fired", state["fired"][:, 0])
+        times = state["fired"][:, 1].tolist()
+        self.fired = [(self._events[i].name, t) for i, t in zip(numbers, times, strict=True)]
 
     def __len__(self) -> int:
         """Number of events."""
@@ -116,9 +125,35 @@ class Events:
             count = len(event.markers)
             values[i] = event.evaluate(self._system.time, states[at : at + count])
             at += count
-            if not np.isfinite(values[i]):
-                self.bad = event.name
+        if self._events:
+            self._agree(values)
         return values
+
+    def _agree(self, values: FloatArray) -> None:
+        """Take the largest values of all ranks, and note events of which they differ (collective).
+
+        A function may fail on one rank only, or compute something else there.
+        """
+        comm = self._system.comm
+        if comm.size == 1:
+            bad = ~np.isfinite(values)
+        else:
+            fine = np.isfinite(values)
+            both = np.where(fine, [values, -values], np.inf)
+            comm.Allreduce(MPI.IN_PLACE, both, op=MPI.MAX)
+            bad = np.isinf(both[0])
+            values[:] = np.where(bad, np.nan, both[0])
+            self._largest = np.maximum(self._largest, np.where(bad, 0.0, np.abs(both).max(axis=0)))
+            apart = ~bad & (both.sum(axis=0) > _ALIKE * self._largest)
+            for i in np.flatnonzero(apart).tolist():
+                event, why = self._events[i], "gives {:.9g} on one rank and {:.9g} on another"
+                noted(
+                    f'Event "{event.name}"', event.function,
+                    ReturnError(why.format(-both[1, i], both[0, i])),
+                )  # fmt: skip
+            bad |= apart
+        if bad.any():
+            self.bad = self._events[int(np.flatnonzero(bad)[-1])].name
 
     def crossed(self, values: FloatArray) -> BoolArray:
         """Which events have crossed zero in their direction, given the values of the functions."""
@@ -185,7 +220,10 @@ class Events:
         system = self._system
         system.reset()
         system.interface.update()
-        mechanism = _Moving(system, self.fired)
+        mechanism, before = (
+            _Moving(system, self.fired),
+            deepcopy((self.state(), system.constraints.state())),
+        )
         for i in np.flatnonzero(hits):
             event = self._events[i]
             self.fired.append((event.name, system.time))
@@ -193,8 +231,10 @@ class Events:
                 self._sides[i] = -self._sides[i]
             self._armed[i] = not event.once
             mechanism.event = int(i)
-            for act in event.actions:
-                act(mechanism)
+            if not self._act(event, mechanism):
+                self.restore(before[0])
+                system.constraints.restore(before[1])
+                return Status.EVENT
             if mechanism.stopped:
                 self.stopped_by = event.name
                 return Status.OK
@@ -209,6 +249,18 @@ class Events:
         self.values = after
         self._sides[others] = np.sign(after[others])
         return status if self.bad is None else Status.EVENT
+
+    def _act(self, event: Event, mechanism: "_Moving") -> bool:
+        """Carry out the actions of an event; whether all ranks could (collective)."""
+        done = True
+        for act in event.actions:
+            try:
+                act(mechanism)
+            except FAILURES as error:
+                noted(f'Event "{event.name}"', act, error)
+                done = False
+        comm = self._system.comm
+        return done if comm.size == 1 else bool(comm.allreduce(done, op=MPI.LAND))
 
     def _rebound(self, impact: _Impact) -> Status:
         """Velocities after an impact at an open joint, which is open again afterwards."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.state import State
+from flexfem.core.state import State, counts
 from flexfem.simulation.path import CriticalPoint
 from flexfem.solvers.statics import Equilibrium, Snapshot
 from flexfem.system.system import System
@@ -47,7 +47,7 @@ class Followed:
         ]
         own = {
             "path": np.array([self.steps, self.rejected, self.largest, self.next], dtype=float),
-            "critical": np.array(numbers) if found else np.zeros((0, 4)),
+            "critical": np.array(numbers) if found else np.zeros((0, 4 + len(self.columns))),
             "held": self.equilibrium.memory,
         }
         motions: dict[str, dict[str, FloatArray]] = {}
@@ -62,8 +62,8 @@ class Followed:
 
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned (collective)."""
-        steps, rejected, self.largest, self.next = state.values["path"].tolist()
-        self.steps, self.rejected = int(steps), int(rejected)
+        self.steps, self.rejected = counts("path", state.values["path"][:2])
+        self.largest, self.next = state.values["path"][2:].tolist()
         system, equilibrium = self.system, self.equilibrium
         equilibrium.memory = state.values["held"]
         system.restore(state)
@@ -75,8 +75,8 @@ class Followed:
             for part in system.parts:
                 whole = state.rows[part.block.name][f"critical_{k}"]
                 motion.append(whole[: part.block.owned, : part.block.width].copy())
-            kind, t, before, after = row[:4].tolist()
+            kind, before, after = counts("critical", row[[0, 2, 3]])
             values = dict(zip(self.columns, row[4:].tolist(), strict=False))
             self.critical.append(
-                CriticalPoint(_KINDS[int(kind)], t, (int(before), int(after)), values, motion)
+                CriticalPoint(_KINDS[kind], float(row[1]), (before, after), values, motion)
             )

@@ -19,7 +19,7 @@ from flexfem.io.state_space import write_arrays
 from flexfem.model.measured import ShellStrainProbe, StrainProbe
 from flexfem.model.model import Model
 from flexfem.model.probe import Probe
-from flexfem.simulation.modes import few_modes
+from flexfem.simulation.modes import doubts
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.reasons import MODES, with_hint
 from flexfem.solvers.mode_shapes import ComplexArray, find
@@ -51,8 +51,8 @@ class LinearModel:
         A, B, C, D: (n, n), (n, m), (p, n), (p, m).
         inputs, outputs: names; a drive with several rows has one input ``<joint>_<row>`` for each.
         y0: (p,) outputs in the state about which the model is linearised.
-        status: "ok"; or why there is no such state, all arrays are empty then; or how many modes
-            converged of those asked for, with a warning, and the arrays have the motions of these.
+        status: "ok"; or why there is no such state, all arrays are empty then; or what is
+            wrong with the modes, with a warning, and the arrays have the motions of those found.
     """
 
     A: FloatArray
@@ -120,7 +120,7 @@ def linearize(
     shapes, reason = None, "ok"
     if options.modes > 0:
         found = find(point.linearization, options.modes, 0.0, _ACCURACY)
-        shapes, reason = found.shapes, few_modes(found, options.modes)
+        shapes, reason = found.shapes, doubts(found, options.modes)
         if reason != "ok" and point.system.comm.rank == 0:
             warnings.warn(f"linearize: {reason}", RuntimeWarning, stacklevel=2)
     reduction = reduce_equations(point.linearization, len(model.loads), shapes)

@@ -3,17 +3,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 
 from flexfem import _checks
-from flexfem._checks import InputError
+from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import ModeOptions
 from flexfem.core.status import Status
+from flexfem.io.field_output import FieldOutput
 from flexfem.io.history import HistoryWriter
 from flexfem.io.mode_output import write_modes
 from flexfem.io.summary import remove_summary
@@ -21,10 +25,13 @@ from flexfem.model.model import Model
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results, conclude
 from flexfem.simulation.reasons import MODES, with_hint
+from flexfem.simulation.run_guard import agreed, guarded, refuse
 from flexfem.solvers.mode_shapes import Modes, find
 
-__all__ = ["ModesOutcome", "few_modes", "find_modes", "modes_at"]
+__all__ = ["ModesOutcome", "checks", "doubts", "find_modes", "modes_at"]
 
+#: Accuracies below this are close to rounding; above the other no mode is known.
+_FINE, _COARSE = 1e-12, 1e-2
 _COLUMNS = ("frequency", "damping_ratio", "real", "imag", "mass_x", "mass_y", "mass_z")
 
 
@@ -34,9 +41,11 @@ class ModesOutcome(Outcome):
 
     Attributes:
         modes: the modes on this rank, None if there is no state to look at.
+        state: columns of the probes in the state the modes belong to.
     """
 
     modes: Modes | None = None
+    state: Mapping[str, float] = field(default_factory=dict)
 
 
 def find_modes(
@@ -48,6 +57,10 @@ def find_modes(
     The history has one row for each mode; its first column ``t`` is the number of the mode. The
     others are ``frequency`` (Hz), ``damping_ratio``, ``real`` and ``imag`` of the eigenvalue (1/s)
     and ``mass_x, mass_y, mass_z``, the effective masses along the inertial axes (kg).
+
+    The columns of the probes in the state about which the modes are, displacements and strains of a
+    steady rotation for example, are in the outcome and the summary (``state``). Pictures of an
+    equilibrium with its displacements and strains are in the folder ``equilibrium``.
 
     Args:
         model: the model, the same on every rank.
@@ -65,21 +78,33 @@ def find_modes(
         OSError: the results cannot be written.
     """
     _checks.instance("find_modes", "options", options, ModeOptions)
-    point = OperatingPoint(model, options, comm)
-    point.check_count("ModeOptions", options.modes)
-    status = point.settle(options.spin)
-    found = modes_at(point, options) if status is Status.OK else None
-    if options.output is not None:
-        remove_summary(options.output / "summary.json", point.system.comm)
-    history = _write(point, options, found)
-    reason = _reason(status, options, found)
-    summary = point.summary(case, reason)
+    comm = comm or MPI.COMM_WORLD
+    with guarded(options, comm) as faults:
+        point = OperatingPoint(model, options, comm)
+        point.check_count("ModeOptions", options.modes)
+        status = point.settle(options.spin)
+        state = point.columns() if status is Status.OK else {}
+        found = modes_at(point, options) if status is Status.OK else None
+        refuse(faults, comm)
+        if options.output is not None:
+            remove_summary(options.output / "summary.json", comm)
+        history = _write(point, options, found)
+        summary = point.summary(case, _reason(status, options, found))
+        return _ended(summary, options, results, comm, found, state, history)
+
+
+def _ended(
+    summary: dict[str, Any], options: ModeOptions, results: Results | None, comm: MPI.Intracomm,
+    found: Modes | None, state: dict[str, float], history: dict[str, FloatArray],
+) -> ModesOutcome:  # fmt: skip
+    """Write the summary (collective)."""
     if found is not None:
+        summary["checks"], summary["state"] = checks(found), state
         summary["results"] = {
             f"frequency_{k + 1}": f for k, f in enumerate(found.frequencies.tolist())
         }
-    ended = conclude(summary, history, results, options, point.system.comm)
-    return ModesOutcome(ended.status, ended.summary, ended.history, found)
+    ended = conclude(summary, history, results, options, comm)
+    return ModesOutcome(ended.status, ended.summary, ended.history, found, state)
 
 
 def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Modes:
@@ -90,30 +115,63 @@ def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Mode
         options: number of modes and accuracy.
         more: modes beyond those asked for.
 
-    Raises:
-        InputError: a target frequency for a damped or rotating model.
     """
     target = 2.0 * np.pi * options.target
-    if target > 0.0 and point.linearization.damped():
-        raise InputError(
-            f"{type(options).__name__}: target {options.target:g} Hz needs a model at rest "
-            "without damping"
-        )
     return find(point.linearization, options.modes + more, target, options.accuracy)
 
 
-def few_modes(found: Modes, asked: int, more: str = "") -> str:
-    """That fewer modes converged than were asked for, and what ``more`` to try; else "ok"."""
-    if len(found) >= asked:
+def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
+    """What is wrong with modes, and what to try; "ok" if nothing is.
+
+    Args:
+        found: the modes.
+        asked: how many should be there.
+        accuracy: of the options; None if there are no options of the search.
+    """
+    near = "" if accuracy is None else ", or give a target near them"
+    if len(found) < asked:
+        finer = " or a larger accuracy" if accuracy is not None and accuracy < _FINE else ""
+        return with_hint(
+            f"only {len(found)} of {asked} modes converged", f"ask for fewer modes{finer}{near}"
+        )
+    if found.missing:
+        return with_hint(
+            f"{found.missing} modes lie among the {asked} found and were not found",
+            f"ask for more modes{near}",
+        )
+    if not found.doubtful.any():
         return "ok"
-    return with_hint(f"only {len(found)} of {asked} modes converged", f"ask for fewer modes{more}")
+    worst = float(found.residuals.max())
+    text = f"{int(found.doubtful.sum())} of {asked} modes have residuals up to {worst:.1e}"
+    if accuracy is None:
+        return with_hint(text, "ask for fewer modes")
+    taken = f"; accuracy {worst:.1g} takes them as they are" if worst < _COARSE else ""
+    return with_hint(
+        f"{text}, more than accuracy {accuracy:g}", f"ask for fewer modes{near}{taken}"
+    )
 
 
 def _reason(status: Status, options: ModeOptions, found: Modes | None) -> str:
     if found is None:
         what = "steady rotation" if options.spin else "equilibrium"
         return with_hint(f"{status.value} in the search for the {what}", MODES.get(status))
-    return few_modes(found, options.modes, " or a larger accuracy, or give a target near them")
+    return doubts(found, options.modes, options.accuracy)
+
+
+def checks(found: Modes) -> dict[str, Any]:
+    """What the summary says of how modes were checked."""
+    return {
+        "largest_residual": float(found.residuals.max(initial=0.0)),
+        "missing": found.missing,
+        "zero_below": found.zero_below / (2.0 * np.pi),
+    }
+
+
+def _picture(point: OperatingPoint, folder: Path) -> None:
+    """Write the fields of the present state (collective)."""
+    fields = FieldOutput(folder, point.system, point.serial)
+    fields.write(0.0, 0)
+    fields.close()
 
 
 def _write(
@@ -130,15 +188,19 @@ def _write(
     numbers = np.arange(1.0, len(found) + 1.0)
     if options.output is not None:
         writer = HistoryWriter(options.output / "history.csv", _COLUMNS, system.comm)
-        for number, row in zip(numbers, table, strict=True):
-            writer.write(float(number), row)
-        writer.close()
-        if options.frames > 0:
+        with current().files():
+            for number, row in zip(numbers, table, strict=True):
+                writer.write(float(number), row)
+            writer.close()
+        if options.frames > 0 and agreed(current(), system.comm) is None:
             shapes = [point.linearization.split(shape) for shape in found.shapes]
-            write_modes(
-                options.output, system, point.serial, shapes, found.frequencies,
-                options.amplitude, options.frames,
-            )  # fmt: skip
+            with current().files():
+                if point.is_equilibrium:
+                    _picture(point, options.output / "equilibrium")
+                write_modes(
+                    options.output, system, point.serial, shapes, found.frequencies,
+                    options.amplitude, options.frames,
+                )  # fmt: skip
     if system.comm.rank != 0:
         return {}
     return {"t": numbers} | dict(zip(_COLUMNS, table.T.copy(), strict=True))

@@ -17,12 +17,14 @@ from flexfem.integrators.redundancy import check_independence
 from flexfem.integrators.start import check_gaps
 from flexfem.la.dropped import destroy_dropped
 from flexfem.model.model import Model
+from flexfem.simulation.cautions import Cautions
 from flexfem.simulation.checkpoints import SavedState
 from flexfem.simulation.outcome import summary_of
 from flexfem.simulation.setup import set_up
 from flexfem.solvers.linearization import Linearization
 from flexfem.solvers.steady_rotation import Rotation, check_steadiness, find_equilibrium, hold
 from flexfem.solvers.steady_rotation import set_spin as set_velocities
+from flexfem.system.probes import ProbeRecorder
 
 __all__ = ["OperatingPoint"]
 
@@ -34,6 +36,7 @@ class OperatingPoint:
         serial, system: the model's data and its system.
         linearization: evaluated at the state after :meth:`settle`.
         freedoms: number of degrees of freedom.
+        cautions: what the analysis warns of.
     """
 
     def __init__(
@@ -47,9 +50,11 @@ class OperatingPoint:
         self._begin = time.perf_counter()
         saved = None if options.state is None else SavedState(options.state, comm or MPI.COMM_WORLD)
         self.serial, self.system = set_up(model, comm, options.split_above)
+        self.cautions = Cautions(self.serial, options, self.system)
         if saved is not None:
             saved.check(self.serial)
         self.options = options
+        self._probes: ProbeRecorder | None = None
         self.system.set_time(0.0)
         self.rotation(0.0)
         self.linearization = Linearization(self.system)
@@ -79,12 +84,27 @@ class OperatingPoint:
         rotation = self.rotation(spin)
         if spin != 0.0:
             check_steadiness(self.serial.model, self.system, rotation)
-        elif self.options.start == "rest":
+        self.cautions.say()
+        if spin == 0.0 and self.options.start == "rest":
             set_velocities(self.system, rotation)
             status = Status.OK if hold(self.linearization) else Status.SINGULAR
             self.system.constraints.forces[:] = self.linearization.multipliers
             return status
         return find_equilibrium(self.linearization, rotation)
+
+    def columns(self) -> dict[str, float]:
+        """Columns of all probes in the present state, the same on every rank (collective)."""
+        if self._probes is None:
+            self._probes = ProbeRecorder(self.system, self.serial, depth=1)
+        self._probes.record(self.system.time)
+        values = [row.tolist() for _, row in self._probes.flush()]
+        row = self.system.comm.bcast(values[0] if values else None)
+        return dict(zip(self._probes.columns, row, strict=True))
+
+    @property
+    def is_equilibrium(self) -> bool:
+        """The state is one that was found, not the given one."""
+        return self.options.spin != 0.0 or self.options.start == "equilibrium"
 
     def check_count(self, owner: str, count: int) -> None:
         """Raise if the model has fewer modes than asked for.
@@ -105,4 +125,5 @@ class OperatingPoint:
             "freedoms": self.freedoms,
             "wall_seconds": wall,
             "wall_seconds_setup": wall,
+            "warnings": self.cautions.texts,
         }

@@ -7,9 +7,11 @@ from typing import Any
 
 from mpi4py import MPI
 
+from flexfem._faults import FAILURES, FunctionError, current, noted
 from flexfem._types import FloatArray
 from flexfem.io.summary import write_summary
 from flexfem.options import Settings
+from flexfem.simulation.run_guard import agreed, folder_is_lost
 from flexfem.system.system import System
 
 __all__ = ["Outcome", "Results", "conclude", "summary_of"]
@@ -48,13 +50,31 @@ def conclude(
 ) -> Outcome:  # fmt: skip
     """Add the headline results to a summary and write it, if there is a folder (collective).
 
-    The history is empty on other ranks than the first.
+    The history is empty on other ranks than the first. What went wrong since the run has ended is
+    its status, if that was well until then.
     """
+    faults = current()
     if history and results is not None:
-        summary["results"] = dict(results(history))
-    if options.output is not None:
-        write_summary(options.output / "summary.json", summary, comm)
-    return Outcome(summary["status"], summary, history)
+        try:
+            summary["results"] = dict(results(history))
+        except FAILURES as error:
+            noted(f"results of case '{summary['case']}'", results, error)
+    _tell(summary, comm)
+    if options.output is not None and not folder_is_lost(comm):
+        with faults.files():
+            write_summary(options.output / "summary.json", summary, comm)
+    _tell(summary, comm)
+    outcome = Outcome(summary["status"], summary, history)
+    faults.outcome = outcome
+    return outcome
+
+
+def _tell(summary: dict[str, Any], comm: MPI.Intracomm) -> None:
+    """Let the status say what went wrong on a rank (collective)."""
+    error = agreed(current(), comm)
+    later = summary["status"] == "ok" or isinstance(error, FunctionError)
+    if error is not None and later and str(error) not in summary["status"]:
+        summary["status"] = str(error)
 
 
 def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
@@ -65,6 +85,7 @@ def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
         "ranks": system.comm.size,
         "unknowns": system.unknowns,
         "multipliers": system.multipliers,
+        "shared_multipliers": system.constraints.shared_size,
         "steps": 0,
         "rejected_steps": 0,
         "newton_iterations": counters.newton_iterations,

@@ -7,23 +7,37 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.core.state import State
 from flexfem.io.atomic import raise_together
 from flexfem.io.field_output import FieldOutput
-from flexfem.io.history import AngleColumns, HistoryWriter
+from flexfem.io.history import AngleColumns, FolderLostError, HistoryWriter
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.options import Settings
 from flexfem.simulation.monitor import Monitor
+from flexfem.simulation.run_guard import agreed, refuse
 from flexfem.system.assembly import Assembly
 from flexfem.system.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["Recorder"]
+__all__ = ["Recorder", "last_record"]
 
 #: Relative difference of times that are the same.
 _SAME = 1e-9
+
+
+def last_record(state: State, columns: int) -> FloatArray:
+    """Time and columns of the last record before a checkpoint.
+
+    Raises:
+        InputError: the checkpoint does not hold them.
+    """
+    row = state.values.get("history")
+    if row is None or row.shape != (1 + columns,) or not 0.0 <= row[0] < np.inf:
+        raise InputError(f"checkpoint: it does not hold the last time and {columns} columns")
+    return row
 
 
 class Recorder:
@@ -49,8 +63,8 @@ class Recorder:
             varies: the size of the steps, which is shown then.
 
         Raises:
-            InputError: a probe has a column of these names, or what the earlier run left cannot be
-                continued; it is left as it was.
+            InputError: a probe has a column of these names, or fails, or what the earlier run left
+                cannot be continued; it is left as it was.
         """
         self._system, self._every = system, every
         self._probes = ProbeRecorder(system, serial)
@@ -64,9 +78,16 @@ class Recorder:
         self._time, self._h, self._varies = 0.0, 0.0, varies  # of the last record
         self._unseen = True  # nothing was shown yet
         self._measured, self._first_measure = np.empty(0), (*measures, "")[0]
+        self._faults = current()
+        self._probes.check(system.time)
+        refuse(self._faults, system.comm)
         self._monitor = Monitor(system, serial.model, self._probes, moving=unit == "s")
-        self._table = self._fields = None
-        row = np.zeros(1) if resume is None else resume.values["history"]
+        self._table: HistoryWriter | None = None
+        self._fields: FieldOutput | None = None
+        self._broken = False  # the table lacks rows
+        row = np.zeros(1) if resume is None else last_record(resume, len(self._columns))
+        if resume is not None:
+            self._probes.restore(resume.values.get("sums", np.empty(0)))
         start = None if resume is None else float(row[0])
         if settings.output is not None:
             # an InputError leaves everything as it was: the table is cut last
@@ -75,7 +96,6 @@ class Recorder:
                 settings.output / "history.csv", self._columns, system.comm, resume=start
             )
         if resume is not None:
-            self._probes.restore(resume.values["sums"])
             self._continue(row)
         if settings.output is not None:
             remove_summary(settings.output / "summary.json", system.comm)
@@ -105,13 +125,18 @@ class Recorder:
 
     def record(self, step: int, last: bool = False, measures: FloatArray | None = None) -> None:
         """Note the accepted state of a step, and the measures that come with it."""
-        system = self._system
         self._keep(measures)
         due = step % self._every == 0 or last
         if due or self._probes.full:  # the table is never behind the fields
             self._flush()
-        if due and self._fields is not None:
-            self._fields.write(system.time, step)
+        if due:
+            self._write_fields(step)
+
+    def _write_fields(self, step: int) -> None:
+        """Write the accepted state, unless something has failed (collective)."""
+        if self._fields is not None and agreed(self._faults, self._system.comm) is None:
+            with self._faults.files():
+                self._fields.write(self._system.time, step)
 
     @property
     def due(self) -> bool:
@@ -135,11 +160,33 @@ class Recorder:
             self._time, counters.newton_iterations, counters.factorizations, [*own, *words], cost
         )
 
+    def record_values(self, step: int, values: FloatArray) -> None:
+        """Note columns, given on the first rank, and the fields of the trial state."""
+        self._flush()
+        system = self._system
+        self._h, self._time = system.time - self._time, system.time
+        if system.comm.rank == 0:
+            row = self._angles.unwrap(values)
+            self._rows.append(np.concatenate([[system.time], row]))
+            if self._table is not None:
+                self._table.write(system.time, row)
+        if self._fields is not None:
+            self._fields.write(system.time, step)
+
     def record_between(self, measures: FloatArray | None = None) -> None:
         """Note the accepted state of a part of a step in the history."""
         self._keep(measures)
         if self._probes.full:
             self._flush()
+
+    @property
+    def balances(self) -> bool:
+        """Whether a probe records the balance of all energies."""
+        return self._probes.energies is not None
+
+    def follow(self) -> None:
+        """Take in the work up to an accepted state that is not recorded."""
+        self._probes.follow()
 
     def record_last(self, step: int, measures: FloatArray | None = None) -> None:
         """Note the state reached before a step that failed, which may lie within the step."""
@@ -149,8 +196,8 @@ class Recorder:
         system.constraints.accept()
         if system.time > self._time:
             self.record(step, last=True, measures=measures)
-        elif self._fields is not None:
-            self._fields.write(system.time, step - 1)
+        else:
+            self._write_fields(step - 1)
 
     def state(self) -> State:
         """What the records go on from; brings the table to disk first (collective).
@@ -161,13 +208,15 @@ class Recorder:
         Raises:
             OSError: on all ranks; the disk does not take it.
         """
-        error = None
+        error: Exception | None = None
         try:
             self._flush()
             if self._table is not None:
                 self._table.sync()
         except OSError as exc:
             error = exc
+        if self._broken:
+            error = self._faults.error
         raise_together(self._system.comm, error)
         row = self._rows[-1] if self._rows else np.empty(0)
         return State({"history": row, "sums": self._probes.state()})
@@ -184,18 +233,41 @@ class Recorder:
         for (t, values), measures in zip(self._probes.flush(), own, strict=False):
             row = self._angles.unwrap(np.concatenate([measures, values]))
             self._rows.append(np.concatenate([[t], row]))
+            self._write(t, row)
+        if self._table is not None and self._table.lost:
+            self._recover(self._table)
+
+    def _write(self, t: float, row: FloatArray) -> None:
+        """Append a row to the table, as long as the disk takes them."""
+        try:
             if self._table is not None:
                 self._table.write(t, row)
+        except OSError as error:
+            self._faults.note(error)
+            self._table, self._broken = None, True
+
+    def _recover(self, table: HistoryWriter) -> None:
+        """Write the table anew where it was removed; the run ends then."""
+        replaced = table.path.exists()
+        self._faults.note(FolderLostError(table.path.parent, replaced))
+        if replaced:
+            table.close()
+            self._table, self._broken = None, True
+            return
+        with self._faults.files():
+            table.write_anew(self._rows)
 
     def close(self) -> None:
         """Write what is left."""
         self._flush()
         self._show(())
         self._progress.close()
-        if self._table is not None:
-            self._table.close()
-        if self._fields is not None:
-            self._fields.close()
+        with self._faults.files():
+            if self._table is not None:
+                self._table.close()
+        with self._faults.files():
+            if self._fields is not None:
+                self._fields.close()
 
     def history(self) -> dict[str, FloatArray]:
         """Columns recorded so far, on the first rank."""

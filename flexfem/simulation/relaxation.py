@@ -12,15 +12,18 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem import _checks
+from flexfem._faults import current
 from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.integrators.start import check_start
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
+from flexfem.simulation.cautions import Cautions
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.reasons import RELAXATION, not_finite, with_hint
 from flexfem.simulation.recording import Recorder
+from flexfem.simulation.run_guard import guarded, reason_of
 from flexfem.simulation.setup import set_up
 from flexfem.simulation.time_grid import TimeGrid
 from flexfem.solvers.relaxation import Progression, Relaxation, Scheme
@@ -62,19 +65,24 @@ def relax(
     Raises:
         InputError: a mistake in the model, before anything is written (a ValueError).
         TypeError: the options are those of another analysis.
+        FunctionError: a function of the model failed after the start; a checkpoint and what was
+            computed are written (a RuntimeError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT or SIGTERM came; a checkpoint and what was computed are written.
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and what was computed are
+            written.
     """
     _checks.instance("relax", "options", options, RelaxationOptions)
     begin = time.perf_counter()
     comm = comm or MPI.COMM_WORLD
-    restart = None if options.restart is None else Restart(options, comm)
-    run = _Run(model, options, case, results, comm, restart, begin)
-    with StopSignals() as signals:
-        run.to_the_end(signals)
-        if run.signal:
-            raise run.interrupted()
-        return run.finish(run.reason())
+    with guarded(options, comm) as faults:
+        restart = None if options.restart is None else Restart(options, comm)
+        run = _Run(model, options, case, results, comm, restart, begin)
+        with StopSignals() as signals:
+            run.to_the_end(signals)
+            if run.signal:
+                raise run.interrupted()
+            when = f" after {run.relaxation.iteration} iterations"
+            return run.finish(reason_of(faults, comm, when, run.reason))
 
 
 class _Run:
@@ -90,6 +98,7 @@ class _Run:
     ) -> None:  # fmt: skip
         self._begin, self._options, self._case, self._results = begin, options, case, results
         self._serial, self.system = set_up(model, comm, options.split_above)
+        self._cautions = Cautions(self._serial, options, self.system)
         if restart is not None:
             restart.check(self._serial)
         self.system.set_time(options.at_time)
@@ -121,6 +130,7 @@ class _Run:
     def to_the_end(self, signals: StopSignals) -> None:
         """Iterate to convergence, or as far as it goes."""
         options, relaxation = self._options, self.relaxation
+        self._cautions.say()
         done = False
         if self._start is None:
             self._finite = relaxation.evaluate()
@@ -138,7 +148,7 @@ class _Run:
             self._record(last=done or not self._finite)
             self._look(signals)
             self._save_if_due(done)
-            if self.signal:
+            if self.signal or self._agreement.failed:
                 break
         self._iterating = self._elapsed() - self._setup
 
@@ -163,9 +173,14 @@ class _Run:
     def _save_if_due(self, done: bool) -> None:
         """Write a checkpoint at its interval, at the end, or if the run ends early."""
         every, at = self._options.checkpoint_every, self.relaxation.iteration
-        early = self.signal or (done and not self._converged(self.relaxation.progress))
+        early = (
+            self.signal
+            or self._agreement.failed
+            or (done and not self._converged(self.relaxation.progress))
+        )
         if self._finite and (early or (every and (done or at % every == 0))):
-            self._checkpoint = self._checkpoints.write(at, self._recorder.state())
+            with current().files():
+                self._checkpoint = self._checkpoints.write(at, self._recorder.state())
 
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
@@ -205,6 +220,7 @@ class _Run:
             "wall_seconds": self._elapsed(),
             "wall_seconds_setup": self._setup or self._elapsed(),
             "wall_seconds_steps": self._iterating,
+            "warnings": self._cautions.texts,
         }
 
 

@@ -6,11 +6,15 @@ from collections.abc import Callable
 from mpi4py import MPI
 
 from flexfem._checks import InputError
+from flexfem._faults import watched
 from flexfem.la.dropped import destroy_dropped
 from flexfem.model.model import Model
 from flexfem.simulation.controls import Outputs, driven_model
+from flexfem.simulation.run_guard import refuse
+from flexfem.system.agreement import agreed
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
+from flexfem.system.memory import check_memory
 from flexfem.system.system import System
 
 __all__ = ["set_up"]
@@ -30,15 +34,33 @@ def set_up(
         outputs: of the model's controllers at a time (s); zero by default.
 
     Raises:
-        InputError: a mistake in the model (a ValueError).
+        InputError: a mistake in the model, or it differs between ranks (a ValueError).
     """
-    try:
+    comm = comm or MPI.COMM_WORLD
+    check_memory(model, comm)
+
+    def make() -> Assembly:
         model.validate()
-        serial = Assembly(driven_model(model, outputs))
+        return Assembly(driven_model(model, outputs))
+
+    try:
+        serial = agreed(comm, make)
+        _check_functions(model, comm)
         if check is not None:
             check(serial)
-        comm = comm or MPI.COMM_WORLD
         destroy_dropped(comm)  # models that were built before
         return serial, build(serial, comm, split_above)
-    except ValueError as error:  # on every rank, the model being the same
+    except ValueError as error:  # on every rank
         raise InputError(str(error)) from error
+
+
+def _check_functions(model: Model, comm: MPI.Intracomm) -> None:
+    """Call the functions of loads once: where one fails, nothing is built yet (collective).
+
+    Raises:
+        InputError: names load and function; those of joints are called where these are made.
+    """
+    with watched() as faults:
+        for load in model.loads:
+            load.factor(0.0)
+    refuse(faults, comm)

@@ -14,11 +14,15 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._checks import InputError
+from flexfem._faults import current
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
 from flexfem.launch import Interrupted, StopSignals
+from flexfem.model.contact import Contact
+from flexfem.model.measured import EnergyProbe
 from flexfem.model.model import Model
+from flexfem.simulation.cautions import Cautions
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import check_held, rest
@@ -28,9 +32,12 @@ from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
 from flexfem.simulation.reasons import ITERATED, STATICS, moves_most, not_finite, with_hint
 from flexfem.simulation.recording import Recorder
+from flexfem.simulation.run_guard import agreed, guarded, reason_of
 from flexfem.simulation.setup import set_up
+from flexfem.simulation.targets import LOAD, Targets
 from flexfem.simulation.time_grid import TimeGrid
 from flexfem.solvers.buckling import LinearBuckling
+from flexfem.solvers.linear_statics import solve_linear
 from flexfem.solvers.statics import Equilibrium, Limits, settle
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.probes import ProbeRecorder
@@ -45,8 +52,8 @@ _HALVINGS = 12
 _EASY = 5
 #: Accuracy of the end of a run, relative to its value.
 _EXACT = 1e-10
-#: Largest rotation (rad) or relative displacement of an arc-length step.
-_LARGEST_TURN = 0.15
+#: Part of a linear solution above which what it neglects is warned of.
+_NEGLECTED = 0.01
 #: Largest rotation (rad) or relative displacement in the picture of a mode.
 _SHOWN = 0.1
 
@@ -75,19 +82,22 @@ def solve_static(
     Raises:
         InputError: a mistake in the model, before anything is written (a ValueError).
         TypeError: the options are those of another analysis.
+        FunctionError: a function of the model failed after the start (a RuntimeError); the path so
+            far is written, and of load steps a checkpoint.
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT or SIGTERM came; the path so far is written, and of load steps a
-            checkpoint.
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; the same is written.
     """
     _checks.instance("solve_static", "options", options, StaticOptions)
     comm = comm or MPI.COMM_WORLD
-    restart = None if options.restart is None else Restart(options, comm)
-    run = _Run(model, options, case, results, comm, restart)
-    with StopSignals() as signals:
-        status = run.to_the_end(signals)
-        if run.signal:
-            raise run.interrupted()
-        return run.finish(run.reason(status))
+    with guarded(options, comm) as faults:
+        restart = None if options.restart is None else Restart(options, comm)
+        run = _Run(model, options, case, results, comm, restart)
+        with StopSignals() as signals:
+            status = run.to_the_end(signals)
+            if run.signal:
+                raise run.interrupted()
+            when = f" after t = {run.equilibrium.loading.t:.6g}"
+            return run.finish(reason_of(faults, comm, when, lambda: run.reason(status)))
 
 
 def _columns(probes: ProbeRecorder, equilibrium: Equilibrium) -> dict[str, float]:
@@ -97,6 +107,15 @@ def _columns(probes: ProbeRecorder, equilibrium: Equilibrium) -> dict[str, float
     for _, values in probes.flush():
         return dict(zip(probes.columns, values.tolist(), strict=True))
     return {}
+
+
+def _too_large(part: float, size: float) -> str:
+    """Words on a linear solution that neglects a part of itself."""
+    share = f"{100.0 * part:.3g} %" if part < 1.0 else "more than 100 %"
+    return (
+        f"linear: the next iteration would change {share} of the solution, whose "
+        f"largest rotation (rad) or relative displacement is {size:.3g}; leave out linear"
+    )
 
 
 class _Run:
@@ -114,8 +133,11 @@ class _Run:
         self._options, self._case, self._results = options, case, results
         check = None if restart is None else restart.check
         self._serial, self.system = set_up(model, comm, options.split_above, check)
+        self._cautions = Cautions(self._serial, options, self.system)
         self._probes = ProbeRecorder(self.system, self._serial, depth=1)
         self._check_column()
+        self._targets = Targets(options.output_at, self._probes.columns, options.t_end)
+        self._reached: list[tuple[str, float]] = []
         self.equilibrium = rest(
             self._serial, self.system, TangentSolver(self.system),
             Limits(options.tolerance, options.max_iterations),
@@ -126,7 +148,11 @@ class _Run:
             check_held(self._serial, self.equilibrium)
         self._departures = Departures(self.system, self._serial)
         self._columns = partial(_columns, self._probes, self.equilibrium)
-        self._status = self._checked(settle(self.equilibrium))
+        self._neglected: dict[str, float] = {}
+        if options.linear:
+            self._check_linear(model)
+        status = Status.OK if options.linear else settle(self.equilibrium)
+        self._status = self._checked(status)
         self._buckling = LinearBuckling(self.equilibrium) if options.buckling_modes else None
         self.followed = Followed(self.system, self.equilibrium, self._probes.columns)
         if restart is not None:
@@ -150,6 +176,7 @@ class _Run:
         )
         self._checkpoint: FilePath | None = None
         self.signal, self._agreement = 0, Agreement(self.system.comm)
+        self._stopped = options.stop_column == _NONE
         self._factors: list[float] = []
         self._setup: float | None = None
         self._first: float | None = None
@@ -182,12 +209,15 @@ class _Run:
     def to_the_end(self, signals: StopSignals) -> Status:
         """Take all steps, or those before the first that fails or a signal."""
         options, path, status = self._options, self.path, self._status
+        self._cautions.say()
         if status is not Status.OK:
             return status
         if self._start is None:
             self._recorder.record(0)
             self._look(signals)
         self._setup = self._elapsed()
+        if options.linear:
+            return self._linear()
         h = options.t_end / options.load_steps
         if path.arc is not None:
             h = options.arc_length * options.t_end / path.arc.slope
@@ -195,11 +225,12 @@ class _Run:
         h = min(h, followed.next or h)
         while not done:
             if path.arc is not None:
-                h = min(h, _LARGEST_TURN / path.arc.largest_turn())
+                h = min(h, options.max_step / path.arc.largest_turn())
                 if followed.steps == options.max_steps:
                     return Status.NOT_CONVERGED
             else:
-                h = min(h, options.t_end - path.point.t)
+                t = path.point.t
+                h = min(h, options.t_end - t, self._targets.room(t))
             status, tried, done = self._advance(h, signals)
             if status is not Status.OK:
                 self._recorder.record_last(followed.steps)
@@ -208,13 +239,50 @@ class _Run:
                 return status
             h = followed.next = self._grown(tried, width)
             self._look(signals)
-            every = options.checkpoint_every
-            if self.signal or (every and (done or followed.steps % every == 0)):
+            early, every = self.signal or self._agreement.failed, options.checkpoint_every
+            if early or (every and (done or followed.steps % every == 0)):
                 self._save()
-            if self.signal:
+            if early:
                 return status
         self._find_buckling()
         return status
+
+    def _check_linear(self, model: Model) -> None:
+        """Raise for what has no meaning to first order: energies, and contacts that open or close.
+
+        Raises:
+            InputError: names it.
+        """
+        found: list[Contact | EnergyProbe] = list(model.contacts)
+        found += [probe for probe in model.probes if isinstance(probe, EnergyProbe)]
+        for thing in found:
+            raise InputError(
+                f'{type(thing).__name__} "{thing.name}": linear statics has none, leave out linear'
+            )
+        for name in self._targets.values:
+            if name != LOAD:
+                raise InputError(
+                    "StaticOptions: linear solutions are for load factors, output_at names "
+                    f"'{name}'"
+                )
+
+    def _linear(self) -> Status:
+        """A linear solution for each load factor that is asked for, and for the end."""
+        equilibrium, followed = self.equilibrium, self.followed
+        start = equilibrium.keep()
+        for t in sorted({*self._targets.values.get(LOAD, ()), self._options.t_end}):
+            solution = solve_linear(equilibrium, start, t)
+            if solution is None:
+                return Status.SINGULAR
+            values = solution.columns(equilibrium, self._columns)
+            part = solution.neglected(equilibrium)
+            self._neglected = {"neglected": part, "largest": solution.size}
+            if t == self._options.t_end and part > _NEGLECTED:
+                self._cautions.say([_too_large(part, solution.size)])
+            followed.steps += 1
+            self._targets.note((), t)
+            self._recorder.record_values(followed.steps, values)
+        return Status.OK
 
     def _look(self, signals: StopSignals) -> None:
         """Look for signals, and show progress where it is time to (collective)."""
@@ -225,8 +293,9 @@ class _Run:
     def _save(self) -> None:
         """Write a checkpoint of load steps."""
         if self.path.arc is None:
-            records = self._recorder.state()
-            self._checkpoint = self._checkpoints.write(self.followed.steps, records)
+            with current().files():
+                records = self._recorder.state()
+                self._checkpoint = self._checkpoints.write(self.followed.steps, records)
 
     def _grown(self, h: float, width: float) -> float:
         """Next step from the one just taken and its iterations."""
@@ -244,8 +313,11 @@ class _Run:
         path, before = self.path, self._beyond() if self._options.stop_column != _NONE else 0.0
         self.followed.largest = max(self.followed.largest, h)
         smallest = self.followed.largest * 0.5**_HALVINGS
+        self._before = self._wanted(path.point.t)
         status, end, critical = self._tried(h, before)
         while status not in (Status.OK, Status.LEFT) and h > smallest:
+            if agreed(current(), self.system.comm) is not None:  # smaller steps do not help
+                break
             self.followed.rejected += 1
             h *= self.equilibrium.cut
             status, end, critical = self._tried(h, before)
@@ -264,11 +336,49 @@ class _Run:
     def _tried(self, h: float, before: float) -> tuple[Status, bool, CriticalPoint | None]:
         """Try one step, to the end of the run or the first critical point if these come first."""
         status, end, critical = self.path.attempt(h), False, None
+        self._reached = []
         if status is Status.OK:
             status, end = self._end(h, before)
         if status is Status.OK:
+            status = self._meet()
+        if status is Status.OK:
             status, critical = self.path.critical_point()
-        return self._checked(status), end, critical
+        if critical is not None:
+            self._reached = []
+        return self._checked(status), end and not self._reached, critical
+
+    def _wanted(self, t: float) -> dict[str, float]:
+        """Columns whose values the path is to meet, at the trial state (collective).
+
+        Load steps end at load factors anyhow.
+        """
+        names = [name for name in self._targets.values if name != LOAD]
+        columns = self._columns() if names else {}
+        found = {name: columns.get(name, 0.0) for name in names}
+        if self.path.arc is not None and LOAD in self._targets.values:
+            found[LOAD] = t
+        return dict(self.system.comm.bcast(found)) if found else found
+
+    def _meet(self) -> Status:
+        """Move the trial state back to the first value of output_at that the step has passed."""
+        path = self.path
+
+        def beyond(name: str, value: float) -> float:
+            return self._wanted(path.trial.t)[name] - value
+
+        tried: list[tuple[str, float]] = []
+        while self._before:
+            crossing = self._targets.crossing(self._before, self._wanted(path.trial.t), tried)
+            if crossing is None:
+                break
+            name, value, ends = crossing
+            near = _EXACT * abs(ends[0] - ends[1])
+            status = path.search(partial(beyond, name, value), (0.0, path.tried), ends, near)
+            if status is not Status.OK:
+                return status
+            tried.append((name, value))
+            self._reached = tried[-1:]
+        return Status.OK
 
     def _checked(self, status: Status) -> Status:
         """Status of a trial state, in which a slider may have left its carrier."""
@@ -280,7 +390,8 @@ class _Run:
         self.followed.steps += 1
         if self._first is None:
             self._first = self._elapsed()
-        self._recorder.record(self.followed.steps, last=last)
+        noted = self._targets.note(self._reached, self.path.point.t)
+        self._recorder.record(self.followed.steps, last=last or noted)
 
     def _branch_off(self, critical: CriticalPoint) -> Status:
         """Leave the path at the first bifurcation, if that is asked for."""
@@ -299,7 +410,8 @@ class _Run:
         path, options = self.path, self._options
         if options.stop_column != _NONE:
             after = self._beyond()
-            if after == 0.0 or (before != 0.0 and (before > 0.0) != (after > 0.0)):
+            self._stopped = after == 0.0 or (before != 0.0 and (before > 0.0) != (after > 0.0))
+            if self._stopped:
                 near = _EXACT * max(abs(after), abs(before))
                 return path.search(self._beyond, (0.0, h), (before, after), near), True
         ends = path.point.t - options.t_end, path.trial.t - options.t_end
@@ -339,9 +451,9 @@ class _Run:
 
     def reason(self, status: Status) -> str:
         """The status in words, with the load factor, where, and what to try (collective)."""
-        if status is Status.OK:
-            return "ok"
         t, options = self.equilibrium.loading.t, self._options
+        if status is Status.OK:
+            return "ok" if self._stopped else self._unreached()
         if status is Status.LEFT:
             return f"{self._departures.reason} after t = {t:.6g}"
         if self.followed.steps == options.max_steps:
@@ -356,9 +468,21 @@ class _Run:
         where = moves_most(self._serial, self.system) if status in ITERATED else ""
         return with_hint(f"{status.value} at t = {t:.6g}{where}", STATICS.get(status))
 
+    def _unreached(self) -> str:
+        """The run came to ``t_end`` before the column had its value (collective)."""
+        options = self._options
+        wanted, last = options.stop_value, options.stop_value + self._beyond()
+        return with_hint(
+            f"stop_value {wanted:g} of {options.stop_column} not reached: {last:g} at "
+            f"t = {options.t_end:g}",
+            "take a larger t_end, or a value of the other sign if the column moves away from it",
+        )
+
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
         self._recorder.close()
+        if reason == "ok":
+            self._cautions.say(self._targets.missed)
         history, summary = self._recorder.history(), self._summary(reason)
         return conclude(summary, history, self._results, self._options, self.system.comm)
 
@@ -372,4 +496,7 @@ class _Run:
             "wall_seconds_first_step": self._first,
             "critical_points": [point.summary() for point in self.followed.critical],
             "buckling": self._factors,
+            "output_at": self._targets.met,
+            "linear": self._neglected or None,
+            "warnings": self._cautions.texts,
         }

@@ -10,6 +10,7 @@ from math import ceil, log2
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.state import counts
 
 __all__ = ["HALVINGS", "StepControl"]
 
@@ -44,7 +45,9 @@ class StepControl:
 
     def restore(self, state: FloatArray) -> None:
         """Take back what :meth:`state` returned."""
-        self._level, self._good = map(int, state)
+        self._level, self._good = counts("control", state)
+        if self._level > HALVINGS:
+            raise ValueError(f"a step was halved {self._level} times, at most {HALVINGS} are")
 
     def begin(self) -> None:
         """Start the next largest step."""

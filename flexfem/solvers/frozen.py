@@ -15,6 +15,7 @@ Where old factors contract slowly, steps can be refined by the action of the exa
 needs no new factors either.
 """
 
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from itertools import pairwise
 
@@ -214,7 +215,10 @@ class FrozenSolver:
         if not self._flexible:
             return
         system = self.system
-        system.counters.factorizations += 1
+        if shifts.stiffness:
+            system.counters.factorizations += 1
+        else:
+            system.counters.mass_factorizations += 1
         self._kept.pop(shifts, None)
         while len(self._kept) >= _KEPT:
             del self._kept[next(iter(self._kept))]
@@ -262,7 +266,7 @@ class FrozenSolver:
         """Where and with which shifts factors were computed, and whether steps are refined."""
         shifts = np.array([astuple(s) for s in self._kept], dtype=np.float64)
         values = {
-            "frozen_shifts": shifts,
+            "frozen_shifts": shifts.reshape(-1, 5),
             "frozen_numbers": np.array([kept.numbers for kept in self._kept.values()]),
             "refine": np.array([float(self.refine), self.defect]),
         }
@@ -274,7 +278,7 @@ class FrozenSolver:
             }
             for i, flexible in enumerate(self._flexible)
         }
-        return State(values, rows)
+        return State(values, rows, optional=frozenset(values))
 
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned; factorises anew (collective).
@@ -318,6 +322,28 @@ class FrozenSolver:
         solution += self._refinement(shifts, solution)
         return True, self._put(solution)
 
+    def constrain(self, shifts: Shifts, keep: bool, flexible: bool) -> tuple[bool, FloatArray]:
+        """Multipliers as of :meth:`step`, and the steps of rigid bodies (collective).
+
+        Flexible bodies stay where they are.
+
+        Args:
+            shifts: of the factors in use.
+            keep: the factors of the multipliers' system are still good.
+            flexible: flexible bodies have residuals, too.
+        """
+        rows = self.system.constraints
+        if rows.lines.version != self._version:
+            self._follow_sliders()
+        if not (keep or self._factor_interface(shifts)):
+            return False, np.zeros(rows.size)
+        self._response[:] = 0.0
+        self._solve_interface(rows.values, self._bodies if flexible else self._rigid, False)
+        self._solve_rigid()
+        for bodies in self._flexible:
+            bodies.group.part.block.step[:] = 0.0
+        return True, -self._right
+
     def observe(self, size: float, contraction: float, tolerance: float) -> None:
         """Keep the factors of the multipliers' system in the next iteration, or not.
 
@@ -342,14 +368,14 @@ class FrozenSolver:
                 part.block.residual[:] = 0.0
             self.system.subtract_tangent(shifts, hessians)
             self.system.add_constraint_forces(-multipliers)
-            self._solve(self._yielding(multipliers), beyond=True)
+            self._solve(self.system.constraints.yielding(multipliers), beyond=True)
             return -self._collect()
 
         # the blocks hold the first solution s as their steps, and as their residuals A_0 s, which
         # has the forces of the multipliers in it
         self.system.subtract_tangent(shifts, hessians)
-        values = self.system.constraints.values + self._yielding(solution[count:])
-        self._solve(values, beyond=True)
+        rows = self.system.constraints
+        self._solve(rows.values + rows.yielding(solution[count:]), beyond=True)
         self._missed = residual = self._collect()
         size, missed = np.sqrt(self._squares(solution, residual)).tolist()
         self.defect = missed / size if size > 0.0 else 0.0
@@ -357,15 +383,6 @@ class FrozenSolver:
             apply, residual, missed, self._products, _INNER * size, _SWEEPS
         )
         return correction
-
-    def _yielding(self, multipliers: FloatArray) -> FloatArray:
-        """What elastic rows give way under multipliers (r,)."""
-        rows = self.system.constraints
-        values = rows.compliance * multipliers
-        if len(rows.coupling):
-            i, j = rows.coupled.T
-            np.add.at(values, i, rows.coupling * multipliers[j])
-        return values
 
     def _products(self, rows: FloatArray, vector: FloatArray) -> FloatArray:
         """Inner products (k,) of rows (k, n) with a vector: the blocks' parts, over all ranks."""
@@ -430,22 +447,37 @@ class FrozenSolver:
             values: Of this rank's rows, shape (r,).
             beyond: The solution is one beyond the steps that the interface holds.
         """
-        rows = self.system.constraints
-        if rows.size_global:
-            for bodies in self._bodies:
-                bodies.respond(self._response)
-            self._beyond[:] = 0.0
-            if beyond:
-                np.multiply(self._owned_slot, self.system.interface.steps, out=self._beyond)
-            self._beyond += self._response
-            row_products(
-                rows.term_slots, rows.row_of_term, self._local_slot, rows.step_jacobian,
-                self._beyond, rows.owned, values, self._right,
-            )  # fmt: skip
-            self._interface.solve(self._right)
-            self.system.add_constraint_forces(self._right)
+        if self.system.constraints.size_global:
+            self._solve_interface(values, self._bodies, beyond)
         for flexible in self._flexible:
             flexible.solve()
+        self._solve_rigid()
+
+    def _solve_interface(
+        self, values: FloatArray, bodies: Sequence[Bodies | FlexibleBodies], beyond: bool
+    ) -> None:
+        """Correction of the multipliers to ``_right``, its forces to the residuals.
+
+        Args:
+            values: as in :meth:`_solve`.
+            bodies: those with residuals.
+            beyond: as in :meth:`_solve`.
+        """
+        rows = self.system.constraints
+        for one in bodies:
+            one.respond(self._response)
+        self._beyond[:] = 0.0
+        if beyond:
+            np.multiply(self._owned_slot, self.system.interface.steps, out=self._beyond)
+        self._beyond += self._response
+        row_products(
+            rows.term_slots, rows.row_of_term, self._local_slot, rows.step_jacobian,
+            self._beyond, rows.owned, values, self._right,
+        )  # fmt: skip
+        self._interface.solve(self._right)
+        self.system.add_constraint_forces(self._right)
+
+    def _solve_rigid(self) -> None:
         for group in self._rigid:
             block = group.part.block
             multiply_blocks(self._inverses, block.residual, block.step)

@@ -16,6 +16,7 @@ held.
 from dataclasses import dataclass
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -270,6 +271,12 @@ class Linearization:
     def damped(self) -> bool:
         """Velocities act on the forces: something rotates or is damped (collective)."""
         return bool(self.matrices().damping.norm(PETSc.NormType.FROBENIUS) > 0.0)
+
+    def total(self, local: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Sum of arrays over the ranks (collective)."""
+        found = np.ascontiguousarray(local)
+        self.system.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.SUM)
+        return found
 
     def split(self, values: FloatArray) -> list[FloatArray]:
         """Views (n_owned, width) into the parts of an array of this rank's range."""

@@ -1,24 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """From eigenpairs to modes: zero frequencies, a basis that is unique, masses, comparison."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie import se3
 from flexfem.solvers.linearization import Linearization
-from flexfem.solvers.modes import ComplexArray, Pencil, solve_pencil
+from flexfem.solvers.mode_errors import ComplexArray
+from flexfem.solvers.modes import Solution, solve_pencil
+from flexfem.solvers.pencil import Pencil
 
 __all__ = ["Modes", "find"]
 
-#: An eigenvalue this many times above the round-off of its own stiffness is not zero.
-_NOISE = 1e3
-#: The same for the tolerance of the iteration, relative to the square of its shift.
-_UNRESOLVED = 10.0
 #: Eigenvalues that agree to this are one with several vectors.
 _EQUAL = 1e-7
 #: Share of the largest Gram eigenvalue below which vectors are dependent; vectors of a double zero
@@ -43,6 +40,12 @@ class Modes:
             order of the parts; n counts numbers), ``u^H M u = 1``.
         momenta: (k, n) M times the shapes.
         masses: (k, 3) effective masses along the inertial axes, kg.
+        residuals: (k,) of the eigenvalues, relative, to first order what they are off by; those of
+            rigid motions relative to the largest eigenvalue.
+        doubtful: (k,) those whose residuals are neither as small as asked for nor round-off.
+        missing: number of modes nearer than the last that were not found; None where they cannot be
+            counted: with damping, under rotation, or without a symmetric stiffness.
+        zero_below: angular frequencies below this count as zero, rad/s.
     """
 
     linearization: Linearization
@@ -50,6 +53,10 @@ class Modes:
     shapes: ComplexArray
     momenta: ComplexArray
     masses: FloatArray
+    residuals: FloatArray
+    doubtful: BoolArray
+    missing: int | None
+    zero_below: float
 
     @property
     def frequencies(self) -> FloatArray:
@@ -70,16 +77,17 @@ class Modes:
 
     def first(self, count: int) -> "Modes":
         """The first modes."""
-        return Modes(
-            self.linearization, self.eigenvalues[:count], self.shapes[:count],
-            self.momenta[:count], self.masses[:count],
+        return replace(
+            self, eigenvalues=self.eigenvalues[:count], shapes=self.shapes[:count],
+            momenta=self.momenta[:count], masses=self.masses[:count],
+            residuals=self.residuals[:count], doubtful=self.doubtful[:count],
         )  # fmt: skip
 
     def conjugate(self) -> "Modes":
         """The conjugate solutions."""
-        return Modes(
-            self.linearization, self.eigenvalues.conj(), self.shapes.conj(), self.momenta.conj(),
-            self.masses,
+        return replace(
+            self, eigenvalues=self.eigenvalues.conj(), shapes=self.shapes.conj(),
+            momenta=self.momenta.conj(),
         )  # fmt: skip
 
     def correlation(self, other: "Modes") -> FloatArray:
@@ -87,88 +95,62 @@ class Modes:
 
         ``|u^H M w|^2`` of normalised shapes (Allemang, Brown 1982): 1 where they are the same.
         """
-        product = _reduce(self.linearization, self.shapes.conj() @ other.momenta.T)
+        product = self.linearization.total(self.shapes.conj() @ other.momenta.T)
         value: FloatArray = np.abs(product) ** 2
         return value
 
 
-def find(linearization: Linearization, count: int, target: float, tolerance: float) -> Modes:
+def find(linearization: Linearization, count: int, target: float, accuracy: float) -> Modes:
     """Modes nearest to a frequency about the state of the last evaluation (collective).
 
     Args:
         linearization: evaluated at the state.
         count: number of modes.
-        target: rad/s; undamped problems only.
-        tolerance: relative residual of the eigenvalues.
+        target: rad/s.
+        accuracy: relative residual of the eigenvalues.
 
     Returns:
         At most ``count`` modes; fewer if the iteration has found fewer.
     """
     pencil = Pencil.of(linearization)
-    values, vectors = solve_pencil(pencil, count + _MORE, target, tolerance)
-    vectors = vectors[:, : linearization.unknowns]
-    noise = _noise(pencil, vectors) + _UNRESOLVED * tolerance * pencil.shift**2
-    zero = np.abs(values) ** 2 <= noise
-    groups = [(0.0 + 0.0j, vectors[zero])] if zero.any() else []
-    groups += _groups(values[~zero], vectors[~zero])
+    solution = solve_pencil(pencil, count, _MORE, target, accuracy)
     motions = _motions(linearization)
     moved = _times(pencil, motions)
     found: list[complex] = []
+    sources: list[int] = []
     shapes: list[ComplexArray] = []
-    for value, members in groups:
-        real = (not pencil.damped and pencil.symmetric) or value == 0.0
+    for value, members in _groups(solution):
+        real = not pencil.quadratic or value == 0.0
         limit = _DEPENDENT_AT_ZERO if value == 0.0 else _DEPENDENT
-        basis = _canonical(pencil, members, moved, real, limit)
+        basis = _canonical(pencil, solution.vectors[members], moved, real, limit)
         shapes += list(basis)
         found += [value] * len(basis)
-    if target > 0.0:
-        order = np.argsort(np.abs(np.abs(found) - target), kind="stable")
-    else:
-        order = np.argsort(np.abs(found), kind="stable")
-    order = order[:count]
+        sources += [int(members[np.argmax(solution.residuals[members])])] * len(basis)
+    order = np.argsort(np.abs(np.array(found) - 1j * target), kind="stable")[:count]
     order = order[np.argsort(np.abs(np.array(found)[order]), kind="stable")]
     kept = np.array(shapes, dtype=np.complex128).reshape(len(shapes), linearization.unknowns)[order]
-    momenta = _times(pencil, kept)
-    part = _reduce(linearization, kept.conj() @ moved[:3].T)
-    return Modes(linearization, np.array(found)[order], kept, momenta, np.abs(part) ** 2)
-
-
-def _reduce(linearization: Linearization, local: ComplexArray) -> ComplexArray:
-    """Sum over the ranks."""
-    total = np.ascontiguousarray(local)
-    linearization.system.comm.Allreduce(MPI.IN_PLACE, total, op=MPI.SUM)
-    return total
+    worst = np.array(sources, dtype=np.int64)[order]  # of the members of each eigenvalue
+    part = linearization.total(kept.conj() @ moved[:3].T)
+    return Modes(
+        linearization, np.array(found)[order], kept, _times(pencil, kept), np.abs(part) ** 2,
+        solution.residuals[worst], solution.doubtful(accuracy)[worst], solution.missing,
+        solution.zero_below,
+    )  # fmt: skip
 
 
 def _times(pencil: Pencil, shapes: ComplexArray) -> ComplexArray:
     return pencil.linearization.multiply(pencil.matrices.mass, shapes)
 
 
-def _noise(pencil: Pencil, vectors: ComplexArray) -> FloatArray:
-    """(k,) round-off in ``|lambda|^2``: that of the sums in ``u^H K u``, over ``u^H M u``."""
-    lin, K = pencil.linearization, pencil.matrices.stiffness
-    start, index, values = K.getValuesCSR()
-    sizes = PETSc.Mat().createAIJ(
-        (lin.sizes, lin.sizes), csr=(start, index, np.abs(values)), comm=lin.system.comm
-    )
-    absolute = np.abs(vectors).astype(np.complex128)
-    forces = lin.multiply(sizes, absolute, laws=sizes)
-    energy = _reduce(lin, np.einsum("ki,ki->k", absolute, forces)).real
-    mass = _reduce(lin, np.einsum("ki,ki->k", vectors.conj(), _times(pencil, vectors))).real
-    noise: FloatArray = _NOISE * np.finfo(float).eps * energy / np.where(mass > 0.0, mass, 1.0)
-    return noise
-
-
-def _groups(values: ComplexArray, vectors: ComplexArray) -> list[tuple[complex, ComplexArray]]:
-    """Equal eigenvalues with all their vectors."""
-    left = list(range(len(values)))
-    groups = []
-    while left:
-        same = [
-            k for k in left if abs(values[k] - values[left[0]]) <= _EQUAL * abs(values[left[0]])
-        ]
-        groups.append((complex(np.mean(values[same])), vectors[same]))
-        left = [k for k in left if k not in same]
+def _groups(solution: Solution) -> list[tuple[complex, IntArray]]:
+    """Equal eigenvalues, all zeros first, with the numbers of all their vectors."""
+    values, zero = solution.values, np.flatnonzero(solution.zero)
+    groups = [(0.0 + 0.0j, zero)] if len(zero) else []
+    left = np.flatnonzero(~solution.zero)
+    while len(left):
+        same = np.abs(values[left] - values[left[0]]) <= _EQUAL * np.abs(values[left[0]])
+        groups.append((complex(np.mean(values[left[same]])), left[same]))
+        left = left[~same]
     return groups
 
 
@@ -183,7 +165,7 @@ def _canonical(
     lin = pencil.linearization
     if real:
         members = np.concatenate([members.real, members.imag]).astype(np.complex128)
-    gram = _reduce(lin, members.conj() @ _times(pencil, members).T)
+    gram = lin.total(members.conj() @ _times(pencil, members).T)
     sizes = np.sqrt(np.abs(np.diag(gram)))
     used = sizes > 0.0
     members = members[used] / sizes[used, np.newaxis]
@@ -191,7 +173,7 @@ def _canonical(
     weights, turn = np.linalg.eigh(0.5 * (gram + gram.conj().T))
     kept = weights > limit * weights.max(initial=0.0)
     basis = (turn[:, kept] / np.sqrt(weights[kept])).T @ members
-    coefficients = _reduce(lin, basis.conj() @ moved.T)
+    coefficients = lin.total(basis.conj() @ moved.T)
     rows = []
     for _ in range(len(basis)):
         lengths = np.linalg.norm(coefficients, axis=0)

@@ -11,7 +11,7 @@ from flexfem._types import FloatArray
 from flexfem.core.row import LawKind
 from flexfem.la.dense import gather_rows
 from flexfem.solvers.linearization import Linearization, Matrices
-from flexfem.solvers.modes import ComplexArray
+from flexfem.solvers.mode_errors import ComplexArray
 from flexfem.solvers.steady_rotation import constraint_solver
 
 __all__ = ["Reduction", "reduce_equations"]

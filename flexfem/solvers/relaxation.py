@@ -17,7 +17,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.state import State
+from flexfem.core.state import State, counts
 from flexfem.solvers.fictitious_masses import REST, fictitious_masses, physical_masses
 from flexfem.solvers.relaxation_damping import DAMPINGS, Damping, Motion
 from flexfem.solvers.relaxation_kernels import (
@@ -313,7 +313,7 @@ class Relaxation:
             for name, array in own.items():
                 array[:] = state.rows[part.block.name][name][: part.block.owned]
         numbers = state.values["relaxing"].tolist()
-        self.iteration, self.renewals = int(numbers[0]), int(numbers[1])
+        self.iteration, self.renewals = counts("relaxing", state.values["relaxing"][:2])
         self._applied, self._first = numbers[2:4]
         self._started, self._quick, self._evaluated = bool(numbers[4]), int(numbers[5]), False
         self._damping.memory = numbers[6:]

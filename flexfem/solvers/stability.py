@@ -13,6 +13,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.la.dropped import destroy_dropped
+from flexfem.la.nest import counting_factorisation
 from flexfem.solvers.tangent import TangentSolver
 
 __all__ = ["Inertia", "softest_motion"]
@@ -67,14 +68,7 @@ class Inertia:
         self._nest = self._tangent.matrix
         self._matrix = self._nest.convert("aij", PETSc.Mat())
         self._transposed = self._matrix.transpose(PETSc.Mat())
-        self._pc = PETSc.PC().create(comm=self._matrix.comm)
-        self._pc.setType(PETSc.PC.Type.CHOLESKY if self._conservative else PETSc.PC.Type.LU)
-        self._pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-        self._pc.setOperators(self._matrix)
-        self._pc.setFactorSetUpSolverType()
-        factor = self._pc.getFactorMatrix()
-        factor.setMumpsIcntl(13, 1)  # no root front by ScaLAPACK, which would hide pivots
-        factor.setMumpsIcntl(33, 1)  # the determinant
+        self._pc = counting_factorisation(self._matrix, symmetric=self._conservative)
 
 
 def softest_motion(

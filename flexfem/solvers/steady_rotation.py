@@ -276,8 +276,8 @@ def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
     if model.gravity is not None and _across(model.gravity.acceleration, rotation.axis):
         raise InputError(f"{model!r}: gravity is not along {_line(rotation)}, no steady rotation")
     for load, factor in zip(model.loads, system.factors, strict=True):
-        if factor != 0.0 and not load.follower and any(
-            _across(vector, rotation.axis) for vector in load.wrench
+        if factor != 0.0 and not load.follower and (
+            not load.uniform or any(_across(vector, rotation.axis) for vector in load.wrench)
         ):  # fmt: skip
             owner = f'{type(load).__name__} "{load.name}"'
             raise InputError(f"{owner}: a dead load across {_line(rotation)}, no steady rotation")

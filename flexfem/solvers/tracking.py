@@ -7,8 +7,8 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.lie import se3
+from flexfem.solvers.mode_errors import ComplexArray
 from flexfem.solvers.mode_shapes import Modes
-from flexfem.solvers.modes import ComplexArray
 
 __all__ = ["follow", "whirl"]
 

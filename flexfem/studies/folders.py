@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flexfem.io.history import read_history
-from flexfem.io.summary import write_summary
+from flexfem.io.summary import read_summary, write_summary
 from flexfem.io.table import write_table
 from flexfem.studies.plan import PlannedRun
 from flexfem.studies.reductions import Reduction
@@ -36,7 +36,9 @@ class RunFolder:
 
     def summary(self) -> dict[str, Any]:
         """What the run has written about itself; empty if nothing, or with other options."""
-        return _read(self._summary_file) if _read(self._record) == self.run.record else {}
+        found = _read(self._summary_file) if _read(self._record) == self.run.record else {}
+        plain = isinstance(found.get("status"), str) and isinstance(found.get("results", {}), dict)
+        return found if plain else {}
 
     @property
     def finished(self) -> bool:
@@ -152,7 +154,6 @@ def _told(value: Any) -> str:
 def _read(path: Path) -> dict[str, Any]:
     """A summary; empty if there is none or it is damaged."""
     try:
-        found = json.loads(path.read_text())
-    except (OSError, ValueError):
+        return read_summary(path)
+    except ValueError:
         return {}
-    return found if isinstance(found, dict) else {}

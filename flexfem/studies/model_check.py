@@ -42,8 +42,8 @@ def check_models(
     """
     task = {"identity": identity, "parameters": parameters, "columns": columns}
     ended = subprocess.run(
-        [sys.executable, "-m", __name__], input=json.dumps(task), capture_output=True, text=True,
-        check=False, env=environment_of_runs(),
+        [sys.executable, "-P", "-m", __name__], input=json.dumps(task), env=environment_of_runs(),
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     if ended.returncode:
         told = ended.stderr.strip().splitlines() or [f"exit code {ended.returncode}"]

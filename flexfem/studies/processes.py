@@ -32,7 +32,8 @@ def run_command(arguments: Sequence[str], ranks: int) -> list[str]:
     Raises:
         ValueError: There is no mpirun for several ranks.
     """
-    run = [sys.executable, "-m", "flexfem.cli", "run", *arguments]
+    # -P: modules of the working folder are not imported in place of those of the libraries
+    run = [sys.executable, "-P", "-m", "flexfem.cli", "run", *arguments]
     if ranks == 1:
         return run
     mpirun = program("mpirun")

@@ -11,6 +11,7 @@ from typing import Any
 
 from flexfem import launch
 from flexfem.analyses.analysis import Analysis
+from flexfem.io.folder_lock import FolderLock
 from flexfem.options import Option, progress_kind
 from flexfem.studies.folders import RunFolder, StudyFolder
 from flexfem.studies.model_check import check_models
@@ -136,7 +137,9 @@ class Sweep:
         """Make the runs that are not there yet; parameters and results of each.
 
         Raises:
-            KeyboardInterrupt: SIGINT or SIGTERM came; runs were asked to end, and can go on.
+            InputError: Another sweep goes on in the folder.
+            KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; runs were asked to end, and can go
+                on.
             OSError: Results cannot be written.
         """
         if self._study is not None:
@@ -149,6 +152,14 @@ class Sweep:
             shutil.rmtree(folder, ignore_errors=True)
 
     def _runs(self, study: StudyFolder) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+        lock = FolderLock(study.path)
+        lock.take()
+        try:
+            yield from self._locked(study)
+        finally:
+            lock.release()
+
+    def _locked(self, study: StudyFolder) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
         study.prepare()
         processes = Processes(self._ranks, self._jobs)
         waiting = [k for k, folder in enumerate(study.runs) if not folder.finished]

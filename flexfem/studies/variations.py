@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from flexfem._files import number_in
 from flexfem.options import Option, meant
 
 __all__ = ["combinations", "parse_variation", "value_text"]
@@ -19,6 +20,8 @@ _DIGITS = 12
 _TRUTH = {"yes": True, "true": True, "no": False, "false": False}
 #: More runs than anyone waits for: a range was mistyped.
 _MOST = 100_000
+#: Number of values of a range.
+_COUNT = Option("count", int, 2, "of values")
 
 
 def parse_variation(text: str, options: Mapping[str, Option]) -> tuple[str, list[Any]]:
@@ -64,7 +67,7 @@ def _range(text: str, option: Option) -> list[Any]:
     """Numbers from start to stop, evenly spaced or by a constant factor."""
     first, last, count, *how = text.split(":") + [""] * (2 - text.count(":"))
     try:
-        ends, number = (float(first), float(last)), int(count)
+        ends, number = (number_in(first), number_in(last)), _COUNT.parse(count)
     except ValueError:
         raise ValueError(f"range must be start:stop:count or with :log, got '{text}'") from None
     if how not in ([], ["log"]) or number < 2 or not all(map(math.isfinite, ends)):

@@ -38,6 +38,12 @@ from flexfem.system.surface_places import SurfacePlace
 
 __all__ = ["Assembly"]
 
+#: What makes a node at a place inside an element, by the formulation of the beam.
+_MORE_NODES = {
+    "nurbs": "a knot of multiplicity p there makes one (NurbsCurve.insert)",
+    "se3": "choose elements so that one is there",
+}
+
 
 class Assembly:
     """Serial data of a model in the order of its nodes, the same on every rank.
@@ -57,6 +63,7 @@ class Assembly:
         """Number the nodes of all beams and compute all frames at the start."""
         self.model = model
         self._places: dict[Observed, Place | None] = {}
+        self._lines: dict[str, Line] = {}
         self._rigid_index = {b.name: i for i, b in enumerate(model.rigid_bodies)}
         self.points, self.frames = np.empty((0, 3)), np.empty((0, 12))
         self.sections: list[Section] = []
@@ -129,11 +136,16 @@ class Assembly:
         return np.concatenate([self.points, se3.position(frames)])
 
     def line(self, name: str) -> Line:
-        """Elements of a beam in order.
+        """Elements of a beam in order, found once.
 
         Raises:
             ValueError: the model has no such beam, or it branches or falls apart.
         """
+        if name not in self._lines:
+            self._lines[name] = self._line(name)
+        return self._lines[name]
+
+    def _line(self, name: str) -> Line:
         beam = self.model.get(name)
         if not isinstance(beam, Beam):
             raise ValueError(f'{self.model!r} has no beam "{name}"')
@@ -174,7 +186,7 @@ class Assembly:
         if place.node is None:
             raise ValueError(
                 f'Marker on "{marker.body}": point {marker.point} lies inside an element, where no '
-                "node is; a knot of multiplicity p there makes one (NurbsCurve.insert)"
+                f"node is; {_MORE_NODES[self.model[marker.body].formulation]}"
             )
         body = self.model[marker.body]
         if isinstance(body, Shell):
@@ -195,15 +207,7 @@ class Assembly:
         place = self._place_of(marker)
         if place is None or place.node is not None:
             return None
-        assert self.curves is not None
-        beam, e = self.curves.index(marker.body), place.element
-        return ElementPlace(
-            kind=NURBS,
-            nodes=self.curves.nodes(beam)[e],
-            cell=int(self.curves.first_cell[beam]) + e,
-            shape=self.curves.parts[beam].shape[e],
-            xi=place.xi,
-        )
+        return ElementPlace.on(self.line(marker.body), place.element, place.xi)
 
     def _place_of(self, marker: Observed) -> Place | None:
         """Place of a marker in the model, found once: systems ask for it many times."""

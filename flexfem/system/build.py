@@ -18,7 +18,7 @@ from flexfem.lie import se3, so3
 from flexfem.model.bodies import Beam, PointMass
 from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
-from flexfem.system.connect import JointEnds, connect, joint_ends
+from flexfem.system.connect import connect, joint_ends
 from flexfem.system.constraints import Constraints
 from flexfem.system.contact_points import ContactPoints, contact_points
 from flexfem.system.contact_start import check_start
@@ -46,6 +46,7 @@ from flexfem.system.placement import (
     Placement,
     place,
 )
+from flexfem.system.shell_couples import shell_couples
 from flexfem.system.shell_loads import pressures, shell_forces
 from flexfem.system.system import BlockPart, System
 
@@ -64,9 +65,10 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
         ValueError: a mistake in the model; raised alike on every rank before any communication.
     """
     model = serial.model
-    placement = place(model, comm.size, split_above)
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
-    ends = _joint_ends(serial)
+    ends = [joint_ends(serial, joint) for joint in serial.joints]
+    joints_of_rows = [(joint, end.rows) for joint, end in zip(serial.joints, ends, strict=True)]
+    placement = place(model, joints_of_rows, comm.size, split_above)
     _check_laws(serial)
     for mass in model.point_masses:
         _check_node(serial, mass)
@@ -132,11 +134,12 @@ def _part(
     """A block with what acts on its nodes of this rank."""
     node_body = serial.bodies(kind, block.node_ids)
     forces, inside = node_forces(serial, kind, block), list[InnerForces]()
-    if kind == NURBS:
-        inside += by_degree(line_forces(serial, block), node_body)
+    if kind in (BEAMS, NURBS):
+        inside += by_degree(line_forces(serial, kind, block), node_body, block)
     elif isinstance(elements, (RotationFreeShells, DirectorShells)):
         forces += shell_forces(serial, block)
         inside += pressures(serial, elements.carriers, elements.body)
+        inside += by_degree(shell_couples(serial, block, elements.carriers), node_body, block)
     return BlockPart(
         kind=kind,
         block=block,
@@ -162,16 +165,6 @@ def _joined(serial: Assembly) -> IntArray:
         for b in second.nodes
     ]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def _joint_ends(serial: Assembly) -> list[JointEnds]:
-    """Ends of all joints; joints without rows, as a spring between coinciding markers, raise."""
-    found = []
-    for joint in serial.joints:
-        ends = joint_ends(serial, joint)
-        joint.rows(ends.poses, 0.0)
-        found.append(ends)
-    return found
 
 
 def _check_laws(serial: Assembly) -> None:

@@ -43,12 +43,14 @@ class JointEnds:
         points: where it is on a line; None off the lines.
         frames: (n, 12) markers relative to their nodes or sections; absolute on the ground.
         poses: their poses.
+        rows: number of the joint's rows.
     """
 
     nodes: tuple[NodeKey | None, ...]
     points: tuple[LinePoint | None, ...]
     frames: FloatArray
     poses: tuple[Pose, ...]
+    rows: int
 
     @property
     def keys(self) -> list[NodeKey]:
@@ -64,7 +66,8 @@ def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:
     """Find the markers of a joint.
 
     Raises:
-        ValueError: a slider is not on its line at the start.
+        ValueError: a slider is not on its line at the start, or a joint has no rows, as a spring
+            between coinciding markers.
     """
     nodes: list[NodeKey | None] = []
     points: list[LinePoint | None] = []
@@ -83,12 +86,12 @@ def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:
         points.append(point)
         frames.append(frame)
         poses.append(pose)
-    rows = joint.rows(poses, 0.0) if surfaces else ()
+    rows = joint.rows(poses, 0.0)
     for number, place in surfaces.items():
         nodes[number], points[number], frames[number] = _on_surface(
             serial, joint.markers[number], place, poses[number], turning(rows, number)
         )
-    return JointEnds(tuple(nodes), tuple(points), np.array(frames), tuple(poses))
+    return JointEnds(tuple(nodes), tuple(points), np.array(frames), tuple(poses), len(rows))
 
 
 def _on_surface(

@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._faults import FAILURES, noted
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import LawKind, RowKind
 from flexfem.core.state import State
@@ -45,6 +46,8 @@ class Constraints(NumberedRows):
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
         mean_forces: ``forces`` are means over the last step, not those at its end.
+        consistent: ``forces`` go with accelerations that satisfy the constraints, as at a start.
+        reported: (r,) forces that do so, once they are known, see ``System.reported_forces``.
         held: (r,) rows that keep a target taken from the motion, whatever drives them.
         values, compliance: (r,) residuals and compliances of the last evaluation.
         coupling: (k,) compliances between the multipliers of ``coupled`` rows.
@@ -67,6 +70,8 @@ class Constraints(NumberedRows):
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
         self.relaxation, self.mean_forces = 0.0, False
+        self.consistent = False
+        self.reported: FloatArray | None = None
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
         self.poses = np.zeros((len(self.marker_slot), 12))
         damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] > LawKind.LIMIT)
@@ -93,6 +98,7 @@ class Constraints(NumberedRows):
         self.lines.restore_places(state.rows["places"]["places"])
         self.lines.memory[:] = state.rows["line_terms"]["line_angles"]
         self.relaxation = float(state.values["relaxation"][0])
+        self.consistent, self.reported = False, None
 
     def active_components(self) -> IntArray:
         """(n_slots,) 3 where joints only ever pull at the node's origin, else all its unknowns."""
@@ -108,19 +114,22 @@ class Constraints(NumberedRows):
         active[self.lines.nodes] = 6
         return np.minimum(active, self.interface.width)
 
-    def reactions(self) -> FloatArray:
+    def reactions(self, forces: FloatArray) -> FloatArray:
         """(m, 6) wrenches that the joints exert on the bodies at their markers.
 
         Force (N) and moment (N m) about the marker's origin, in inertial axes, at the last
-        evaluation with the accepted ``forces``; markers ``marker_start[i]`` to
-        ``marker_start[i + 1]`` belong to joint i. A wrench on the ground counts like any other.
+        evaluation; markers ``marker_start[i]`` to ``marker_start[i + 1]`` belong to joint i. A
+        wrench on the ground counts like any other.
+
+        Args:
+            forces: (r,) of all rows, see ``System.reported_forces``.
         """
         out = np.zeros((len(self.marker_slot), 6))
         marker_wrenches(
             self.poses, self.term_marker, self.kinds, self.directions, self.factors,
-            self.row_of_term, self.forces, out,
+            self.row_of_term, forces, out,
         )  # fmt: skip
-        self.lines.add_wrenches(self.forces, out)
+        self.lines.add_wrenches(forces, out)
         return out
 
     def lock(self, name: str) -> None:
@@ -202,7 +211,38 @@ class Constraints(NumberedRows):
         """Update the rows of driven joints to time ``t``."""
         for i, joint in self._driven:
             if not self.held[self.start[i]]:
+                self._drive(i, joint, t)
+
+    def _drive(self, i: int, joint: PlacedJoint, t: float) -> None:
+        """Rows of a driven joint; they are not finite where its function fails."""
+        try:
+            rows = joint.rows(t)
+        except FAILURES as error:
+            noted(joint.joint.owner, next(filter(callable, vars(joint.joint).values())), error)
+            self.targets[self.start[i] : self.start[i + 1]] = np.nan
+        else:
+            self.write(i, rows)
+
+    def set_drives(self, t: float) -> None:
+        """Update the rows of driven joints that hold values to time ``t``, no laws of forces."""
+        for i, joint in self._driven:
+            start = self.start[i]
+            if self.elastic[start, 0] == LawKind.RIGID and not self.held[start]:
                 self.write(i, joint.rows(t))
+
+    def directions_of_drives(self) -> tuple[FloatArray, FloatArray]:
+        """Directions of the terms now, those on lines apart, for :meth:`turned`."""
+        return self.directions.copy(), self.lines.directions.copy()
+
+    def turned(self, seen: Sequence[tuple[FloatArray, FloatArray]]) -> BoolArray:
+        """(r,) rows whose directions are not always the same; of those on lines all driven ones."""
+        own, on_lines = (np.array(one) for one in zip(*seen, strict=True))
+        terms = (own != own[0]).any(axis=(0, 2, 3))
+        rows: BoolArray = np.bincount(self.row_of_term, terms, minlength=self.size) > 0.0
+        if (on_lines != on_lines[0]).any():
+            driven = [j.joint.driven and j.on_lines for j in self.joints]
+            rows |= np.array(driven, dtype=np.bool_)[self.joint_of_row]
+        return rows
 
     def evaluate(self, dynamics: FloatArray) -> None:
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
@@ -232,6 +272,14 @@ class Constraints(NumberedRows):
         if self._holds:
             held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
             gradient[held[self.term_slots]] = 0.0  # the ground's slot is -1
+
+    def yielding(self, multipliers: FloatArray) -> FloatArray:
+        """(r,) what rows with laws give way under multipliers (r,), by the last evaluation."""
+        values = self.compliance * multipliers
+        if len(self.coupling):
+            i, j = self.coupled.T
+            np.add.at(values, i, self.coupling * multipliers[j])
+        return values
 
     def use_rates(self, velocity: float, by_time: FloatArray) -> FloatArray:
         """Put the rates of the rigid rows in the place of their values, with exact derivatives.
@@ -281,6 +329,7 @@ class Constraints(NumberedRows):
 
     def accept(self) -> None:
         """Remember the angles reached, so that they stay continuous."""
+        self.consistent, self.reported = False, None
         update_angles(
             self.interface.frames, self.marker_slot, self.marker_offset, self.term_marker,
             self.kinds, self.directions, self.poses, self.angles,

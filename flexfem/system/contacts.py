@@ -249,6 +249,15 @@ class Contacts:
             rows[name][self._at(made)] = memory
         return State(values, {"contacts": rows})
 
+    def doubts(self, state: State) -> str:
+        """What this rank finds wrong with its rows; empty for nothing."""
+        found = (
+            made.doubts(state.rows["contacts"][name][self._at(made)], len(self._points))
+            for name, made, _ in self._named()
+            if isinstance(made, TriangleContact)
+        )
+        return next(filter(None, found), "")
+
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned, after the blocks have (collective)."""
         self.set_stiffness(state.values["contact_stiffness"].copy())

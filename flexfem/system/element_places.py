@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Places inside NURBS elements as arrays of this rank: their motion, and who holds them."""
+"""Places inside elements of beams as arrays of this rank: their motion, and who holds them."""
 
 from collections.abc import Sequence
 
@@ -8,12 +8,13 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.bodies.line_forces import line_twists
 from flexfem.core.frame_block import FrameBlock
+from flexfem.core.line_points import NURBS
 from flexfem.core.marker import Observed
 from flexfem.system.assembly import Assembly
 from flexfem.system.lines import ElementPlace
 from flexfem.system.nurbs_lines import NurbsLines
 
-__all__ = ["ElementPlaces", "held_elements", "held_places", "holds"]
+__all__ = ["ElementPlaces", "held_elements", "held_places", "holds", "place_arrays"]
 
 
 class ElementPlaces:
@@ -21,17 +22,28 @@ class ElementPlaces:
 
     Attributes:
         nodes: (n, k) local nodes.
-        shape: (n, k, k) coefficients of the shape functions; xi: (n,) places in the elements.
+        xi: (n,) places in the elements.
+        data: what the compiled loops take: kind of element, nodes, coefficients of the shape
+            functions, places, and turns of the sections against the nodes.
     """
 
-    def __init__(self, nodes: IntArray, shape: FloatArray, xi: FloatArray) -> None:
+    def __init__(
+        self, nodes: IntArray, shape: FloatArray, xi: FloatArray, element: int = NURBS,
+        turns: FloatArray | None = None,
+    ) -> None:  # fmt: skip
         """Store the places."""
-        self.nodes, self.shape, self.xi = nodes, shape, xi
+        turns = np.empty((len(nodes), 0, 9)) if turns is None else turns
+        self.nodes, self.xi, self.data = nodes, xi, (element, nodes, shape, xi, turns)
+
+    @classmethod
+    def of(cls, places: Sequence[ElementPlace], block: FrameBlock) -> "ElementPlaces":
+        """Some places, at least one."""
+        return cls(*place_arrays(places, block))
 
     def at(self, frames: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Frames (n, 12) and local twists (n, 6) of the places, given those of all nodes."""
         points, twists = np.empty((len(self.xi), 12)), np.empty((len(self.xi), 6))
-        line_twists(self.nodes, self.shape, self.xi, frames, velocity, points, twists)
+        line_twists(*self.data, frames, velocity, points, twists)
         return points, twists
 
     def motion(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
@@ -39,9 +51,24 @@ class ElementPlaces:
         return self.at(block.frames, block.velocity)
 
 
-def holds(block: FrameBlock, nodes: IntArray) -> bool:
-    """Whether an element is this rank's: it is that of the owner of its last control point."""
-    return bool(block.owned_index(nodes[-1:])[0] >= 0)
+def place_arrays(
+    places: Sequence[ElementPlace], block: FrameBlock
+) -> tuple[IntArray, FloatArray, FloatArray, int, FloatArray]:
+    """Local nodes, shape functions, places, kind of element and turns of at least one place."""
+    return (
+        block.local_index(np.array([place.nodes for place in places])),
+        np.array([place.shape for place in places]),
+        np.array([place.xi for place in places]),
+        places[0].element,
+        np.array([place.turns for place in places]),
+    )
+
+
+def holds(block: FrameBlock, place: ElementPlace) -> bool:
+    """Whether an element is this rank's; see ``FrameBlock.elements``."""
+    if block.elements is not None:
+        return bool(np.isin(place.cell, block.elements))
+    return bool(block.owned_index(place.nodes[-1:])[0] >= 0)
 
 
 def held_elements(curves: NurbsLines, block: FrameBlock) -> list[IntArray]:
@@ -59,14 +86,10 @@ def held_places(
     found: dict[int, list[tuple[int, ElementPlace]]] = {}
     for which, marker in enumerate(markers):
         place = serial.place(marker)
-        if place is not None and place.kind == kind and holds(block, place.nodes):
+        if place is not None and place.kind == kind and holds(block, place):
             found.setdefault(len(place.nodes), []).append((which, place))
     groups = []
     for places in found.values():
-        points = ElementPlaces(
-            block.local_index(np.array([place.nodes for _, place in places])),
-            np.array([place.shape for _, place in places]),
-            np.array([place.xi for _, place in places]),
-        )
+        points = ElementPlaces.of([place for _, place in places], block)
         groups.append((points, np.array([which for which, _ in places], dtype=np.int64)))
     return groups

@@ -47,7 +47,7 @@ def se3_block(
     frames = serial.frames[mesh.node_ids]
     block = FrameBlock(
         "beams", comm, frames, serial.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
-        inertial=True,
+        inertial=True, elements=mesh.cell_ids,
     )  # fmt: skip
     owners = _owners(beams, serial.sections)
     return block, SE3Beams(comm, mine, serial.sections, owners, frames)

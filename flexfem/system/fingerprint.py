@@ -1,24 +1,30 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Fingerprint of a model: whether a checkpoint belongs to it.
+"""Fingerprints of a model: whether a checkpoint belongs to it, and whether all ranks have the same.
 
 Names, types and numbers of all that is in the model count, numbers to nine digits, so that another
-machine's last digits do no harm. What a function computes cannot be told: two models that differ
-only in plain functions (a drive, an amplitude that is no ``Table`` or ``SmoothStep``) are taken for
-one.
+machine's last digits do no harm. What a function computes cannot be told. For a checkpoint two
+models that differ only in plain functions (a drive, an amplitude that is no ``Table`` or
+``SmoothStep``) are taken for one; between ranks of one run functions count by their code, by what
+they enclose, and by the numbers that they find in their module or their object.
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import is_dataclass
+from functools import partial
+from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
 
 from flexfem.core.marker import Marker
+from flexfem.model.controller import Controller
 from flexfem.model.floating_body import FloatingBody
+from flexfem.model.probe import AnyProbe
 from flexfem.system.assembly import Assembly
 
-__all__ = ["fingerprint"]
+__all__ = ["fingerprint", "fingerprints"]
 
 #: Numbers count in steps of this part of a power of two above the largest of their array.
 _STEP = 2.0**-30
@@ -50,6 +56,41 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
     return {name: _Digest(serial).of(part) for name, part in parts.items()}
 
 
+def fingerprints(serial: Assembly) -> list[tuple[str, str]]:
+    """Every thing in a model with its checksum, functions included, in the order of the model."""
+    things = (*_named(serial), ("the mesh of its beams", _lines(serial)),
+              ("the mesh of its shells", _surface(serial)))  # fmt: skip
+    known: _Known = {}
+    return [(words, _Digest(serial, known).of(thing)) for words, thing in things]
+
+
+def _named(serial: Assembly) -> Iterator[tuple[str, Any]]:
+    """The things in a model by class and name."""
+    model = serial.model
+    yield "Gravity", model.gravity
+    lists: Iterable[Iterable[Any]] = (
+        model.beams, model.shells, model.rigid_bodies, model.floating_bodies, model.point_masses,
+        model.joints, model.loads, model.contacts, model.events, model.controllers, model.probes,
+    )  # fmt: skip
+    for things in lists:
+        for thing in things:
+            yield f'{type(thing).__name__} "{thing.name}"', _numbers_of(thing)
+    yield "the list of released joints", model.released
+
+
+def _numbers_of(thing: Any) -> Any:
+    """What ranks must have alike; sampled laws are called on the first rank alone."""
+    if isinstance(thing, FloatingBody):
+        data = thing.reduced
+        return (*_floating(thing), data.stiffness, data.products)
+    if isinstance(thing, Controller):
+        law = type(thing.law).__name__ if thing.sampled else thing.law
+        return thing.inputs, thing.outputs, thing.sample_time, law
+    if isinstance(thing, AnyProbe):
+        return thing.columns
+    return thing
+
+
 def _floating(body: FloatingBody) -> tuple[Any, ...]:
     """What the motion of a body in a floating frame depends on; not its pictures."""
     data = body.reduced
@@ -78,11 +119,17 @@ def _surface(serial: Assembly) -> tuple[Any, ...]:
     return surface.mesh.triangles, surface.frames, surface.rules, surface.held, surface.averaged
 
 
-class _Digest:
-    """Checksum of nested data."""
+#: Checksums of data by their identity: many beams have one section. Functions are there, too, each
+#: counts where it comes first.
+_Known = dict[int, tuple[Any, str]]
 
-    def __init__(self, serial: Assembly) -> None:
+
+class _Digest:
+    """Checksum of nested data; functions count where there is room for checksums that are known."""
+
+    def __init__(self, serial: Assembly, known: _Known | None = None) -> None:
         self._serial, self._hash = serial, hashlib.blake2b(digest_size=8)
+        self._known = known
 
     def of(self, value: Any) -> str:
         """Checksum of a value and all it holds."""
@@ -101,12 +148,60 @@ class _Digest:
         elif isinstance(value, Mapping):
             self._add(sorted(value.items()))
         elif is_dataclass(value) and not isinstance(value, type):
-            self._text(type(value).__name__)
-            self._add(vars(value))
-            if isinstance(value, Marker):  # groups of the mesh may have been renamed or moved
-                self._add(self._serial.place(value) or self._serial.key(value))
+            if self._known is None:
+                self._data(value)
+            else:
+                self._text(self._checksum(value, self._known))
+        elif self._known is not None:
+            self._code(value)
         else:
             self._text("function" if callable(value) else type(value).__name__)
+
+    def _data(self, value: Any) -> None:
+        self._text(type(value).__name__)
+        self._add(vars(value))
+        if isinstance(value, Marker):  # groups of the mesh may have been renamed or moved
+            self._add(self._serial.place(value) or self._serial.key(value))
+
+    def _checksum(self, value: Any, known: _Known) -> str:
+        """Checksum of data, computed once; they are kept so that no others take their identity."""
+        if id(value) not in known:
+            known[id(value)] = value, ""  # a function in it may enclose it
+            other = _Digest(self._serial, known)
+            other._data(value)
+            known[id(value)] = value, other._hash.hexdigest()
+        return known[id(value)][1]
+
+    def _code(self, value: Any) -> None:
+        """What a function, or an object that is called like one, computes with."""
+        self._text(type(value).__name__)
+        assert self._known is not None
+        if id(value) in self._known:
+            return
+        self._known[id(value)] = value, ""
+        if isinstance(value, partial):
+            self._add([value.func, value.args, value.keywords])
+        elif isinstance(value, MethodType):
+            self._add([value.__self__, value.__func__])
+        elif isinstance(value, FunctionType):
+            code, enclosed = value.__code__, _enclosed(value)
+            self._text(" ".join(_instructions(code)))
+            self._around(enclosed)
+            for held in enclosed.values():
+                if hasattr(held, "__dict__") and not isinstance(held, ModuleType | type):
+                    self._code(held)
+            self._around({name: value.__globals__.get(name) for name in code.co_names})
+        elif isinstance(value, np.random.Generator):
+            self._text(repr(value.bit_generator.state))
+        else:
+            self._around(getattr(value, "__dict__", {}))
+
+    def _around(self, names: Mapping[str, Any]) -> None:
+        """What functions find by names: others than these may belong to one rank."""
+        for name, value in sorted(names.items()):
+            if _counts(value):
+                self._text(name)
+                self._add(value)
 
     def _text(self, text: str) -> None:
         self._hash.update(text.encode() + b"\0")
@@ -121,3 +216,41 @@ class _Digest:
             self._text(str(exponent))
             values = np.rint(np.ldexp(values, -exponent) / _STEP)
         self._hash.update(np.ascontiguousarray(values, dtype=np.int64).tobytes())
+
+
+def _counts(value: Any) -> bool:
+    """Whether a value that a function finds counts: numbers with a point, data and functions.
+
+    Lists do not: functions that are called on some ranks only keep notes in them.
+    """
+    if isinstance(value, np.ndarray):
+        return bool(value.dtype.kind == "f")
+    if isinstance(value, tuple):
+        return all(isinstance(entry, float) for entry in value)
+    data = is_dataclass(value) and not isinstance(value, type)
+    return data or isinstance(value, float | FunctionType | np.random.Generator)
+
+
+def _enclosed(function: FunctionType) -> dict[str, Any]:
+    """Variables that a function encloses, by name, and its defaults by their place."""
+    found = dict[str, Any](function.__kwdefaults__ or {})
+    for place, value in enumerate(function.__defaults__ or ()):
+        found[f"default {place}"] = value
+    names = function.__code__.co_freevars
+    for name, cell in zip(names, function.__closure__ or (), strict=True):
+        with suppress(ValueError):  # it has no value yet
+            found[name] = cell.cell_contents
+    return found
+
+
+def _instructions(code: CodeType) -> Iterator[str]:
+    """What the code of a function says, and those within it."""
+    yield code.co_code.hex()
+    yield repr(code.co_names)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _instructions(constant)
+        elif isinstance(constant, frozenset):
+            yield repr(sorted(map(repr, constant)))
+        else:
+            yield repr(constant)

@@ -49,7 +49,7 @@ class FloatingNodes:
         R, places = body.rotation, body.places
         for i, place in enumerate(places):
             self.frames[first + i] = se3.frame(body.position + R @ place, R)
-            spin = body.angular_velocity
+            spin = R.T @ body.angular_velocity
             self.velocities[first + i, :3] = R.T @ body.velocity + np.cross(spin, place)
             self.velocities[first + i, 3:] = spin
         held = self.held[first + len(places) : first + body.nodes]

@@ -27,6 +27,7 @@ from flexfem.model.probe import AnyProbe
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
 from flexfem.system.energies import EnergyMeter, refresh_rows
+from flexfem.system.lines import ElementPlace
 from flexfem.system.momenta import MomentumMeter
 from flexfem.system.placement import BEAMS, NURBS, SHELLS
 from flexfem.system.system import System
@@ -56,11 +57,12 @@ class _ReactionGauge:
         self._markers = self._first + second
 
     def update(self) -> FloatArray:
+        forces = self._system.reported_forces()  # on all ranks
         if not len(self._markers):
             return np.zeros(6)
         refresh_rows(self._system)
         rows = self._system.constraints
-        at, wrenches = rows.poses[self._markers, :3], rows.reactions()[self._markers]
+        at, wrenches = rows.poses[self._markers, :3], rows.reactions(forces)[self._markers]
         arms = np.cross(at - at[0], wrenches[:, :3])
         force, moment = wrenches[:, :3].sum(axis=0), (wrenches[:, 3:] + arms).sum(axis=0)
         if self._axes == "inertial":
@@ -74,16 +76,16 @@ class _CurveStrainGauge:
 
     def __init__(self, system: System, serial: Assembly, probe: StrainProbe) -> None:
         self._part = next(part for part in system.parts if part.kind == NURBS)
-        block, beams, curves = self._part.block, self._part.elements, serial.curves
+        block, beams = self._part.block, self._part.elements
         assert isinstance(beams, NurbsBeams)
-        assert curves is not None
         curve = serial.model.curve(serial.model[probe.beam])
-        element, xi = element_at_fraction(curve, probe.fraction)
-        nodes = curves.nodes(curves.index(probe.beam))[element]
-        self._beams, self._xi = beams, np.array([xi])
+        place = ElementPlace.on(
+            serial.line(probe.beam), *element_at_fraction(curve, probe.fraction)
+        )
+        self._beams, self._xi = beams, np.array([place.xi])
         self._cells = np.empty(0, dtype=np.int64)
-        if holds(block, nodes):
-            self._cells = np.array([_cell(beams, block.local_index(nodes))])
+        if holds(block, place):
+            self._cells = np.array([_cell(beams, block.local_index(place.nodes))])
 
     def update(self) -> FloatArray:
         if not len(self._cells):

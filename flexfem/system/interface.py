@@ -22,6 +22,8 @@ from flexfem.system.placement import NodeKey
 __all__ = ["Interface", "NodeDirectory"]
 
 _WIDTH = 24
+#: of the messages between neighbours
+_TAG = 1202
 
 
 class NodeDirectory:
@@ -167,7 +169,7 @@ class Interface:
             return
         width = sum(table.shape[1] for table in tables)
         requests = [
-            self.comm.Irecv(buffer[: len(slots) * width], source=rank)
+            self.comm.Irecv(buffer[: len(slots) * width], source=rank, tag=_TAG)
             for rank, slots, buffer in self._receive
         ]
         for rank, slots, buffer in self._send:
@@ -175,7 +177,7 @@ class Interface:
             np.concatenate(
                 [table[slots] for table in tables], axis=1, out=data.reshape(len(slots), width)
             )
-            requests.append(self.comm.Isend(data, dest=rank))
+            requests.append(self.comm.Isend(data, dest=rank, tag=_TAG))
         MPI.Request.Waitall(requests)
         for _, slots, buffer in self._receive:
             data, at = buffer[: len(slots) * width].reshape(len(slots), width), 0

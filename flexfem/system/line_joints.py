@@ -176,6 +176,11 @@ class LineJoints:
                     place = self.accepted[self._points.first[c] + term.a]
                     self._table.targets[number] += term.factor * self._zeta(place)
 
+    @property
+    def directions(self) -> FloatArray:
+        """(t, 3, 3) directions of the terms of these joints, see ``RowTable``."""
+        return self._rows.directions
+
     def _zeta(self, place: FloatArray) -> float:
         """Arc length (m) from the start of a line to a place (2,) on it."""
         e, xi = int(place[0]), float(place[1])
@@ -184,6 +189,12 @@ class LineJoints:
     def accepted_places(self) -> FloatArray:
         """(m, 2) accepted places of all markers: element counted on its line, and xi in it."""
         return self.accepted - self._offsets()
+
+    def doubts(self, places: FloatArray) -> str:
+        """Says that places are not on their lines; empty if they are."""
+        counts = np.diff(self._lines.first)[self._points.line]
+        inside = (places[:, 0] >= 0.0) & (places[:, 0] < counts) & (places[:, 0] % 1.0 == 0.0)
+        return "" if inside.all() else '"places/places" has one that is not on its line'
 
     def restore_places(self, places: FloatArray) -> None:
         """Accept what :meth:`accepted_places` returned."""

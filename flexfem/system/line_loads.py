@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Forces at places inside NURBS elements, as arrays for the compiled loops."""
+"""Forces at places inside elements of beams, as arrays for the compiled loops."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,8 @@ from flexfem.bodies.line_forces import (
     line_force_tangent,
 )
 from flexfem.core.frame_block import FrameBlock
-from flexfem.system.element_places import ElementPlaces
+from flexfem.system.element_places import ElementPlaces, place_arrays
+from flexfem.system.lines import ElementPlace
 
 __all__ = ["LineForce", "LineForces", "by_degree"]
 
@@ -22,9 +23,7 @@ __all__ = ["LineForce", "LineForces", "by_degree"]
 class LineForce:
     """One wrench at a place: components inertial (dead) or in the axes of ``offset`` (follower)."""
 
-    nodes: IntArray
-    shape: FloatArray
-    xi: float
+    place: ElementPlace
     offset: FloatArray
     force: FloatArray
     moment: FloatArray
@@ -39,14 +38,10 @@ class LineForces(ElementPlaces):
         body: (n,) number of the beam of each.
     """
 
-    def __init__(self, forces: Sequence[LineForce], node_body: IntArray) -> None:
+    def __init__(self, forces: Sequence[LineForce], node_body: IntArray, block: FrameBlock) -> None:
         """Store the wrenches, at least one; ``node_body`` gives the beams of all nodes."""
-        super().__init__(
-            np.array([f.nodes for f in forces], dtype=np.int64),
-            np.array([f.shape for f in forces]),
-            np.array([f.xi for f in forces]),
-        )
-        self.body: IntArray = node_body[self.nodes[:, 0]]
+        super().__init__(*place_arrays([force.place for force in forces], block))
+        self.body: IntArray = node_body[self.nodes[:, -1]]
         self._wrenches: tuple[FloatArray, FloatArray, FloatArray, BoolArray, IntArray] = (
             np.array([f.offset for f in forces]),
             np.array([f.force for f in forces]),
@@ -58,24 +53,25 @@ class LineForces(ElementPlaces):
     def add_residual(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
         """Subtract ``scale`` times the forces from the block's residual."""
         add_line_forces(
-            self.nodes, self.shape, self.xi, *self._wrenches, factors, block.frames, scale,
-            block.residual,
+            *self.data, *self._wrenches, factors, block.frames, scale, block.residual,
         )  # fmt: skip
 
     def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
-        """(n, 6k, 6k) derivative of the residual along local twists."""
+        """(n, k width, k width) derivative of the residual along local twists."""
         size = 6 * self.nodes.shape[1]
         out = np.empty((len(self.xi), size, size))
-        line_force_tangent(
-            self.nodes, self.shape, self.xi, *self._wrenches, factors, block.frames, scale, out
-        )
-        return out
+        line_force_tangent(*self.data, *self._wrenches, factors, block.frames, scale, out)
+        if block.width == 6:
+            return out
+        own, count = np.s_[: block.width], self.nodes.shape[1]
+        moved = out.reshape(-1, count, 6, count, 6)[:, :, own, :, own]
+        return moved.reshape(len(out), block.width * count, block.width * count)
 
     def add_action(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
         """Add ``scale`` times the tangent applied to the block's step to its residual."""
-        steps = block.step[self.nodes].reshape(len(self.xi), -1, 1)
-        action = self.tangent(block, factors, scale) @ steps
-        np.add.at(block.residual, self.nodes, action.reshape(*self.nodes.shape, 6))
+        steps = block.step[self.nodes, : block.width]
+        action = self.tangent(block, factors, scale) @ steps.reshape(len(steps), -1, 1)
+        np.add.at(block.residual[:, : block.width], self.nodes, action.reshape(steps.shape))
 
     def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
         """(n, 12) force, moment, place and angular velocity of each wrench, inertial axes."""
@@ -85,7 +81,11 @@ class LineForces(ElementPlaces):
         return out
 
 
-def by_degree(forces: Sequence[LineForce], node_body: IntArray) -> list[LineForces]:
+def by_degree(
+    forces: Sequence[LineForce], node_body: IntArray, block: FrameBlock
+) -> list[LineForces]:
     """Wrenches grouped by the number of nodes of their elements."""
-    counts = sorted({len(force.nodes) for force in forces})
-    return [LineForces([f for f in forces if len(f.nodes) == k], node_body) for k in counts]
+    groups: dict[int, list[LineForce]] = {}
+    for force in forces:
+        groups.setdefault(len(force.place.nodes), []).append(force)
+    return [LineForces(groups[k], node_body, block) for k in sorted(groups)]

@@ -7,15 +7,21 @@ and probes need no line: for them an ``ElementPlace`` moves with the nodes of it
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.core.line_points import NURBS, SE3, line_pose
+from flexfem.core.line_points import SE3, arc_length, line_pose, turn_frames
 from flexfem.lie import se3
 from flexfem.system.placement import NodeKey
 
 __all__ = ["ElementPlace", "Line", "LinePoint", "Rail", "RailPoint", "se3_line"]
+
+#: Pieces of an element that are shorter are round-off.
+_CUT = 1e-9
+#: Newton steps to a place of given arc length; the first guess is near.
+_STEPS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +56,19 @@ class Line:
     def length(self) -> float:
         """Arc length of the beam at the start, m."""
         return float(self.starts[-1] + self.arc[-1].sum())
+
+    def cuts(self, element: int, lengths: FloatArray) -> list[float]:
+        """Ends 0 and 1 of an element, and the places between at given arc lengths of the beam."""
+        arc, found = self.arc[element], [0.0]
+        whole = float(arc.sum())
+        for s in np.sort(lengths) - self.starts[element]:
+            if _CUT * whole < s < (1.0 - _CUT) * whole:
+                xi = float(s / whole)
+                for _ in range(_STEPS):
+                    value, slope, _ = arc_length(arc, xi)
+                    xi -= float((value - s) / slope)
+                found.append(xi)
+        return [*found, 1.0]
 
     def keys(self, element: int) -> list[NodeKey]:
         """Nodes of one element."""
@@ -108,11 +127,13 @@ class ElementPlace:
     """A place inside an element, which moves with all nodes of the element.
 
     Attributes:
-        kind: block of the nodes, ``placement.NURBS``.
+        kind: block of the nodes, see ``placement``.
         nodes: (k,) numbers of the nodes in the input order of the block.
         cell: number of the element among those of its kind in the model.
         shape: (k, k) coefficients of the shape functions as in ``core.line_points``.
         xi: place in the element, 0 to 1.
+        element: how frames are interpolated, see ``core.line_points``.
+        turns: (2, 9) rotations of the sections against their nodes, (0, 9) but on SE(3) elements.
     """
 
     kind: int
@@ -120,11 +141,34 @@ class ElementPlace:
     cell: int
     shape: FloatArray
     xi: float
+    element: int
+    turns: FloatArray
+
+    @classmethod
+    def on(cls, line: Line, number: int, xi: float) -> Self:
+        """Place in the element of this number along a line."""
+        k = line.nodes.shape[1]
+        return cls(
+            kind=line.kind,
+            nodes=line.nodes[number],
+            cell=int(line.cells[number]),
+            shape=np.zeros((k, k)) if line.shape is None else line.shape[number],
+            xi=xi,
+            element=line.element,
+            turns=np.empty((0, 9)) if line.turns is None else line.turns[number],
+        )
+
+    def sections(self, frames: FloatArray) -> FloatArray:
+        """Frames (k, 12) of the sections at the nodes, given those of the nodes."""
+        out = np.array(frames)
+        if len(self.turns):
+            turn_frames(out, self.turns, out)
+        return out
 
     def frame(self, frames: FloatArray) -> FloatArray:
         """Frame (12,) of the place, given those of the nodes (k, 12)."""
         out = np.empty(12)
-        line_pose(NURBS, np.ascontiguousarray(frames), self.shape, self.xi, out)
+        line_pose(self.element, self.sections(frames), self.shape, self.xi, out)
         return out
 
 

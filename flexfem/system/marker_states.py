@@ -28,6 +28,7 @@ class MarkerStates:
         self._comm, self._system = system.comm, system
         self._sliders = Sliders(system, markers)
         self._offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
+        self._start = [serial.marker_pose(m).rotation for m in markers]
         self._ground = np.zeros((len(markers), _WIDTH))
         # a marker on the ground is its offset on a node that stays at the origin
         if system.comm.rank == 0:
@@ -63,6 +64,11 @@ class MarkerStates:
         spins = nodes[:, 15:18]
         speed = nodes[:, 12:15] + np.cross(spins, arm)
         return [
-            MarkerState(H[:3].copy(), H[3:].reshape(3, 3).copy(), R @ v, R @ spin, *map(float, arc))
-            for H, R, v, spin, arc in zip(frames, turn, speed, spins, nodes[:, 18:], strict=True)
-        ]
+            MarkerState(
+                H[:3].copy(), H[3:].reshape(3, 3).copy(), R @ v, R @ spin, float(arc), float(rate),
+                start,
+            )
+            for H, R, v, spin, (arc, rate), start in zip(
+                frames, turn, speed, spins, nodes[:, 18:], self._start, strict=True
+            )
+        ]  # fmt: skip

@@ -2,34 +2,47 @@
 """Loads of a model as forces at the nodes and places of this rank."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.core.line_points import arc_length
 from flexfem.core.load import Load
 from flexfem.lie import se3
+from flexfem.loads.line_load import LineLoad
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
 from flexfem.system.line_loads import LineForce
+from flexfem.system.lines import ElementPlace
 from flexfem.system.node_loads import Force
-from flexfem.system.placement import BEAMS, NURBS
+from flexfem.system.placement import BEAMS, NURBS, SHELLS
 
 __all__ = ["line_forces", "node_forces"]
+
+#: Kind of the block of a formulation.
+_KIND = {"se3": BEAMS, "nurbs": NURBS}
+#: Gauss points of an element for loads that vary, at least; as many as nodes if these are more.
+_GAUSS = 3
 
 
 def node_forces(serial: Assembly, kind: int, block: FrameBlock) -> list[Force]:
     """Loads on the nodes of a block that this rank owns."""
     forces = []
     for number, load in enumerate(serial.model.loads):
-        force, moment = load.wrench
-        for marker in load.markers:
+        couples = kind == SHELLS and (load.follower or load.has_moment)  # on triangles
+        for marker in () if couples else load.markers:
+            force, moment = load.wrench
             local = serial.local_node(marker, kind, block)
             if local >= 0:
                 frame = serial.marker_frame(marker)
                 forces.append(Force(local, frame, force, moment, load.follower, number))
         for name in load.beams:
-            for node, frame, part in _shares(serial, kind, load, name, block):
+            if not _at_nodes(load, serial.model[name].formulation):
+                continue
+            force, moment = load.wrench
+            for node, frame, part in _shares(serial, kind, name, block):
                 forces.append(
                     Force(node, frame, part * force, part * moment, load.follower, number)
                 )
@@ -37,19 +50,23 @@ def node_forces(serial: Assembly, kind: int, block: FrameBlock) -> list[Force]:
 
 
 def _shares(
-    serial: Assembly, kind: int, load: Load, name: str, block: FrameBlock
+    serial: Assembly, kind: int, name: str, block: FrameBlock
 ) -> Iterator[tuple[int, FloatArray, float]]:
     """Owned node, section frame relative to it, and length that it carries of a load on a beam."""
     formulation = serial.model[name].formulation
     if kind == BEAMS and formulation == "se3":
         yield from _half_cells(serial, name, block)
-    elif kind == NURBS and formulation == "nurbs" and not _at_points(load):
+    elif kind == NURBS and formulation == "nurbs":
         yield from _control_points(serial, name, block)
 
 
-def _at_points(load: Load) -> bool:
-    """Whether a load along a beam follows rotations, which control points do not have."""
-    return load.follower or bool(load.wrench[1].any())
+def _at_nodes(load: Load, formulation: str) -> bool:
+    """Whether a load along a beam acts at nodes: uniform forces, but where these do not turn.
+
+    Control points have no rotation that a load could follow.
+    """
+    turns = load.follower and formulation == "nurbs"
+    return load.uniform and not turns and not load.has_moment
 
 
 def _control_points(
@@ -66,24 +83,25 @@ def _control_points(
         yield int(local[k]), se3.frame(np.zeros(3), np.eye(3)), float(lengths[k])
 
 
-def line_forces(serial: Assembly, block: FrameBlock) -> list[LineForce]:
-    """Loads inside those elements of NURBS beams that this rank holds."""
+def line_forces(serial: Assembly, kind: int, block: FrameBlock) -> list[LineForce]:
+    """Loads inside those elements of beams that this rank holds."""
     forces = []
     for number, load in enumerate(serial.model.loads):
-        force, moment = load.wrench
         for marker in load.markers:
+            force, moment = load.wrench
             place = serial.place(marker)
-            if place is not None and holds(block, place.nodes):
-                nodes = block.local_index(place.nodes)
-                forces.append(
-                    LineForce(
-                        nodes, place.shape, place.xi, serial.marker_frame(marker), force, moment,
-                        load.follower, number,
-                    )
-                )  # fmt: skip
-        for name in load.beams if _at_points(load) else ():
-            if serial.model[name].formulation == "nurbs":
+            if place is not None and place.kind == kind and holds(block, place):
+                offset = serial.marker_frame(marker)
+                forces.append(LineForce(place, offset, force, moment, load.follower, number))
+        for name in load.beams:
+            formulation = serial.model[name].formulation
+            if kind != _KIND[formulation] or _at_nodes(load, formulation):
+                continue
+            if load.uniform and kind == NURBS:
                 forces += _points(serial, name, block, load, number)
+            else:
+                assert isinstance(load, LineLoad)
+                forces += _pieces(serial, block, load, number)
     return forces
 
 
@@ -93,17 +111,36 @@ def _points(
     """A load along a beam at the Gauss points of those of its elements that this rank holds."""
     curves = serial.curves
     assert curves is not None
-    beam, (force, moment) = curves.index(name), load.wrench
-    xi, lengths = curves.gauss(beam)
-    for e, nodes in enumerate(curves.nodes(beam)):
-        if not holds(block, nodes):
+    (force, moment), line = load.wrench, serial.line(name)
+    xi, lengths = curves.gauss(curves.index(name))
+    offset = se3.frame(np.zeros(3), np.eye(3))
+    for e in range(len(line.nodes)):
+        if holds(block, ElementPlace.on(line, e, 0.0)):
+            for at, ds in zip(xi, lengths[e], strict=True):
+                place = ElementPlace.on(line, e, float(at))
+                yield LineForce(place, offset, ds * force, ds * moment, load.follower, number)
+
+
+def _pieces(
+    serial: Assembly, block: FrameBlock, load: LineLoad, number: int
+) -> Iterator[LineForce]:
+    """A load along a beam at the Gauss points of pieces of those elements that this rank holds."""
+    line = serial.line(load.body)
+    offset = se3.frame(np.zeros(3), np.eye(3))
+    unit = line.length if load.coordinate == "fraction" else 1.0
+    at, weights = np.polynomial.legendre.leggauss(max(line.nodes.shape[1], _GAUSS))
+    for e in range(len(line.nodes)):
+        if not holds(block, ElementPlace.on(line, e, 0.0)):
             continue
-        local, shape = block.local_index(nodes), curves.parts[beam].shape[e]
-        for at, ds in zip(xi, lengths[e], strict=True):
-            offset = se3.frame(np.zeros(3), np.eye(3))
-            yield LineForce(
-                local, shape, float(at), offset, ds * force, ds * moment, load.follower, number
-            )
+        cuts = line.cuts(e, unit * load.breakpoints)
+        for low, high in pairwise(cuts):
+            for x, w in zip(at, weights, strict=True):
+                xi = float(low + 0.5 * (1.0 + x) * (high - low))
+                s, speed, _ = arc_length(line.arc[e], xi)
+                ds = 0.5 * w * (high - low) * speed
+                force, moment = load.at((line.starts[e] + s) / unit)
+                place = ElementPlace.on(line, e, xi)
+                yield LineForce(place, offset, ds * force, ds * moment, load.follower, number)
 
 
 def _half_cells(

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Probe columns differentiated along motions of the nodes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.line_points import NURBS as LINE_NURBS
-from flexfem.core.line_points import line_jacobian
+from flexfem.core.line_points import line_jacobian, turn_columns
 from flexfem.core.marker import Attachment, Ground, SlidingMarker
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState, Probe
@@ -46,6 +45,7 @@ def probe_rates(
     markers = [marker for probe in probes for marker in probe.markers]
     count = len(motions)
     states, twists = np.zeros((len(markers), 18)), np.zeros((len(markers), 6, count))
+    starts = [serial.marker_pose(marker).rotation for marker in markers]
     for m, marker in enumerate(markers):
         if isinstance(marker, SlidingMarker):
             raise InputError(f'SlidingMarker "{marker.joint}": linear models have no sliders')
@@ -57,8 +57,10 @@ def probe_rates(
         own = slice(at, at + len(probe.markers))
         at += len(probe.markers)
 
-        def columns(table: FloatArray, probe: Probe = probe) -> FloatArray:
-            return probe.evaluate(system.time, [_state(row) for row in table])
+        def columns(
+            table: FloatArray, probe: Probe = probe, start: Sequence[FloatArray] = starts[own]
+        ) -> FloatArray:
+            return probe.evaluate(system.time, list(map(_state, table, start)))
 
         values.append(columns(states[own]))
         for moving, found in ((False, by_q), (True, by_rate)):
@@ -106,9 +108,11 @@ def _inside(
     """
     k = len(place.nodes)
     J, state = np.zeros((6, 6 * k + 1)), np.zeros(18)
-    if holds(block, place.nodes):
+    if holds(block, place):
         nodes, H = block.local_index(place.nodes), np.empty(12)
-        line_jacobian(LINE_NURBS, block.frames[nodes], place.shape, place.xi, H, J)
+        sections = place.sections(block.frames[nodes])
+        line_jacobian(place.element, sections, place.shape, place.xi, H, J)
+        turn_columns(place.turns, J)
         state[:12] = se3.compose(H, offset)
         twist = J[:, :-1] @ block.velocity[nodes].ravel()
         state[12:] = se3.adjoint(se3.inverse(offset)) @ twist
@@ -147,6 +151,6 @@ def _moved(state: FloatArray, step: FloatArray, moving: bool) -> FloatArray:
     return moved
 
 
-def _state(row: FloatArray) -> MarkerState:
+def _state(row: FloatArray, start: FloatArray) -> MarkerState:
     R = row[3:12].reshape(3, 3)
-    return MarkerState(row[:3], R, R @ row[12:15], R @ row[15:])
+    return MarkerState(row[:3], R, R @ row[12:15], R @ row[15:], start=start)

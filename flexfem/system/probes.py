@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.marker import Ground, Observed
@@ -71,6 +72,7 @@ class ProbeRecorder:
         markers = [m for p in self._probes for m in p.markers]
         self._comm = system.comm
         offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
+        self._start = [serial.marker_pose(m).rotation for m in markers]
         self._ground = np.zeros((len(markers), _WIDTH))
         self._ground_places = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
         self._ground[self._ground_places, :12] = offsets[self._ground_places]
@@ -113,7 +115,14 @@ class ProbeRecorder:
         return total
 
     def restore(self, state: FloatArray) -> None:
-        """Take back what :meth:`state` returned."""
+        """Take back what :meth:`state` returned.
+
+        Raises:
+            InputError: it is not what the probes of this model remember.
+        """
+        count = len(self._meters) * EnergyMeter.SHARES
+        if state.shape != (count,) or not np.isfinite(state).all():
+            raise InputError(f'checkpoint: "sums" does not hold {count} finite numbers')
         shares = state.reshape(len(self._meters), EnergyMeter.SHARES) * float(self._comm.rank == 0)
         for meter, share in zip(self._meters, shares, strict=True):
             meter.restore(share)
@@ -128,9 +137,21 @@ class ProbeRecorder:
         """The buffer must be emptied before the next record."""
         return len(self._times) == len(self._buffer)
 
+    def follow(self) -> None:
+        """Let energies take in the work up to an accepted state that is not recorded."""
+        for meter in self._meters:
+            meter.update()
+
     def record(self, t: float) -> None:
         """Keep the accepted state at time ``t``."""
         row = self._buffer[len(self._times)]
+        self._record_markers(row)
+        if self._gauges:
+            self._shares[len(self._times)] = np.concatenate([g.update() for g in self._gauges])
+        self._times.append(t)
+
+    def _record_markers(self, row: FloatArray) -> None:
+        """Motion of this rank's markers."""
         for block, nodes, offsets, places in self._sources:
             if len(nodes):
                 _record(block.frames, block.velocity, nodes, offsets, places, row)
@@ -139,9 +160,6 @@ class ProbeRecorder:
             _record(frames, twists, np.arange(len(places)), offsets, places, row)
         if len(self._sliders.places):
             self._record_sliders(row)
-        if self._gauges:
-            self._shares[len(self._times)] = np.concatenate([g.update() for g in self._gauges])
-        self._times.append(t)
 
     def _record_sliders(self, row: FloatArray) -> None:
         """Sections where sliders are, their arc lengths and rates."""
@@ -151,27 +169,36 @@ class ProbeRecorder:
         _record(frames, twists, np.arange(len(places)), unmoved, places, row)
         row[places, 18:] = motion[:, 18:]
 
+    def check(self, t: float) -> None:
+        """Call the functions of all probes at the accepted state, time ``t`` (collective)."""
+        self._record_markers(self._buffer[0])
+        for row in self._gathered(1)[0]:
+            self._evaluate(t, row, np.zeros(self._shares.shape[1]))
+
     def flush(self) -> Iterator[tuple[float, FloatArray]]:
         """Empty the buffer (collective): times and column values on the first rank."""
-        count = len(self._times)
+        times, self._times = self._times, []
+        rows = zip(times, *self._gathered(len(times)), strict=False)
+        return iter([(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows])
+
+    def _gathered(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Markers and measurements of records, none but on the first rank (collective)."""
         mine = self._places, self._buffer[:count, self._places], self._shares[:count]
         parts = self._comm.gather(mine) if self._comm.size > 1 else [mine]
-        times, self._times = self._times, []
         if parts is None:
-            return iter(())
+            return self._buffer[:0], self._shares[:0]
         every = self._buffer[:count].copy()
         every[:, self._ground_places] = self._ground[self._ground_places]
         measured = np.zeros((count, self._shares.shape[1]))
         for places, values, shares in parts:
             every[:, places] = values
             measured += shares
-        rows = zip(times, every, measured, strict=True)
-        return iter([(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows])
+        return every, measured
 
     def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
         states = [
-            MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18], *r[18:].tolist())
-            for r in row
+            MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18], *arc, start)
+            for r, arc, start in zip(row, map(_arc, row), self._start, strict=True)
         ]
         values, at, read = [np.empty(0)], 0, 0
         for probe in self._probes:
@@ -184,3 +211,8 @@ class ProbeRecorder:
                 values.append(measured[read : read + count])
                 read += count
         return np.concatenate(values)
+
+
+def _arc(row: FloatArray) -> tuple[float, float]:
+    """Arc length of a slider and its rate."""
+    return float(row[18]), float(row[19])

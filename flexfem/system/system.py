@@ -6,7 +6,7 @@ shrinks (Bottasso, Dopico, Trainelli 2008): ``s (f_inertia + f_internal - f_exte
 and ``Phi = 0`` with ``L = s lambda``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 
@@ -18,7 +18,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import Load
 from flexfem.core.prediction import Misses, Prediction
-from flexfem.core.state import Numbering, State
+from flexfem.core.state import Numbering, State, counts
 from flexfem.elements.family import ElementFamily
 from flexfem.system.action_kernels import add_products, subtract_forces
 from flexfem.system.constraints import Constraints
@@ -28,7 +28,7 @@ from flexfem.system.interface import Interface
 from flexfem.system.mechanics import EndPoint, Mechanics
 from flexfem.system.node_loads import NodeForces, NodeMasses
 
-__all__ = ["MASS", "BlockPart", "Counters", "Shifts", "System"]
+__all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "Shifts", "System"]
 
 #: A prediction is better if it is off by less than this part of the other. Of a motion that begins
 #: at rest all are alike, and rounding, which the number of ranks changes, must not choose.
@@ -78,6 +78,8 @@ class Shifts:
 
 #: The mass matrix alone, nothing scaled.
 MASS = Shifts(velocity=0.0, acceleration=1.0, scale=1.0, stiffness=0.0)
+#: The derivatives by local velocities alone, nothing scaled: gyroscopic terms of masses.
+GYROSCOPIC = Shifts(velocity=1.0, acceleration=0.0, scale=1.0, stiffness=0.0)
 
 
 @dataclass
@@ -161,7 +163,10 @@ class System:
         counters: what the run has counted so far.
         mechanics: the equations at the trial state; a time integrator may bring its own.
         time: time of the trial state, s.
+        lead: loads and drives are those so much later, s: not zero just before or after a jump.
         prediction: the best one for the last step.
+        row_forces: computes forces of all rows (r,) for :meth:`reported_forces`; None where those
+            of the rows are to be reported (collective).
     """
 
     def __init__(
@@ -187,8 +192,24 @@ class System:
         self._factors = np.ones(len(self._loads))
         self.counters = Counters()
         self.mechanics: Mechanics = EndPoint()
-        self.time = 0.0
+        self.time = self.lead = 0.0
         self.prediction = Prediction.VELOCITY
+        self.row_forces: Callable[[], FloatArray] | None = None
+
+    def reported_forces(self) -> FloatArray:
+        """Forces (r,) of all rows at the accepted state, N or N m (collective).
+
+        These are what probes, fields and sampled controllers are to read. Multipliers of a time
+        integrator, ``constraints.forces``, go with its own accelerations and velocities: they may
+        ring or be means over a step; the next step begins with them, and energies take their work.
+        Computed when asked for, once a state.
+        """
+        rows = self.constraints
+        if self.row_forces is None or rows.consistent:
+            return rows.forces
+        if rows.reported is None:
+            rows.reported = self.row_forces()
+        return rows.reported
 
     @property
     def contacts(self) -> list[Contacts]:
@@ -210,12 +231,18 @@ class System:
         """Amplitudes of the loads at the trial time."""
         return self._factors
 
+    @property
+    def instant(self) -> float:
+        """Time of loads and drives, s."""
+        return self.time + self.lead
+
     def set_time(self, t: float) -> None:
-        """Set amplitudes and drives to time ``t`` (s)."""
+        """Set amplitudes and drives to time ``t`` (s), or by ``lead`` beside it."""
         self.time = t
+        instant = self.instant
         for i, load in enumerate(self._loads):
-            self._factors[i] = load.factor(t)
-        self.constraints.set_time(t)
+            self._factors[i] = load.factor(instant)
+        self.constraints.set_time(instant)
         for contacts in self.contacts:
             contacts.time = t
 
@@ -375,12 +402,24 @@ class System:
             state |= contacts.state()
         return state
 
+    def doubts(self, state: State) -> str:
+        """What this rank finds wrong with the rows of a state; empty for nothing.
+
+        Args:
+            state: with the names and shapes of :meth:`state`.
+        """
+        found = [part.block.doubts(state.rows[part.block.name]) for part in self.parts]
+        found.append(self.constraints.lines.doubts(state.rows["places"]["places"]))
+        found += [contacts.doubts(state) for contacts in self.contacts]
+        return next(filter(None, found), "")
+
     def restore(self, state: State) -> None:
         """Take back what :meth:`state` returned (collective)."""
         self.set_time(float(state.values["time"][0]))
         self._factors[:] = state.values["factors"]
-        self.prediction = Prediction(int(state.values["prediction"][0]))
-        self.counters = Counters(*map(int, state.values["counters"]))
+        (prediction,) = counts("prediction", state.values["prediction"])
+        self.prediction = Prediction(prediction)
+        self.counters = Counters(*counts("counters", state.values["counters"]))
         for part in self.parts:
             part.block.restore(state.rows[part.block.name])
         self.constraints.restore(state)

@@ -113,6 +113,10 @@ LINES = "$Elements\n2\n1 1 2 1 1 1 2\n2 1 2 1 1 2 3\n$EndElements\n"
 MESHES = {
     "rod.msh": HEAD + ROD + NODES + LINES,
     "rod.txt": HEAD + ROD + NODES + LINES,
+    "rod.msh.opt": 'SystemCall "touch made_by_options";\n',
+    "script.msh": 'SystemCall "touch made_by_a_script";\nExit;\n',
+    "printf.msh": 'Printf("x") > "made_by_a_script";\n',
+    "old.msh": HEAD.replace("2.2", "3.0") + ROD + NODES + LINES,
     "empty.msh": "",
     "noise.msh": "\x01\x02\x7f no mesh\n" * 20,
     "truncated.msh": (HEAD + ROD + NODES + LINES)[:105],
@@ -176,8 +180,11 @@ COMMANDS = {
 }
 FILES = {
     "--mesh missing.msh": ("missing.msh", "does not exist"),
-    "--mesh folder.msh": ("folder.msh", "does not exist"),
+    "--mesh folder.msh": ("folder.msh", "is a folder"),
     "--mesh rod.txt": ("rod.txt", ".msh"),
+    "--mesh script.msh": ("script.msh", "scripts of gmsh are not executed"),
+    "--mesh printf.msh": ("printf.msh", "scripts of gmsh are not executed"),
+    "--mesh old.msh": ("old.msh", "it is of format 3.0 of gmsh, and 2.2, 4.0 and 4.1 can be"),
     "--mesh empty.msh": ("empty.msh",),
     "--mesh noise.msh": ("noise.msh",),
     "--mesh truncated.msh": ("truncated.msh",),
@@ -226,6 +233,7 @@ ON_TWO_RANKS = {
     "--size -1": ("--size", "'-1'"),
     "--mesh missing.msh": FILES["--mesh missing.msh"],
     "--mesh cubic.msh": FILES["--mesh cubic.msh"],
+    "--mesh script.msh": FILES["--mesh script.msh"],
     "--output taken": FILES["--output taken"],
     "--output /proc/self/results": FILES["--output /proc/self/results"],
     "--restart own.py": FILES["--restart own.py"],
@@ -282,6 +290,10 @@ def test_command_lines(line: str, here: Path, capfd: pytest.CaptureFixture[str])
 @pytest.mark.parametrize("line", FILES)
 def test_meshes_and_outputs(line: str, here: Path, capfd: pytest.CaptureFixture[str]) -> None:
     refused(["run", "own.py", *line.split()], FILES[line], here, capfd)
+
+
+def test_info_does_not_execute_scripts(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    refused(["info", "own.py", "--mesh", "script.msh"], FILES["--mesh script.msh"], here, capfd)
 
 
 @pytest.mark.parametrize("what", MODELS)
@@ -355,5 +367,7 @@ def test_relative_folders_are_created(here: Path, capfd: pytest.CaptureFixture[s
 
 
 def test_mesh_file_that_is_fine(here: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The options beside it stay unread."""
     assert cli.command(["run", "own.py", "--quiet", "--mesh", "rod.msh"]) == 0
     assert capfd.readouterr() == ("", "")
+    assert not (here / "made_by_options").exists()

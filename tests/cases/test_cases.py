@@ -49,6 +49,11 @@ MORE = {
     "tutorial_6_solid_arm": ["--reduced", "{folder}/arm.h5"],
     "tutorial_1_pendulum": ["--elements", "6"],
 }
+#: What smoke runs rightly warn of: few smooth elements lock, and the linear law of the truss begins
+#: with a jump of the speed.
+WARNING = re.compile(
+    r'warning: Beam "\w+"(: smooth elements of degree \d| and 1 more: initial velocities) .*'
+)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +67,9 @@ def scripts(
         script.write_text(SCRIPTS)
         files = ("|".join([str(ROOT / "cases" / f"{case}.py"), *more]) for case, *more in runs)
         ended = run(ranks, script, *files, timeout=600)
-        assert (ended.returncode, ended.stderr) == (0, "")
+        assert ended.returncode == 0, ended.stderr
+        warnings = ended.stderr.splitlines()
+        assert [line for line in warnings if not WARNING.fullmatch(line)] == []
         return str(ended.stdout)
 
     return start

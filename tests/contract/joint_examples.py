@@ -119,6 +119,7 @@ EXAMPLES |= {
     "Screw": Example(ff.Screw, 5, {"axis": AXIS, "pitch": 0.4}, ALONG),
     "Planar": Example(ff.Planar, 3, {"axis": AXIS}, 0.8 * ACROSS),
     "Distance": Example(ff.Distance, 1, {}, APART),
+    "RevoluteSpherical": Example(ff.RevoluteSpherical, 2, {"axis": AXIS}, 0.8 * ACROSS),
     "Gear": Example(
         ff.Gear, 1, {}, APART, markers=4,
         make=lambda: ff.Gear(
@@ -326,7 +327,11 @@ class Placed:
     def resultants(self) -> np.ndarray:
         """Force and moment about the origin, of the forces on the nodes and of the reactions."""
         force, moment = self.nodal_forces()
-        w, x, at = self.rows.reactions(), self.face.frames[:, :3], self.rows.poses[:, :3]
+        w, x, at = (
+            self.rows.reactions(self.rows.forces),
+            self.face.frames[:, :3],
+            self.rows.poses[:, :3],
+        )
         return np.array(
             [
                 np.concatenate([force.sum(axis=0), (moment + np.cross(x, force)).sum(axis=0)]),

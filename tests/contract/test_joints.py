@@ -124,7 +124,7 @@ def test_reactions(example, ground, rng):
     rows = joint.rows
     rows.forces[:] = rng.normal(size=rows.size)
     wrench = np.zeros((rows.marker_start[-1], 6))
-    for m, found in enumerate(rows.reactions()):
+    for m, found in enumerate(rows.reactions(rows.forces)):
         wrench[m % joint.count] += found  # a partner has the same markers
     node = -np.einsum("r,rni->ni", rows.forces, joint.dense(rows.force_jacobian))
     R = se3.rotation(joint.face.frames)

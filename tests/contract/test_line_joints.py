@@ -120,7 +120,7 @@ def test_reactions_balance(example, line, rng):
     # forces along the line left out would be of order 1
     np.testing.assert_allclose(found, total, atol=1e-12)
     force, moment = joint.nodal_forces()
-    w, at, x = rows.reactions(), rows.poses[:, :3], joint.face.frames[:, :3]
+    w, at, x = rows.reactions(rows.forces), rows.poses[:, :3], joint.face.frames[:, :3]
     slider = np.isin(rows.marker_slot, [joint.count - 1])
     b = w[slider].sum(axis=0)
     arm = at[np.flatnonzero(slider)[0]] - x[-1]

@@ -293,7 +293,7 @@ def test_free_rigid_body_obeys_newton_and_euler():
     """m a_c = m g and J dOmega/dt + Omega x J Omega = 0, with an eccentric reference point."""
     c, omega = np.array([0.1, -0.2, 0.3]), np.array([2.0, -1.0, 0.7])
     model = ff.Model("test")
-    model.add(_body(centre=c, angular_velocity=omega, velocity=(1.0, 2.0, -1.0)))
+    model.add(_body(centre=c, local_angular_velocity=omega, velocity=(1.0, 2.0, -1.0)))
     system = _system(model)
     part, g, J = system.parts[0], np.array([1.0, -9.0, 3.0]), np.diag([0.2, 0.3, 0.4])
     block = part.block

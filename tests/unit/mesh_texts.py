@@ -88,6 +88,65 @@ Second.TIP
 *End Assembly
 """
 
+#: Parts without a mesh, which is in their instances, as Abaqus/CAE writes independent ones.
+ABAQUS_INSTANCES = """\
+*Heading
+*Part, name=rod
+*End Part
+*Part, name=pin
+*Node
+1, 0., 0., 0.
+*Nset, nset=foot
+1
+*End Part
+*Assembly, name=Assembly
+**
+*Instance, name=rod-1, part=rod
+*Node
+      1,           0.,           0.,           0.
+      2,           1.,           0.,           0.
+      3,           2.,           0.,           0.
+*Element, type=B31
+1, 1, 2
+2, 2, 3
+*Nset, nset=all, generate
+ 1,  3,  1
+*Elset, elset=cells, generate
+ 1,  2,  1
+*Beam Section, elset=cells, material=steel, section=circ
+0.01
+0., 0., -1.
+*End Instance
+**
+*Instance, name=pin-1, part=pin
+          1.,           2.,           0.
+          1.,           2.,           0.,           1.,           2.,           1.,          90.
+*Node
+2, 3., 0., 0.
+*Element, type=B31
+1, 1, 2
+*Elset, elset=cells
+1
+*Nset, nset=tip
+2
+*End Instance
+**
+*Node
+1, 9., 9., 9.
+*Nset, nset=left, instance=rod-1
+ 1,
+*Nset, nset=right, instance=ROD-1, generate
+ 3, 3, 1
+*Nset, nset=reference
+ 1,
+*Elset, elset=_half, internal, instance=rod-1
+ 2,
+*Elset, elset=both
+rod-1.cells, pin-1.cells
+*End Assembly
+*Material, name=steel
+"""
+
 #: Two plates at a right angle, with a stiffener along the common edge; cells of 3 and 4 nodes.
 ABAQUS_PLATES = """\
 *NODE

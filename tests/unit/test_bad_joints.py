@@ -23,6 +23,9 @@ MATRIX[0, 1] = 0.5
 
 ALONE = {
     "Universal zero": (lambda: ff.Universal("j", A, B, axis=(0, 0, 0)), "axis must not be zero"),
+    "RevoluteSpherical zero": (
+        lambda: ff.RevoluteSpherical("j", A, B, axis=(0, 0, 0)), "axis must not be zero"
+    ),
     "Universal second": (
         lambda: ff.Universal("j", A, B, axis=X, second_axis=(1, 1, 0)),
         "second_axis must be perpendicular to axis, got a cosine of 0.707107",

@@ -85,6 +85,15 @@ def turned() -> ff.SurfaceMesh:
     return ff.SurfaceMesh.grid("panel", [0.0, 1.0, 2.0], [0.0, 1.0], lambda p: p @ R)
 
 
+def inside(load):
+    """Two triangles with a line between them."""
+    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    mesh = ff.SurfaceMesh(points, [[0, 1, 2], [0, 2, 3]], {"sheet": [0, 1]}, {"crease": [[0, 2]]})
+    found = ff.Model("bad", surface=mesh)
+    found.add(ff.Shell("sheet", SECTION), load)
+    return found
+
+
 def model(*things: object, mesh: ff.SurfaceMesh | None = None, **arguments: object) -> ff.Model:
     """A flat panel beside another one, with arguments of the first shell."""
     if mesh is None:
@@ -153,12 +162,12 @@ MODELS = [
         'LineLoad "l": "panel" is a shell, which takes EdgeLoad, SurfaceLoad and Pressure',
     ),
     (
-        lambda: model(ff.PointForce("f", CORNER, (1, 0, 0), follower=True)),
-        'PointForce "f": a node of Shell "panel" has no axes that a force could follow',
+        lambda: model(ff.EdgeLoad("e", "panel", "panel_top", moment_per_length=np.inf)),
+        'EdgeLoad "e": moment_per_length must be finite',
     ),
     (
-        lambda: model(ff.PointMoment("m", CORNER, (1, 0, 0))),
-        'PointMoment "m": a node of Shell "panel" has a position only and takes no moment',
+        lambda: inside(ff.EdgeLoad("e", "sheet", "crease", moment_per_length=1.0)),
+        'EdgeLoad "e": line "crease" runs inside Shell "sheet", where a moment has no side',
     ),
     (
         lambda: model(ff.PointForce("f", ff.Marker("panel"), (1, 0, 0))),

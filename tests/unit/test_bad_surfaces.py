@@ -128,7 +128,10 @@ GENERATORS = [
     (lambda: grid(v=[0, 1, 1]), "v must hold at least 2 ascending numbers, got .0, 1, 1."),
     (lambda: grid([0, 1], closed=True), "u must hold at least 3 ascending numbers"),
     (lambda: grid([0, NAN]), 'SurfaceMesh.grid "plate": u must be finite'),
-    (lambda: grid(diagonal="both"), "diagonal must be \"right\" or \"left\", got 'both'"),
+    (
+        lambda: grid(diagonal="both"),
+        "diagonal must be one of right, left, right_left, left_right, got .both.",
+    ),
     (lambda: grid(surface=3), 'SurfaceMesh.grid "plate": surface must be a function, got 3'),
     (
         lambda: grid(surface=lambda p: p),
@@ -145,7 +148,11 @@ GENERATORS = [
     (lambda: rectangle(cells=(0, 3)), r"cells must be two positive whole numbers, got \(0, 3\)"),
     (lambda: rectangle(cells=(3,)), r"cells must be two positive whole numbers, got \(3,\)"),
     (lambda: rectangle(cells=(2, 2.5)), r"cells must be whole numbers, got \(2, 2.5\)"),
-    (lambda: rectangle(diagonal=1), 'diagonal must be "right" or "left", got 1'),
+    (lambda: rectangle(diagonal=1), "diagonal must be one of right, left, .*, got 1"),
+    (
+        lambda: grid(u=[0, 1, 2], closed=True, diagonal="left_right"),
+        'diagonal "left_right" does not close around 3 columns, an odd number',
+    ),
     (lambda: ff.SurfaceMesh.join([]), "SurfaceMesh.join: meshes must hold at least one mesh"),
     (lambda: ff.SurfaceMesh.join([3]), "SurfaceMesh.join: each mesh must be a SurfaceMesh, got 3"),
     (

@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -247,11 +248,17 @@ def test_who_reads_no_further_does_not_end_a_run() -> None:
     assert (ended.returncode, ended.stderr) == (0, "heard\n")
 
 
-def test_unexpected_errors_keep_their_traceback(own_case: Path) -> None:
-    done = run_python(str(own_case), "--length", "4", "--output", str(own_case.parent / "out"))
-    assert done.returncode == 1
-    assert "Traceback" in done.stderr
-    assert "RuntimeError: a bug" in done.stderr
+def test_errors_of_own_functions_are_one_line(own_case: Path) -> None:
+    given = [str(own_case), "--length", "4", "--output", str(own_case.parent / "out")]
+    line = r"error: build \(own.py, line \d+\): RuntimeError: a bug\n"
+    done = run_python(*given)
+    assert done.returncode == 2
+    assert re.fullmatch(line, done.stderr)
+    assert not (own_case.parent / "out").exists()
+    done = run_python(*given, "--traceback")
+    assert done.returncode == 2
+    assert done.stderr.startswith("Traceback")
+    assert re.fullmatch(line, done.stderr.splitlines(keepends=True)[-1])
 
 
 def test_unexpected_error_ends_all_ranks(

@@ -56,6 +56,7 @@ RUNS: dict[str, Callable[[MPI.Intracomm], ff.Outcome]] = {
     "updated": lambda comm: ff.simulate(
         cantilevers(), replace(MOTION, iteration_matrix="updated"), comm=comm
     ),
+    "adaptive": lambda comm: ff.simulate(cantilevers(), replace(MOTION, adaptive=True), comm=comm),
     "shell": lambda comm: ff.simulate(sheet(), MOTION, comm=comm),
     "statics": lambda comm: ff.solve_static(
         cantilevers(), ff.StaticOptions(load_steps=1, critical_points=True), comm=comm

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.serial
 #: First words of the command line, and messages of Python and the system.
 FOREIGN = {
     "error: …", "failed: …", "interrupted …", "argument …: …", "unrecognized arguments: …",
-    "[Errno …] …", "'…', line …: …", '"…": No such file or directory',
+    "[Errno …] …", "'…', line …: …", '"…": …',
 }  # fmt: skip
 
 

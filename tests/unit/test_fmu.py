@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """FMUs as controllers: compiled here, against the same law in Python."""
 
+import os
 import shutil
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -136,8 +138,40 @@ def test_fmu_of_another_machine_is_told(fmu, tmp_path):
     other = tmp_path / "other.fmu"
     with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(other, "w") as target:
         target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
-    with pytest.raises(ValueError, match=r'^FmuController "pi": law at t = 0 s: ') as raised:
+    with pytest.raises(
+        ValueError, match=r'^FmuController "pi": the FMU fails at t = 0 s: '
+    ) as raised:
         _run(of_file(other), output=tmp_path / "out")
     assert "\n" not in str(raised.value)
     assert_on_page(str(raised.value))
     assert not (tmp_path / "out").exists()
+
+
+def _bomb(path: Path, **sizes: int) -> None:
+    """An archive whose list of contents claims sizes that are not there."""
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in ("modelDescription.xml", "binaries/a"):
+            archive.writestr(name, "x")
+        for member in archive.infolist():
+            member.file_size = sizes.get(member.filename.replace("/", "_").split(".")[0], 1)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda p: _bomb(p, binaries_a=4_000_000_000), "it unpacks to 2 files of 4 GB, at most"),
+        (lambda p: _bomb(p, modelDescription=10**8), "its description has 100 MB, at most 64 MB"),
+        (lambda p: zipfile.ZipFile(p, "w").writestr("../../x", "x"), "outside of its folder"),
+        (lambda p: zipfile.ZipFile(p, "w").writestr("/etc/x", "x"), "outside of its folder"),
+        (lambda p: p.write_text("no archive"), "is no FMU: File is not a zip file"),
+        (os.mkfifo, "cannot be read: is no plain file but a pipe"),
+    ],
+)
+def test_archives_that_are_traps(make: Any, reason: str, tmp_path: Path) -> None:
+    make(tmp_path / "a.fmu")
+    with pytest.raises(ValueError, match=reason) as caught:
+        of_file(tmp_path / "a.fmu")
+    assert "\n" not in str(caught.value)
+    assert_on_page(str(caught.value))
+    assert [path.name for path in tmp_path.iterdir()] == ["a.fmu"]

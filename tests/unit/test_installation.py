@@ -26,7 +26,7 @@ FITS: dict[str, dict[str, Any]] = {
         "get_vendor": lambda: ("MPICH", (5, 0, 1)),
     },
     "dolfinx": {"__version__": "0.11.0.post0", "has_petsc4py": True},
-    "petsc4py": {},
+    "petsc4py": {"init": lambda args: None},
     "petsc4py.PETSc": {
         "ScalarType": np.float64,
         "Sys": types.SimpleNamespace(hasExternalPackage=lambda name: True),
@@ -38,6 +38,7 @@ FITS: dict[str, dict[str, Any]] = {
     "numba": {},
     "h5py": {},
     "tqdm": {},
+    "threadpoolctl": {},
 }
 COMPLEX = {"ScalarType": np.complex128}
 SINGLE = {"ScalarType": np.float32}

@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loops are out of date when what they are made of changes."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
+import pytest
+
+from flexfem._trust import private_folder
 from flexfem.lie import caching, so3
 from flexfem.lie.caching import source_stamp
 
@@ -30,5 +36,35 @@ def test_stamps_follow_all_that_is_imported(tmp_path):
 
 def test_loops_of_the_package_have_such_stamps():
     locator = so3.exp_into._cache._impl.locator
-    assert isinstance(locator, caching._OfPackage)
+    assert isinstance(locator, caching._Kept)
     assert locator.get_source_stamp() == source_stamp(Path(so3.__file__))
+
+
+OPEN = """
+import flexfem.lie.so3 as so3
+print(so3.exp_into._cache._impl.locator.get_cache_path(), flush=True)
+"""
+
+
+@pytest.mark.serial
+def test_loops_are_not_taken_from_folders_of_others(tmp_path):
+    """Whatever is unpickled there would be run: a folder that all can write is left alone."""
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o777)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "open")}
+    command = [sys.executable, "-c", OPEN]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert not ended.stdout.startswith(str(tmp_path))
+    assert ended.stderr.count("\n") == 1
+    assert f'all users may write into "{tmp_path}/open"' in ended.stderr
+    assert "NUMBA_CACHE_DIR names a folder of your own" in ended.stderr
+    assert not any((tmp_path / "open").iterdir())
+
+
+def test_loops_without_any_folder_are_kept_for_the_process(monkeypatch):
+    """Numba would refuse to load the module."""
+    monkeypatch.setattr(caching, "trusted", lambda folder, *_: "flexfem-" in str(folder))
+    locators = map(caching.__dict__.get, ("InTreeLocator", "UserWideLocator", "ProcessLocator"))
+    found = [locator.from_function(so3.exp_into.py_func, so3.__file__) for locator in locators]
+    assert found[:2] == [None, None]
+    assert Path(found[2].get_cache_path()).parent == private_folder()

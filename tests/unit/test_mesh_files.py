@@ -82,6 +82,24 @@ def test_abaqus_assembly(file) -> None:
     np.testing.assert_allclose(ends(inner, "_inner"), [[(0, 0, 0), (1, 0, 0)]], **EXACT)
 
 
+def test_abaqus_meshes_in_instances(file) -> None:
+    """Nodes, elements and sets that an instance has beside its part's, and sets of the assembly."""
+    path = file("job.inp", mesh_texts.ABAQUS_INSTANCES)
+    mesh = ff.read_mesh(path)
+    rod, pin = [[(0, 0, 0), (1, 0, 0)], [(1, 0, 0), (2, 0, 0)]], [[(1, 2, 0), (1, 5, 0)]]
+    # the pin, along x in its part, is turned by 90 degrees about z and moved by (1, 2, 0)
+    np.testing.assert_allclose(ends(mesh, "rod-1.cells"), rod, atol=1e-14)
+    np.testing.assert_allclose(ends(mesh, "pin-1.cells"), pin, atol=1e-14)
+    np.testing.assert_allclose(ends(mesh, "both"), rod + pin, atol=1e-14)
+    places = {name: mesh.points[node] for name, node in mesh.point_groups.items()}
+    expected = {"foot": (1, 2, 0), "tip": (1, 5, 0), "left": (0, 0, 0), "right": (2, 0, 0)}
+    assert set(places) == set(expected)  # the reference point is in no line
+    for name, place in expected.items():
+        np.testing.assert_allclose(places[name], place, atol=1e-14)
+    assert "_half" not in mesh.line_groups
+    assert len(ff.read_mesh(path, lines=["_half"]).cells) == 1
+
+
 def test_abaqus_surfaces(file) -> None:
     mesh = ff.read_surface_mesh(file("plates.inp", mesh_texts.ABAQUS_PLATES))
     areas = {name: mesh.areas[rows].sum() for name, rows in mesh.bodies.items()}
@@ -356,13 +374,18 @@ BAD = [
     (lines(NODES + "*ELEMENT, TYPE=S4\n1, 1, 2, 3\n"), "type S4 needs 4 nodes, got 3"),
     (lines(NODES + "*ELEMENT, TYPE=B31\n1, 1, 1\n"), "element 1 has a node twice: 1, 1"),
     (lines("*NODE\n1, 0, 1..2, 0\n"), r"line 2: \*NODE: needs numbers, got"),
-    (lines("*NODE\n1, 0, nan, 0\n"), "line 2: node 1 is at"),
+    (lines("*NODE\n1, 0, nan, 0\n"), "line 2: .NODE: needs numbers, got '0, nan, 0'"),
+    (lines("*NODE\n1, 0, 1e60, 0\n"), r"a node is at \(0, 1e\+60, 0\), beyond 1e\+50 m"),
     (lines("1, 2, 3\n"), "line 1: a keyword .* must come first, got '1, 2, 3'"),
     (lines(""), "no nodes"),
     (lines(BAR + "*NGEN\n1, 2\n"), r"line 8: \*NGEN: cannot be read; write nodes and"),
-    (lines(BAR + "*INCLUDE, INPUT=no.inp\n"), r'line 8: \*INCLUDE: file "no.inp" is not there'),
-    (lines("*INCLUDE, INPUT=bad.inp\n"), r"\*INCLUDE without end"),
+    (lines(BAR + "*INCLUDE, INPUT=no.inp\n"), r'line 8: \*INCLUDE: file "no.inp" does not exist'),
+    (lines("*INCLUDE, INPUT=bad.inp\n"), "INCLUDE without end"),
     (lines("*INSTANCE, NAME=A, PART=P\n"), 'line 1: .*instance "A" is of a part that is not in'),
+    (
+        lines("*PART, NAME=P\n*END PART\n" + "*INSTANCE, NAME=A, PART=P\n*END INSTANCE\n" * 2),
+        'line 5: .*instance "A" is there twice',
+    ),
     (lines(BAR + "*NSET, NSET=N, GENERATE\n3, 1\n"), "line 9: .*cannot generate from '3, 1'"),
     (surface(BAR), "no triangles or quadrilaterals; it has 1 lines"),
     (

@@ -89,8 +89,8 @@ def test_printed_table(model):
         ("start", 0.3),
         ("end", 0.9),
         (0.0, 0.3),
-        (0.49, 0.6),
-        (0.7, 0.7),
+        (0.5, 0.6),
+        (2 / 3, 0.7),
         (1, 0.9),
     ],
 )
@@ -110,12 +110,13 @@ def test_fraction_follows_the_arc_length():
     mesh = LineMesh(points, [[0, 1], [1, 2], [2, 3]], {"a": [0, 1, 2]})
     model = Model(mesh=mesh)
     model.add(Beam("a", SECTION))
-    assert [model.marker_place(Marker("a", s)).node for s in (0.04, 0.3, 0.55, 0.65)] == [
-        0,
-        2,
-        2,
-        3,
-    ]
+    # nodes by their exact fractions or by some digits of these
+    assert [model.marker_place(Marker("a", s)).node for s in (0, 0.1, 0.20001, 1.0)] == [0, 1, 2, 3]
+    places = [model.marker_place(Marker("a", s)) for s in (0.04, 0.3, 0.95)]
+    assert [place.node for place in places] == [None, None, None]
+    assert [place.element for place in places] == [0, 2, 2]
+    # round-off; fractions of the number of elements would be 0.12, 0.9 and 0.85
+    assert [place.xi for place in places] == pytest.approx([0.4, 0.125, 0.9375], abs=1e-12)
 
 
 def test_branching_beams_have_named_points():

@@ -96,6 +96,17 @@ def driven(rate: float, spin: float, **options: object) -> ff.Model:
     return model
 
 
+def switched(end: float) -> ff.Model:
+    """A rotor that its drive turns by one radian from 0.5 s on."""
+    model = ff.Model()
+    model.add(ff.RigidBody("rotor", 1.0, (0.1, 0.1, 0.1)))
+    ends = ff.Ground(), ff.Marker("rotor")
+    angle = ff.SmoothStep(0.5, end)
+    model.add(ff.Revolute("bearing", *ends, axis=Z))
+    model.add(ff.PrescribedAngle("motor", *ends, axis=Z, angle=angle))
+    return model
+
+
 def turned(angle: float) -> ff.Model:
     """A body whose drive prescribes a rotation at the start."""
     model = ff.Model()
@@ -136,6 +147,28 @@ def spring_held() -> ff.Model:
     return model
 
 
+def arch(elements: int, continuity: int = 2) -> ff.Model:
+    """An arch of 215 degrees on one clamp, 1083 times as long as thick."""
+    curve = ff.NurbsCurve.arc(
+        (100, 0, 0), (0, 0, 0), Z, np.radians(215.0), degree=3, elements=elements
+    )
+    section = ff.Section.general((1e8, 1e8, 1e8, 1e6, 1e6, 1e6), (1.0,) * 6)
+    model = ff.Model()
+    model.add(
+        ff.Beam("rod", section, curve=curve.with_continuity(continuity)),
+        ff.Rigid("clamp", ff.Ground(curve.position(0.0)), START), DOWN,
+    )  # fmt: skip
+    return model
+
+
+def row(width: float, rows: int = 1, element: str = "director") -> ff.Model:
+    """A clamped strip of 1 m length."""
+    model = ff.Model(surface=ff.SurfaceMesh.rectangle("sheet", (1.0, width), (8, rows)))
+    section = ff.ShellSection.isotropic(1e-2, ff.Material(2e9, 0.0, 1000.0))
+    model.add(DOWN, ff.Shell("sheet", section, element=element, edges={"sheet_left": "clamped"}))
+    return model
+
+
 def unused(used: bool) -> ff.Model:
     """A mesh of lines, and a beam on it or a rigid body."""
     model = beam()
@@ -166,13 +199,6 @@ def beside_a_ball(length: float) -> ff.Model:
     """A sheet that is as long and wide, and a ball."""
     model = sheet(length * EVEN, 0.1, length * EVEN)
     model.add(ff.RigidBody("ball", 1.0, (1e-3, 1e-3, 1e-3), shape=ff.Sphere(0.05)))
-    return model
-
-
-def pushed_at(fraction: float) -> ff.Model:
-    """A beam of four elements under a force."""
-    model = beam()
-    model.add(ff.PointForce("push", ff.Marker("rod", fraction), (0.0, 0.0, 1.0)))
     return model
 
 
@@ -233,6 +259,19 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
         "slenderness", 'SpringDamper "spring": its stiffness', lambda: spring(1e21),
         lambda: spring(1e12), None,
     ),
+    "one row": (
+        "one_row", "0.5 times as wide as long", lambda: row(0.5), lambda: row(0.2), None
+    ),
+    "two rows": ("one_row", "1 times", lambda: row(1.0), lambda: row(1.0, 2), None),
+    "a row without directors": (
+        "one_row", "1 times", lambda: row(1.0), lambda: row(1.0, 1, "rotation_free"), None
+    ),
+    "smooth elements": (
+        "locking", "lock: it is too stiff, by about 2 %", lambda: arch(20), lambda: arch(40), None
+    ),
+    "corners between them": (
+        "locking", "up to 58 times as long as thick", lambda: arch(20), lambda: arch(20, 0), None
+    ),
     "gravity": (
         "units", "1000 times", lambda: beam(gravity=ff.Gravity((0, -9810, 0))),
         lambda: beam(gravity=ff.Gravity((0, -9.81, 0))), None,
@@ -263,10 +302,6 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
         "units", 'Shell "sheet": 141 m long, other bodies have 0.173 m',
         lambda: beside_a_ball(100.0), lambda: beside_a_ball(10.0), None,
     ),
-    "between nodes": (
-        "fractions", 'PointForce "push": rod:0.4 is the node at 0.5 of Beam "rod"',
-        lambda: pushed_at(0.4), lambda: pushed_at(0.75), None,
-    ),
     "gap": (
         "gaps", "0.5 m from", lambda: body(ground=(0.3, 0.4, 0.0)), body, None
     ),
@@ -282,6 +317,10 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "drive": (
         "velocities", "its drive and the initial velocities differ by 3 rad/s",
         lambda: driven(3.0, 0.0), lambda: driven(3.0, 3.0), MOTION,
+    ),
+    "switch": (
+        "drives", "jumps by 1 rad in the step to t = 0.501 s", lambda: switched(0.5009),
+        lambda: switched(0.51), MOTION,
     ),
     "nothing acts": ("loads", "no gravity", lambda: still(False), lambda: still(True), None),
     "statics": (

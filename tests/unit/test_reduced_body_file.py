@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Files of reduced bodies: what is written is what is read, on any number of ranks."""
 
+import os
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -11,7 +15,11 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.io import hdf5_structure
+from flexfem.io.hdf5 import PlainFile
+from flexfem.io.reduced_body_file import _digest
 from flexfem.reduction.reduced_body import Recovery
+from tests.unit.forged import endless, replaced
 from tests.unit.test_reduced_body import two_masses
 
 COMM = MPI.COMM_WORLD
@@ -89,6 +97,75 @@ def test_bad_files_are_refused_by_all_ranks(shared_tmp_path: Path, damage: str) 
         ff.load_reduced_body(path)
     assert str(caught.value).startswith("reduced body '")
     assert "\n" not in str(caught.value)
+
+
+#: Changes of a file whose checksum is computed anew, and what is said of them.
+FORGERIES: dict[str, tuple[Callable[[Any], object], str]] = {
+    "missing": (lambda f: f.__delitem__("stiffness"), 'it does not hold "stiffness"'),
+    "shape": (replaced("stiffness", data=np.zeros((3, 3))), "stiffness must hold 12 x 12 numbers"),
+    "text": (replaced("stiffness", data=[b"x"]), '"stiffness" does not hold numbers'),
+    "without end": (
+        replaced("stiffness", shape=(10**12,), dtype="f8", chunks=(1024,)), "claims numbers that"
+    ),
+    "link": (
+        lambda f: (
+            f.__delitem__("stiffness"),
+            f.__setitem__("stiffness", h5py.ExternalLink("/etc/hostname", "/x")),
+        ),
+        'it does not hold "stiffness"',
+    ),
+    "mass": (lambda f: f.attrs.__setitem__("mass", np.nan), "mass must be finite"),
+    "no mass": (lambda f: f.attrs.__setitem__("mass", "heavy"), '"mass" is no number'),
+    "format": (lambda f: f.attrs.__setitem__("format", [1, 2]), '"format" is no number'),
+    "names": (lambda f: f.attrs.__setitem__("interfaces", "[1, 2]"), "interfaces have no names"),
+    "few names": (lambda f: f.attrs.__setitem__("interfaces", '["a"]'), "it has 2 positions of 1"),
+    "deep": (lambda f: f.attrs.__setitem__("interfaces", "[" * 50_000), "have no names"),
+    "held": (replaced("held", data=np.zeros(12)), "held must hold 12 truth values"),
+    "positions": (replaced("positions", data=np.zeros(4)), "cannot reshape"),
+    "surface": (lambda f: f.__delitem__("recovery/points"), 'not hold "recovery/points"'),
+    "cells": (replaced("recovery/cells", data=[[0, 1, -1]]), "cells must lie in 0 to"),
+    "surface is none": (
+        lambda f: (f.__delitem__("recovery"), f.__setitem__("recovery", 1.0)), "not hold"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", FORGERIES)
+def test_forged_files_are_refused_by_all_ranks(kind: str, shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "rod.h5"
+    ff.save_reduced_body(path, two_masses(recovery=strip(COMM.rank)))
+    change, reason = FORGERIES[kind]
+    if COMM.rank == 0:
+        with h5py.File(path, "r+") as file:
+            change(file)
+            with suppress(ValueError):  # of what cannot be read no checksum is asked
+                file.attrs["digest"] = _digest(PlainFile(file, path.stat().st_size))
+    COMM.Barrier()
+    with pytest.raises(ValueError, match=rf"^reduced body '.*rod.h5': .*{reason}") as caught:
+        ff.load_reduced_body(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_the_library_never_ends_with(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without another process that goes first, this one would read without end."""
+    monkeypatch.setattr(hdf5_structure, "_SECONDS", 1)
+    path = shared_tmp_path / "rod.h5"
+    ff.save_reduced_body(path, two_masses())
+    if COMM.rank == 0:
+        endless(path)
+    COMM.barrier()
+    with pytest.raises(ValueError, match=f"^reduced body '{path}': .* has not read it after 1 s$"):
+        ff.load_reduced_body(path)
+
+
+def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
+    if COMM.rank == 0:
+        os.mkfifo(shared_tmp_path / "rod.h5")
+    COMM.Barrier()
+    with pytest.raises(ValueError, match=r"^reduced body '.*rod.h5': is no plain file"):
+        ff.load_reduced_body(shared_tmp_path / "rod.h5")
 
 
 def test_a_folder_that_is_not_there_leaves_nothing(shared_tmp_path: Path) -> None:

@@ -134,18 +134,18 @@ def test_area_by_dolfinx(distributed):
 @pytest.mark.serial
 def test_split_bodies_are_cut_into_strips(rng):
     """A long body in no order, split into four, beside a small one that stays whole."""
-    from flexfem.mesh.partition import partition_surface
+    from flexfem.mesh.partition import partition_bodies, strips
 
     long = ff.SurfaceMesh.rectangle("long", (1.0, 10.0), (4, 40))
     mesh = ff.SurfaceMesh.join([long, ff.SurfaceMesh.rectangle("small", (1.0, 1.0), (2, 2))])
     order = rng.permutation(320)
     triangles = np.concatenate([mesh.triangles[:320][order], mesh.triangles[320:]])
     mesh = ff.SurfaceMesh(mesh.points, triangles, mesh.bodies)
-    ranks = partition_surface(mesh, 4, split_above=100)
+    parts = partition_bodies([320, 8], [3, 3], {}, 4, split_above=100)
+    ranks = np.concatenate([strips(mesh, mesh.bodies["long"], parts[0]), parts[1]])
     assert np.bincount(ranks).tolist() == [82, 82, 82, 82]
     assert (ranks[320:] == 3).all()
     over = mesh.topology.neighbours
     cut = (over >= 0) & (ranks[over] != ranks[:, np.newaxis])
     # Three cuts of four squares' width; cuts along the number alone meet nearly every triangle
     assert cut.any(axis=1).sum() < 3 * 3 * 4
-    assert (partition_surface(mesh, 2, split_above=1000) == mesh.body).all()

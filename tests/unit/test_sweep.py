@@ -17,6 +17,7 @@ import pytest
 
 import flexfem as ff
 from flexfem import cli
+from flexfem.io.folder_lock import FolderLock
 from flexfem.launch import environment_of_runs
 from flexfem.options import Option
 from flexfem.studies.folders import RunFolder
@@ -300,6 +301,21 @@ def test_a_failed_run_does_not_end_a_sweep(
     assert list(table(Path("study"))) == ["speed=1.0", "speed=50.0", "speed=-1.0"]
     now = {name: (Path("study") / name / "summary.json").stat().st_mtime_ns for name in rows}
     assert [name for name in made if made[name] != now[name]] == ["speed=50.0"]
+
+
+def test_one_sweep_in_a_folder(driven: Path) -> None:
+    """A second one is refused in one line and runs nothing; the folder is free afterwards."""
+    study = ff.sweep(str(driven), {"speed": [1.0]}, output="study")
+    other = FolderLock(Path("study"))
+    other.take()
+    before = sorted(Path("study").rglob("*"))
+    with pytest.raises(ValueError, match="output folder 'study' is in use by another run, process"):
+        study.run()
+    assert sorted(Path("study").rglob("*")) == before
+    other.release()
+    assert [row["status"] for row in study.run()] == ["ok"]
+    other.take()  # a sweep that has ended leaves the folder to others
+    other.release()
 
 
 def test_an_interrupted_sweep_goes_on_by_the_command_it_shows(driven: Path) -> None:

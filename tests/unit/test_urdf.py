@@ -82,7 +82,7 @@ def test_velocities_are_rates_of_positions(tmp_path: Path) -> None:
         body = robot.links[name]
         before, after = low.frames[name], high.frames[name]
         velocity = (after.position - before.position) / (2 * h)
-        spin = so3.log(before.rotation.T @ after.rotation) / (2 * h)
+        spin = so3.log(after.rotation @ before.rotation.T) / (2 * h)
         # differences are good to h^2 = 1e-8; a velocity in the wrong axes is off by a part of one
         np.testing.assert_allclose(body.velocity, velocity, atol=1e-6)
         np.testing.assert_allclose(body.angular_velocity, spin, atol=1e-6)
@@ -185,7 +185,7 @@ def test_fixed_links_are_one_body(tmp_path: Path) -> None:
     np.testing.assert_allclose(body.centre, centre, atol=1e-14)
     np.testing.assert_allclose(body.inertia, np.trace(about) * np.eye(3) - about, atol=1e-13)
     np.testing.assert_allclose(body.velocity, (1, 2, 3))
-    np.testing.assert_allclose(body.rotation @ body.angular_velocity, (0.1, 0.2, 0.3), atol=1e-15)
+    np.testing.assert_allclose(body.angular_velocity, (0.1, 0.2, 0.3), atol=1e-15)
     # bolted by a joint of its own, it is a body of its own
     apart = ff.read_urdf(
         tmp_path / "robot.urdf", base="free", separate=["bolt"], velocity=(1, 2, 3)

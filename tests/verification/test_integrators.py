@@ -117,7 +117,7 @@ def _spatial_slider_crank() -> ff.Model:
         ff.RigidBody("crank", 0.12, (1e-4, 1e-4, 1e-5), position=(0, 0.1, 0.16),
                      velocity=(0, -0.24, 0), angular_velocity=(6.0, 0, 0)),
         ff.RigidBody("rod", 0.5, (4e-4, 4e-3, 4e-3), position=(0.1, 0.05, 0.1), rotation=rotation,
-                     velocity=(0.12, -0.24, 0), angular_velocity=rotation.T @ spin),
+                     velocity=(0.12, -0.24, 0), angular_velocity=spin),
         ff.RigidBody("slider", 2.0, (1e-4, 1e-4, 1e-4), position=(0.2, 0, 0),
                      velocity=(0.24, 0, 0)),
         ff.Revolute("pin", ff.Ground((0, 0.1, 0.12)), ff.Marker("crank", offset=(0, 0, -0.04)),

@@ -8,6 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.cli import load_case
+from flexfem.inspection.checks.locking import locked
 from flexfem.io.curve_fields import CurveSampler
 from flexfem.lie import se3
 from flexfem.mesh.line_mesh import LineMesh
@@ -308,3 +309,38 @@ def test_sampled_lines_lie_on_the_curve():
     assert len(x) == len(fields.cells) + (len(fields.cells) > 0)
     chords = np.linalg.norm(np.diff(x[fields.cells], axis=1)[:, 0], axis=1)
     assert COMM.allreduce(chords.sum()) == pytest.approx(ANGLE, rel=1e-3)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("degree", "elements", "slenderness", "angle"),
+    [(2, 16, 100.0, 1.5), (3, 8, 100.0, 3.75), (3, 16, 1000.0, 1.5), (4, 16, 1000.0, 3.75)],
+)
+def test_locking_is_as_large_as_the_check_says(degree, elements, slenderness, angle):
+    """Deflections of clamped arcs, smooth ones against those with C^0 between fine elements."""
+    curve = ff.NurbsCurve.arc((1, 0, 0), (0, 0, 0), (0, 0, 1), angle, degree=degree, elements=32)
+    depth = curve.length / slenderness
+    fine = _deflected(curve.with_continuity(0), depth)
+    coarse = ff.NurbsCurve.arc(
+        (1, 0, 0), (0, 0, 0), (0, 0, 1), angle, degree=degree, elements=elements
+    )
+    error = np.abs(_deflected(coarse, depth) - fine).max() / np.abs(fine).max()
+    said = locked(coarse.elements, coarse.points, depth)
+    # the law holds within a factor of five; that of another degree is off by ten and more
+    assert error / 5.0 <= said <= 5.0 * error
+
+
+def _deflected(curve, depth):
+    """Displacement of the end of a clamped curve under a small force."""
+    stretch, end = 12.0 / depth**2, curve.position(1.0)
+    section = ff.Section.general((stretch, stretch / 3, stretch / 3, 1, 1, 1), (1.0,) * 6)
+    model, size = ff.Model("arc"), 0.1 / curve.length**2
+    model.add(
+        ff.Beam("beam", section, curve=curve, orientation=(0, 0, 1)),
+        ff.Rigid("clamp", ff.Ground(curve.position(0.0)), ff.Marker("beam", "start")),
+        ff.PositionProbe("tip", ff.Marker("beam", "end")),
+        ff.PointForce("force", ff.Marker("beam", "end"), (-size, size, 0.0)),
+    )
+    outcome = ff.solve_static(model, ff.StaticOptions(load_steps=1, quiet=True))
+    assert outcome.status == "ok"
+    return np.array([outcome.history[f"tip_{x}"][-1] for x in "xyz"]) - end

@@ -146,6 +146,31 @@ def test_cantilever_root_reaction_balances_static_load():
 
 
 @pytest.mark.serial
+def test_turn_since_the_start_does_not_depend_on_axes():
+    """Of body and marker axes that are turned at the start; the rotation itself is another."""
+    axes = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    marker, angle = ff.Marker("bob", rotation=axes), ff.SmoothStep(0.0, 0.1, 0.0, 0.8)
+    fired = []
+
+    def seen(t, state):
+        fired.append(state.turn[1, 0] - np.sin(angle(t)))
+        return 1.0
+
+    model = _bob(
+        ff.Revolute("pin", ff.Ground(), PIVOT, axis=(0.0, 0.0, 1.0)),
+        ff.PrescribedAngle("motor", ff.Ground(), PIVOT, axis=(0.0, 0.0, 1.0), angle=angle),
+        ff.Probe("p", marker, ("sin", "own"), lambda t, m: (m.turn[1, 0], m.rotation[1, 0])),
+        ff.Event("seen", marker, seen, ff.Stop()),
+    )
+    history = _run(model, 0.01, 0.1)
+    # constraints hold to the tolerance of the steps; axes of the marker would be off by 0.3
+    assert np.abs(fired).max() < 1e-9
+    if history:
+        expected = np.sin([angle(t) for t in history["t"]])
+        np.testing.assert_allclose(history["sin"], expected, rtol=0.0, atol=1e-9)
+        assert abs(history["own"][0]) > 0.1
+
+
 def test_impulses_change_momenta():
     """Root reaction and loads, integrated, are the change of both momenta."""
     force = np.array([0.1, 0.3, -0.5])

@@ -135,7 +135,7 @@ def test_hinges_carry_the_same_as_one():
         for i, placed in enumerate(rows.joints):
             if placed.owned:
                 m = rows.marker_start[i] + 1
-                w, x = rows.reactions()[m], rows.poses[m, :3]
+                w, x = rows.reactions(rows.forces)[m], rows.poses[m, :3]
                 total += np.concatenate([w[:3], w[3:] + np.cross(x, w[:3])])
         totals.append(simulation.system.comm.allreduce(total))
     # 118 N of weight and its moment; the compliance starts with a transient, damped by then

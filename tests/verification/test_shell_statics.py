@@ -85,3 +85,37 @@ def test_displacement_prescribed_up_to_a_force():
     # 29.3 with 64x16 cells, measured 30.6; half or twice the quarter of the force that the model
     # bears is off by tens of per cents
     assert history["A"][-1] == pytest.approx(29.3, rel=0.06)
+
+
+def _supported(cells: int, **more: object) -> ff.Model:
+    """A quarter of a square plate of side 2 m, supported all around, under its own weight."""
+    mesh = ff.SurfaceMesh.rectangle("plate", (1.0, 1.0), (cells, cells), diagonal="right_left")
+    section = ff.ShellSection.isotropic(0.01, ff.Material(2e11, 0.3, 7850.0))
+    sides = {"plate_left": "symmetric", "plate_bottom": "symmetric"}
+    model = ff.Model("supported", surface=mesh)
+    model.add(
+        ff.Shell("plate", section, fixed={"plate_right": "z", "plate_top": "z"}, edges=sides,
+                 **more),
+        ff.Pressure("weight", "plate", -10.0),
+        ff.PositionProbe("middle", ff.Marker("plate", "plate_bottom_left")),
+    )  # fmt: skip
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("element", ["rotation_free", "director"])
+def test_plate_of_alternating_diagonals(element):
+    """Timoshenko and Woinowsky-Krieger: w = 0.00406 q a^4 / D in the middle."""
+    outcome = ff.solve_static(
+        _supported(12, element=element), ff.StaticOptions(load_steps=1, quiet=True)
+    )
+    rigidity = 2e11 * 0.01**3 / 12.0 / (1.0 - 0.3**2)
+    # patches of six nodes tend to 1.73 times that
+    deflection = -outcome.history["middle_z"][-1]
+    assert deflection == pytest.approx(0.00406 * 10.0 * 2.0**4 / rigidity, rel=0.02)
+
+
+@pytest.mark.serial
+def test_patches_that_are_wrong_on_alternating_diagonals_are_refused():
+    with pytest.raises(ValueError, match='Shell "plate": averaged=False on a mesh of alternating'):
+        ff.solve_static(_supported(4, averaged=False), ff.StaticOptions(quiet=True))

@@ -140,7 +140,8 @@ def test_element_passed_within_a_refined_step(formulation, position, monkeypatch
     passed, follow = [], FrozenSolver._follow_sliders
 
     def seen(solver: FrozenSolver) -> None:
-        passed.append(solver.refine and solver.keep_interface)
+        if solver.shifts.stiffness:  # not the one of masses, for the forces that are reported
+            passed.append(solver.refine and solver.keep_interface)
         follow(solver)
 
     monkeypatch.setattr(FrozenSolver, "_follow_sliders", seen)

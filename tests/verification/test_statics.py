@@ -369,3 +369,40 @@ def test_functions_that_are_no_numbers(what: str) -> None:
     assert "not finite" in outcome.status
     if outcome.history:
         assert 0.49 <= outcome.history["t"][-1] <= 0.55
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_stability_beside_a_load_that_follows_counts_as_without_it(held: bool) -> None:
+    """Euler's column with a follower load of no size: the determinant's sign must tell the same."""
+    model = cantilever(
+        force((-1.0, 0.0, 0.0)),
+        force((0.0, 1.0, 0.0), "follower", follower=True, amplitude=lambda t: 0.0),
+        elements=16,
+    )
+    if held:  # seven conditions instead of six: each changes the determinant's sign
+        plane = ff.PointOnPlane("plane", ff.Ground(), ff.Marker("beam", "end"), axis=(0, 0, 1))
+        model.add(plane)
+    # weak axis: deflection along y by EI_z = 120, along z by EI_y = 100, which the plane forbids
+    critical = np.pi**2 * (SECTION[5] if held else SECTION[4]) / 4.0
+    outcome = solve(model, load_steps=6, t_end=1.1 * critical, critical_points=True)
+    points = outcome.summary["critical_points"]
+    # stable and unstable swapped would be [1, 0]
+    assert [(p["kind"], p["unstable"]) for p in points] == [("bifurcation", [0, 1])]
+    # the mesh's error; the other plane's load differs by 20 %
+    assert abs(points[0]["t"] / critical - 1.0) <= 3e-3
+
+
+def test_a_value_that_is_not_reached_is_said() -> None:
+    """The tip goes to 10/(3 EI): twice that is not on the path, half of it is."""
+    model = cantilever(force((0.0, 0.0, 10.0)))
+    full = 10.0 / (3.0 * SECTION[4])
+    for arc_length in (0.0, 0.2):
+        for share, status in ((2.0, "stop_value 0.0666667 of w not reached: 0.03"), (0.5, "ok")):
+            options = ff.StaticOptions(
+                load_steps=3, arc_length=arc_length, stop_column="w", stop_value=share * full
+            )
+            outcome = ff.solve_static(model, options)
+            assert outcome.status.startswith(status)
+            if outcome.history and share < 1.0:
+                # ends there, not at the end of the load
+                assert abs(outcome.history["w"][-1] / (share * full) - 1.0) <= 1e-6

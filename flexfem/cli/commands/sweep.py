@@ -26,7 +26,7 @@ and repeats runs that failed.
 """
 _MORE = """\
 All other options are those of the case: see "flexfem run NAME --help". Exit codes: 0 all runs are
-done, 1 some have failed, 2 wrong input, 130 or 143 interrupted.
+done, 1 some have failed, 2 wrong input, 130, 143 or 129 interrupted.
 """
 
 

@@ -20,11 +20,11 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 
     Beams that touch one another are left out.
     """
-    from scipy.spatial import cKDTree
-
     model, serial = inspection.model, inspection.serial
     if len(model.beams) < 2:
         return
+    from scipy.spatial import cKDTree
+
     points = [_points(serial, number) for number in range(len(model.beams))]
     places = np.concatenate([nodes for nodes, _ in points])
     body = np.repeat(np.arange(len(points)), [len(nodes) for nodes, _ in points])

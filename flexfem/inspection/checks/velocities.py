@@ -11,8 +11,8 @@ from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.joint_facts import turning_rows
 
-#: Span over which drives are differentiated, s.
-_STEP = 1e-5
+#: Span over which drives are differentiated, s, and in time steps, the shorter one.
+_STEP, _PART = 1e-5, 1e-2
 #: Speed, relative to the largest of all nodes and drives, that is taken for rounding, and the same
 #: for what differences of drives leave, relative to the size of the model in a second.
 _ROUNDING, _NOTHING = 1e-3, 1e-6
@@ -42,13 +42,17 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 
 
 def drive_rates(inspection: Inspection) -> FloatArray:
-    """(r,) rates of the rows by drives at the start, positions held."""
-    values = []
-    for k in range(3):
-        inspection.rows.at(k * _STEP)
+    """(r,) rates of the rows by drives at the start, positions held.
+
+    Exact for motions of third degree: a smooth step begins with none.
+    """
+    values, h = [], min(_STEP, _PART * getattr(inspection.options, "dt", 1.0))
+    for k in range(4):
+        inspection.rows.at(k * h)
         values.append(inspection.rows.rows.values.copy())
     inspection.rows.at(0.0)
-    return np.asarray((-3.0 * values[0] + 4.0 * values[1] - values[2]) / (2.0 * _STEP))
+    total = -11.0 * values[0] + 18.0 * values[1] - 9.0 * values[2] + 2.0 * values[3]
+    return np.asarray(total / (6.0 * h))
 
 
 def _fastest(inspection: Inspection) -> float:

@@ -5,12 +5,15 @@ Read here and not with meshio, which takes one *NODE block only, drops what a se
 other sets, and knows neither parts and instances nor surfaces.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from flexfem.mesh.imported.abaqus_instances import collect, in_instance, placement
+from flexfem import _checks
+from flexfem.mesh.imported.abaqus_instances import Move, collect, in_instance, placement
 from flexfem.mesh.imported.abaqus_statements import FACES, Statement, element_kind, statements
-from flexfem.mesh.imported.deck import Deck, Key, number_of
+from flexfem.mesh.imported.deck import MEMBER, Deck, Key, Run, number_of
+from flexfem.mesh.imported.limits import Allowance, TextFiles, real, whole
 from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
 __all__ = ["read"]
@@ -27,8 +30,9 @@ def read(path: Path) -> MeshFile:
     Raises:
         ValueError: It cannot be read, with the line.
     """
-    reader = _Reader(path)
-    for statement in statements(path):
+    files = TextFiles(path)
+    reader = _Reader(path, files.allowance)
+    for statement in statements(path, files):
         reader.take(statement)
     return reader.finished()
 
@@ -36,11 +40,13 @@ def read(path: Path) -> MeshFile:
 class _Reader:
     """Collects statements: of the whole model, or of the part that is being defined."""
 
-    def __init__(self, path: Path) -> None:
-        self.model = Deck(path)
+    def __init__(self, path: Path, allowance: Allowance) -> None:
+        self.allowance = allowance
+        self.model = Deck(path, allowance)
         self.deck = self.model
         self.parts: dict[str, Deck] = {}
         self.instances: list[tuple[str, Deck]] = []
+        self.move: Move | None = None  # of the instance that is being defined
 
     def take(self, statement: Statement) -> None:
         """Take what a statement says."""
@@ -50,6 +56,8 @@ class _Reader:
             "PART": self._part,
             "END PART": self._end_part,
             "INSTANCE": self._instance,
+            "END INSTANCE": lambda _: self._end_instance(),
+            "END ASSEMBLY": lambda _: self._end_instance(),
             "NODE": self._node,
             "ELEMENT": self._element,
             "NSET": self._nset,
@@ -68,32 +76,49 @@ class _Reader:
 
     def finished(self) -> MeshFile:
         """Return all that was read."""
+        self._end_instance()
         collect(self.model, self.instances)
         return self.model.mesh_file()
 
     # --- parts ---------------------------------------------------------------------------------
 
     def _part(self, statement: Statement) -> None:
+        self._end_instance()
         name = self._option(statement, "NAME")
-        self.deck = self.parts[name.lower()] = Deck(self.model.path)
+        self.deck = self.parts[name.lower()] = Deck(self.model.path, self.allowance)
 
     def _end_part(self, _: Statement) -> None:
         self.deck = self.model
 
     def _instance(self, statement: Statement) -> None:
+        """Begin an instance: what its part has, and what follows up to its end."""
+        self._end_instance()
         name = self._option(statement, "NAME")
         part = self.parts.get(self._option(statement, "PART").lower())
         if part is None:
             self.fail(statement, f'instance "{name}" is of a part that is not in the file')
+        if any(name.lower() == known.lower() for known, _ in self.instances):
+            self.fail(statement, f'instance "{name}" is there twice')
         try:
-            move = placement([self._floats(statement, line, row) for line, row in statement.rows])
+            self.move = placement(
+                [self._floats(statement, line, row) for line, row in statement.rows]
+            )
         except ArithmeticError as error:
             self.fail(statement, str(error))
-        self.instances.append((name, part))
-        for (_, number), position in part.nodes.items():
-            self.model.nodes[name, number] = move(position)
-        for (_, number), (kind, nodes) in part.elements.items():
+        self.allowance.take(6 * MEMBER * part.size, "the instances of its parts")
+        self.deck = part.copy()
+        self.instances.append((name, self.deck))
+
+    def _end_instance(self) -> None:
+        """Put what an instance has, its part's and its own, where it is placed."""
+        if self.move is None:
+            return
+        name, deck = self.instances[-1]
+        for (_, number), position in deck.nodes.items():
+            self.model.nodes[name, number] = self.move(position)
+        for (_, number), (kind, nodes) in deck.elements.items():
             self.model.elements[name, number] = (kind, in_instance(name, nodes))
+        self.deck, self.move = self.model, None
 
     # --- nodes and elements --------------------------------------------------------------------
 
@@ -153,10 +178,12 @@ class _Reader:
         name = self._option(statement, "NSET")
         members = self._members(statement, "node_sets")
         if source := statement.options.get("ELSET"):
-            for key in self._set(statement, "element_sets", source):
-                if key not in self.deck.elements:
+            elements = self.deck.elements
+            for key in self.deck.single(self._set(statement, "element_sets", source), elements):
+                if key not in elements:
                     self.fail(statement, f"element {number_of(key)} is not in the file up to here")
-                members += self.deck.elements[key][1]
+                members += elements[key][1]
+            self.allowance.take(MEMBER * len(members), f'node set "{name}"')
         self.deck.node_sets.add(name, members)
         if "INTERNAL" in statement.options:
             self.deck.optional.add(name)
@@ -167,26 +194,26 @@ class _Reader:
         if "INTERNAL" in statement.options:
             self.deck.optional.add(name)
 
-    def _members(self, statement: Statement, kind: str) -> list[Key]:
+    def _members(self, statement: Statement, kind: str) -> list[Key | Run]:
         """Return the members that the data lines of a set tell by numbers and by names."""
         place = statement.options.get("INSTANCE", "")
         if place:
             place = self._instance_name(statement, place)
-        members: list[Key] = []
+        members: list[Key | Run] = []
         for line, row in statement.rows:
             if "GENERATE" in statement.options:
                 limits = self._integers(statement, line, row)
                 if not 2 <= len(limits) <= 3 or limits[1] < limits[0] or limits[-1] < 1:
-                    self.fail(statement, f"cannot generate from {', '.join(row)!r}", line)
+                    self.fail(statement, f"cannot generate from {_joined(row)}", line)
                 step = limits[2] if len(limits) == 3 else 1
-                members += [(place, i) for i in range(limits[0], limits[1] + 1, step)]
+                members.append((place, range(limits[0], limits[1] + 1, step)))
                 continue
             for item in filter(None, row):
-                if item.lstrip("+-").isdecimal():
-                    members.append((place, int(item)))
-                elif item.rpartition(".")[2].isdecimal():
-                    instance, _, number = item.rpartition(".")
-                    members.append((self._instance_name(statement, instance, line), int(number)))
+                instance, _, last = item.rpartition(".")
+                if (number := whole(item)) is not None:
+                    members.append((place, number))
+                elif (number := whole(last)) is not None:
+                    members.append((self._instance_name(statement, instance, line), number))
                 else:
                     members += self._set(statement, kind, item.strip('"'), line)
         return members
@@ -200,9 +227,9 @@ class _Reader:
 
     def _set(
         self, statement: Statement, kind: str, name: str, line: int | None = None
-    ) -> list[Key]:
+    ) -> list[Key | Run]:
         """Return the members of a set defined before, also one of an instance: "instance.set"."""
-        found: list[Key] | None = getattr(self.deck, kind).get(name)
+        found: list[Key | Run] | None = getattr(self.deck, kind).get(name)
         instance, _, inner = name.rpartition(".")
         for place, part in self.instances:
             if found is None and place.lower() == instance.lower():
@@ -211,17 +238,15 @@ class _Reader:
         if found is None:
             what = kind.replace("_", " ")[:-1]
             self.fail(statement, f'there is no {what} "{name}" up to here', line)
+        self.allowance.take(MEMBER * len(found), "sets of sets")
         return found
 
     def _surface(self, statement: Statement) -> None:
         name = self._option(statement, "NAME")
         if statement.options.get("TYPE", "ELEMENT").upper() == "NODE":
-            members: list[Key] = []
+            members: list[Key | Run] = []
             for line, row in statement.rows:
-                if row[0].isdecimal():
-                    members.append(("", int(row[0])))
-                else:
-                    members += self._set(statement, "node_sets", row[0].strip('"'), line)
+                members += self._named(statement, "node_sets", line, row)
             self.deck.node_sets.add(name, members)
             return
         if statement.options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
@@ -229,17 +254,26 @@ class _Reader:
             return
         facets: list[tuple[Key, ...]] = []
         for line, row in statement.rows:
-            elements: list[Key] = [("", int(row[0]))] if row[0].isdecimal() else self._set(
-                statement, "element_sets", row[0].strip('"'), line
-            )  # fmt: skip
-            for key in elements:
+            elements = self._named(statement, "element_sets", line, row)
+            for key in self.deck.single(elements, self.deck.elements):
                 kind, nodes = self.deck.elements.get(key, ("", ()))
                 corners = FACES.get(kind, {}).get(row[1].upper() if len(row) > 1 else "")
                 if corners is None:
                     self.deck.skipped[name] = "its surface names no face (S1) or edge (E1)"
                     return
                 facets.append(tuple(nodes[corner] for corner in corners))
+        self.allowance.take(MEMBER * len(facets), f'surface "{name}"')
         self.deck.facets[name] = facets
+
+    def _named(
+        self, statement: Statement, kind: str, line: int, row: list[str]
+    ) -> Sequence[Key | Run]:
+        """Return what the first field of a line of a surface names, by a number or a set."""
+        first = row[0] if row else ""
+        number = whole(first)
+        if number is None:
+            return self._set(statement, kind, first.strip('"'), line)
+        return [("", number)]
 
     # --- fields --------------------------------------------------------------------------------
 
@@ -250,13 +284,18 @@ class _Reader:
         return value
 
     def _integers(self, statement: Statement, line: int, row: list[str]) -> list[int]:
-        try:
-            return [int(item) for item in row if item]
-        except ValueError:
-            self.fail(statement, f"needs whole numbers, got {', '.join(row)!r}", line)
+        numbers = [whole(item) for item in row if item]
+        if None in numbers:
+            self.fail(statement, f"needs whole numbers, got {_joined(row)}", line)
+        return [number for number in numbers if number is not None]
 
     def _floats(self, statement: Statement, line: int, row: list[str]) -> list[float]:
-        try:
-            return [float(item.upper().replace("D", "E")) if item else 0.0 for item in row]
-        except ValueError:
-            self.fail(statement, f"needs numbers, got {', '.join(row)!r}", line)
+        numbers = [real(item) if item else 0.0 for item in row]
+        if None in numbers:
+            self.fail(statement, f"needs numbers, got {_joined(row)}", line)
+        return [number for number in numbers if number is not None]
+
+
+def _joined(row: Sequence[str]) -> str:
+    """Return the fields of a line for a message."""
+    return _checks.show(", ".join(row))

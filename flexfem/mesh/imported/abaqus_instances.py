@@ -6,14 +6,18 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from flexfem.mesh.imported.deck import Deck, Key, Sets
+from flexfem.mesh.imported.deck import Deck, Sets
 
-__all__ = ["collect", "in_instance", "placement"]
+__all__ = ["Move", "collect", "in_instance", "placement"]
+
+# Products of such numbers are still numbers
+_FAR = 1e50
 
 type Position = tuple[float, float, float]
+type Move = Callable[[Position], Position]
 
 
-def placement(rows: Sequence[Sequence[float]]) -> Callable[[Position], Position]:
+def placement(rows: Sequence[Sequence[float]]) -> Move:
     """Return the map of positions of a part to those of its instance.
 
     Args:
@@ -27,6 +31,8 @@ def placement(rows: Sequence[Sequence[float]]) -> Callable[[Position], Position]
         return lambda position: position
     if len(rows) > 2 or len(rows[0]) > 3 or (len(rows) == 2 and len(rows[1]) != 7):
         raise ArithmeticError("the place must be a translation (3) and a rotation (7 numbers)")
+    if max((abs(number) for row in rows for number in row), default=0.0) > _FAR:
+        raise ArithmeticError(f"a number of its place is beyond {_FAR:g}")
     shift = np.array([*rows[0], 0.0, 0.0][:3])
     start, turn = np.zeros(3), np.eye(3)
     if len(rows) == 2:
@@ -45,7 +51,9 @@ def placement(rows: Sequence[Sequence[float]]) -> Callable[[Position], Position]
     return move
 
 
-def in_instance(instance: str, keys: Iterable[Key]) -> tuple[Key, ...]:
+def in_instance[N: (int, range)](
+    instance: str, keys: Iterable[tuple[str, N]]
+) -> tuple[tuple[str, N], ...]:
     """Return the numbers of a part as those of an instance."""
     return tuple((instance, number) for _, number in keys)
 

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from flexfem.mesh.imported.limits import TextFiles, included
+
 __all__ = ["FACES", "Statement", "element_kind", "statements"]
 
 type Faces = dict[str, tuple[int, ...]]
@@ -92,53 +94,52 @@ def element_kind(name: str) -> str:
     return ""
 
 
-def statements(path: Path, depth: int = 0) -> Iterator[Statement]:
+def statements(path: Path, files: TextFiles) -> Iterator[Statement]:
     """Yield the statements of a file and of those that it includes.
+
+    Args:
+        path: The file.
+        files: Those of the mesh.
 
     Raises:
         ValueError: A file cannot be read, data stand before the first keyword, or files include
             each other without end.
     """
-    if depth > 20:
-        raise ValueError(f'mesh file "{path}": *INCLUDE without end')
-    for statement in _in_file(path):
-        if statement.keyword != "INCLUDE":
-            yield statement
-            continue
-        name = statement.options.get("INPUT", "")
-        if not (inner := path.parent / name).is_file() or not name:
-            raise ValueError(
-                f'mesh file "{path}", line {statement.line}: *INCLUDE: file "{name}" is not there'
-            )
-        yield from statements(inner, depth + 1)
+    with files.entered(path):
+        for statement in _in_file(path, files):
+            if statement.keyword != "INCLUDE":
+                yield statement
+                continue
+            name = statement.options.get("INPUT", "")
+            yield from statements(included(path, statement.line, "*INCLUDE", name), files)
 
 
-def _in_file(path: Path) -> Iterator[Statement]:
+def _in_file(path: Path, files: TextFiles) -> Iterator[Statement]:
     """Yield the statements of one file."""
     current: Statement | None = None
-    head, begin = "", 0
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for number, raw in enumerate(file, 1):
-            text = raw.strip()
-            if not text or text.startswith("**"):
-                continue
-            if head or text.startswith("*"):
-                if not head:
-                    if current is not None:
-                        yield current
-                    current, begin = None, number
-                head += text
-                if not head.endswith(","):  # else the keyword goes on in the next line
-                    current, head = _statement(path, begin, head), ""
-            elif current is None:
-                raise ValueError(
-                    f'mesh file "{path}", line {number}: a keyword (*...) must come first, got '
-                    f"{text[:40]!r}"
-                )
-            else:
-                fields = [part.strip() for part in text.split(",")]
-                current.open.append(fields[-1] == "")
-                current.rows.append((number, fields[:-1] if current.open[-1] else fields))
+    head: list[str] = []
+    begin = 0
+    for number, raw in files.lines(path):
+        text = raw.strip()
+        if not text or text.startswith("**"):
+            continue
+        if head or text.startswith("*"):
+            if not head:
+                if current is not None:
+                    yield current
+                current, begin = None, number
+            head.append(text)
+            if not text.endswith(","):  # else the keyword goes on in the next line
+                current, head = _statement(path, begin, "".join(head)), []
+        elif current is None:
+            raise ValueError(
+                f'mesh file "{path}", line {number}: a keyword (*...) must come first, got '
+                f"{text[:40]!r}"
+            )
+        else:
+            fields = [part.strip() for part in text.split(",")]
+            current.open.append(fields[-1] == "")
+            current.rows.append((number, fields[:-1] if current.open[-1] else fields))
     if current is not None:
         yield current
 

@@ -194,11 +194,13 @@ class _Facets:
             return f"{lost} of its {len(given)} faces are none of the body"
         if name not in self.file.node_sets:
             return self.file.skipped.get(name, "there is no such set of faces or nodes")
-        inside = np.zeros(len(self.file.points), dtype=np.bool_)
-        inside[self.file.node_sets[name]] = True
-        rows: IntArray = self.boundary[inside[self.boundary].all(axis=1)]
-        if len(rows):
-            return rows
+        nodes = self.file.node_sets[name]
+        if len(nodes) >= self.width:  # a file may have a set for each node
+            inside = np.zeros(len(self.file.points), dtype=np.bool_)
+            inside[nodes] = True
+            rows: IntArray = self.boundary[inside[self.boundary].all(axis=1)]
+            if len(rows):
+                return rows
         return "no face at the boundary of the body has all of its nodes in this set"
 
     def _given(self, name: str) -> set[tuple[int, ...]]:

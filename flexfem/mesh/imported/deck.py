@@ -2,19 +2,25 @@
 """Nodes and elements with numbers and sets of these, as text files of solvers give them."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 from flexfem._types import IntArray
+from flexfem.mesh.imported.limits import Allowance
 from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
-__all__ = ["Deck", "Key", "Sets", "number_of"]
+__all__ = ["MEMBER", "Deck", "Key", "Run", "Sets", "number_of"]
+
+#: Bytes that a member of a set takes while files are read.
+MEMBER = 100
 
 #: Instance, "" for none, and number of a node or element.
 type Key = tuple[str, int]
+#: The same of all numbers in a range, which may be longer than any memory.
+type Run = tuple[str, range]
 
 
 class Sets:
@@ -22,20 +28,32 @@ class Sets:
 
     def __init__(self) -> None:
         """Begin without sets."""
-        self._keys: dict[str, dict[Key, None]] = {}
+        self._keys: dict[str, dict[Key | Run, None]] = {}
         self._names: dict[str, str] = {}
 
-    def add(self, name: str, keys: Iterable[Key]) -> None:
+    def add(self, name: str, keys: Iterable[Key | Run]) -> None:
         """Add members to a set, which is made if there is none."""
         self._names.setdefault(name.lower(), name)
         self._keys.setdefault(name.lower(), {}).update(dict.fromkeys(keys))
 
-    def get(self, name: str) -> list[Key] | None:
+    def get(self, name: str) -> list[Key | Run] | None:
         """Return the members of a set in the order they came, None if there is none."""
         found = self._keys.get(name.lower())
         return None if found is None else list(found)
 
-    def items(self) -> Iterator[tuple[str, list[Key]]]:
+    def copy(self) -> "Sets":
+        """Return another one with the same."""
+        other = Sets()
+        for name, keys in self.items():
+            other.add(name, keys)
+        return other
+
+    @property
+    def size(self) -> int:
+        """How many members and ranges all sets have together."""
+        return sum(map(len, self._keys.values()))
+
+    def items(self) -> Iterator[tuple[str, list[Key | Run]]]:
         """Names and members."""
         return ((self._names[low], list(keys)) for low, keys in self._keys.items())
 
@@ -43,9 +61,10 @@ class Sets:
 class Deck:
     """What is collected while a file is read."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, allowance: Allowance) -> None:
         """Begin with nothing."""
         self.path = path
+        self.allowance = allowance
         self.nodes: dict[Key, tuple[float, float, float]] = {}
         self.elements: dict[Key, tuple[str, tuple[Key, ...]]] = {}
         self.node_sets = Sets()
@@ -54,6 +73,23 @@ class Deck:
         self.optional: set[str] = set()
         self.unused: Counter[str] = Counter()
         self.skipped: dict[str, str] = {}
+
+    @property
+    def size(self) -> int:
+        """How many nodes, elements, members of sets and facets there are."""
+        facets = sum(map(len, self.facets.values()))
+        sets = self.node_sets.size + self.element_sets.size
+        return len(self.nodes) + len(self.elements) + sets + facets
+
+    def copy(self) -> "Deck":
+        """Return another one with the same, which may get more."""
+        other = Deck(self.path, self.allowance)
+        other.nodes, other.elements = dict(self.nodes), dict(self.elements)
+        other.node_sets, other.element_sets = self.node_sets.copy(), self.element_sets.copy()
+        other.facets = {name: list(facets) for name, facets in self.facets.items()}
+        other.optional, other.skipped = set(self.optional), dict(self.skipped)
+        other.unused = Counter(self.unused)
+        return other
 
     def fail(self, reason: str, line: int | None = None) -> NoReturn:
         """Raise for what is wrong in the file.
@@ -133,13 +169,35 @@ class Deck:
         )
 
     def _rows(
-        self, what: str, members: list[Key], rows: Mapping[Key, int], known: Mapping[Key, object]
+        self,
+        what: str,
+        members: list[Key | Run],
+        rows: Mapping[Key, int],
+        known: Collection[Key],
     ) -> IntArray:
         """Return the rows of members that have one; all must be known."""
-        for key in members:
+        found: dict[Key, None] = {}
+        for key in self.single(members, known):
             if key not in known:
                 self.fail(f"{what} {number_of(key)} is not in the file")
-        return np.array([rows[key] for key in members if key in rows], dtype=np.int64)
+            found[key] = None
+        return np.array([rows[key] for key in found if key in rows], dtype=np.int64)
+
+    def single(self, members: Iterable[Key | Run], known: Collection[Key]) -> Iterator[Key]:
+        """Yield members one by one, of a range no more than up to the first that is not known.
+
+        Raises:
+            ValueError: Ranges name much more than the file has.
+        """
+        for place, number in members:
+            if isinstance(number, int):
+                yield place, number
+                continue
+            self.allowance.take(MEMBER * min(len(number), len(known) + 1), "sets of ranges")
+            for one in number:
+                yield place, one
+                if (place, one) not in known:
+                    break
 
 
 def number_of(key: Key) -> str:

@@ -69,9 +69,19 @@ def line_data(
     return LineData(
         file.points[nodes],
         cells.reshape(-1, 2),
-        {name: np.flatnonzero(np.isin(rows[:, 0], members)) for name, members in sets.items()},
+        {name: _places(rows[:, 0], members) for name, members in sets.items()},
         named | (_seams(list(sets), nodes, keys % len(sets)) if separate else {}),
     )
+
+
+def _places(numbers: IntArray, members: IntArray) -> IntArray:
+    """Return where members are among ascending numbers; files may have a set for each element."""
+    members = np.unique(members)
+    first = np.searchsorted(numbers, members)
+    counts = np.searchsorted(numbers, members, side="right") - first
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    places: IntArray = np.repeat(first, counts) + within
+    return places
 
 
 def _seams(names: Sequence[str], nodes: IntArray, groups: IntArray) -> dict[str, int]:

@@ -9,7 +9,11 @@ import re
 from collections.abc import Container
 from pathlib import Path
 
-from flexfem.mesh.imported.deck import Deck, Key
+import numpy as np
+
+from flexfem import _checks
+from flexfem.mesh.imported.deck import MEMBER, Deck, Key
+from flexfem.mesh.imported.limits import Allowance, TextFiles, whole
 from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 from flexfem.mesh.imported.nastran_cards import Card, cards
 from flexfem.mesh.imported.nastran_points import SYSTEMS, GridPoints
@@ -44,8 +48,9 @@ def read(path: Path) -> MeshFile:
     Raises:
         ValueError: It cannot be read, with the line.
     """
-    reader = _Reader(path)
-    for card in cards(path):
+    files = TextFiles(path)
+    reader = _Reader(path, files.allowance)
+    for card in cards(path, files):
         reader.take(card)
     return reader.finished()
 
@@ -53,12 +58,13 @@ def read(path: Path) -> MeshFile:
 class _Reader:
     """Collects cards."""
 
-    def __init__(self, path: Path) -> None:
-        self.deck = Deck(path)
+    def __init__(self, path: Path, allowance: Allowance) -> None:
+        self.deck = Deck(path, allowance)
         self.property: dict[Key, int] = {}
         self.material: dict[Key, int] = {}
         self.materials: dict[int, int] = {}
         self.sets: list[tuple[Card, str, str, list[str]]] = []
+        self.numbers = np.empty(0, dtype=np.int64)
         self.points = GridPoints()
         self.default_property = {"CBAR": "", "CBEAM": ""}
 
@@ -81,8 +87,8 @@ class _Reader:
             self.sets.append((card, name.strip(), "", re.split(r"[,\s]+", text.strip())))
         elif _UNUSED.fullmatch(card.name):
             self.deck.unused[card.name] += 1
-            if card.field(2).isdecimal():
-                self.deck.elements.setdefault(("", int(card.field(2))), ("", ()))
+            if (number := whole(card.field(2))) is not None:
+                self.deck.elements.setdefault(("", number), ("", ()))
 
     def finished(self) -> MeshFile:
         """Return all that was read."""
@@ -95,6 +101,8 @@ class _Reader:
             if material is not None:
                 self.deck.element_sets.add(f"material_{material}", [key])
                 self.deck.optional.add(f"material_{material}")
+        numbers = [number for _, number in (*self.deck.nodes, *self.deck.elements)]
+        self.numbers = np.unique(np.array(numbers, dtype=np.int64))
         for entry in self.sets:
             self._set(*entry)
         return self.deck.mesh_file()
@@ -106,7 +114,7 @@ class _Reader:
         count = KINDS[str(kind)].nodes
         for name in higher:  # with all of its middle nodes, or by its corners
             numbers = range(first, first + KINDS[str(name)].nodes)
-            if all(card.field(number).isdecimal() for number in numbers):
+            if all(whole(card.field(number)) is not None for number in numbers):
                 kind, count = name, KINDS[str(name)].nodes
         nodes = [("", card.integer(first + i)) for i in range(count)]
         order = _ORDER.get(str(kind), range(count))
@@ -116,9 +124,10 @@ class _Reader:
             self.material[key] = card.integer(5)
             return
         text = card.field(3) or self.default_property.get(card.name) or card.field(2)
-        if not text.isdecimal():
-            card.fail(f"property {text!r} is no number")
-        self.property[key] = int(text)
+        number = whole(text)
+        if number is None:
+            card.fail(f"property {_checks.show(text)} is no number")
+        self.property[key] = number
 
     def _set(self, card: Card, number: str, kind: str, items: list[str]) -> None:
         """Add a set of nodes, of elements, or of both where its numbers are those of both."""
@@ -143,23 +152,33 @@ class _Reader:
                 self.deck.skipped.pop(name, None)
 
     def _listed(self, card: Card, items: list[str]) -> dict[int, bool]:
-        """Return the numbers of a set, 1, 2, 5 THRU 9 EXCEPT 7, and whether they must be there."""
+        """Return the numbers of a set, 1, 2, 5 THRU 9 EXCEPT 7, and whether they must be there.
+
+        Of a range, only what the file has.
+        """
         found: dict[int, bool] = {}
         words = [item.upper() for item in items if item]
         last, upper, after = 0, -1, ""
         for word in words:
+            number = whole(word)
             if word in ("THRU", "EXCEPT"):
                 after = word
             elif word == "ALL" and len(words) == 1:
-                return dict.fromkeys((number for _, number in self.deck.nodes), False)
-            elif not word.isdecimal():
-                card.fail(f"cannot read {word!r} in a set")
+                nodes = [number for _, number in self.deck.nodes]
+                return self._optional(card, nodes)
+            elif number is None:
+                card.fail(f"cannot read {_checks.show(word)} in a set")
             elif after == "THRU":
-                after, upper = "", int(word)
-                found.update(dict.fromkeys(range(last + 1, upper + 1), False))
-            elif after == "EXCEPT" and int(word) <= upper:
-                found.pop(int(word), None)
+                after, upper = "", number
+                first, end = np.searchsorted(self.numbers, [last + 1, upper + 1])
+                found.update(self._optional(card, self.numbers[first:end].tolist()))
+            elif after == "EXCEPT" and number <= upper:
+                found.pop(number, None)
             else:
-                last, after = int(word), ""
+                last, after = number, ""
                 found[last] = True
         return found
+
+    def _optional(self, card: Card, numbers: list[int]) -> dict[int, bool]:
+        self.deck.allowance.take(MEMBER * len(numbers), f"the ranges of line {card.line}")
+        return dict.fromkeys(numbers, False)

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cards of a Nastran bulk data file, in free, small and large fields."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-__all__ = ["Card", "cards"]
+from flexfem import _checks
+from flexfem.mesh.imported.limits import TextFiles, included, real, whole
 
-# 7.0, .7E1, 0.7+1, 70.-1
-_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]?([+-]?\d+))?", re.IGNORECASE)
+__all__ = ["Card", "cards"]
 
 
 @dataclass
@@ -48,9 +47,10 @@ class Card:
             ValueError: It is none.
         """
         text = self.field(number)
-        if not text.isdecimal():
-            self.fail(f"field {number} must be the number of something, got {text!r}")
-        return int(text)
+        value = whole(text)
+        if value is None or value < 0:
+            self.fail(f"field {number} must be the number of something, got {_checks.show(text)}")
+        return value
 
     def real(self, number: int) -> float:
         """Return the value of a field, 0 where it is blank.
@@ -61,36 +61,44 @@ class Card:
         text = self.field(number)
         if not text:
             return 0.0
-        found = _REAL.fullmatch(text)
-        if found is None:
-            self.fail(f"field {number} must be a number, got {text!r}")
-        return float(f"{found[1]}e{found[2] or 0}")
+        value = real(text, bare_exponent=True)
+        if value is None:
+            self.fail(f"field {number} must be a number, got {_checks.show(text)}")
+        return value
 
 
-def cards(path: Path, depth: int = 0) -> Iterator[Card]:
+def cards(path: Path, files: TextFiles) -> Iterator[Card]:
     """Yield the cards of a file and of those that it includes, and its case control sets.
 
     Those come as cards of the name "SET" with one field, the text after "SET".
 
+    Args:
+        path: The file.
+        files: Those of the mesh.
+
     Raises:
         ValueError: A file cannot be read, or files include each other without end.
     """
-    if depth > 20:
-        raise ValueError(f'mesh file "{path}": INCLUDE without end')
-    lines = list(_lines(path))
+    with files.entered(path):
+        yield from _cards(path, files)
+
+
+def _cards(path: Path, files: TextFiles) -> Iterator[Card]:
+    """Yield the cards of one file, and of those that it includes where it does so."""
+    lines = list(_lines(path, files))
     begin = next((i for i, (_, text) in enumerate(lines) if _is_begin(text)), None)
     if begin is not None:
         yield from _case_sets(path, lines[:begin])
     current: Card | None = None
     for number, text in lines[0 if begin is None else begin + 1 :]:
-        word = (text.split(",")[0].split() or [""])[0].upper()
+        word = (text.split(",", 1)[0].split(None, 1) or [""])[0].upper()
         if word == "ENDDATA":
             break
         if word == "INCLUDE":
             if current is not None:
                 yield current
                 current = None
-            yield from cards(_included(path, number, text), depth + 1)
+            yield from cards(_included(path, number, text), files)
             continue
         name, fields = _fields(text)
         if name and name[0] not in "+*":
@@ -103,13 +111,12 @@ def cards(path: Path, depth: int = 0) -> Iterator[Card]:
         yield current
 
 
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
+def _lines(path: Path, files: TextFiles) -> Iterator[tuple[int, str]]:
     """Yield numbers and texts of the lines that are not empty, without comments."""
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for number, raw in enumerate(file, 1):
-            text = raw.split("$")[0].rstrip().expandtabs(8)
-            if text:
-                yield number, text
+    for number, raw in files.lines(path):
+        text = raw.split("$")[0].rstrip().expandtabs(8)
+        if text:
+            yield number, text
 
 
 def _is_begin(text: str) -> bool:
@@ -118,21 +125,19 @@ def _is_begin(text: str) -> bool:
 
 def _included(path: Path, number: int, text: str) -> Path:
     name = text.strip()[len("INCLUDE") :].strip().strip("'\"")
-    if not name or not (inner := path.parent / name).is_file():
-        raise ValueError(f'mesh file "{path}", line {number}: INCLUDE: "{name}" is not there')
-    return inner
+    return included(path, number, "INCLUDE", name)
 
 
 def _case_sets(path: Path, lines: list[tuple[int, str]]) -> Iterator[Card]:
     """Yield the SET commands of the case control."""
     rows = iter(lines)
     for number, first in rows:
-        text = first.strip()
-        if not text.upper().startswith("SET "):
+        parts = [first.strip()]
+        if not parts[0].upper().startswith("SET "):
             continue
-        while text.endswith(",") and (following := next(rows, None)) is not None:
-            text += following[1].strip()
-        yield Card(path, number, "SET", [text[4:]])
+        while parts[-1].endswith(",") and (following := next(rows, None)) is not None:
+            parts.append(following[1].strip())
+        yield Card(path, number, "SET", ["".join(parts)[4:]])
 
 
 def _fields(text: str) -> tuple[str, list[str]]:

@@ -3,10 +3,15 @@
 
 import numpy as np
 
+from flexfem import _checks
 from flexfem._types import FloatArray
+from flexfem.mesh.imported.limits import whole
 from flexfem.mesh.imported.nastran_cards import Card
 
 __all__ = ["SYSTEMS", "GridPoints"]
+
+# Systems that depend on one another in a chain
+_NESTED = 50
 
 #: Cards of coordinate systems: by three grid points, or by three points in another system.
 SYSTEMS = ("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
@@ -50,9 +55,10 @@ class GridPoints:
             ValueError: A system is not there, has no axes, or is defined by itself.
         """
         found = {}
-        for number, card in self._points.items():
-            x, y, z = self._position(number).tolist()
-            found[number] = (card, (x, y, z))
+        with np.errstate(all="ignore"):  # what is not finite is refused with its node
+            for number, card in self._points.items():
+                x, y, z = self._position(number).tolist()
+                found[number] = (card, (x, y, z))
         return found
 
     def _position(self, number: int) -> FloatArray:
@@ -67,9 +73,9 @@ class GridPoints:
         """Return the basic coordinates of a point in a system."""
         if system == "0":
             return own
-        if not system.isdecimal() or int(system) not in self._systems:
-            card.fail(f"coordinate system {system!r} is not in the file")
-        number = int(system)
+        number = whole(system)
+        if number not in self._systems or number is None:
+            card.fail(f"coordinate system {_checks.show(system)} is not in the file")
         origin, axes = self._frame(number)
         kind = self._systems[number][0].name[-1]
         if kind == "C":
@@ -89,6 +95,8 @@ class GridPoints:
         card, first = self._systems[number]
         if number in self._under_way:
             card.fail(f"system {number} is defined by itself")
+        if len(self._under_way) > _NESTED:
+            card.fail(f"system {number} depends on more than {_NESTED} others")
         self._under_way.add(number)
         if card.name.startswith("CORD1"):
             numbers = [card.integer(first + i) for i in (1, 2, 3)]
@@ -104,5 +112,6 @@ class GridPoints:
         if not (np.linalg.norm(second) > 0.0):
             card.fail(f"the three points of system {number} are on one line")
         third, second = third / np.linalg.norm(third), second / np.linalg.norm(second)
+        self._under_way.remove(number)
         self._axes[number] = (a, np.array([np.cross(second, third), second, third]))
         return self._axes[number]

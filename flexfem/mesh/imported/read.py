@@ -9,10 +9,14 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import IntArray
-from flexfem.mesh.imported import abaqus, gmsh, nastran, vtk
+from flexfem.mesh.imported import abaqus, gmsh, nastran, vtk_legacy, vtk_xml
+from flexfem.mesh.imported.limits import check_regular
 from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
 __all__ = ["FORMATS", "read_mesh_file"]
+
+# Products of such lengths are still numbers
+_FAR = 1e50
 
 #: Readers by the end of the file's name.
 FORMATS: dict[str, Callable[[Path], MeshFile]] = {
@@ -21,8 +25,8 @@ FORMATS: dict[str, Callable[[Path], MeshFile]] = {
     ".bdf": nastran.read,
     ".dat": nastran.read,
     ".nas": nastran.read,
-    ".vtu": vtk.read,
-    ".vtk": vtk.read,
+    ".vtu": vtk_xml.read,
+    ".vtk": vtk_legacy.read,
 }
 
 
@@ -41,8 +45,7 @@ def read_mesh_file(path: Path, scale: float = 1.0, merge: float | None = None) -
     """
     owner = f'mesh file "{path}"'
     factor = _checks.number(owner, "scale", scale, positive=True)
-    if not path.is_file():
-        raise ValueError(f"{owner} does not exist")
+    check_regular(path)
     reader = FORMATS.get(path.suffix.lower())
     if reader is None:
         raise ValueError(f"{owner} must end in {', '.join(FORMATS)}")
@@ -50,7 +53,11 @@ def read_mesh_file(path: Path, scale: float = 1.0, merge: float | None = None) -
         file = reader(path)
     except OSError as error:
         raise ValueError(f"{owner} cannot be read: {error.strerror}") from None
-    points = factor * _checks.array(owner, "points", file.points, (-1, 3))
+    points = _checks.array(owner, "points", file.points, (-1, 3))
+    if (far := np.abs(points) > _FAR / factor).any():
+        place = ", ".join(f"{x:g}" for x in points[far.any(axis=1)][0])
+        raise ValueError(f"{owner}: a node is at ({place}), beyond {_FAR:g} m")
+    points = factor * points
     return _merged(replace(file, points=points), merge)
 
 

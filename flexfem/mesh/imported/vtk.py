@@ -1,66 +1,123 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Points, cells and whole-numbered data of VTK files, through meshio."""
+"""Points, cells and whole-numbered data of VTK files.
 
-from importlib import import_module
+Read here and not with meshio, which believes what a file says of its sizes and indices: some bytes
+ask for any memory, and an index of -1 is the last point.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from flexfem._types import IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
-__all__ = ["read"]
+__all__ = ["VtkGrid", "mesh_file"]
 
 # What programs write for themselves
 _OWN = ("vtk", "Global", "ObjectId", "PedigreeIds")
 
+_KINDS = {
+    3: "line", 5: "triangle", 9: "quad", 10: "tetra", 12: "hexahedron", 13: "wedge", 14: "pyramid",
+    21: "line3", 22: "triangle6", 23: "quad8", 24: "tetra10", 25: "hexahedron20", 26: "wedge15",
+    27: "pyramid13", 28: "quad9", 29: "hexahedron27",
+}  # fmt: skip
+_OTHERS = {
+    1: "vertex", 2: "poly_vertex", 4: "poly_line", 6: "triangle_strip", 7: "polygon", 8: "pixel",
+    11: "voxel", 42: "polyhedron",
+}  # fmt: skip
+# The normal of a wedge's first triangle points outwards in VTK, inwards in all other programs
+_ORDER = {"wedge": [0, 2, 1, 3, 5, 4]}
 
-def read(path: Path) -> MeshFile:
-    """Read a .vtu or .vtk file.
+
+@dataclass
+class VtkGrid:
+    """What a file or a piece of it has.
+
+    Attributes:
+        points: (n, 3).
+        offsets: (m,) where the nodes of each cell end in `connectivity`.
+        connectivity: Rows of the nodes of all cells.
+        types: (m,) types of the cells.
+        point_data: Whole numbers of the points by name.
+        cell_data: Whole numbers of the cells by name.
+    """
+
+    points: FloatArray
+    offsets: IntArray
+    connectivity: IntArray
+    types: IntArray
+    point_data: Mapping[str, IntArray] = field(default_factory=dict)
+    cell_data: Mapping[str, IntArray] = field(default_factory=dict)
+
+
+def mesh_file(path: Path, grid: VtkGrid) -> MeshFile:
+    """Return points, cells and sets of a file.
 
     Cells of the value 2 in the data "material" are the element set material_2, and points with
     the value 3 in the data "support" the node set support_3; points with 0 are in no set.
 
     Raises:
-        ValueError: It cannot be read.
+        ValueError: A cell has no such points, or data are not for all points or cells.
     """
-    # meshio.read would print and end the process
-    module = import_module(f"meshio.{path.suffix[1:].lower()}")
-    try:
-        mesh = module.read(str(path))
-    except (Exception, SystemExit) as error:  # whatever its parsers stumble over
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f'mesh file "{path}" cannot be read: {reason}') from None
-    points = np.zeros((len(mesh.points), 3))
-    points[:, : np.shape(mesh.points)[1]] = mesh.points
-    used = [block.type in KINDS for block in mesh.cells]
-    kinds = list(dict.fromkeys(b.type for b, use in zip(mesh.cells, used, strict=True) if use))
-    order = [i for kind in kinds for i, block in enumerate(mesh.cells) if block.type == kind]
+    starts = _starts(path, grid)
+    cells: dict[str, IntArray] = {}
     unused: dict[str, int] = {}
-    for block, use in zip(mesh.cells, used, strict=True):
-        if not use:
-            unused[block.type] = unused.get(block.type, 0) + len(block.data)
-    cells = {
-        kind: np.concatenate([b.data for b in mesh.cells if b.type == kind]).astype(np.int64)
-        for kind in kinds
-    }
+    rows = [np.empty(0, dtype=np.int64)]
+    for kind in dict.fromkeys(grid.types.tolist()):
+        mine = np.flatnonzero(grid.types == kind)
+        if kind not in _KINDS:
+            name = _OTHERS.get(kind, f"VTK type {kind}")
+            unused[name] = unused.get(name, 0) + len(mine)
+            continue
+        name, width = _KINDS[kind], KINDS[_KINDS[kind]].nodes
+        if (wrong := grid.offsets[mine] - starts[mine] != width).any():
+            cell = mine[np.argmax(wrong)]
+            _fail(path, f"cell {cell} of type {kind} has {grid.offsets[cell] - starts[cell]} nodes")
+        nodes = grid.connectivity[starts[mine, np.newaxis] + np.arange(width)]
+        cells[name] = nodes[:, _ORDER[name]] if name in _ORDER else nodes
+        rows.append(mine)
+    order = np.concatenate(rows)
     element_sets: dict[str, IntArray] = {}
-    for name, blocks in mesh.cell_data.items():
-        if order:
-            values = np.concatenate([np.asarray(blocks[i]) for i in order])
-            element_sets |= _sets(name, values, zero=True)
     node_sets: dict[str, IntArray] = {}
-    for name, values in mesh.point_data.items():
-        node_sets |= _sets(name, np.asarray(values), zero=False)
-    return MeshFile(path, points, cells, element_sets, node_sets, unused=unused)
+    for name, values in grid.cell_data.items():
+        _check_data(path, "cells", name, values, len(grid.types))
+        element_sets |= _sets(name, values[order], zero=True)
+    for name, values in grid.point_data.items():
+        _check_data(path, "points", name, values, len(grid.points))
+        node_sets |= _sets(name, values, zero=False)
+    return MeshFile(path, grid.points, cells, element_sets, node_sets, unused=unused)
 
 
-def _sets(name: str, values: Any, *, zero: bool) -> dict[str, IntArray]:
-    """Return the rows of each value of whole-numbered data of one component."""
-    if values.ndim == 2 and values.shape[1] == 1:
-        values = values[:, 0]
-    if values.ndim != 1 or values.dtype.kind not in "iu" or name.startswith(_OWN):
+def _starts(path: Path, grid: VtkGrid) -> IntArray:
+    """Return where the nodes of each cell begin, all within what there is."""
+    if len(grid.offsets) != len(grid.types):
+        _fail(path, f"{len(grid.offsets)} cells and {len(grid.types)} types of cells")
+    starts = np.concatenate([np.zeros(1, dtype=np.int64), grid.offsets[:-1]])[: len(grid.offsets)]
+    if len(starts) and ((starts > grid.offsets).any() or grid.offsets[0] < 0):
+        _fail(path, "the offsets of the cells do not ascend")
+    if len(starts) and grid.offsets[-1] > len(grid.connectivity):
+        _fail(path, f"the cells have {len(grid.connectivity)} nodes, not {grid.offsets[-1]}")
+    count = len(grid.points)
+    if (lost := (grid.connectivity < 0) | (grid.connectivity >= count)).any():
+        _fail(path, f"a cell has node {grid.connectivity[lost][0]} of 0 to {count - 1}")
+    return starts
+
+
+def _check_data(path: Path, what: str, name: str, values: IntArray, count: int) -> None:
+    if len(values) != count:
+        _fail(path, f'data "{name}" have {len(values)} values for {count} {what}')
+
+
+def _fail(path: Path, reason: str) -> None:
+    raise ValueError(f'mesh file "{path}" cannot be read: {reason}')
+
+
+def _sets(name: str, values: IntArray, *, zero: bool) -> dict[str, IntArray]:
+    """Return the rows of each value of whole-numbered data."""
+    if name.startswith(_OWN) or len(values) == 0:
         return {}
     order = np.argsort(values, kind="stable")
     found, starts = np.unique(values[order], return_index=True)

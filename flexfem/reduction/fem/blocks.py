@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem, la
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.la.jit import compiled_form
 
 __all__ = [
     "ProjectedForm",
@@ -90,7 +91,7 @@ def assembled_matrix(form: ufl.Form, comm: MPI.Intracomm) -> PETSc.Mat:
     Not by dolfinx.fem.petsc: importing it makes all symbols of PETSc's libraries global, where the
     HDF5 library of h5py then finds those of another one. This way is also three times as fast.
     """
-    matrix = fem.assemble_matrix(fem.form(form))
+    matrix = fem.assemble_matrix(compiled_form(form))
     matrix.scatter_reverse()
     width = matrix.block_size[0]
     own = matrix.to_scipy().tocsr()
@@ -125,7 +126,7 @@ class ProjectedForm:
     def __init__(self, form: ufl.Form, comm: MPI.Intracomm) -> None:
         """Compile the form and create the matrix (collective)."""
         self._comm = comm
-        self._form: Any = fem.form(form)
+        self._form: Any = compiled_form(form)
         self._matrix = fem.create_matrix(self._form)
         self._scipy = self._matrix.to_scipy(ghosted=True)
 

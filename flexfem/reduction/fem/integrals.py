@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from flexfem._types import FloatArray
+from flexfem.la.jit import compiled_form
 from flexfem.reduction.fem.blocks import (
     ProjectedForm,
     assemble_rows,
@@ -37,7 +38,7 @@ class MassIntegrals:
         self._linear = fem.Constant(domain, np.zeros((3, 3)))
         self._pair = fem.Constant(domain, np.eye(3))
         v, u, dx = ufl.TestFunction(body.space), ufl.TrialFunction(body.space), ufl.dx(domain)
-        self._load = fem.form(
+        self._load = compiled_form(
             sum(
                 rho * ufl.dot(self._constant + ufl.dot(self._linear, r), moved(v)) * dx
                 for rho, r, moved in masses
@@ -48,13 +49,13 @@ class MassIntegrals:
         )
         self._inner = ProjectedForm(inner, domain.comm)
         self._whole_inner = sum(rho * ufl.dot(moved(v), moved(u)) * dx for rho, _, moved in masses)
-        self._second = fem.form(
+        self._second = compiled_form(
             sum(
                 rho * (ufl.dot(self._constant, r) + ufl.dot(r, ufl.dot(self._linear, r))) * dx
                 for rho, r, _ in masses
             )
         )
-        self._whole = fem.form(sum(rho * dx for rho, _, _ in masses))
+        self._whole = compiled_form(sum(rho * dx for rho, _, _ in masses))
 
     def mass_matrix(self) -> PETSc.Mat:
         """Mass matrix of all rows (collective)."""

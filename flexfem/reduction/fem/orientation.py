@@ -8,6 +8,7 @@ import ufl
 from dolfinx import fem
 
 from flexfem._types import FloatArray
+from flexfem.la.jit import compiled_form
 from flexfem.reduction.fem.blocks import assemble_rows, own_rows, projected
 from flexfem.reduction.fem.linear_body import LinearBody
 
@@ -41,7 +42,7 @@ class Orientation:
         pull = fem.Constant(domain, np.zeros(3))
         v = ufl.TestFunction(body.space)
         middle = fem.Constant(domain, np.array(centre))
-        form = fem.form(
+        form = compiled_form(
             sum(
                 ufl.cos(ufl.dot(wave, m.position - middle) + phase)
                 * ufl.dot(pull, m.displacement(v))

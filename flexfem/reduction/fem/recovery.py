@@ -8,6 +8,7 @@ import numpy as np
 from dolfinx import fem, mesh
 
 from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.la.jit import compile_options
 from flexfem.reduction.fem.blocks import set_rows
 from flexfem.reduction.fem.linear_body import LinearBody
 from flexfem.reduction.reduced_body import Recovery
@@ -32,13 +33,15 @@ def recover(body: LinearBody, functions: FloatArray) -> Recovery:
     n = functions.shape[1]
     state = fem.Function(body.space)
     assert body.displacement is not None
-    displacement = fem.Expression(body.displacement(state), reference)
+    how = compile_options(body.space.mesh.comm)
+    displacement = fem.Expression(body.displacement(state), reference, **how)
     stress = None
     if body.stress is not None:
         tensor = body.stress(state)
         import ufl
 
-        stress = fem.Expression(ufl.as_vector([tensor[i, j] for i, j in _VOIGT]), reference)
+        vector = ufl.as_vector([tensor[i, j] for i, j in _VOIGT])
+        stress = fem.Expression(vector, reference, **how)
     moves = np.zeros((len(points), 3, n))
     stresses = np.zeros((len(cells), 6, n))
     for j in range(n):

@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.la.jit import compiled_form
 from flexfem.reduction.fem.blocks import assemble_rows, own_rows, projected, total
 from flexfem.reduction.fem.linear_body import LinearBody
 from flexfem.reduction.fem.regions import Region, find_region
@@ -163,7 +164,7 @@ def _means(
     assert body.displacement is not None
     moved = body.displacement(v)
     work = ufl.dot(pick[0, :], moved) + ufl.dot(pick[1, :], ufl.cross(arm, moved))
-    form = fem.form(work * ufl.Measure("ds", domain, 1, subdomain_data=tags))
+    form = compiled_form(work * ufl.Measure("ds", domain, 1, subdomain_data=tags))
     resultants = np.zeros((rows, 6))
     for i in range(6):
         pick.value[:] = 0.0

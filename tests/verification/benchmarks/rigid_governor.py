@@ -51,7 +51,7 @@ def build(stiffness: float, damping: float) -> ff.Model:
         model.add(
             ff.RigidBody(
                 name, 0.3, box_inertia(0.3, 1.0, 0.01, 0.01), position=middle, rotation=turn,
-                velocity=np.cross(spin, middle), angular_velocity=turn.T @ spin,
+                velocity=np.cross(spin, middle), angular_velocity=spin,
             ),
             ff.PointMass(f"{name}_ball", 5.0, ff.Marker(name, offset=(0.5, 0.0, 0.0))),
             ff.Revolute(

@@ -32,7 +32,7 @@ def build() -> ff.Model:
         ff.RigidBody("crank", 0.12, (1e-4, 1e-4, 1e-5), position=(0.0, 0.1, 0.16),
                      velocity=(0.0, -0.24, 0.0), angular_velocity=(6.0, 0.0, 0.0)),
         ff.RigidBody("rod", 0.5, (4e-4, 4e-3, 4e-3), position=(0.1, 0.05, 0.1), rotation=rod,
-                     velocity=(0.12, -0.24, 0.0), angular_velocity=rod.T @ (1.92, -0.96, 0.48)),
+                     velocity=(0.12, -0.24, 0.0), angular_velocity=(1.92, -0.96, 0.48)),
         ff.RigidBody("slider", 2.0, (1e-3, 1e-3, 1e-3), position=(0.2, 0.0, 0.0),
                      velocity=(0.24, 0.0, 0.0)),
         ff.Revolute("bearing", ff.Ground((0.0, 0.1, 0.12)),

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""How much memory there is, and a refusal of what will not fit before room is made for it."""
+
+import os
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+
+from flexfem._checks import InputError
+
+__all__ = ["available", "check_room", "shown"]
+
+#: Less than this is always there: nothing is asked.
+_LITTLE = 1e9
+#: Files of the system: what a group of processes, such as a container, may have, and what it has.
+_GROUP = (
+    ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
+    (
+        "/sys/fs/cgroup/memory/memory.limit_in_bytes",
+        "/sys/fs/cgroup/memory/memory.usage_in_bytes",
+    ),
+)
+
+
+def available() -> float:
+    """Bytes that this computer, its container and its limits leave; infinite if nothing tells."""
+    return min(_limits(), default=float("inf"))
+
+
+def check_room(owner: str, needed: float, of: float | None = None) -> None:
+    """Refuse what needs more memory than there is.
+
+    Args:
+        owner: what messages begin with, and what is large, such as ``LineMesh: 10 elements``.
+        needed: bytes.
+        of: bytes that there are; those of :func:`available` by default.
+
+    Raises:
+        InputError: they are too many.
+    """
+    if needed <= _LITTLE:
+        return
+    room = available() if of is None else of
+    if needed > room:
+        raise InputError(
+            f"{owner} would need about {shown(needed)} of memory, {shown(room)} are left; were so "
+            "many meant?"
+        )
+
+
+def shown(size: float) -> str:
+    """Bytes in words."""
+    for unit, name in ((1e12, "TB"), (1e9, "GB")):
+        if size >= unit:
+            return f"{size / unit:.3g} {name}"
+    return f"{size / 1e6:.3g} MB"
+
+
+def _limits() -> Iterator[float]:
+    fields = dict(line.partition(":")[::2] for line in _text("/proc/meminfo").splitlines())
+    kilobytes = fields.get("MemAvailable", "").split()[:1]
+    if kilobytes:
+        yield 1024.0 * float(kilobytes[0])
+    elif "SC_PHYS_PAGES" in os.sysconf_names:
+        yield float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
+    for limit, used in _GROUP:
+        texts = _text(limit).strip(), _text(used).strip()
+        if all(text.isdecimal() for text in texts):
+            yield max(0.0, float(texts[0]) - float(texts[1]))
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if soft != resource.RLIM_INFINITY:
+        yield float(soft)
+
+
+def _text(path: str) -> str:
+    try:
+        return Path(path).read_text(encoding="ascii")
+    except OSError:
+        return ""

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Forces of joints and drives at accepted states, from constraints on accelerations.
+
+Multipliers of index 3 go with the scheme's own accelerations w, which satisfy the constraints only
+on average: generalized-alpha with a radius of 0.9 lets them ring for tens of steps behind every
+jerk, and energy-momentum knows means over steps. What is reported solves at the accepted positions
+
+``[[M, G^T], [G, 0]] (a, lambda) = -(f(q, v'), gamma(q, v'))``,
+``v' = v - M^-1 G^T S^-1 (G v + b)``, ``S = G M^-1 G^T``,
+
+with b the rates and gamma the second rates of the rows at zero velocities and accelerations: the
+equations of a consistent start. The scheme leaves ``M w + f(q, v) + G^T
+lambda_0 = 0``, and so they are solved for what lambda_0 lacks, without the forces f:
+
+``lambda = lambda_0 + S^-1 (G w + gamma(q, v') - G M^-1 C (v' - v))``
+
+It is an acceleration times the mass that a joint holds: of whole rigid bodies, but only of the node
+of a flexible one, and of the order of the scheme's error. Velocities change for rigid bodies alone,
+with C their gyroscopic terms: the damping of an element would make forces of what moves one of its
+nodes. Where no rigid body is held, what is reported is nearly lambda_0, and vibrations of flexible
+bodies that the steps do not resolve remain in it.
+
+Masses of rigid bodies are exact. Those of flexible ones hardly change in the nodes' own axes: the
+factors are those of the start, which every restart and number of ranks finds again, and what bent
+elements change is a part of the difference.
+"""
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.row import LawKind
+from flexfem.integrators.drive_rates import drive_rates
+from flexfem.integrators.start import laws_settled
+from flexfem.solvers.frozen import FrozenSolver
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.action_kernels import add_products
+from flexfem.system.system import GYROSCOPIC, MASS, System
+
+__all__ = ["AcceptedForces"]
+
+#: Rows are evaluated as they are, not as part of a time step.
+_UNSCALED = np.array([1.0, 1.0])
+#: Friction with joint forces is found in at most so many iterations.
+_SWEEPS = 25
+
+
+class AcceptedForces:
+    """Computes the forces of all rows at the accepted state; see ``System.reported_forces``."""
+
+    def __init__(self, system: System, tangent: TangentSolver, span: float, end: float) -> None:
+        """Store what is needed; masses are factorised at the first call (collective).
+
+        Args:
+            system: of which the forces are.
+            tangent: exact solver, for masses that cannot be inverted body by body.
+            span: over multiples of which drives are differentiated, s.
+            end: of the motion, s: drives are not asked for what comes after.
+        """
+        self._system, self._tangent = system, tangent
+        self._span, self._end = span, end
+        self._frozen: FrozenSolver | None = None
+        self._inverted = True  # masses of bodies are regular
+        kinds = system.constraints.elastic[:, 0]
+        self._laws = self._any(np.any(kinds != LawKind.RIGID))
+        self._turning = any(part.elements is None for part in system.parts)  # rigid bodies
+        self._rubbing = self._any(np.any(kinds >= LawKind.FRICTION))
+
+    def __call__(self) -> FloatArray:
+        """Forces (r,) of all rows, N or N m (collective).
+
+        The accepted state stays as it is; poses and gradients of the rows are left those of it.
+        """
+        system = self._system
+        rows, face = system.constraints, system.interface
+        if not rows.size_global or not (rows.mean_forces or self._any(rows.rigid.any())):
+            return rows.forces
+        face.update()
+        rows.multipliers[:], velocities = rows.forces, face.velocities.copy()
+        drives = drive_rates(rows, system.time, self._span, self._end)
+        rows.evaluate(_UNSCALED)
+        right = self._out_of_balance()
+        if self._turning:
+            self._project(-(rows.rates() + drives.first) * rows.rigid, right)
+        gaps = drives.second + 2.0 * drives.of_rates(rows)
+        if self._laws:
+            rows.evaluate(_UNSCALED)
+        gaps += rows.second_rates() + self._second_rates()
+        found = self._forces(gaps, right)
+        face.velocities[:] = velocities
+        return found
+
+    def _any(self, mine: np.bool_) -> bool:
+        """Whether it is so on any rank (collective)."""
+        comm = self._system.comm
+        return bool(comm.allreduce(bool(mine), op=MPI.LOR) if comm.size > 1 else mine)
+
+    def _project(self, rates: FloatArray, right: list[FloatArray]) -> None:
+        """Move the interface's velocities of rigid bodies onto the constraints.
+
+        Args:
+            rates: (r,) that the rows miss.
+            right: forces (n_owned, width) of each block that are to be balanced; gyroscopic ones
+                are added.
+        """
+        system = self._system
+        self._solve([np.zeros_like(block) for block in right], rates, False)
+        for k, part in enumerate(system.parts):
+            block = part.block
+            if part.elements is None:
+                block.residual[:] = 0.0
+                matrices = system.mechanics.masses(system, part, GYROSCOPIC)
+                add_products(matrices, part.masses.nodes, block.step, -1.0, block.residual)
+                right[k] += block.owned_residual
+        system.interface.update_steps()
+        system.interface.velocities += system.interface.steps
+
+    def _out_of_balance(self) -> list[FloatArray]:
+        """(n_owned, width) of each block, zero where equilibrium is that of the step's end."""
+        system, rows = self._system, self._system.constraints
+        for part in system.parts:
+            part.block.residual[:] = 0.0
+        if rows.mean_forces:
+            for part in system.parts:
+                part.add_residual(system.gravity, system.factors, 1.0)
+            system.add_constraint_forces(rows.forces)
+        return [-part.block.owned_residual for part in system.parts]
+
+    def _second_rates(self) -> FloatArray:
+        """(r,) second rates of the rows by the accelerations of the accepted state."""
+        system = self._system
+        for part in system.parts:
+            width = part.block.width
+            part.block.step[:, :width] = part.block.acceleration[:, :width]
+        system.interface.update_steps()
+        return system.constraints.changes(system.interface.steps)
+
+    def _forces(self, gaps: FloatArray, right: list[FloatArray]) -> FloatArray:
+        """Forces (r,) of all rows, those of laws at the projected velocities.
+
+        Args:
+            gaps: (r,) second rates of the rigid rows.
+            right: (n_owned, width) forces of each block that are to be balanced.
+        """
+        rows = self._system.constraints
+        start, rigid = rows.forces, rows.rigid
+        for _ in range(_SWEEPS):
+            values = np.where(rigid, gaps, rows.values + rows.yielding(rows.multipliers - start))
+            found = start + self._solve(right, -values, self._turning and not self._laws)
+            if not self._rubbing or laws_settled(self._system, found):
+                break
+            rows.multipliers[:] = found
+            rows.evaluate(_UNSCALED)
+        return found
+
+    def _solve(self, right: list[FloatArray], values: FloatArray, keep: bool) -> FloatArray:
+        """Solve for accelerations of rigid bodies, and multipliers (r,), which are returned.
+
+        Args:
+            right: (n_owned, width) right-hand sides of the blocks.
+            values: (r,) of the rows.
+            keep: rows and bodies are those of the last call.
+        """
+        system, rows = self._system, self._system.constraints
+        if self._inverted:
+            for part, forces in zip(system.parts, right, strict=True):
+                part.block.owned_residual[:] = forces
+            own = rows.values.copy(), rows.step_jacobian.copy()
+            rows.values[:], rows.step_jacobian[:] = values, rows.rigid_jacobian()
+            self._inverted, found = self._kept().constrain(MASS, keep, rows.mean_forces)
+            rows.values[:], rows.step_jacobian[:] = own
+            if self._inverted:
+                return found
+        system.counters.mass_factorizations += 1
+        self._tangent.assemble(MASS)
+        self._tangent.factor()
+        self._tangent.solve(right, values)
+        return self._tangent.multiplier_step
+
+    def _kept(self) -> FrozenSolver:
+        """Solver with the factors of the masses as they were at the start."""
+        if self._frozen is None:
+            self._frozen = FrozenSolver(self._system)
+            blocks = [part.block for part in self._system.parts]
+            present = [block.frames.copy() for block in blocks]
+            for block in blocks:
+                block.frames[:] = block.start_frames
+            self._frozen.factor(MASS)
+            for block, frames in zip(blocks, present, strict=True):
+                block.frames[:] = frames
+        return self._frozen

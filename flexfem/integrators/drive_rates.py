@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Time derivatives of driven rows, from values of the drives around an instant.
+
+Drives are functions of the user's, which are differentiated numerically: centrally, to fourth
+order, where they are smooth. Stencils that cross a kink are left out as in weighted essentially
+non-oscillatory schemes (Liu, Osher, Chan, J. Comput. Phys. 115 (1994) 200-212): instead of the
+central one there are then a backward and a forward one, and each counts by how smooth it is. Where
+accelerations jump at the instant itself it is their mean.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.system.constraints import Constraints
+
+__all__ = ["DriveRates", "drive_rates"]
+
+#: Instants at which drives are evaluated, in spans; the one in the middle is that of interest.
+_PLACES = np.arange(-3.0, 4.0)
+#: Weights of the values there for derivatives: backward, central, forward.
+_FIRST_BACKWARD = np.array([-2.0, 9.0, -18.0, 11.0, 0.0, 0.0, 0.0]) / 6.0
+_FIRST_CENTRAL = np.array([0.0, 1.0, -8.0, 0.0, 8.0, -1.0, 0.0]) / 12.0
+_FIRST = np.array([_FIRST_BACKWARD, _FIRST_CENTRAL, -_FIRST_BACKWARD[::-1]])
+_SECOND_BACKWARD = np.array([-1.0, 4.0, -5.0, 2.0, 0.0, 0.0, 0.0])
+_SECOND_CENTRAL = np.array([0.0, -1.0, 16.0, -30.0, 16.0, -1.0, 0.0]) / 12.0
+_SECOND = np.array([_SECOND_BACKWARD, _SECOND_CENTRAL, _SECOND_BACKWARD[::-1]])
+#: Which of the instants are evaluated: all, or those of one stencil.
+_AROUND, _BEHIND, _AHEAD = slice(0, 7), slice(0, 4), slice(3, 7)
+_ONE_SIDED = np.array([[[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]]])
+#: Fourth differences as a part of the third ones from which there is a kink, where these are not
+#: below a part of the second ones; third as a part of second ones below which a side is smooth.
+_KINK, _STRAIGHT, _SMOOTH = 0.25, 2e-2, 0.2
+#: Power by which shares fall.
+_POWER = 8
+#: Rows are evaluated as they are, not as part of a time step.
+_UNSCALED = np.array([1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class DriveRates:
+    """Derivatives of rows by time at held positions.
+
+    Attributes:
+        time: the instant, s.
+        first, second: (r,) derivatives of the values.
+        turning: (r,) rows whose gradients change with time.
+        times, weights: (k,) instants, s, and (r, k) weights for further first derivatives.
+    """
+
+    time: float
+    first: FloatArray
+    second: FloatArray
+    turning: BoolArray
+    times: FloatArray
+    weights: FloatArray
+
+    def of_rates(self, rows: Constraints) -> FloatArray:
+        """(r,) derivatives by time of the rates of the rows at the interface's velocities."""
+        out = np.zeros(rows.size)
+        if not self.turning.any():
+            return out
+        for t, weight in zip(self.times.tolist(), self.weights.T, strict=True):
+            rows.set_drives(t)
+            rows.evaluate(_UNSCALED)
+            out += weight * rows.rates()
+        rows.set_drives(self.time)
+        rows.evaluate(_UNSCALED)
+        return out * self.turning
+
+
+def drive_rates(rows: Constraints, t: float, span: float, end: float) -> DriveRates:
+    """Differentiate the drives at time ``t`` (s) over multiples of ``span`` (s).
+
+    They are evaluated between 0 and ``end`` (s) only, or after ``t`` where that is too short.
+    """
+    if not rows.driven:
+        nothing = np.zeros(rows.size)
+        return DriveRates(t, nothing, nothing, nothing > 0.0, np.empty(0), np.empty((0, 0)))
+    chosen = _AROUND
+    if t + span * _PLACES[-1] > end:
+        chosen = _BEHIND
+    if t + span * _PLACES[0] < 0.0:
+        chosen = _AHEAD
+    times = np.where(_PLACES == 0.0, t, t + span * _PLACES)[chosen]
+    values, turning = _sample(rows, t, times)
+    stencils = _FIRST[:, chosen] / span, _SECOND[:, chosen] / span**2
+    shares = _shares(values) if chosen is _AROUND else _ONE_SIDED[int(chosen is _AHEAD)]
+    whole = np.broadcast_to(shares, (rows.size, 3))
+    first, second = (whole @ weights for weights in stencils)
+    by_time, twice = (np.einsum("rk,kr->r", w, values) for w in (first, second))
+    return DriveRates(t, by_time, twice, turning, times, first)
+
+
+def _sample(rows: Constraints, t: float, times: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Values (k, r) of the rows at the given times less those at ``t``, and rows that turn.
+
+    Of those that do not turn it is minus their targets, without the rounding of positions.
+    """
+    values, targets = np.zeros((2, len(times), rows.size))
+    directions = []
+    for k, time in enumerate(times.tolist()):
+        rows.set_drives(time)
+        targets[k] = rows.targets
+        directions.append(rows.directions_of_drives())
+    turning = rows.turned(directions)
+    if turning.any():
+        for k, time in enumerate(times.tolist()):
+            rows.set_drives(time)
+            rows.evaluate(_UNSCALED)
+            values[k] = rows.values
+    rows.set_drives(t)
+    own = np.where(turning, values, -targets)
+    return own - own[np.searchsorted(times, t)], turning
+
+
+def _shares(values: FloatArray) -> FloatArray:
+    """Shares (r, 3) of the stencils for values (7, r)."""
+    second = np.diff(values, 2, axis=0)
+    third = np.diff(second, axis=0)
+    size, jerk, jump = (np.abs(d).max(axis=0) for d in (second, third, np.diff(third, axis=0)))
+    size[size == 0.0] = 1.0
+    kink = jump / np.maximum(jerk, _STRAIGHT * size)
+    central = 1.0 / (1.0 + (kink / _KINK) ** _POWER)
+    sides = np.maximum(np.abs(third[[0, 3]]) / size, _SMOOTH) ** -_POWER
+    behind, ahead = (1.0 - central) * sides / sides.sum(axis=0)
+    return np.stack([behind, central, ahead], axis=1)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Arrays in HDF5 files that may be forged: only what the package writes itself is read.
+
+A file of this format may name other files as its contents, claim more numbers than it has bytes,
+or have its numbers made by filters. Arrays of ours are whole, in the file, and take as many bytes
+there as in memory.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["PlainFile"]
+
+#: Kinds of numbers: as ours, whatever the computer.
+_KINDS = "fiub"
+
+
+class PlainFile:
+    """Arrays and texts of an open file; their sizes together are below that of the file."""
+
+    def __init__(self, file: Any, size: int) -> None:
+        """Note the file.
+
+        Args:
+            file: open for reading.
+            size: of the whole file in bytes.
+        """
+        self._file, self._left = file, size
+
+    def names(self, group: str) -> list[str]:
+        """What is in a group; the empty name is that of the whole file.
+
+        Raises:
+            ValueError: there is no such group in the file itself.
+        """
+        return list(self._item(group, "Group"))
+
+    def has(self, name: str) -> bool:
+        """Whether something is there under this name, whatever it is."""
+        group, _, last = name.rpartition("/")
+        return last in self._item(group, "Group")
+
+    def array(self, name: str) -> Any:
+        """An array of numbers that is not read yet.
+
+        Raises:
+            ValueError: it is not there, or nothing that the package writes.
+        """
+        dataset = self._item(name, "Dataset")
+        if dataset.dtype.kind not in _KINDS or dataset.dtype.itemsize > 8:
+            raise ValueError(f'"{name}" does not hold numbers')
+        expected = float(np.prod(dataset.shape, dtype=np.float64)) * dataset.dtype.itemsize
+        kept = 0 if dataset.is_virtual or dataset.external else dataset.id.get_storage_size()
+        self._left -= expected
+        if dataset.chunks is not None or kept != expected or self._left < 0:
+            raise ValueError(f'"{name}" claims numbers that are not in the file')
+        return dataset
+
+    def values(self, name: str) -> NDArray[Any]:
+        """An array of numbers.
+
+        Raises:
+            ValueError: as for :meth:`array`.
+        """
+        values: NDArray[Any] = self.array(name)[()]
+        return np.asarray(values)
+
+    def text(self, name: str) -> str:
+        """An attribute of the file that is a text.
+
+        Raises:
+            ValueError: there is none.
+        """
+        value = self._file.attrs.get(name)
+        if not isinstance(value, str):
+            raise ValueError(f'its attribute "{name}" is no text')
+        return value
+
+    def number(self, name: str) -> float:
+        """An attribute of the file that is a number.
+
+        Raises:
+            ValueError: there is none.
+        """
+        value = self._file.attrs.get(name)
+        if not isinstance(value, (int, float, np.integer, np.floating)):
+            raise ValueError(f'its attribute "{name}" is no number')
+        return float(value)
+
+    def _item(self, name: str, kind: str) -> Any:
+        """What is under a name, in this very file and of this kind."""
+        item = self._file
+        for path in filter(None, name.split("/")):
+            link = item.get(path, getlink=True) if path in item else None
+            if type(link).__name__ != "HardLink":
+                raise ValueError(f'it does not hold "{name}"')
+            item = item[path]
+        if name and type(item).__name__ != kind:
+            raise ValueError(f'it does not hold "{name}"')
+        return item

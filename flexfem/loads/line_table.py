@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Vectors along a beam, piecewise linear."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+
+__all__ = ["LineTable"]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class LineTable:
+    """Piecewise linear vector along a beam, zero before the first and after the last place.
+
+    Two equal places make a jump. Loads are integrated piece by piece, so that kinks and jumps may
+    lie anywhere in the elements.
+
+    Attributes:
+        places: Ascending places along the beam, shape (n,), m or fractions of the length.
+        values: Vectors there, shape (n, 3).
+    """
+
+    places: FloatArray
+    values: FloatArray
+
+    def __init__(self, places: npt.ArrayLike, values: npt.ArrayLike) -> None:
+        """Create a table.
+
+        Raises:
+            TypeError: An argument does not consist of numbers.
+            ValueError: Fewer than two places, another number of values, NaN, or places that
+                descend.
+        """
+        s = _checks.array("LineTable", "places", places, (-1,))
+        y = _checks.array("LineTable", "values", values, (len(s), 3))
+        if len(s) < 2 or (np.diff(s) < 0.0).any():
+            raise ValueError(
+                f"LineTable: places must be at least two that ascend, got {_checks.show(places)}"
+            )
+        _checks.assign(self, places=s, values=y)
+
+    @property
+    def breakpoints(self) -> FloatArray:
+        """Places of kinks and jumps, ascending."""
+        return np.unique(self.places)
+
+    def __call__(self, place: float) -> FloatArray:
+        """Return the vector (3,) at a place; at a jump that behind it."""
+        if not self.places[0] <= place <= self.places[-1]:
+            return np.zeros(3)
+        k = min(int(np.searchsorted(self.places, place, side="right")), len(self.places) - 1)
+        low, high = self.places[k - 1 : k + 1]
+        share = 1.0 if high == low else (place - low) / (high - low)
+        value: FloatArray = (1.0 - share) * self.values[k - 1] + share * self.values[k]
+        return value

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A cheap watch over every motion: energy, turns in a step, drives that jump, what is not finite.
+
+The work of loads and drives is summed up in every step, by few numbers; energies are summed over
+the model only at some of them, which are counted, not timed, so that runs and ranks agree.
+"""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.row import LawKind
+from flexfem.inspection.finding import owner_of
+from flexfem.system.assembly import Assembly
+from flexfem.system.drive_changes import DriveChanges
+from flexfem.system.energies import EnergyMeter, work_of_loads
+from flexfem.system.extent import model_extent
+from flexfem.system.system import System
+
+__all__ = ["EnergyWatch"]
+
+#: Energies are looked at in every so many steps, in the first ones more often.
+_EVERY = 256
+#: Part of the largest energy that may come from nowhere, see ``made_up_energy``. The work of drives
+#: is that of multipliers, which swing where steps are coarse: losses beside it prove nothing.
+_GAIN, _DRIVEN_GAIN = 0.02, 0.3
+#: Part of the largest energy that a scheme may lose where nothing can take it. Of a load that is
+#: put on at once half of the work goes into vibrations, which unresolved ones may all lose.
+_LOSS = 0.75
+#: Turn of a node in a step, rad: see the check of models ``steps``.
+_TURN = 0.5
+#: Energy, J, that is round-off.
+_NOTHING = 1e-12
+_SMALLER = "take a smaller dt, or smoother starts, drives and contacts"
+
+
+class EnergyWatch:
+    """Watches the accepted states of one run, from its start or restart on."""
+
+    def __init__(
+        self, system: System, serial: Assembly, h: float, *, probed: bool, fast: bool
+    ) -> None:
+        """Read the state at the start (collective).
+
+        Args:
+            system: at its consistent start.
+            serial: serial data of its model.
+            h: size of whole steps, s.
+            probed: gains of energy are told by an energy probe of the whole model.
+            fast: fast turns have been told at the start.
+        """
+        self._system, self._serial, self._h = system, serial, h
+        self._probed, self._fast = probed, fast
+        model, rows = serial.model, system.constraints
+        self._meter = EnergyMeter(system, model)
+        self._drives = DriveChanges(rows, model_extent(serial))
+        self._driven = bool(system.comm.allreduce(len(self._drives.rows)))
+        self._complete = not system.comm.allreduce(not self._drives.complete, op=MPI.LOR)
+        steady = all(
+            load.amplitude is None and not load.follower and not np.any(load.wrench[1])
+            for load in model.loads
+        )
+        self._every_step = self._driven or not steady
+        driven = np.array([j.joint.driven for j in rows.joints], dtype=np.bool_)[rows.joint_of_row]
+        spring = (rows.elastic[:, 0] == LawKind.SPRING) & ~driven & (rows.owned > 0.0)
+        self._preload: FloatArray = np.where(spring, rows.elastic[:, 3], 0.0)
+        self._losing = bool(system.comm.allreduce(self._may_lose(), op=MPI.LOR))
+        self._loads, self._time = self._meter.loads(), system.time
+        self._work = self._most_work = 0.0
+        self._count = self._events = 0
+        self._base = self._before = np.nan
+        self._largest = self._gain = self._loss = 0.0
+        self._gained_at = self._lost_at = system.time
+        self._turn: tuple[float, float, int, int] = (0.0, 0.0, 0, 0)
+        self._bad: float | None = None
+        self._sample()
+
+    def _may_lose(self) -> bool:
+        """Whether something on this rank takes energy for good: dampers, friction, contacts."""
+        system, laws = self._system, self._system.constraints.elastic
+        takes = bool(((laws[:, 2] != 0.0) | (laws[:, 0] >= LawKind.FRICTION)).any())
+        viscous = any(p.elements is not None and p.elements.viscous for p in system.parts)
+        return takes or viscous or bool(system.contacts)
+
+    def follow(self) -> None:
+        """Take in the work up to an accepted state."""
+        if not self._every_step:
+            return
+        h, self._time = self._system.time - self._time, self._system.time
+        if self._driven:
+            self._work += self._drives.work()
+        if len(self._loads):
+            before, self._loads = self._loads, self._meter.loads()
+            self._work += work_of_loads(before, self._loads, h)
+        if abs(self._work) > self._most_work:
+            self._most_work = abs(self._work)
+
+    def step(self, events: int, last: bool) -> None:
+        """Take in the end of a whole step (collective at some).
+
+        Args:
+            events: how many have happened so far; energies count anew behind one.
+            last: no other step follows.
+        """
+        self.follow()
+        self._count += 1
+        if self._driven:
+            self._drives.notice(self._system.time, self._h)
+        if events != self._events:
+            self._events, self._base = events, np.nan
+            self._drives.forget()
+        often = self._count & (self._count - 1) == 0
+        if last or often or self._count % _EVERY == 0 or np.isnan(self._base):
+            self._sample()
+
+    def _sample(self) -> None:
+        """Look at all energies and at the fastest turn (collective)."""
+        system, rows = self._system, self._system.constraints
+        kinetic, strain, gravity = self._meter.stored().tolist()
+        if self._preload.any():
+            strain += float(self._preload @ rows.sums())
+        work = self._work
+        if not self._every_step and len(self._loads):
+            work = work_of_loads(self._loads, self._meter.loads(), 0.0)
+        finite = np.isfinite(rows.forces).all()
+        most = self._most_work if finite else np.nan
+        shares = np.array([kinetic, strain, gravity, work, most])
+        if system.comm.size > 1:
+            system.comm.Allreduce(MPI.IN_PLACE, shares)
+        self._note_turns()
+        self._note(shares)
+
+    def _note(self, shares: FloatArray) -> None:
+        """Compare energies (kinetic, strain, gravity's, work) with those at the start.
+
+        The last one is the largest work so far: what comes and goes between two looks counts, too.
+        """
+        t = self._system.time
+        if not np.isfinite(shares).all():
+            self._bad = t if self._bad is None else self._bad
+            return
+        balance = float(shares[:3].sum() - shares[3])
+        if np.isnan(self._base):
+            self._base = self._before = balance
+        self._largest = max(self._largest, float(np.abs(shares).max()))
+        self._gain = max(self._gain, balance - self._base)
+        self._loss = max(self._loss, self._base - balance)
+
+    def _note_turns(self) -> None:
+        """The largest turn of a node of this rank in a step so far."""
+        for part in self._system.parts:
+            spins = part.block.velocity[: part.block.owned, 3:]
+            if part.block.held is not None and part.block.width == 6:
+                spins = spins * ~part.block.held[: part.block.owned, 3:]
+            if not len(spins) or part.block.width < 6:
+                continue
+            turns = np.einsum("ni,ni->n", spins, spins)
+            node = int(np.argmax(turns))
+            turn = self._h * float(np.sqrt(turns[node]))
+            if turn > self._turn[0]:
+                self._turn = (turn, self._system.time, part.kind, int(part.node_body[node]))
+
+    def texts(self) -> list[str]:
+        """What the run should warn of, the same on every rank (collective)."""
+        return [*self._not_finite(), *self._turns(), *self._jumps(), *self._balance()]
+
+    def _not_finite(self) -> list[str]:
+        if self._bad is None:
+            return []
+        return [
+            f"positions, velocities or forces are not finite at t = {self._bad:.6g} s, if not "
+            "before; results behind it are worthless"
+        ]
+
+    def _turns(self) -> list[str]:
+        every = self._system.comm.allgather(self._turn)
+        turn, t, kind, body = max(every, key=lambda one: (float(f"{one[0]:.6g}"), -one[2], -one[3]))
+        if turn <= _TURN or self._fast:
+            return []
+        return [
+            f"{owner_of(self._serial.body(kind, body))}: it turns by {turn:.3g} rad in the step of "
+            f"{self._h:.3g} s to t = {t:.4g} s, which is not accurate; take steps of "
+            f"{0.2 * _TURN * self._h / turn:.1g} s or less"
+        ]
+
+    def _jumps(self) -> list[str]:
+        every = self._system.comm.allgather(self._drives.jumps())
+        found = dict(one for ranks in every for one in ranks)
+        return [
+            f"{found[number]}, which gives forces that depend on the step; let it change smoothly "
+            "(SmoothStep, Spline)"
+            for number in sorted(found)
+        ]
+
+    def _balance(self) -> list[str]:
+        largest, part = self._largest, _DRIVEN_GAIN if self._driven else _GAIN
+        if not self._complete or largest <= _NOTHING:
+            return []
+        if self._gain > part * largest and not self._probed:
+            return [
+                f"the integration has made up {self._gain:.3g} J beside energies of "
+                f"{largest:.3g} J at most; {_SMALLER} (EnergyProbe tells when)"
+            ]
+        if self._loss > _LOSS * largest and not (self._losing or self._driven):
+            return [
+                f"the integration has lost {self._loss:.3g} J beside energies of "
+                f"{largest:.3g} J at most, where nothing takes any; {_SMALLER} (EnergyProbe tells "
+                "when)"
+            ]
+        return []

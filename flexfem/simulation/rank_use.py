@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Ranks that make nothing faster: those without bodies, and more of them than cores."""
+
+import os
+
+from mpi4py import MPI
+
+from flexfem.system.system import System
+
+__all__ = ["idle_or_crowded"]
+
+
+def idle_or_crowded(system: System) -> list[str]:
+    """What to say of the number of ranks, one line each, the same on every rank (collective)."""
+    comm, found = system.comm, list[str]()
+    if comm.size == 1:
+        return found
+    idle = comm.allreduce(int(not any(part.block.owned for part in system.parts)))
+    if idle:
+        found.append(
+            f"{idle} of {comm.size} ranks without bodies only wait: bodies stay whole, but for "
+            "those with more elements than split_above; take fewer ranks"
+        )
+    ranks, cores = _crowded(comm)
+    if ranks:
+        found.append(
+            f"{ranks} ranks share {cores} cores and take turns, polling while they wait: take no "
+            "more ranks than cores"
+        )
+    return found
+
+
+def _crowded(comm: MPI.Intracomm) -> tuple[int, int]:
+    """Ranks and cores of the computer where most ranks lack a core; zeros if none lacks one."""
+    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    cores = len(set().union(*here.allgather(_cores())))
+    lacking = here.size - cores
+    places = comm.allgather((lacking, here.size, cores))
+    here.Free()
+    worst = max(places)
+    return worst[1:] if worst[0] > 0 else (0, 0)
+
+
+def _cores() -> set[int]:
+    """Numbers of the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return set(os.sched_getaffinity(0))
+    return set(range(os.cpu_count() or 1))

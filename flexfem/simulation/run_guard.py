@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What all runs share: a folder of their own, and an end in good order whatever goes wrong."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from mpi4py import MPI
+
+from flexfem._checks import InputError
+from flexfem._faults import Faults, current, watched
+from flexfem.io.atomic import raise_together
+from flexfem.io.folder_lock import FolderLock
+from flexfem.io.history import FolderLostError
+from flexfem.launch import Interrupted
+from flexfem.options import Settings
+
+__all__ = ["agreed", "folder_is_lost", "guarded", "reason_of", "refuse"]
+
+
+@contextmanager
+def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
+    """Lock the output folder for a run and watch for what goes wrong in it (collective).
+
+    At its end, what functions of the user's and files have raised on a rank is raised on all.
+
+    Raises:
+        InputError: another run has the folder, or a function of the user's failed at the start.
+        FunctionError: one failed later.
+        OSError: the results cannot be written.
+    """
+    with _own_folder(options, comm), watched() as faults:
+        try:
+            yield faults
+        except InputError:
+            refuse(faults, comm)  # it is the reason, if there is one
+            raise
+        except Interrupted as stop:
+            if error := agreed(faults, comm):
+                stop.reason += f"; {error}"
+            raise
+        error = agreed(faults, comm)
+        if error is not None:
+            error.outcome = faults.outcome  # type: ignore[attr-defined]
+            raise error
+
+
+@contextmanager
+def _own_folder(options: Settings, comm: MPI.Intracomm) -> Iterator[None]:
+    if options.output is None:
+        yield
+        return
+    lock, error = FolderLock(options.output), None
+    try:
+        if comm.rank == 0:
+            try:
+                lock.take()
+            except InputError as exc:
+                error = exc
+        raise_together(comm, error)
+        yield
+    finally:
+        lock.release()
+
+
+def agreed(faults: Faults, comm: MPI.Intracomm) -> Exception | None:
+    """The first rank's error, None if all goes well on all ranks (collective)."""
+    found = [faults.error] if comm.size == 1 else comm.allgather(faults.error)
+    return next((error for error in found if error is not None), None)
+
+
+def folder_is_lost(comm: MPI.Intracomm) -> bool:
+    """Whether the output folder has become another run's (collective)."""
+    error = agreed(current(), comm)
+    return isinstance(error, FolderLostError) and error.replaced
+
+
+def refuse(faults: Faults, comm: MPI.Intracomm) -> None:
+    """Raise what was noted while nothing is computed or written yet (collective).
+
+    Raises:
+        InputError: on all ranks.
+    """
+    error = agreed(faults, comm)
+    if error is not None:
+        raise InputError(str(error)) from error
+
+
+def reason_of(faults: Faults, comm: MPI.Intracomm, when: str, otherwise: Callable[[], str]) -> str:
+    """What went wrong on a rank and when, else how the run has ended by itself (collective)."""
+    error = agreed(faults, comm)
+    return otherwise() if error is None else f"{error}{when}"

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Values of the load factor and of columns at which a path of equilibria is to have a point."""
+
+from collections.abc import Mapping, Sequence
+
+from flexfem._checks import InputError
+from flexfem.options import target_values
+
+__all__ = ["LOAD", "Targets"]
+
+#: Name of the load factor among the columns.
+LOAD = "t"
+
+#: Difference to a value, as a part of the change over a step, that is round-off.
+_THERE = 1e-9
+
+#: Column, value that it passes, and how far it is beyond before and after the step.
+Crossing = tuple[str, float, tuple[float, float]]
+
+
+class Targets:
+    """The values and which of them have been met.
+
+    Attributes:
+        values: by the name of the column.
+        met: column, value and load factor of those that the path has met.
+    """
+
+    def __init__(self, text: str, columns: Sequence[str], end: float) -> None:
+        """Read what the option says.
+
+        Args:
+            text: see :func:`flexfem.options.target_values`.
+            columns: of the history.
+            end: load factor at the end.
+
+        Raises:
+            InputError: a column that is not there, or a load factor that is not on the way.
+        """
+        self.values = target_values(text)
+        self.met: list[dict[str, float | str]] = []
+        self._end = end
+        for name in self.values:
+            if name != LOAD and name not in columns:
+                raise InputError(
+                    f"StaticOptions: output_at names the column '{name}', the history has "
+                    f"{', '.join((LOAD, *columns))}"
+                )
+        for value in self.values.get(LOAD, ()):
+            if not 0.0 < value <= end * (1.0 + _THERE):
+                raise InputError(
+                    f"StaticOptions: output_at t = {value:g} is not on the way from 0 to {end:g}"
+                )
+
+    def room(self, t: float) -> float:
+        """How far the next load factor is from ``t``, infinite without any."""
+        ahead = [value - t for value in self.values.get(LOAD, ()) if not self.at(value, t)]
+        return min((gap for gap in ahead if gap > 0.0), default=float("inf"))
+
+    def at(self, value: float, t: float) -> bool:
+        """Whether a load factor is the given one."""
+        return abs(t - value) <= _THERE * self._end
+
+    def crossing(
+        self, before: Mapping[str, float], after: Mapping[str, float],
+        tried: Sequence[tuple[str, float]],
+    ) -> Crossing | None:  # fmt: skip
+        """The first value that the columns pass between two states, by linear interpolation.
+
+        Args:
+            before: columns at the accepted equilibrium.
+            after: columns at the one that is tried.
+            tried: values that have been searched for in this step.
+        """
+        found: list[tuple[float, Crossing]] = []
+        for name, start in before.items():
+            for value in self.values[name]:
+                low, high = start - value, after[name] - value
+                near = _THERE * abs(high - low)
+                if (low > 0.0) != (high > 0.0) and min(abs(low), abs(high)) > near:
+                    found.append((low / (low - high), (name, value, (low, high))))
+        found = [entry for entry in found if entry[1][:2] not in tried]
+        return min(found)[1] if found else None
+
+    def note(self, reached: Sequence[tuple[str, float]], t: float) -> bool:
+        """Remember values that the accepted equilibrium has; returns whether it has any."""
+        loads = [(LOAD, value) for value in self.values.get(LOAD, ()) if self.at(value, t)]
+        every = dict.fromkeys([*reached, *loads])
+        self.met += [{"column": name, "value": value, "t": t} for name, value in every]
+        return bool(every)
+
+    @property
+    def missed(self) -> list[str]:
+        """Values that the path has not met, in words."""
+        met = {(entry["column"], entry["value"]) for entry in self.met}
+        return [
+            f"output_at: {name} = {value:g} was not met"
+            for name, values in self.values.items()
+            for value in values
+            if (name, value) not in met
+        ]

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Whether all ranks have the same model, before anything is built on them together."""
+
+import hashlib
+from collections.abc import Callable
+from itertools import zip_longest
+
+from mpi4py import MPI
+
+from flexfem import launch
+from flexfem.system.assembly import Assembly
+from flexfem.system.fingerprint import fingerprints
+
+__all__ = ["agreed"]
+
+_ALIKE = (
+    "a model must be the same on every rank: seed random numbers, sort what comes from sets, read "
+    "the same files"
+)
+_NOTHING = "nothing"
+
+
+def agreed(comm: MPI.Intracomm, make: Callable[[], Assembly]) -> Assembly:
+    """Serial data of a model that is the same on all ranks (collective).
+
+    Args:
+        comm: communicator.
+        make: makes the serial data on this rank.
+
+    Raises:
+        ValueError: a mistake in the model, or what differs first and on which ranks; on all ranks.
+    """
+    if comm.size == 1:
+        return make()
+    if comm.size == MPI.COMM_WORLD.size:
+        launch.meet()
+    message, serial = "", None
+    try:
+        serial = make()
+    except ValueError as error:
+        message = str(error) or type(error).__name__
+    messages = comm.allgather(message)
+    text = next(filter(None, messages), "")
+    if text:
+        on = [rank for rank, message in enumerate(messages) if message != text]
+        raise ValueError(f"{text} (not on {_ranks(on)}; {_ALIKE})" if on else text)
+    assert serial is not None
+    if difference := _difference(comm, fingerprints(serial)):
+        raise ValueError(difference)
+    return serial
+
+
+def _difference(comm: MPI.Intracomm, own: list[tuple[str, str]]) -> str:
+    """What differs first between the first rank and others, and on which; empty if nothing does."""
+    whole = hashlib.blake2b(repr(own).encode(), digest_size=8).digest()
+    every = comm.allgather(whole)
+    others = [rank for rank, digest in enumerate(every) if digest != every[0]]
+    if not others:
+        return ""
+    first: list[tuple[str, str]] = comm.bcast(own)
+    nothing = (_NOTHING, "")
+    words = ""
+    for (here, value), (there, other) in zip_longest(first, own, fillvalue=nothing):
+        if here != there:
+            words = f"{here} of rank 0 is {there} on {_ranks(others)}"
+        elif value != other:
+            words = f"{here} differs between {_ranks([0, *others])}"
+        if words:
+            break
+    words = comm.bcast(words, root=others[0])
+    return f"{words}; {_ALIKE}"
+
+
+def _ranks(numbers: list[int]) -> str:
+    """Some ranks in words."""
+    *some, last = map(str, numbers)
+    return f"ranks {', '.join(some)} and {last}" if some else f"rank {last}"

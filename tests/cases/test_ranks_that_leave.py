@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Scripts of which one rank leaves before the others come to a run, and cases that one rank alone
+cannot build: no rank waits for it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.serial
+
+SCRIPT = """
+import sys
+{first}
+import flexfem as ff
+if ff.launch.rank() == {leaving}:
+    sys.exit({code})
+model = ff.Model("top")
+model.add(ff.RigidBody("body", 1.0, (0.1, 0.1, 0.2)))
+ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=1e-3, output=sys.argv[1]))
+"""
+
+
+@pytest.mark.parametrize(
+    ("first", "leaving", "code"),
+    [("", 1, 3), ("from mpi4py import MPI", 0, 0)],
+    ids=["before MPI", "with MPI"],
+)
+def test_sys_exit_on_one_rank(
+    first: str, leaving: int, code: int, tmp_path: Path, run: Callable[..., Any]
+) -> None:
+    """One line names the rank; the exit code is that of a failure, also after sys.exit(0)."""
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.format(first=first, leaving=leaving, code=code))
+    ended = run(2, script, tmp_path / "results", timeout=30)
+    assert ended.returncode == 1
+    line = f"failed: rank {leaving} of 2 has left the program before a run of all ranks\n"
+    assert ended.stderr.count(line) == 1
+    assert "Traceback" not in ended.stderr
+    assert not (tmp_path / "results").exists()
+
+
+CASE = """
+import sys
+from mpi4py import MPI
+import flexfem as ff
+{more}
+
+def build():
+    rank, comm = MPI.COMM_WORLD.rank, MPI.COMM_WORLD
+    if rank == {failing}:
+        {failure}
+    comm.bcast(0, root={failing})  # as in a reduction: all ranks are needed
+    raise AssertionError("goes on without the other rank")
+
+CASE = ff.Case(name="one", summary="cannot be built on one rank", build=build, dt=1e-3, t_end=1e-2)
+
+if __name__ == "__main__":
+    sys.exit(ff.main(CASE))
+"""
+_LINE = "error: build (case.py, line 10): "
+_NUMERICAL = "from flexfem._checks import NumericalError"
+
+
+@pytest.mark.parametrize(
+    ("failing", "failure", "program", "line", "code"),
+    [
+        (
+            1,
+            'open("no such file")',
+            ("-m", "flexfem.cli", "run"),
+            _LINE + "FileNotFound",
+            2,
+        ),
+        (0, "1 / 0", (), _LINE + "ZeroDivisionError", 2),
+        (1, "raise SystemExit(0)", ("-m", "mpi4py"), _LINE + "sys.exit(0)", 2),
+        (1, 'raise NumericalError("no modes")', (), "failed: no modes", 1),
+    ],
+    ids=["command", "script", "mpi4py", "numerical"],
+)
+def test_case_that_one_rank_cannot_build(
+    failing: int, failure: str, program: tuple[str, ...], line: str, code: int, tmp_path: Path,
+    run: Callable[..., Any],
+) -> None:  # fmt: skip
+    """While the other waits for it in a collective call of ``build``."""
+    case = tmp_path / "case.py"
+    case.write_text(CASE.format(more=_NUMERICAL, failing=failing, failure=failure))
+    ended = run(2, *program, case, "--output", tmp_path / "results", timeout=30)
+    assert ended.returncode == code
+    told = [text for text in ended.stderr.splitlines() if text.startswith(("error:", "failed:"))]
+    assert len(told) == 1
+    assert told[0].startswith(line)
+    assert "Traceback" not in ended.stderr
+    assert not (tmp_path / "results").exists()

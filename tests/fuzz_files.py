@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Readers of tables, robots, checkpoints and reduced bodies, and valid files of each.
+
+Files with checksums are damaged behind them: what is wrong is found by what reads the contents.
+The process that looks at the structure of HDF5 files is a copy of this one, which is there sooner.
+"""
+
+import io
+import os
+import resource
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest.mock import patch
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+
+import flexfem as ff
+from flexfem.core.state import Numbering, State
+from flexfem.io import checkpoint, read_history, read_summary, reduced_body_file
+from flexfem.io.checkpoint import write_checkpoint
+from flexfem.io.hdf5 import PlainFile
+from flexfem.io.hdf5_structure import read_structure
+from flexfem.io.reduced_body_file import _digest, load_reduced_body, save_reduced_body
+from flexfem.simulation.checkpoints import SavedState
+from tests.fuzz_readers import Reader
+from tests.unit.forged import seal
+from tests.unit.test_bad_urdf import SOUND
+from tests.unit.test_reduced_body import two_masses
+from tests.unit.test_section_table import MATERIALS, SECTIONS
+
+__all__ = ["READERS"]
+
+_BLOCK = 512
+_NODES = {"nodes": Numbering(np.arange(4), np.ones(4, dtype=bool), 4)}
+
+
+def _texts(*texts: str) -> Sequence[bytes]:
+    return [text.encode() for text in texts]
+
+
+def _sections(path: Path) -> object:
+    return ff.read_sections(path, {"steel": _STEEL, "alloy": _STEEL})
+
+
+_STEEL = ff.Material(2e11, 0.3, 7850.0)
+
+
+@cache
+def _checkpoints() -> Sequence[bytes]:
+    """A checkpoint of four nodes, whose seal is made anew before it is read."""
+    header = {
+        "flexfem": ff.__version__, "model": {"bodies": "a"}, "options": {"dt": 0.1},
+        "grid": [1.0, 10], "step": 3,
+    }  # fmt: skip
+    state = State(
+        {"time": np.array([0.3]), "counters": np.arange(5.0), "fired": np.zeros((0, 2))},
+        {"nodes": {"frames": np.tile(np.eye(4)[:3].ravel(), (4, 1)), "held": np.zeros(4)}},
+    )
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "c.h5"
+        write_checkpoint(path, MPI.COMM_SELF, header, state, _NODES)
+        return [path.read_bytes()]
+
+
+class _Bodies:
+    """What a checkpoint is read into."""
+
+    def __init__(self) -> None:
+        self.rows = {"frames": np.zeros((4, 12)), "held": np.zeros(4)}
+
+    def numberings(self) -> dict[str, Numbering]:
+        return _NODES
+
+    def doubts(self, state: State) -> str:
+        return ""
+
+    def state(self) -> State:
+        values = {"time": np.zeros(1), "counters": np.zeros(5), "fired": np.zeros((0, 2))}
+        return State(values, {"nodes": self.rows})
+
+    def restore(self, state: State) -> None:
+        assert float(state.values["time"][0]) == state.values["time"][0]
+
+
+def _check_structure(path: Path) -> None:
+    """As that of the package, with two seconds of the processor.
+
+    Raises:
+        ValueError: the copy of this process has not got to its end.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of copies of programs with threads
+        number = os.fork()
+    if number == 0:
+        try:
+            used = resource.getrusage(resource.RUSAGE_SELF)
+            limit = int(used.ru_utime + used.ru_stime) + 2
+            resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            read_structure(str(path))
+        except BaseException:
+            os._exit(1)
+        os._exit(0)
+    if code := os.waitstatus_to_exitcode(os.waitpid(number, 0)[1]):
+        raise ValueError(f"its structure cannot be read ({code})")
+
+
+def _checkpoint(path: Path) -> object:
+    if path.stat().st_size > _BLOCK and path.read_bytes().startswith(b"flexfem checkpoint"):
+        seal(path)
+    with patch.object(checkpoint, "check_structure", _check_structure):
+        saved = SavedState(path, MPI.COMM_SELF)
+    bodies = _Bodies()
+    saved.restore(bodies, bodies)  # type: ignore[arg-type]
+    return saved.state
+
+
+@cache
+def _reduced() -> Sequence[bytes]:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "rod.h5"
+        save_reduced_body(path, two_masses(), MPI.COMM_SELF)
+        return [path.read_bytes()]
+
+
+def _reduced_body(path: Path) -> object:
+    """Read a body whose checksum was made anew, where there is enough of the file for one."""
+    try:
+        _check_structure(path)
+    except ValueError as error:
+        look = patch.object(reduced_body_file, "check_structure", side_effect=error)
+    else:
+        look = patch.object(reduced_body_file, "check_structure")
+        _seal_body(path)
+    with look:
+        return load_reduced_body(path, MPI.COMM_SELF)
+
+
+def _seal_body(path: Path) -> None:
+    content = io.BytesIO(path.read_bytes())
+    with suppress(Exception), h5py.File(content, "r+") as file:
+        file.attrs["digest"] = _digest(PlainFile(file, len(content.getvalue())))
+        file.close()
+        path.write_bytes(content.getvalue())
+
+
+_HISTORY = "t,tip_x,tip_y\n0.0,1.0,2.0\n0.1,1.5,-2e-3\n0.2,nan,inf\n"
+_SUMMARY = '{"status": "ok", "steps": 3, "results": {"x": 1.5, "y": null}, "warnings": ["a"]}\n'
+_WORDS_XML = (
+    b"<!DOCTYPE r [<!ENTITY a 'b'>]>", b"<a>" * 100, b'<mimic joint="hip"/>', b"<!--", b"<![CDATA[",
+    b'<?xml version="1.0" encoding="utf-16"?>', b"&#0;", b"&lt;", b"</link>", b"<link name='a'/>",
+)  # fmt: skip
+
+READERS = {
+    "materials": Reader(".csv", lambda: _texts(MATERIALS), ff.read_materials, (b'"', b";;;", b"#")),
+    "sections": Reader(".csv", lambda: _texts(SECTIONS), _sections, (b'"', b",,,", b"a;circle")),
+    "urdf": Reader(".urdf", lambda: _texts(SOUND), ff.read_urdf, _WORDS_XML),
+    "history": Reader(".csv", lambda: _texts(_HISTORY), read_history, (b"1,2", b"t,t")),
+    "summary": Reader(".json", lambda: _texts(_SUMMARY), read_summary, (b"[" * 5000, b"{", b"NaN")),
+    "checkpoint": Reader(".h5", _checkpoints, _checkpoint),
+    "reduced": Reader(".h5", _reduced, _reduced_body),
+}
