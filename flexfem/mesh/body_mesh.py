@@ -56,11 +56,13 @@ class BodyMesh:
         return self.facet_tags, known[name]
 
 
-def build_body_mesh(name: str, comm: MPI.Intracomm | None = None, **parameters: float) -> BodyMesh:
-    """Build a mesh of solids or surfaces of the library on all ranks (collective).
+def build_body_mesh(
+    name: str | Path, comm: MPI.Intracomm | None = None, **parameters: float
+) -> BodyMesh:
+    """Build a mesh of solids or surfaces of the library, or by a script, on all ranks (collective).
 
     Args:
-        name: file name in the mesh folder without ".py".
+        name: a mesh of the library, or the path of a script (`own.py`); see :func:`build_mesh`.
         comm: communicator; None for all ranks.
         **parameters: arguments of that file's `build`.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The meshes that come with the package: one file each, with a function `build`."""
+"""Meshes made by scripts: those of the library and the user's own, with a function `build` each."""
 
 import argparse
 import inspect
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flexfem import _checks
+from flexfem._faults import FAILURES, mistake
 from flexfem.installation import require
 from flexfem.mesh.gmsh_reader import session
 from flexfem.mesh.line_mesh import LineMesh
@@ -18,11 +19,13 @@ from flexfem.resources import load_module, shipped_files
 Build = Callable[..., None]
 
 
-def build_mesh(name: str, **parameters: float) -> LineMesh:
-    """Build a mesh of lines of the library.
+def build_mesh(name: str | Path, **parameters: float) -> LineMesh:
+    """Build a mesh of lines of the library, or by a script of one's own.
 
     Args:
-        name: File name in the mesh folder without ".py".
+        name: A mesh of the library (`chain`), or the path of a script (`own.py`) with a function
+            `build` that fills the current gmsh model with named physical groups, as those of the
+            library do. The script is executed.
         **parameters: Arguments of that file's `build`.
 
     Returns:
@@ -30,38 +33,41 @@ def build_mesh(name: str, **parameters: float) -> LineMesh:
 
     Raises:
         TypeError: A parameter is of the wrong kind.
-        ValueError: Unknown mesh or parameter, a value that is not positive, or no lines in it.
+        ValueError: Unknown mesh or parameter, a parameter of the library's that is not
+            positive, no lines in it, or a script that fails.
     """
     return _built(name, parameters, LineMesh.from_gmsh_model)
 
 
-def build_surface_mesh(name: str, **parameters: float) -> SurfaceMesh:
-    """Build a mesh of surfaces of the library; see :func:`build_mesh`.
+def build_surface_mesh(name: str | Path, **parameters: float) -> SurfaceMesh:
+    """Build a mesh of surfaces of the library or by a script; see :func:`build_mesh`.
 
     Raises:
         TypeError: A parameter is of the wrong kind.
-        ValueError: Unknown mesh or parameter, a value that is not positive, or no surfaces in it.
+        ValueError: Unknown mesh or parameter, a value that is not positive, no surfaces in it, or
+            a script that fails.
     """
     return _built(name, parameters, SurfaceMesh.from_gmsh_model)
 
 
-def _built[Mesh](name: str, parameters: dict[str, float], read: Callable[[], Mesh]) -> Mesh:
+def _built[Mesh](name: str | Path, parameters: dict[str, float], read: Callable[[], Mesh]) -> Mesh:
     """Build a mesh in a gmsh session of its own and read it."""
     build = checked_build(name, parameters)
-    with session(f"flexfem_{name}"):
+    with session(f"flexfem_{Path(name).stem}"):
         build(**parameters)
         return read()
 
 
-def checked_build(name: str, parameters: dict[str, float]) -> Build:
-    """Function that builds a mesh of the library, its parameters checked.
+def checked_build(name: str | Path, parameters: dict[str, float]) -> Build:
+    """Function that builds a mesh of the library or of a script, its parameters checked.
 
     Raises:
         TypeError: A parameter is of the wrong kind.
-        ValueError: Unknown mesh or parameter, or a value that is not positive.
+        ValueError: Unknown mesh or parameter, a value that is not positive, or a script that fails.
     """
-    build = _load(name)
-    _check_parameters(name, build, parameters)
+    own = isinstance(name, Path) or (isinstance(name, str) and name.endswith(".py"))
+    build = _load_script(Path(name)) if own else _load(_checks.text("build_mesh", "name", name))
+    _check_parameters(str(name), build, parameters, positive=not own)
     return build
 
 
@@ -114,8 +120,7 @@ def _write(name: str, build: Build, parameters: dict[str, Any], output: Path) ->
 
 
 def _load(name: str) -> Build:
-    """Return the function `build` of a mesh file."""
-    _checks.text("build_mesh", "name", name)
+    """Return the function `build` of a mesh of the library."""
     known = shipped_files("meshes")
     if name not in known:
         raise ValueError(f'mesh "{name}" is not in the library: {", ".join(known)}')
@@ -124,8 +129,23 @@ def _load(name: str) -> Build:
     return build
 
 
-def _check_parameters(name: str, build: Build, parameters: dict[str, Any]) -> None:
-    """Raise unless all parameters are known, positive, and whole numbers where `build` has them."""
+def _load_script(path: Path) -> Build:
+    """Return the function `build` of a user's script."""
+    require("gmsh")
+    try:
+        build: Any = getattr(load_module(path, "flexfem_own_meshes"), "build", None)
+    except FAILURES as error:
+        raise ValueError(f'mesh "{path}": {mistake(error)}') from error
+    if not callable(build):
+        raise ValueError(f'mesh "{path}": the file does not define a function build')
+    made: Build = build
+    return made
+
+
+def _check_parameters(
+    name: str, build: Build, parameters: dict[str, Any], *, positive: bool = True
+) -> None:
+    """Raise unless all parameters are known, and whole numbers where `build` has them."""
     known = inspect.signature(build).parameters
     for key, value in parameters.items():
         if key not in known:
@@ -133,6 +153,6 @@ def _check_parameters(name: str, build: Build, parameters: dict[str, Any]) -> No
                 f'mesh "{name}" has no parameter "{key}" (value {_checks.show(value)}); '
                 f"it has {', '.join(known)}"
             )
-        _checks.number(f'mesh "{name}"', key, value, positive=True)
+        _checks.number(f'mesh "{name}"', key, value, positive=positive)
         if isinstance(known[key].default, int):
             _checks.instance(f'mesh "{name}"', key, value, int)
