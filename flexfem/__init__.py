@@ -41,7 +41,8 @@ if launch.launched_in_parallel():
     # a script may fail on one rank before it comes to anything of ours
     sys.excepthook = launch.excepthook
     # or leave it, while others wait for it
-    atexit.register(launch.tell_of_leaving)
+    launch.note_exits()
+    atexit.register(launch.leave)
     launch.limit_threads()
 
 __version__ = "0.1.0"

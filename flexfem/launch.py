@@ -12,7 +12,7 @@ import threading
 import time
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 # MPICH and derivatives, PMIx launchers, Open MPI.
 _RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
@@ -113,6 +113,11 @@ _COME, _LEFT, _SAID = 30001, 30002, 30003
 _LOOK, _FIRST = 1e-3, 0.5
 #: Seconds after which others do not come: they may wait for this rank in a collective call.
 _PATIENCE = 2.0
+#: Seconds that a rank which has failed waits for the others when it leaves, and the longest between
+#: looks for them.
+_ALONE, _NAP = 30.0, 0.05
+#: What ``sys.exit`` was called with last.
+_status: object = None
 #: How lines begin that end a program, by its exit code.
 _BEGINNINGS = {1: "failed", 2: "error"}
 
@@ -206,21 +211,63 @@ def _end_without(other: int) -> None:
     os._exit(1)  # the request to end takes its time
 
 
-def tell_of_leaving() -> None:
-    """Tell the other ranks, which may come to a run later, that this one has left the program."""
+def note_exits() -> None:
+    """Keep what ``sys.exit`` is called with: whether a rank has failed, :func:`leave` must know."""
+    plain = sys.exit
+
+    def end(status: object = None, /) -> NoReturn:
+        global _status
+        _status = status
+        plain(status)  # type: ignore[arg-type]
+
+    sys.exit = end
+
+
+def leave() -> None:
+    """Leave the program together with the other ranks; ends all if this one fails alone.
+
+    Others may come to a run later, or wait for this rank in a collective call of their own, in
+    which they hear nothing: when it has left by ``sys.exit`` with another code than 0 they get some
+    time, else as long as they need. Nobody has messages left when MPI ends, which it may not bear.
+    """
     try:
         from mpi4py import MPI
     except ImportError:
         return
-    if not MPI.Is_finalized():
-        comm = MPI.COMM_WORLD
-        for other in range(comm.size):
-            if other != comm.rank:
-                comm.isend(None, other, tag=_LEFT)
+    if MPI.Is_finalized():
+        return
+    comm = MPI.COMM_WORLD
+    others = [rank for rank in range(comm.size) if rank != comm.rank]
+    sent = [comm.isend(None, other, tag=_LEFT) for other in others]
+    begin = time.monotonic()
+    code = _code(_status)
+    while others:
+        for other in list(others):
+            if comm.iprobe(source=other, tag=_LEFT):
+                comm.recv(source=other, tag=_LEFT)
+                others.remove(other)
+        waited = time.monotonic() - begin
+        if others and code and waited > _ALONE:
+            text = f"failed: rank {comm.rank} of {comm.size} has left the program with exit code "
+            print(f"{text}{code}, others have not", file=sys.stderr, flush=True)
+            abort(code)
+            os._exit(code)
+        time.sleep(min(max(_LOOK, 0.01 * waited), _NAP) if others else 0.0)
+    MPI.Request.waitall(sent)
+
+
+def _code(status: object) -> int:
+    """The exit code of a process that calls ``sys.exit`` with this."""
+    if status is None or isinstance(status, int):
+        return int(status or 0) & 0xFF
+    return 1
 
 
 def abort(code: int) -> None:
-    """End all ranks with this exit code; returns when this process is the only one."""
+    """End all ranks with this exit code; returns when this process is the only one.
+
+    Whoever calls it has said why: what MPI would print of it is left out.
+    """
     if not (launched_in_parallel() or "mpi4py.MPI" in sys.modules):
         return
     from mpi4py import MPI
@@ -228,6 +275,7 @@ def abort(code: int) -> None:
     if MPI.COMM_WORLD.size > 1:
         sys.stdout.flush()
         sys.stderr.flush()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         MPI.COMM_WORLD.Abort(code)
 
 
@@ -272,7 +320,6 @@ class StopSignals:
     Where SIGHUP is ignored, as under ``nohup``, it stays so: the run outlives its terminal. A
     second signal ends at once (KeyboardInterrupt), in case the run hangs. Only the main thread of
     a process receives signals; in others nothing is noted.
-    of a process receives signals; in others nothing is noted.
 
     Attributes:
         received: number of the first signal, 0 before.

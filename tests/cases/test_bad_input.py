@@ -306,7 +306,7 @@ def test_on_two_ranks(line: str, here: Path, run: Callable[..., Any]) -> None:
     before = contents(here)
     option, _, value = line.replace(" ", "=", 1 if "=" not in line else 0).partition("=")
     ended = run(2, here / "own.py", f"{option}={value}", cwd=here, timeout=60)
-    assert (ended.returncode, ended.stdout) == (2, "")
+    assert (ended.returncode, ended.stdout) == (2, ""), ended.stderr
     check_message(ended.stderr, ON_TWO_RANKS[line])
     assert contents(here) == before
 

@@ -41,6 +41,55 @@ def test_sys_exit_on_one_rank(
     assert not (tmp_path / "results").exists()
 
 
+BETWEEN = """
+import sys
+from mpi4py import MPI
+import flexfem as ff
+from flexfem import launch
+launch._ALONE = 0.3
+if MPI.COMM_WORLD.rank == {leaving}:
+    sys.exit(3)
+MPI.COMM_WORLD.Barrier()
+raise AssertionError("goes on without the other rank")
+"""
+
+
+@pytest.mark.parametrize("leaving", [0, 1])
+def test_sys_exit_while_others_wait(leaving: int, tmp_path: Path, run: Callable[..., Any]) -> None:
+    """In a collective call of the script, where they hear nothing."""
+    script = tmp_path / "script.py"
+    script.write_text(BETWEEN.format(leaving=leaving))
+    ended = run(2, script, timeout=30)
+    line = f"failed: rank {leaving} of 2 has left the program with exit code 3, others have not\n"
+    assert (ended.returncode, ended.stdout, ended.stderr) == (3, "", line)
+
+
+SLOW = """
+import sys, time
+from mpi4py import MPI
+import flexfem as ff
+from flexfem import launch
+if MPI.COMM_WORLD.rank == {slow}:
+    time.sleep({seconds})
+if launch.first_message("wrong"):
+    launch.say("error: wrong", error=True)
+    if MPI.COMM_WORLD.rank == {slow}:
+        time.sleep({seconds})
+    sys.exit(2)
+"""
+
+
+@pytest.mark.parametrize(("slow", "seconds"), [(0, 0.5), (1, 0.5), (1, 2.3)])
+def test_ranks_that_come_late(
+    slow: int, seconds: float, tmp_path: Path, run: Callable[..., Any]
+) -> None:
+    """One line and its code, whether the others are still waited for or no more."""
+    script = tmp_path / "script.py"
+    script.write_text(SLOW.format(slow=slow, seconds=seconds))
+    ended = run(2, script, timeout=30)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (2, "", "error: wrong\n")
+
+
 CASE = """
 import sys
 from mpi4py import MPI
