@@ -275,7 +275,7 @@ def abort(code: int) -> None:
     if MPI.COMM_WORLD.size > 1:
         sys.stdout.flush()
         sys.stderr.flush()
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        os.dup2(os.memfd_create("aborted"), 2)
         MPI.COMM_WORLD.Abort(code)
 
 

@@ -69,6 +69,7 @@ import sys, time
 from mpi4py import MPI
 import flexfem as ff
 from flexfem import launch
+launch._PATIENCE = 0.6
 if MPI.COMM_WORLD.rank == {slow}:
     time.sleep({seconds})
 if launch.first_message("wrong"):
@@ -79,7 +80,7 @@ if launch.first_message("wrong"):
 """
 
 
-@pytest.mark.parametrize(("slow", "seconds"), [(0, 0.5), (1, 0.5), (1, 2.3)])
+@pytest.mark.parametrize(("slow", "seconds"), [(0, 0.1), (1, 0.1), (0, 1.0), (1, 1.0)])
 def test_ranks_that_come_late(
     slow: int, seconds: float, tmp_path: Path, run: Callable[..., Any]
 ) -> None:
@@ -94,6 +95,7 @@ CASE = """
 import sys
 from mpi4py import MPI
 import flexfem as ff
+ff.launch._PATIENCE = 0.5
 {more}
 
 def build():
@@ -108,7 +110,7 @@ CASE = ff.Case(name="one", summary="cannot be built on one rank", build=build, d
 if __name__ == "__main__":
     sys.exit(ff.main(CASE))
 """
-_LINE = "error: build (case.py, line 10): "
+_LINE = "error: build (case.py, line 11): "
 _NUMERICAL = "from flexfem._checks import NumericalError"
 
 
