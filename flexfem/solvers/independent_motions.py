@@ -5,18 +5,24 @@ Local twists u of all nodes are split as ``u = N y + Y z``: N spans the motions 
 leave at the accepted state, Y the rest, both orthonormal and kept over a step. At another state of
 the step with gradient G, the independent y determine all others,
 
-``G u = b:   u = Theta y + Y (G Y)^-1 b,   Theta = N - Y (G Y)^-1 G N``,
+``G u = b:   u = Theta y + Y (G Y)^-1 b,   Theta = N - Y (G Y)^-1 G N``.
 
-and the equations of motion along Theta hold no multipliers, which are found afterwards (Maggi's
+Unknowns that are held are in neither: mixed into N they would carry the stiffness that holds them,
+beside which that of slender bodies is lost to rounding.
+
+The equations of motion along Theta hold no multipliers, which are found afterwards (Maggi's
 equations; P. E. Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), section 13.2;
 T. R. Kane, D. A. Levinson, Dynamics (1985)). Every rank holds the same arrays.
 """
+
+from collections.abc import Sequence
 
 from mpi4py import MPI
 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.frame_block import FrameBlock
 from flexfem.la.dense import gather_rows
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.system import Shifts, System
@@ -39,6 +45,7 @@ class IndependentMotions:
         self._system, self._tangent = system, TangentSolver(system)
         sizes = [part.block.sizes[1] for part in system.parts]
         self._first: IntArray = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        self._movable: BoolArray = self._of_blocks([_movable(p.block) for p in system.parts]) > 0.0
         self.rigid: BoolArray = np.zeros(0, dtype=np.bool_)
 
     @property
@@ -54,7 +61,7 @@ class IndependentMotions:
         """
         rows = self._system.constraints
         self.rigid = self.of_rows(rows.rigid.astype(np.float64)) > 0.0
-        G = self.gradient()
+        G = self.gradient()[:, self._movable]
         basis, triangle = np.linalg.qr(G.T, mode="complete")
         rank = len(G)
         diagonal = np.abs(np.diag(triangle))
@@ -63,7 +70,9 @@ class IndependentMotions:
             left, values, right = np.linalg.svd(G)
             rank = int((values > _DEPENDENT * values.max()).sum())
             basis, self._combine = right.T, left[:, :rank].T
-        self._rest, self._free = basis[:, :rank], basis[:, rank:]
+        every = np.zeros((self.unknowns, len(basis)))
+        every[self._movable] = basis
+        self._rest, self._free = every[:, :rank], every[:, rank:]
         return self.look()
 
     def look(self) -> bool:
@@ -181,13 +190,18 @@ class IndependentMotions:
 
         Forces along held unknowns are left out.
         """
-        full = np.zeros(self.unknowns)
-        for part, first in zip(self._system.parts, self._first, strict=False):
+        values = []
+        for part in self._system.parts:
             block = part.block
             own = np.array(getattr(block, kind)[: block.owned, : block.width])
-            if kind == "residual":
-                block.hold(own)
-            at = first + block.width * block.offset
+            values.append(block.hold(own) if kind == "residual" else own)
+        return self._of_blocks(values)
+
+    def _of_blocks(self, values: Sequence[FloatArray]) -> FloatArray:
+        """(n,) values of all nodes from those (n_owned, width) of this rank's (collective)."""
+        full = np.zeros(self.unknowns)
+        for part, first, own in zip(self._system.parts, self._first, values, strict=False):
+            at = first + part.block.width * part.block.offset
             full[at : at + own.size] = own.ravel()
         self._system.comm.Allreduce(MPI.IN_PLACE, full)
         return full
@@ -199,3 +213,8 @@ class IndependentMotions:
             at = first + block.width * block.offset
             block.owned_step[:] = motion[at : at + block.sizes[0]].reshape(-1, block.width)
             block.spread_step()
+
+
+def _movable(block: FrameBlock) -> FloatArray:
+    """(n_owned, width) ones, zeros for unknowns that are held."""
+    return block.hold(np.ones((block.owned, block.width)))
