@@ -33,23 +33,27 @@ import numpy.typing as npt
 
 import flexfem as ff
 
-DURATION = 15.0
+LINK = tuple(option.name for option in ff.LINK_OPTIONS)
+JOINTS = ("inner", "middle", "outer")
 
 
-def build(*, outer_turn: float, eccentricity: float, **theory: Any) -> Any:
+def build(*, duration: float, link_1: float, link_2: float, **given: Any) -> Any:
     """The outboard link on its prescribed base, by the theory that is asked for."""
-    link = ff.outboard_link(eccentricity)
-    turns = (0.5, 0.75, outer_turn)
-    base = ff.manipulator_base(
-        *(ff.smooth_turn(math.pi, -turn * math.pi, DURATION) for turn in turns)
+    link = ff.outboard_link(**{name: given.pop(name) for name in LINK})
+    starts, turns = (
+        [math.pi * given.pop(f"{joint}_{what}") for joint in JOINTS] for what in ("start", "turn")
     )
-    return ff.beam_by_theory(link, base, "deployment", **theory)
+    angles = [
+        ff.smooth_turn(start, -turn, duration) for start, turn in zip(starts, turns, strict=True)
+    ]
+    base = ff.manipulator_base(*angles, link_1=link_1, link_2=link_2)
+    return ff.beam_by_theory(link, base, "deployment", **given)
 
 
-def results(history: Mapping[str, npt.NDArray[np.float64]]) -> dict[str, float]:
+def results(history: Mapping[str, npt.NDArray[np.float64]], *, duration: float) -> dict[str, float]:
     """Extremes during the deployment, and amplitudes of the vibration that is left."""
     out = {}
-    after = history["t"] >= DURATION
+    after = history["t"] >= duration
     for name in ff.TIP_COLUMNS:
         values = history[name]
         out |= {f"{name}_min": float(values.min()), f"{name}_max": float(values.max())}
@@ -58,20 +62,31 @@ def results(history: Mapping[str, npt.NDArray[np.float64]]) -> dict[str, float]:
     return out
 
 
+def turn(joint: str, number: int, by: float) -> ff.Option:
+    """Option of a joint's turn."""
+    text = f"of joint {number} backwards, in multiples of pi"
+    return ff.Option(f"{joint}_turn", float, by, text, minimum=-2, maximum=2)
+
+
 CASE = ff.Case(
     name="manipulator_deployment",
     summary="deployment of a space manipulator with a flexible outboard link, by four theories",
     description=__doc__,
     build=build,
     options=(
-        ff.Option(
-            "outer_turn", float, 1.0, "turn of joint 3 in multiples of pi, 1 or 0.5",
-            above=0, maximum=2,
-        ),
-        ff.Option(
-            "eccentricity", float, 0.01875, "mass centre of the channel along a3", unit="m"
+        ff.Option("link_1", float, 8.0, "length of the inner rigid link", unit="m", minimum=0),
+        ff.Option("link_2", float, 8.0, "length of the outer rigid link", unit="m", minimum=0),
+        ff.Option("duration", float, 15.0, "of the turns", unit="s", above=0),
+        turn("inner", 1, 0.5),
+        turn("middle", 2, 0.75),
+        turn("outer", 3, 1.0),
+        *(
+            ff.Option(f"{joint}_start", float, 1.0, "angle in multiples of pi", minimum=-2,
+                      maximum=2)
+            for joint in JOINTS
         ),
         *ff.THEORY_OPTIONS,
+        *ff.LINK_OPTIONS,
     ),
     dt=0.01,
     t_end=30.0,

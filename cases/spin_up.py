@@ -39,27 +39,27 @@ import numpy.typing as npt
 
 import flexfem as ff
 
-SPUN_UP = 15.0
+LINK = tuple(option.name for option in ff.LINK_OPTIONS)
 
 
-def build(*, eccentricity: float, hub_radius: float, **theory: Any) -> Any:
+def build(*, hub_radius: float, speed: float, spin_up_time: float, **given: Any) -> Any:
     """The outboard link on its prescribed base, by the theory that is asked for."""
-    link = ff.outboard_link(eccentricity)
-    still = ff.constant_angle(0.0)
-    base = ff.manipulator_base(
-        still, ff.spin_up_angle(duration=SPUN_UP), still, link_1=0.0, link_2=hub_radius
-    )
-    return ff.beam_by_theory(link, base, "spin_up", **theory)
+    link = ff.outboard_link(**{name: given.pop(name) for name in LINK})
+    still, turn = ff.constant_angle(0.0), ff.spin_up_angle(speed, spin_up_time)
+    base = ff.manipulator_base(still, turn, still, link_1=0.0, link_2=hub_radius)
+    return ff.beam_by_theory(link, base, "spin_up", **given)
 
 
-def results(history: Mapping[str, npt.NDArray[np.float64]]) -> dict[str, float]:
+def results(
+    history: Mapping[str, npt.NDArray[np.float64]], *, spin_up_time: float
+) -> dict[str, float]:
     """Largest lag and twist, and means after the spin-up."""
     out = {
         "u2_min": float(history["u2"].min()),
         "u3_min": float(history["u3"].min()),
         "theta1_largest": float(np.abs(history["theta1"]).max()),
     }
-    after = history["t"] >= SPUN_UP
+    after = history["t"] >= spin_up_time
     if after.any():
         out |= {f"{name}_mean": float(history[name][after].mean()) for name in ff.TIP_COLUMNS}
     return out
@@ -71,9 +71,11 @@ CASE = ff.Case(
     description=__doc__,
     build=build,
     options=(
-        ff.Option("eccentricity", float, 0.01875, "mass centre of the channel along a3", unit="m"),
         ff.Option("hub_radius", float, 8.0, "from the spin axis to the root", unit="m", minimum=0),
+        ff.Option("speed", float, 6.0, "after the spin-up", unit="rad/s"),
+        ff.Option("spin_up_time", float, 15.0, "from rest to the speed", unit="s", above=0),
         *ff.THEORY_OPTIONS,
+        *ff.LINK_OPTIONS,
     ),
     dt=0.01,
     t_end=30.0,

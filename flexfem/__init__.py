@@ -186,6 +186,7 @@ _MODULES = {
     "beam_by_theory": "moving_base.theories",
     "THEORY_OPTIONS": "moving_base.theories",
     "TIP_COLUMNS": "moving_base.exact",
+    "LINK_OPTIONS": "moving_base.manipulator",
     "outboard_link": "moving_base.manipulator",
     "manipulator_base": "moving_base.manipulator",
     "constant_angle": "moving_base.manipulator",

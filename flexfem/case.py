@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Declaration of a case: a named model with options, an analysis and headline results."""
 
+import inspect
 import os
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["Case", "case_file", "load_case"]
 
 History = Mapping[str, npt.NDArray[np.float64]]
+Results = Callable[..., Mapping[str, float]]
 
 #: Arguments of the command line that are no numerical options.
 _RESERVED = {
@@ -53,7 +56,8 @@ class Case:
         smoke: Values ``--smoke`` sets: names of own options or of those of the analysis.
         presets: Other defaults that a value of an own option brings along:
             ``{option: {value: {name of an option: default}}}``.
-        results: Headline results from the history (column name -> values over all rows).
+        results: Headline results from the history (column name -> values over all rows); arguments
+            that are keywords only are own options by name.
         description: Longer text for ``--help``, usually the case file's ``__doc__``.
         folder: Name of the results' folder: other analyses than the case's own have their own.
     """
@@ -68,7 +72,7 @@ class Case:
         analysis: Analysis = DYNAMICS,
         smoke: Mapping[str, Any] | None = None,
         presets: Mapping[str, Mapping[Any, Mapping[str, Any]]] | None = None,
-        results: Callable[[History], Mapping[str, float]] | None = None,
+        results: Results | None = None,
         description: str = "",
         **settings: Any,
     ) -> None:
@@ -85,6 +89,7 @@ class Case:
         self.presets = {name: dict(choices) for name, choices in (presets or {}).items()}
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
             raise ValueError(f"Case '{name}': use lower-case letters, digits and _ in the name")
+        self._told = [] if results is None else _keywords(results)
         self._check_names()
         self._check_values("smoke", self.smoke)
         for key, choices in self.presets.items():
@@ -108,6 +113,9 @@ class Case:
         for key in names:
             if key in _RESERVED | common or names.count(key) > 1:
                 raise ValueError(f"Case '{self.name}': option name '{key}' is already in use")
+        for key in self._told:
+            if key not in names:
+                raise ValueError(f"Case '{self.name}': results take an unknown option '{key}'")
 
     def _check_values(self, what: str, values: Mapping[str, Any]) -> None:
         known = {option.name: option for option in self.all_options()}
@@ -226,8 +234,15 @@ class Case:
         more = {name: given.pop(name) for name in _UNTOLD if name in given}
         parameters, settings = self.prepare(given, output=output, quiet=quiet, **more)
         model = self.build(**parameters)
-        outcome: Outcome = self.analysis.run(model, settings, case=self.name, results=self.results)
+        results = self.results_with(parameters)
+        outcome: Outcome = self.analysis.run(model, settings, case=self.name, results=results)
         return outcome
+
+    def results_with(self, parameters: Mapping[str, Any]) -> Results | None:
+        """Headline results from the history alone, with values of own options."""
+        if self.results is None or not self._told:
+            return self.results
+        return partial(self.results, **{name: parameters[name] for name in self._told})
 
     def other_defaults(self, name: str) -> str:
         """Defaults of an option that come with values of others, for ``--help``."""
@@ -237,6 +252,15 @@ class Case:
             for choice, values in choices.items()
             if name in values
         )
+
+
+def _keywords(function: Callable[..., Any]) -> list[str]:
+    """Names of the arguments of a function that are keywords only."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):  # of some functions in C it is not known
+        return []
+    return [one.name for one in parameters if one.kind is inspect.Parameter.KEYWORD_ONLY]
 
 
 def _only(names: set[str], values: Mapping[str, Any]) -> dict[str, Any]:

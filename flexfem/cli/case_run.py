@@ -86,7 +86,8 @@ def _run(
     """
     model = _built(case, parameters)
     try:
-        outcome = case.analysis.run(model, options, case=case.name, results=case.results)
+        results = case.results_with(parameters)
+        outcome = case.analysis.run(model, options, case=case.name, results=results)
     except (InputError, InstallationError) as error:
         raise UsageError(str(error), agreed=True) from error
     except launch.Interrupted as stop:

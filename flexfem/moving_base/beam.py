@@ -23,13 +23,16 @@ of interest suggest, as its shapes become those of a string.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
+
+import numpy as np
 
 from flexfem import _checks
 from flexfem.core.equations import DRIVER, Equations
 from flexfem.moving_base.base import FreeBase, PrescribedBase
 from flexfem.moving_base.effects import Effects
+from flexfem.moving_base.initial import Shape, check_shape
 from flexfem.moving_base.properties import BeamProperties
 
 __all__ = ["MovingBaseBeam"]
@@ -46,7 +49,13 @@ class MovingBaseBeam:
         modes: number of modes; two static functions of the stretch come on top.
         elements: about as many finite elements for them.
         analytic: numbers of analytic functions of s, u2, u3 and theta1 instead; None for modes.
-        damping_ratio: of every mode with the base at rest.
+        damping_ratio: of every function with the base at rest, or one for each, lowest frequency
+            first; the last one holds for those that follow.
+        displacement: relative to the base at the start: values of s, u2, u3 (m) and theta1 (rad)
+            at the tip by name, as loads there bend the beam (those of u2, u3 and theta1 that are
+            not given are zero), or a function of points x (k,) to all six fields (6, k), which is
+            projected on the functions. None: undeformed.
+        velocity: the same per second. None: at rest relative to the base.
     """
 
     properties: BeamProperties
@@ -55,7 +64,9 @@ class MovingBaseBeam:
     modes: int = 10
     elements: int = 24
     analytic: Sequence[int] | None = None
-    damping_ratio: float = 0.0
+    damping_ratio: float | Sequence[float] = 0.0
+    displacement: Shape | None = None
+    velocity: Shape | None = None
 
     drivers: ClassVar[Mapping[str, str]] = {"dynamics": DRIVER}
 
@@ -70,17 +81,18 @@ class MovingBaseBeam:
         values = self.properties.at(x)
         mass = float(lengths @ values["mass_per_length"])
         centre = float(lengths @ (values["mass_per_length"] * x)) / mass
-        functions = f"{self.modes} modes of {self.elements} elements"
+        stretch = " and 2 static functions" if self.effects.extension else ""
+        functions = f"{self.modes} modes{stretch} of {self.elements} elements"
         if self.analytic is not None:
             functions = f"{', '.join(map(str, self.analytic))} functions of s, u2, u3, theta1"
-        left_out = [f.name for f in fields(self.effects) if not getattr(self.effects, f.name)]
         return "\n".join(
             [
                 f"{self!r} on a {type(self.base).__name__}",
                 f"  length {self.properties.length:.5g} m, segments: {segments}",
                 f"  mass {mass:.5g} kg, mass centre {centre:.5g} m from the base",
                 f"  {functions}",
-                f"  effects left out: {', '.join(left_out) or 'none'}",
+                f"  effects left out: {', '.join(self.effects.left_out) or 'none'}",
+                f"  rotations of sections: {self.effects.rotations}",
             ]
         )
 
@@ -95,7 +107,13 @@ class MovingBaseBeam:
         _checks.instance(owner, "properties", self.properties, BeamProperties)
         _checks.instance(owner, "base", self.base, (PrescribedBase, FreeBase))
         _checks.instance(owner, "effects", self.effects, Effects)
-        _checks.number(owner, "damping_ratio", self.damping_ratio, nonnegative=True)
+        ratios = np.atleast_1d(np.asarray(self.damping_ratio, dtype=object))
+        if ratios.ndim != 1 or not len(ratios):
+            raise ValueError(f"{owner}: damping_ratio must be a number or a list of them")
+        for ratio in ratios.tolist():
+            _checks.number(owner, "damping_ratio", ratio, nonnegative=True)
+        for what in ("displacement", "velocity"):
+            check_shape(owner, what, getattr(self, what))
         for what in ("modes", "elements"):
             if getattr(self, what) < 1:
                 raise ValueError(f"{owner}: {what} must be at least 1, got {getattr(self, what)}")
@@ -107,7 +125,11 @@ class MovingBaseBeam:
             ValueError: a property is out of range, or there are not as many modes.
         """
         from flexfem.moving_base.basis import analytic_basis, modal_basis
-        from flexfem.moving_base.equations import FreeBaseEquations, PrescribedBaseEquations
+        from flexfem.moving_base.equations import (
+            FreeBaseEquations,
+            PrescribedBaseEquations,
+            Setting,
+        )
         from flexfem.moving_base.inertia import inertia_of
 
         if self.analytic is None:
@@ -115,7 +137,7 @@ class MovingBaseBeam:
         else:
             basis = analytic_basis(self.properties, self.effects, self.analytic)
         inertia = inertia_of(basis, self.effects)
-        more = (self.effects.stiffening, self.damping_ratio)
+        setting = Setting(self.effects, self.damping_ratio, self.displacement, self.velocity)
         if isinstance(self.base, FreeBase):
-            return FreeBaseEquations(basis, inertia, self.base, *more)
-        return PrescribedBaseEquations(basis, inertia, self.base, *more)
+            return FreeBaseEquations(basis, inertia, self.base, setting)
+        return PrescribedBaseEquations(basis, inertia, self.base, setting)

@@ -2,32 +2,70 @@
 """Equations of motion of a beam with assumed modes: base prescribed, or free."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.equations import Equations, Motion, Picture
-from flexfem.lie import se3, so3
+from flexfem.lie import se3
 from flexfem.moving_base.base import FreeBase, PrescribedBase
 from flexfem.moving_base.basis import Basis
+from flexfem.moving_base.effects import Effects
 from flexfem.moving_base.inertia import Inertia, rigid_inertia
+from flexfem.moving_base.initial import Shape, coordinates_of
+from flexfem.moving_base.rotations import rotation_matrices
 
-__all__ = ["FreeBaseEquations", "PrescribedBaseEquations"]
+__all__ = ["FreeBaseEquations", "PrescribedBaseEquations", "Setting"]
 
 _TIP = ("u2", "u3", "theta1", "s")
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What equations are made with besides the integrals.
+
+    Attributes:
+        effects: what the theory takes into account.
+        damping_ratio: of every function with the base at rest, or one for each, lowest frequency
+            first; those that are not given are the last one.
+        displacement, velocity: relative to the base at the start.
+    """
+
+    effects: Effects = field(default_factory=Effects)
+    damping_ratio: float | Sequence[float] = 0.0
+    displacement: Shape | None = None
+    velocity: Shape | None = None
+
+    def damping_ratios(self, basis: Basis) -> FloatArray:
+        """One for each function.
+
+        Raises:
+            ValueError: there are more than functions.
+        """
+        given = np.atleast_1d(np.asarray(self.damping_ratio, dtype=np.float64))
+        if len(given) > basis.size:
+            raise ValueError(f"damping_ratio: {len(given)} ratios for {basis.size} functions")
+        return np.concatenate([given, np.full(basis.size - len(given), given[-1])])
+
+    def start(self, basis: Basis) -> tuple[FloatArray, FloatArray]:
+        """Modal coordinates and their rates at the start."""
+        return (
+            coordinates_of(basis, "displacement", self.displacement),
+            coordinates_of(basis, "velocity", self.velocity),
+        )
 
 
 class _BeamEquations(Equations):
     """What both have in common."""
 
-    def __init__(
-        self, basis: Basis, inertia: Inertia, stiffening: bool, damping_ratio: float
-    ) -> None:
+    def __init__(self, basis: Basis, inertia: Inertia, setting: Setting) -> None:
         self.basis, self.inertia = basis, inertia
-        self._stiffening = stiffening
+        self._effects, self._start = setting.effects, setting.start(basis)
         # in proportion to critical damping of every mode: the basis is mass-orthonormal
-        self._damping = np.diag(2.0 * damping_ratio * basis.frequencies)
+        ratios = setting.damping_ratios(basis)
+        self._damping = np.diag(2.0 * ratios * basis.frequencies)
 
     def _tip(self, q: FloatArray) -> list[float]:
         """u2, u3, theta1 and s of the tip."""
@@ -48,12 +86,12 @@ class _BeamEquations(Equations):
         x, R = frame[:3], frame[3:].reshape(3, 3)
         fields = self.basis.node_fields @ q
         moved = fields[:3].T.copy()
-        if self._stiffening:
+        if self._effects.stiffening:
             moved[:, 0] -= 0.5 * (self.basis.node_shortening @ q) @ q
         nodes = self.basis.nodes
         straight = nodes[:, None] * np.array([1.0, 0.0, 0.0])
         cells = np.stack([np.arange(len(nodes) - 1), np.arange(1, len(nodes))], axis=1)
-        sections = R @ so3.exp(fields[3:].T)
+        sections = R @ rotation_matrices(self._effects.rotations, fields[3:].T)
         data = {
             "displacement": moved @ R.T,
             "rotation": fields[3:].T @ R.T,
@@ -82,11 +120,10 @@ class PrescribedBaseEquations(_BeamEquations):
     linear, columns = True, _TIP
 
     def __init__(
-        self, basis: Basis, inertia: Inertia, base: PrescribedBase, stiffening: bool,
-        damping_ratio: float,
-    ) -> None:  # fmt: skip
+        self, basis: Basis, inertia: Inertia, base: PrescribedBase, setting: Setting
+    ) -> None:
         """Keep the integrals in the form in which the base's motion enters."""
-        super().__init__(basis, inertia, stiffening, damping_ratio)
+        super().__init__(basis, inertia, setting)
         self._base, self.size = base, basis.size
         n = basis.size
         # by columns: one product with a short vector a step
@@ -110,8 +147,8 @@ class PrescribedBaseEquations(_BeamEquations):
         return self._now
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """Undeformed and at rest relative to the base."""
-        return np.zeros(self.size), np.zeros(self.size)
+        """As given, relative to the base."""
+        return self._start
 
     def residual(
         self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, multipliers: FloatArray
@@ -159,22 +196,19 @@ class FreeBaseEquations(_BeamEquations):
         *_TIP, "base_x", "base_y", "base_z", "px", "py", "pz", "lx", "ly", "lz", "energy",
     )  # fmt: skip
 
-    def __init__(
-        self, basis: Basis, inertia: Inertia, base: FreeBase, stiffening: bool,
-        damping_ratio: float,
-    ) -> None:  # fmt: skip
+    def __init__(self, basis: Basis, inertia: Inertia, base: FreeBase, setting: Setting) -> None:
         """Add the base's own inertia to that of the beam."""
-        super().__init__(basis, inertia, stiffening, damping_ratio)
+        super().__init__(basis, inertia, setting)
         self._base, self.size = base, 6 + basis.size
         self._A0 = inertia.A0 + rigid_inertia(
             base.mass, np.asarray(base.centre), np.asarray(base.inertia)
         )
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """Base axes along the inertial ones, undeformed."""
-        n = self.basis.size
-        q = np.concatenate([np.zeros(3), np.eye(3).reshape(-1), np.zeros(n)])
-        return q, np.concatenate([self._base.velocity, self._base.angular_velocity, np.zeros(n)])
+        """Base axes along the inertial ones, the beam as given."""
+        eta, rate = self._start
+        q = np.concatenate([np.zeros(3), np.eye(3).reshape(-1), eta])
+        return q, np.concatenate([self._base.velocity, self._base.angular_velocity, rate])
 
     def add(self, q: FloatArray, increment: FloatArray) -> FloatArray:
         """The base moves in its own axes."""

@@ -56,12 +56,16 @@ def section_values(properties: BeamProperties, effects: Effects, x: FloatArray) 
     density = at["mass_per_length"] / area
     zero = np.zeros_like(x)
     offset = np.array([zero, at["eccentricity_2"], at["eccentricity_3"]])
+    kept = np.array([True, effects.eccentricity_2, effects.eccentricity_3])
+    turning = np.array(
+        [effects.torsional_inertia, effects.rotary_inertia_2, effects.rotary_inertia_3]
+    )
     return Sections(
         stiffness,
         e * at["warping_constant"] * effects.warping,
         at["mass_per_length"],
-        density * np.array([i2 + i3, i2, i3]) * effects.rotary_inertia,
-        offset * effects.eccentricity,
+        density * (turning[:, None] * [i2 + i3, i2, i3]),
+        offset * kept[:, None],
     )
 
 
@@ -98,17 +102,18 @@ class FiniteElements:
     ) -> None:  # fmt: skip
         """Number the unknowns."""
         self.quadrature, self._sections = quadrature, sections
-        edges, bent = quadrature.edges, not effects.shear
+        edges = quadrature.edges
         self._spaces: dict[int, LineSpace] = {}
         kept, first = [], 0
         self._first: dict[int, int] = {}
         used = {
             0: effects.extension, 1: effects.in_plane, 2: effects.out_of_plane,
-            3: effects.torsion, 4: effects.out_of_plane and not bent,
-            5: effects.in_plane and not bent,
+            3: effects.torsion, 4: effects.out_of_plane and effects.shear_3,
+            5: effects.in_plane and effects.shear_2,
         }  # fmt: skip
+        bent = [f for f, turn in ((1, 5), (2, 4)) if not used[turn]]
         for field in (f for f, there in used.items() if there):
-            hermite = field == 3 or (bent and field in (1, 2))
+            hermite = field == 3 or field in bent
             space = LineSpace(edges, hermite)
             self._spaces[field], self._first[field] = space, first
             clamped = [0]

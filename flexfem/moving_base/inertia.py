@@ -4,11 +4,19 @@ r"""Inertia of a beam with assumed modes on a moving base: all modal integrals, 
 Kane, Ryan, Banerjee, "Dynamics of a cantilever beam attached to a moving base", J. Guidance 10(2)
 (1987) 139-151, written with the kinetic energy. A section at x has the mass centre and rotation
 
-``r = x a1 + e + u + theta x e + 1/2 theta x (theta x e) - 1/2 a1 int_0^x (u2'^2 + u3'^2)``,
-``R = exp(theta)``,
+``r = (x - 1/2 int_0^x (u2'^2 + u3'^2)) a1 + u + R e``, ``R = R3(theta3) R2(theta2) R1(theta1)``,
 
-with (u, theta) = (s, u2, u3, theta1, theta2, theta3) linear in q: exact to second order in q, which
-is what is needed for equations linear in q, in whatever way they are derived. With nu the velocity
+with (u, theta) = (s, u2, u3, theta1, theta2, theta3) linear in q, and both expanded to second order
+in q, which is what equations linear in q need. In what way these are derived does not matter, but
+which parameters of the rotation are linear in q does: another choice changes r by terms of second
+order, on which the inertia of the undeformed beam does work. The sequence of rotations about the
+axes a1, a2, a3 of the base, in this order, is
+
+``R = 1 + theta~ + 1/2 (theta~ theta~ + c~)``, ``c = (-theta2 theta3, theta1 theta3, -theta1
+theta2)``,
+
+with ``theta~ e = theta x e``; the rotation about the vector theta is the same without c. Sections
+have the angular velocity ``R^T omega + theta' - 1/2 theta x theta' + 1/2 c'``. With nu the velocity
 of the root and the angular velocity of the base (components along a1, a2, a3),
 
 ``T = 1/2 nu.A(q) nu + nu.B(q) q' + 1/2 q'.M q'``,
@@ -27,7 +35,7 @@ The kinetic energy depends on neither place nor orientation of the base, also wh
 second order: with a free base linear and angular momentum, and the energy, are kept exactly.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,13 +43,12 @@ from flexfem._types import FloatArray
 from flexfem.moving_base.basis import Basis
 from flexfem.moving_base.effects import Effects
 from flexfem.moving_base.fields import centre_displacements
+from flexfem.moving_base.rotations import PERMUTATION, second_derivatives
 
 __all__ = ["Inertia", "inertia_of", "rigid_inertia"]
 
-#: Permutation symbol.
-_EPS = np.zeros((3, 3, 3))
-for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-    _EPS[_i, _j, _k], _EPS[_i, _k, _j] = 1.0, -1.0
+#: Mass matrices with smaller eigenvalues, in parts of the largest, are singular but for rounding.
+_SINGULAR = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +75,21 @@ def _symmetric(a: FloatArray) -> FloatArray:
 
 
 def inertia_of(basis: Basis, effects: Effects) -> Inertia:
-    """Integrals of the functions of a basis."""
+    """Integrals of the functions of a basis.
+
+    Raises:
+        ValueError: mass points on the axis leave a function without mass.
+    """
+    if not effects.section_inertia:
+        axis = replace(basis.sections, rotary=np.zeros_like(basis.sections.rotary),
+                       eccentricity=np.zeros_like(basis.sections.eccentricity))  # fmt: skip
+        basis = replace(basis, sections=axis)
+        masses = np.linalg.eigvalsh(_of_centres(basis, effects).M)
+        if masses[0] <= _SINGULAR * masses[-1]:
+            raise ValueError(
+                f"Effects: without section_inertia {basis.size} functions move the axis in fewer "
+                "ways; take fewer modes, or leave out torsion"
+            )
     centres, rotary = _of_centres(basis, effects), _of_rotations(basis, effects)
     names = ("A0", "A1", "A2", "B0", "B1", "M")
     return Inertia(*(getattr(centres, k) + getattr(rotary, k) for k in names))
@@ -78,15 +99,12 @@ def _of_centres(basis: Basis, effects: Effects) -> Inertia:
     """Of the mass centres."""
     s, psi = basis.sections, basis.fields[3:]
     w, e = basis.quadrature.weights * s.mass, s.eccentricity
-    n = basis.size
     r0 = e + np.array([basis.quadrature.x, 0.0 * w, 0.0 * w])
     P = np.array(centre_displacements(list(basis.fields), e))
-    Q = np.zeros((3, len(w), n, n))
-    if effects.section_rotations:
-        # 1/2 theta x (theta x e) = 1/2 (theta (e.theta) - e theta^2)
-        along = np.einsum("ap,api->pi", e, psi)
-        Q += _symmetric(np.einsum("api,pj->apij", psi, along))
-        Q -= np.einsum("ap,bpi,bpj->apij", e, psi, psi)
+    # the second derivative of R e
+    Q = np.einsum(
+        "abkl,bp,kpi,lpj->apij", second_derivatives(effects.rotations), e, psi, psi, optimize=True
+    )
     if effects.stiffening:
         Q[0] -= basis.shortening
     S0, S1 = r0 @ w, np.einsum("p,api->ai", w, P)
@@ -104,8 +122,8 @@ def _of_centres(basis: Basis, effects: Effects) -> Inertia:
         _rigid(m, s, w2)
         for m, s, w2 in ((w.sum(), S0, W0), (0.0, S1, W1), (0.0, S2, _symmetric(W2)))
     )
-    B0 = np.concatenate([S1, np.einsum("cab,abi->ci", _EPS, N0)])
-    B1 = np.concatenate([S2, np.einsum("cab,abij->cij", _EPS, N1)])
+    B0 = np.concatenate([S1, np.einsum("cab,abi->ci", PERMUTATION, N0)])
+    B1 = np.concatenate([S2, np.einsum("cab,abij->cij", PERMUTATION, N1)])
     return Inertia(A0, A1, A2, B0, B1, np.einsum("aaij->ij", PP))
 
 
@@ -117,7 +135,7 @@ def _rigid(mass: float, first: FloatArray, second: FloatArray) -> FloatArray:
         out[3 + a, 3 + a] = np.einsum("bb...->...", second)
     out[3:, 3:] -= second
     # V.(omega x S)
-    cross = np.einsum("abc,c...->ab...", _EPS, first)
+    cross = np.einsum("abc,c...->ab...", PERMUTATION, first)
     out[:3, 3:] = cross
     out[3:, :3] = np.swapaxes(cross, 0, 1)
     return out
@@ -140,21 +158,22 @@ def _of_rotations(basis: Basis, effects: Effects) -> Inertia:
     B0, B1 = np.zeros((6, n)), np.zeros((6, n, n))
     A0[3:, 3:] = np.diag(J @ w)
     # theta~ J - J theta~, theta~_ab = -eps_abk theta_k
-    A1[3:, 3:] = np.einsum("abk,aki->abi", _EPS, first) - np.einsum("abk,bki->abi", _EPS, first)
+    A1[3:, 3:] = np.einsum("abk,aki->abi", PERMUTATION, first) - np.einsum(
+        "abk,bki->abi", PERMUTATION, first
+    )
     B0[3:] = np.einsum("cci->ci", first)
     # |omega x theta|_J: -theta~ J theta~
-    turned = -np.einsum("ack,cbl,cklij->abij", _EPS, _EPS, second)
+    turned = -np.einsum("ack,cbl,cklij->abij", PERMUTATION, PERMUTATION, second)
     # (omega x theta).J theta': omega_c eps_cab theta_a J_b theta'_b
-    B1[3:] = np.einsum("cab,bbaij->cij", _EPS, second)
-    if effects.section_rotations:
-        # J omega.(1/2 theta x (theta x omega)): 1/2 (theta theta^T - theta^2) J and transposed
-        half = 0.5 * np.einsum("babij->abij", second)
-        square = np.einsum("bkkij->bij", second)
-        for b in range(3):
-            half[b, b] -= 0.5 * square[b]
-        turned = turned + half + np.swapaxes(half, 0, 1)
-        # -1/2 J omega.(theta x theta'): -1/2 omega_c J_c eps_cab theta_a theta'_b
-        B1[3:] -= 0.5 * np.einsum("cab,cbaij->cij", _EPS, second)
+    B1[3:] = np.einsum("cab,bbaij->cij", PERMUTATION, second)
+    S = second_derivatives(effects.rotations)
+    # 1/2 (S J + J S^T)
+    half = 0.5 * np.einsum("abkl,bklij->abij", S, second)
+    turned = turned + half + np.swapaxes(half, 0, 1)
+    if effects.rotations != "linear":
+        # J omega.(the vector of S(theta, theta') - 1/2 theta x theta')
+        vector = -0.5 * (np.einsum("cab,abkl->ckl", PERMUTATION, S) + PERMUTATION)
+        B1[3:] += np.einsum("ckl,cklij->cji", vector, second)
     A2[3:, 3:] = 2.0 * _symmetric(turned)
     M = np.einsum("cccij->ij", second)
     return Inertia(A0, A1, A2, B0, B1, M)

@@ -16,8 +16,10 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.moving_base.base import PrescribedBase
 from flexfem.moving_base.properties import BeamProperties, Piecewise
+from flexfem.options import Option
 
 __all__ = [
+    "LINK_OPTIONS",
     "Angle",
     "constant_angle",
     "manipulator_base",
@@ -29,28 +31,73 @@ __all__ = [
 #: An angle (rad), its rate and its acceleration at a time (s).
 Angle = Callable[[float], tuple[float, float, float]]
 
-_ENDS = (8.0 / 3.0, 8.0)
+#: Section properties of box and channel: unit, bound, values, and what they are.
+_SECTIONS: dict[str, tuple[str | None, dict[str, float], float, float, str]] = {
+    "area": ("m^2", {"above": 0.0}, 3.84e-4, 7.3e-5, "of the section"),
+    "second_moment_2": ("m^4", {"above": 0.0}, 1.5e-7, 4.8746e-9, "resists u3"),
+    "second_moment_3": ("m^4", {"above": 0.0}, 1.5e-7, 8.2181e-9, "resists u2"),
+    "shear_ratio_2": (None, {"minimum": 1.0}, 2.09, 3.174, "area by shear area along a2"),
+    "shear_ratio_3": (None, {"minimum": 1.0}, 2.09, 1.52, "area by shear area along a3"),
+    "torsion_constant": ("m^4", {"above": 0.0}, 2.2e-7, 2.433e-11, "effective"),
+    "warping_constant": ("m^6", {"minimum": 0.0}, 0.0, 5.0156e-13, "of the section"),
+    "eccentricity_2": ("m", {}, 0.0, 0.0, "mass centre along a2"),
+    "eccentricity_3": ("m", {}, 0.0, 0.01875, "mass centre along a3"),
+}
 
 
-def outboard_link(eccentricity: float = 0.01875) -> BeamProperties:
+def _section_option(segment: str, name: str) -> Option:
+    unit, bound, box, channel, what = _SECTIONS[name]
+    flag = f"{segment}_{name}".replace("channel_eccentricity_3", "eccentricity")
+    value = box if segment == "box" else channel
+    return Option(flag, float, value, f"{segment}: {what}", unit=unit, **bound)  # type: ignore[arg-type]
+
+
+#: Options of a case that are arguments of :func:`outboard_link`.
+LINK_OPTIONS = (
+    Option("box_length", float, 8.0 / 3.0, "of the segment at the root", unit="m", above=0.0),
+    Option("channel_length", float, 16.0 / 3.0, "of the outer segment", unit="m", above=0.0),
+    Option("youngs_modulus", float, 6.895e10, "of both", unit="N/m^2", above=0.0),
+    Option("shear_modulus", float, 2.6519e10, "of both", unit="N/m^2", above=0.0),
+    Option("density", float, 2766.67, "of both", unit="kg/m^3", above=0.0),
+    *(_section_option(segment, name) for segment in ("box", "channel") for name in _SECTIONS),
+)
+
+
+def outboard_link(eccentricity: float | None = None, **given: float) -> BeamProperties:
     """Box, 8/3 m, and channel, 16/3 m, of aluminium.
 
     Args:
-        eccentricity: of the channel's mass centre along a3, m.
-    """
+        eccentricity: of the channel's mass centre along a3, m; None for 0.01875.
+        given: other values than the published ones, by the names of ``LINK_OPTIONS``:
+            "box_length", "channel_length" (m), "youngs_modulus", "shear_modulus" (N/m^2), "density"
+            (kg/m^3), and "area" and all other properties of sections with "box_" or "channel_"
+            before.
 
-    def segments(box: float, channel: float) -> Piecewise:
-        return Piecewise(_ENDS, (box, channel))
+    Raises:
+        TypeError: an argument has no such name, or is no number.
+        ValueError: a value is out of range.
+    """
+    if eccentricity is not None:
+        given["eccentricity"] = eccentricity
+    at = {option.name: option.default for option in LINK_OPTIONS}
+    for option in LINK_OPTIONS:
+        if option.name in given:
+            at[option.name] = option.check(given.pop(option.name))
+    for name in given:
+        raise TypeError(f"outboard_link() got an unexpected keyword argument '{name}'")
+    ends = (at["box_length"], at["box_length"] + at["channel_length"])
+
+    def segments(name: str) -> tuple[float, float]:
+        box, channel = (_section_option(segment, name).name for segment in ("box", "channel"))
+        return at[box], at[channel]
 
     return BeamProperties(
-        length=8.0, youngs_modulus=6.895e10, shear_modulus=2.6519e10,
-        mass_per_length=segments(2766.67 * 3.84e-4, 2766.67 * 7.3e-5),
-        area=segments(3.84e-4, 7.3e-5),
-        second_moment_2=segments(1.5e-7, 4.8746e-9), second_moment_3=segments(1.5e-7, 8.2181e-9),
-        shear_ratio_2=segments(2.09, 3.174), shear_ratio_3=segments(2.09, 1.52),
-        torsion_constant=segments(2.2e-7, 2.433e-11), warping_constant=segments(0.0, 5.0156e-13),
-        eccentricity_3=segments(0.0, eccentricity),
-    )  # fmt: skip
+        length=ends[1],
+        youngs_modulus=at["youngs_modulus"],
+        shear_modulus=at["shear_modulus"],
+        mass_per_length=Piecewise(ends, [at["density"] * area for area in segments("area")]),
+        **{name: Piecewise(ends, segments(name)) for name in _SECTIONS},
+    )
 
 
 def constant_angle(angle: float) -> Angle:

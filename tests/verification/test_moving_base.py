@@ -67,10 +67,9 @@ def ritz(spin: float, count: int = 16) -> Any:
 
 @pytest.mark.parametrize("out_of_plane", [True, False])
 def test_frequencies_of_rotating_beams(out_of_plane: bool) -> None:
-    effects = ff.Effects(
-        shear=False, rotary_inertia=False, extension=False, torsion=False,
-        in_plane=not out_of_plane, out_of_plane=out_of_plane,
-    )  # fmt: skip
+    effects = ff.Effects(in_plane=not out_of_plane, out_of_plane=out_of_plane).without(
+        "shear", "rotary_inertia", "extension", "torsion"
+    )
     for spin, published in enumerate(WRIGHT):
         eq = equations(unit_beam(), spinning(spin), effects, modes=10)
         squares = np.linalg.eigvalsh(eq.matrices(0.0)[1])[:3]
@@ -82,11 +81,10 @@ def test_frequencies_of_rotating_beams(out_of_plane: bool) -> None:
         assert np.allclose(found, expected, rtol=1e-4)
 
 
-def test_conventional_theory_softens() -> None:
-    effects = ff.effects_of(
-        "conventional", shear=False, rotary_inertia=False, extension=False, torsion=False,
-        out_of_plane=False,
-    )  # fmt: skip
+@pytest.mark.parametrize("theory", ["premature", "conventional"])
+def test_theories_without_stiffening_soften(theory: str) -> None:
+    without = ("shear", "rotary_inertia", "extension", "torsion", "out_of_plane")
+    effects = ff.effects_of(theory, without=without)
     for spin in (1.0, 3.0, 4.0):
         eq = equations(unit_beam(), spinning(spin), effects, modes=6)
         lowest = np.linalg.eigvalsh(eq.matrices(0.0)[1])[0]
@@ -94,9 +92,7 @@ def test_conventional_theory_softens() -> None:
 
 
 def test_functions_need_not_be_modes() -> None:
-    effects = ff.Effects(
-        shear=False, rotary_inertia=False, extension=False, torsion=False, in_plane=False
-    )
+    effects = ff.Effects().without("shear", "rotary_inertia", "extension", "torsion", "in_plane")
     eq = equations(unit_beam(), spinning(6.0), effects, analytic=(0, 0, 10, 0))
     found = np.sqrt(np.linalg.eigvalsh(eq.matrices(0.0)[1])[:3])
     assert np.allclose(found, ritz(6.0), rtol=1e-4)
@@ -169,7 +165,7 @@ def _plane(theory: str) -> ff.MovingBaseBeam:
     base = ff.manipulator_base(still, ff.spin_up_angle(), still, link_1=0.0, link_2=0.0)
     return ff.MovingBaseBeam(
         properties=spin_up_beam(), base=base, modes=6, elements=10,
-        effects=ff.effects_of(theory, torsion=False, out_of_plane=False),
+        effects=ff.effects_of(theory, without=("torsion", "out_of_plane")),
     )  # fmt: skip
 
 
@@ -218,7 +214,7 @@ def test_link_at_rest_vibrates_as_exact_elements_do() -> None:
     base = ff.PrescribedBase(position=lambda t: (0, 0, 0), rotation=lambda t: np.eye(3))
     model = ff.exact_model(link, base, elements=24, warping=False)
     exact = ff.find_modes(model, ff.ModeOptions(modes=6, frames=0, quiet=True)).history["frequency"]
-    eq = equations(link, base, ff.effects_of("consistent", warping=False))
+    eq = equations(link, base, ff.effects_of("consistent", without=["warping"]))
     modes = eq.basis.frequencies[:6] / (2.0 * np.pi)
     # two-node elements are 1 per cent stiff; without eccentricity the second is 2 per cent higher
     assert np.allclose(modes, exact, rtol=0.012)
@@ -307,6 +303,13 @@ def test_free_base_is_that_of_the_multibody_model() -> None:
         assert np.abs(exact[name] - linear[name]).max() < 0.01 * size, name
 
 
+def started(displacement: Any = None, **more: Any) -> PrescribedBaseEquations:
+    """A beam that moves in its plane and twists."""
+    given = {"effects": ff.Effects(out_of_plane=False), "modes": 3, "elements": 3, **more}
+    beam = unit_beam(area=1.0, torsion_constant=1e-3)
+    return equations(beam, STILL, displacement=displacement, **given)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -316,7 +319,41 @@ def test_free_base_is_that_of_the_multibody_model() -> None:
         (lambda: unit_beam(shear_ratio_2=0.5), "shear_ratio_2 must be >= 1, got 0.5"),
         (lambda: unit_beam(area=ff.Piecewise((0.5,), (1.0,))), "area ends at 0.5 m"),
         (lambda: unit_beam(area=lambda x: x[:2]), "area returns shape"),
-        (lambda: ff.effects_of("naive"), "theory 'naive': there are consistent, conventional"),
+        (lambda: ff.effects_of("naive"), "theory 'naive': there are consistent, premature"),
+        (lambda: ff.effects_of("consistent", without=["shear", "sheer"]), "effect 'sheer': there"),
+        (lambda: ff.Effects(rotations="euler"), "rotations must be one of sequence, vector, lin"),
+        (lambda: started(displacement={"u4": 1.0}), "displacement 'u4' of the tip: there are s, u"),
+        (lambda: started(velocity={"u3": 1.0}), "velocity: the beam has no function of u3, got 1"),
+        (lambda: started(displacement=lambda x: x), "displacement: six rows of finite numbers"),
+        (
+            lambda: started(displacement=lambda x: np.sin(40 * x) * np.ones((6, 1))),
+            "per cent of it",
+        ),
+        (
+            lambda: started({"u2": 0.1, "s": 0.1, "theta1": 0.1}, modes=1),
+            "displacement: 3 functions cannot take u2, ",
+        ),
+        (lambda: started(damping_ratio=[0.1] * 9), "damping_ratio: 9 ratios for 5 functions"),
+        (lambda: started(damping_ratio=[0.1, -0.1]), "damping_ratio must not be negative"),
+        (
+            lambda: started(effects=ff.effects_of("conventional")),
+            "without section_inertia .* functions move the axis in fewer ways",
+        ),
+        (
+            lambda: ff.beam_by_theory(
+                unit_beam(),
+                STILL,
+                "beam",
+                theory="beam",
+                elements=4,
+                assumed_modes=3,
+                bodies=1,
+                body_modes=0,
+                warping=True,
+                damping_ratio=0.1,
+            ),
+            "theory 'beam': damping_ratio is for assumed modes, got 0.1",
+        ),
         (
             lambda: ff.PrescribedBase(angular_velocity=lambda t: (0.0, 0.0, t)),
             "angular_acceleration is not the rate of angular_velocity",

@@ -18,9 +18,7 @@ def lowest(spin: float, modes: int) -> float:
         length=1.0, youngs_modulus=1.0, shear_modulus=1.0, mass_per_length=1.0, area=1e6,
         second_moment_2=1.0, second_moment_3=1.0, torsion_constant=1.0,
     )  # fmt: skip
-    effects = ff.Effects(
-        shear=False, rotary_inertia=False, extension=False, torsion=False, in_plane=False
-    )
+    effects = ff.Effects().without("shear", "rotary_inertia", "extension", "torsion", "in_plane")
     base = ff.PrescribedBase(angular_velocity=lambda t: (0.0, 0.0, spin))
     source = ff.MovingBaseBeam(properties=unit, base=base, effects=effects, modes=modes)
     equations = source.equations()
