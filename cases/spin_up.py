@@ -79,7 +79,7 @@ CASE = ff.Case(
     ),
     dt=0.01,
     t_end=30.0,
-    smoke={"elements": 6, "assumed_modes": 4, "t_end": 0.1},
+    smoke={"elements": 6, "assumed_modes": 4, "bodies": 2, "t_end": 0.1},
     results=results,
 )
 

@@ -74,7 +74,7 @@ THEORY_OPTIONS = (
            minimum=1),
     Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
     Option("bodies", int, 8, "of theory floating in each segment", minimum=1),
-    Option("body_modes", int, 2, "modes of each of these bodies", minimum=0),
+    Option("body_modes", int, 0, "modes of each of these bodies", minimum=0),
     Option("warping", bool, True, "torsion of the channel with its warping held"),
     *_ASSUMED,
 )  # fmt: skip

@@ -28,7 +28,7 @@ def start(case: str, folder: Path, **given: Any) -> Any:
     source.validate()
     numbers = {option.name: values[option.name] for option in DYNAMICS.settings.OPTIONS}
     options = ff.RunOptions(**numbers, output=folder, quiet=True)
-    return DYNAMICS.run(source, options, case=case, results=declared.results)
+    return DYNAMICS.run(source, options, case=case, results=declared.results_with(values))
 
 
 @pytest.mark.parametrize("case", ["spin_up", "manipulator_deployment"])
