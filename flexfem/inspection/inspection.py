@@ -8,11 +8,11 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.analyses.statics import StaticOptions
 from flexfem.inspection.body_facts import BodyFacts, body_facts
-from flexfem.inspection.joint_facts import JointFacts, joint_facts
+from flexfem.inspection.joint_facts import JointFacts, joint_facts, turning_rows
 from flexfem.inspection.mesh_facts import MeshFacts, mesh_facts
 from flexfem.kinematics.rigid_parts import RigidParts
 from flexfem.kinematics.start_rows import StartRows
@@ -73,6 +73,11 @@ class Inspection:
     def rows(self) -> StartRows:
         """Its joints at the start."""
         return StartRows(self.serial, self.parts)
+
+    @cached_property
+    def turning(self) -> BoolArray:
+        """Rows (r,) of the joints that are about directions, not positions."""
+        return turning_rows(self.rows)
 
     @cached_property
     def parts(self) -> RigidParts:

@@ -2,6 +2,7 @@
 """The bodies of a model as wholes: one frame and one inertia matrix for each."""
 
 from collections.abc import Iterable
+from functools import cached_property
 
 import numpy as np
 
@@ -25,33 +26,43 @@ class RigidParts:
         number: part of each body by its name.
         frames: (n, 12) frames at the start: those of rigid bodies and of bodies in floating frames;
             of others inertial axes in the middle of their nodes.
-        inertia: (n, 6, 6) inertia matrices about these frames, in their axes, translation first.
-            Rotation-free shells have no rotary inertia of their thickness.
     """
 
     def __init__(self, serial: Assembly) -> None:
-        """Find the parts of a model and sum up their masses."""
+        """Find the parts of a model."""
         model = serial.model
         self._serial = serial
         whole: list[RigidBody | FloatingBody] = [*model.rigid_bodies, *model.floating_bodies]
         self.names: list[tuple[str, ...]] = [(body.name,) for body in whole]
         frames = [np.empty((0, 12)), *(se3.frame(b.position, b.rotation)[None] for b in whole)]
-        inertia = [body.inertia_matrix for body in whole]
         bodies: list[Beam | Shell] = [*model.beams, *model.shells]
         nodes = {body.name: _nodes(serial, body) for body in bodies}
         for names in _clusters(nodes):
             self.names.append(names)
             middle = np.concatenate([nodes[name][0] for name in names]).mean(axis=0)
             frames.append(se3.frame(middle, np.eye(3))[np.newaxis])
-            inertia.append(
-                sum((body_inertia(serial, model[n], frames[-1][0]) for n in names), _none())
-            )
         self.frames: FloatArray = np.concatenate(frames)
         self.number = {name: i for i, names in enumerate(self.names) for name in names}
+
+    @cached_property
+    def inertia(self) -> FloatArray:
+        """Inertia matrices (n, 6, 6) about these frames, in their axes, translation first.
+
+        Rotation-free shells have no rotary inertia of their thickness.
+        """
+        serial, model = self._serial, self._serial.model
+        matrices = np.zeros((len(self), 6, 6))
+        for i, names in enumerate(self.names):
+            for name in names:
+                body = model[name]
+                if isinstance(body, (RigidBody, FloatingBody)):
+                    matrices[i] = body.inertia_matrix
+                else:
+                    matrices[i] += body_inertia(serial, body, self.frames[i])
         for mass in model.point_masses:
             i = self.number[mass.marker.body]
-            inertia[i] = inertia[i] + body_inertia(serial, mass, self.frames[i])
-        self.inertia: FloatArray = np.array(inertia).reshape(-1, 6, 6)
+            matrices[i] += body_inertia(serial, mass, self.frames[i])
+        return matrices
 
     def __len__(self) -> int:
         """Number of parts."""
@@ -69,10 +80,6 @@ class RigidParts:
             return -1, frame
         part = self.number[marker.body]
         return part, se3.compose(se3.inverse(self.frames[part]), frame)
-
-
-def _none() -> FloatArray:
-    return np.zeros((6, 6))
 
 
 def _nodes(serial: Assembly, body: Beam | Shell) -> tuple[FloatArray, list[tuple[object, ...]]]:

@@ -15,7 +15,7 @@ from flexfem.lie import se3
 from flexfem.mesh.patches import EdgeRule
 from flexfem.mesh.surface_topology import side_nodes
 from flexfem.system.assembly import Assembly
-from flexfem.system.connect import connect_alone, joint_ends
+from flexfem.system.connect import all_ends, connect_alone
 from flexfem.system.constraints import Constraints
 from flexfem.system.node_table import NodeTable
 from flexfem.system.placement import BEAMS, FLOATING, NURBS, RIGID, SHELLS, NodeKey
@@ -46,7 +46,7 @@ class StartRows:
         """
         self._serial, self._parts = serial, parts
         self.joints: list[Joint] = list(serial.joints)
-        ends = [joint_ends(serial, joint) for joint in self.joints]
+        ends = all_ends(serial)
         keys = list(dict.fromkeys(key for one in ends for key in one.keys))
         self._table = _table(serial, keys)
         placed = connect_alone(self.joints, ends, self._table)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Validation and flattening of batched arguments."""
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -19,9 +21,8 @@ def _checked(owner: str, name: str, values: npt.ArrayLike, core: tuple[int, ...]
 
 def _flat(array: FloatArray, leading: tuple[int, ...], core: tuple[int, ...]) -> FloatArray:
     """Contiguous rows, one for each member of the batch (also of an empty one)."""
-    size = int(np.prod(core))
     full = np.broadcast_to(array, leading + core)
-    return np.ascontiguousarray(full).reshape(int(np.prod(leading)), size)
+    return np.ascontiguousarray(full).reshape(math.prod(leading), math.prod(core))
 
 
 def batch(

@@ -18,7 +18,7 @@ from flexfem.lie import se3, so3
 from flexfem.model.bodies import Beam, PointMass
 from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
-from flexfem.system.connect import connect, joint_ends
+from flexfem.system.connect import all_ends, connect
 from flexfem.system.constraints import Constraints
 from flexfem.system.contact_points import ContactPoints, contact_points
 from flexfem.system.contact_start import check_start
@@ -66,7 +66,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     """
     model = serial.model
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
-    ends = [joint_ends(serial, joint) for joint in serial.joints]
+    ends = all_ends(serial)
     joints_of_rows = [(joint, end.rows) for joint, end in zip(serial.joints, ends, strict=True)]
     placement = place(model, joints_of_rows, comm.size, split_above)
     _check_laws(serial)

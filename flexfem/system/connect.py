@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 from mpi4py import MPI
 
@@ -25,7 +26,7 @@ from flexfem.system.placement import NodeKey, Placement
 from flexfem.system.row_table import PlacedJoint
 from flexfem.system.surface_places import SurfacePlace, carrier_frame, turning
 
-__all__ = ["JointEnds", "connect", "connect_alone", "joint_ends"]
+__all__ = ["JointEnds", "all_ends", "connect", "connect_alone", "joint_ends"]
 
 #: Distance of a slider from its line, relative to the line's length, that counts as none.
 _GAP = 1e-6
@@ -60,6 +61,20 @@ class JointEnds:
             if point is not None:
                 keys += point.keys
         return keys
+
+
+_ENDS: WeakKeyDictionary[Assembly, list["JointEnds"]] = WeakKeyDictionary()
+
+
+def all_ends(serial: Assembly) -> list[JointEnds]:
+    """Markers of all joints of a model, found once.
+
+    Raises:
+        ValueError: as of :func:`joint_ends`.
+    """
+    if serial not in _ENDS:
+        _ENDS[serial] = [joint_ends(serial, joint) for joint in serial.joints]
+    return _ENDS[serial]
 
 
 def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:

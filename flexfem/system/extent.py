@@ -6,15 +6,14 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
-from flexfem.system.connect import joint_ends
+from flexfem.system.connect import all_ends
 
 __all__ = ["model_box", "model_extent"]
 
 
 def model_box(serial: Assembly) -> FloatArray:
     """Lowest and highest coordinates (2, 3) of nodes, bodies and markers of joints at the start."""
-    joints = serial.joints
-    poses = [pose.position for joint in joints for pose in joint_ends(serial, joint).poses]
+    poses = [pose.position for ends in all_ends(serial) for pose in ends.poses]
     every = np.concatenate(
         [np.array(poses).reshape(-1, 3), se3.position(serial.rigid_frames), serial.nodes]
     )

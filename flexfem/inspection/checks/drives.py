@@ -9,7 +9,6 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
-from flexfem.inspection.joint_facts import turning_rows
 
 #: Times at which drives are looked at, before the largest change is looked into more closely.
 _LOOKS = 200
@@ -32,7 +31,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 
     looks = np.unique(np.linspace(0, steps, _LOOKS + 1).round().astype(np.int64))
     values = np.array([targets(int(step)) for step in looks])
-    turning = turning_rows(inspection.rows)
+    turning = inspection.turning
     for row in np.flatnonzero(rows.rigid & (np.ptp(values, axis=0) > 0.0)).tolist():
         size, step = _largest(partial(_one, targets, row), looks, values[:, row])
         around = [float(targets(k)[row]) for k in range(max(step - 2, 0), min(step + 2, steps + 1))]

@@ -5,16 +5,19 @@ from collections.abc import Iterator
 
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
-from flexfem.model.bodies import PointMass
+from flexfem.model.bodies import Beam
+from flexfem.model.shell import Shell
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
     """Beams and shells whose sections have no mass."""
     if not inspection.moves:
         return
-    for body in inspection.bodies:
-        if body.masses.mass == 0.0 and not isinstance(body.body, PointMass):
+    bodies: list[Beam | Shell] = [*inspection.model.beams, *inspection.model.shells]
+    for body in bodies:
+        mass = body.section.mass if isinstance(body, Shell) else body.section.mass_per_length
+        if mass == 0.0:
             yield Finding(
-                "massless", owner_of(body.body), "it has no mass, and a motion needs inertia",
+                "massless", owner_of(body), "it has no mass, and a motion needs inertia",
                 "give its material a density",
             )  # fmt: skip

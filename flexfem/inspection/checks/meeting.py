@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Marker
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
@@ -13,6 +13,8 @@ from flexfem.system.assembly import Assembly
 
 #: Distance, relative to the size of the model, within which places are one.
 _SAME = 1e-6
+#: Of length one; meshes have no planes across it.
+_DIRECTION = np.array([0.48, 0.64, 0.6])
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
@@ -23,16 +25,19 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     model, serial = inspection.model, inspection.serial
     if len(model.beams) < 2:
         return
-    from scipy.spatial import cKDTree
-
     points = [_points(serial, number) for number in range(len(model.beams))]
     places = np.concatenate([nodes for nodes, _ in points])
     body = np.repeat(np.arange(len(points)), [len(nodes) for nodes, _ in points])
     is_end = np.concatenate([ends for _, ends in points])
-    near = cKDTree(places).query_pairs(_SAME * inspection.extent, output_type="ndarray")
-    near = near[(body[near[:, 0]] != body[near[:, 1]]) & is_end[near].any(axis=1)]
+    near = _Places(places, _SAME * inspection.extent)
+    pairs = {
+        (min(end, other), max(end, other))
+        for end in np.flatnonzero(is_end).tolist()
+        for other in near.at(places[end]).tolist()
+        if body[end] != body[other]
+    }
     told, joints = set[tuple[int, int]](), _JointsAtPlaces(inspection)
-    for a, b in near.tolist():
+    for a, b in sorted(pairs):
         pair = (min(body[a], body[b]), max(body[a], body[b]))
         names = [model.beams[number].name for number in pair]
         if pair in told or joints.join(places[a], names) or _touching(inspection, names):
@@ -59,25 +64,38 @@ def _points(serial: Assembly, number: int) -> tuple[FloatArray, FloatArray]:
     return serial.points[nodes], counts == 1
 
 
+class _Places:
+    """Points (n, 3) by their order in one direction, in which different ones hardly coincide."""
+
+    def __init__(self, points: FloatArray, reach: float) -> None:
+        self._reach, along = reach, points @ _DIRECTION
+        self._order = np.argsort(along, kind="stable")
+        self._points, self._along = points[self._order], along[self._order]
+
+    def at(self, place: FloatArray) -> IntArray:
+        """Numbers of the points within reach of a place (3,), m."""
+        middle = float(place @ _DIRECTION)
+        some = slice(*np.searchsorted(self._along, [middle - self._reach, middle + self._reach]))
+        close = np.linalg.norm(self._points[some] - place, axis=1) <= self._reach
+        return self._order[some][close]
+
+
 class _JointsAtPlaces:
     """Joints by the places of their markers at the start."""
 
     def __init__(self, inspection: Inspection) -> None:
-        from scipy.spatial import cKDTree
-
         placed = inspection.rows.rows.joints
         self._bodies = [
             {m.body for m in one.joint.markers if isinstance(m, Marker)} for one in placed
         ]
         poses = [(pose.position, i) for i, one in enumerate(placed) for pose in one.poses]
         self._joint = [i for _, i in poses]
-        self._tree = cKDTree(np.array([x for x, _ in poses]).reshape(-1, 3))
-        self._reach = _SAME * inspection.extent
+        points = np.array([x for x, _ in poses]).reshape(-1, 3)
+        self._places = _Places(points, _SAME * inspection.extent)
 
     def join(self, place: FloatArray, names: list[str]) -> bool:
         """Whether joints with a marker at a place lead from one body to another."""
-        found = self._tree.query_ball_point(place, self._reach)
-        here = [self._bodies[self._joint[k]] for k in found]
+        here = [self._bodies[self._joint[k]] for k in self._places.at(place).tolist()]
         reached, grown = {names[0]}, True
         while grown and names[1] not in reached:
             more = set().union(*(bodies for bodies in here if bodies & reached)) - reached

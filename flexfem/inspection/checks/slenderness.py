@@ -8,7 +8,6 @@ import numpy as np
 from flexfem.core.row import LawKind
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
-from flexfem.inspection.joint_facts import turning_rows
 from flexfem.model.bodies import Beam
 
 #: Length by depth above which beams and shells are hardly meant. Tethers in space have more than
@@ -45,7 +44,7 @@ def _apart(inspection: Inspection) -> Iterator[Finding]:
     found = [(mesh.axial, owner_of(mesh.body)) for mesh in inspection.meshes]
     rows = inspection.rows.rows
     springs = (rows.elastic[:, 0] == LawKind.SPRING) & (rows.elastic[:, 1] > 0.0)
-    for row in np.flatnonzero(springs & ~turning_rows(inspection.rows)):
+    for row in np.flatnonzero(springs & ~inspection.turning):
         joint = inspection.rows.joints[rows.joint_of_row[row]]
         found.append((float(rows.elastic[row, 1]), joint.owner))
     known = sorted(one for one in found if one[0] > 0.0)  # nonlinear laws have none

@@ -8,7 +8,6 @@ import numpy as np
 from flexfem.inspection.checks.velocities import drive_rates
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
-from flexfem.inspection.joint_facts import turning_rows
 
 #: Turn in a step, rad, beyond which integrators lose their accuracy: a twelfth of a turn.
 _TURN = 0.5
@@ -21,7 +20,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     bodies = inspection.model.bodies
     spins = [(float(np.linalg.norm(b.angular_velocity)), owner_of(b)) for b in bodies]
-    driven = drive_rates(inspection) * turning_rows(inspection.rows)
+    driven = drive_rates(inspection) * inspection.turning
     for row in np.flatnonzero(driven):
         joint = inspection.rows.joints[inspection.rows.rows.joint_of_row[row]]
         spins.append((abs(float(driven[row])), joint.owner))

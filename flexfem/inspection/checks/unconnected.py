@@ -19,7 +19,6 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     """Groups that float, but for that which is the model itself in free flight."""
     model, parts = inspection.model, inspection.parts
     groups = _groups(inspection)
-    masses = np.trace(parts.inertia[:, :3, :3], axis1=1, axis2=2)
     floating = [group for group in groups if _GROUND not in group]
     falls = model.gravity is not None and bool(model.gravity.acceleration.any())
     if len(groups) == 1 and floating:
@@ -31,7 +30,8 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     if falls and inspection.moves is not False:
         yield from _falling(inspection, [group for group in groups if _GROUND in group])
-    if len(floating) == len(groups):  # in free flight: the heaviest group is the model
+    if floating and len(floating) == len(groups):  # in free flight: the heaviest group is the model
+        masses = np.trace(parts.inertia[:, :3, :3], axis1=1, axis2=2)
         floating.remove(max(floating, key=lambda group: float(masses[sorted(group)].sum())))
     for group in floating:
         names = [name for i in sorted(group) for name in parts.names[i]]

@@ -72,6 +72,8 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 
 def _giants(inspection: Inspection) -> Iterator[Finding]:
     """Bodies of meshes beside which others are specks: a mesh in millimetres, most likely."""
+    if not (inspection.model.shells or inspection.model.floating_bodies):
+        return
     sizes = [float(np.linalg.norm(one.size)) for one in inspection.bodies]
     smallest = min((size for size in sizes if size > 0.0), default=np.inf)
     giants = [

@@ -9,7 +9,6 @@ from flexfem._types import FloatArray
 from flexfem.analyses.modes import StateOptions
 from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
-from flexfem.inspection.joint_facts import turning_rows
 
 #: Span over which drives are differentiated, s, and in time steps, the shorter one.
 _STEP, _PART = 1e-5, 1e-2
@@ -24,7 +23,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     rows = inspection.rows.rows
     rates = np.where(rows.rigid, rows.rates() + drive_rates(inspection), 0.0)
-    turning = turning_rows(inspection.rows)
+    turning = inspection.turning
     way = np.abs(rates) * np.where(turning, inspection.scale, 1.0)
     scale = max(_fastest(inspection), float(way.max(initial=0.0)))
     wrong = way > max(_ROUNDING * scale, _NOTHING * inspection.scale)
