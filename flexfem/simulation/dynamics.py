@@ -15,7 +15,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem import _checks
-from flexfem._faults import ReturnError, current, noted
+from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
@@ -23,6 +23,7 @@ from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.energy_watch import EnergyWatch
+from flexfem.simulation.functions_alike import NONE, FunctionsAlike
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.made_up_energy import made_up_energy
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
@@ -102,7 +103,8 @@ class _Run:
         )  # fmt: skip
         self._checkpoints = Checkpoints(simulation, simulation.serial, options, self._grid, restart)
         self._checkpoint: Path | None = None
-        self.signal, self._agreement = 0, Agreement(simulation.system.comm)
+        functions = FunctionsAlike(simulation.system, simulation.serial.model)
+        self.signal, self._agreement = 0, Agreement(simulation.system.comm, functions)
         self._faults = current()
         self._watch: EnergyWatch | None = None
         self._setup: float | None = None
@@ -139,6 +141,7 @@ class _Run:
             if step == first:
                 self._first = self._elapsed()
             if status is not Status.OK:
+                self._look(signals)  # functions that differ between ranks may be why
                 self._recorder.record_last(step, self._outputs())
                 self._save(step - 1)
                 break
@@ -174,33 +177,10 @@ class _Run:
 
     def _look(self, signals: StopSignals) -> None:
         """Look for signals, and show progress where it is time to (collective)."""
-        system = self._simulation.system
-        values = system.factors
-        if len(self._simulation.controls):
-            values = np.concatenate([self._outputs(), values])
-        self.signal = self._agreement.on(signals, self._recorder.due, values)
+        outputs = self._outputs() if len(self._simulation.controls) else NONE
+        self.signal = self._agreement.on(signals, self._recorder.due, outputs)
         if self._agreement.show:
             self._recorder.show()
-        if self._agreement.differs and not self._agreement.failed:
-            self._note_difference(values)
-
-    def _note_difference(self, values: FloatArray) -> None:
-        """Let the run fail by the first law or load whose values ranks do not agree on."""
-        simulation = self._simulation
-        every = np.array(simulation.system.comm.allgather(values))
-        first = int(np.argmax(np.ptp(every, axis=0) > 0.0))
-        model = simulation.serial.model
-        sources: list[tuple[Any, object]] = [
-            (controller, controller.law) for controller in model.controllers
-            for _ in controller.columns
-        ]  # fmt: skip
-        source, function = [*sources, *((load, load.amplitude) for load in model.loads)][first]
-        few, many = every[:, first].min(), every[:, first].max()
-        why = (
-            f"gives {few:.9g} on one rank and {many:.9g} on another at t = {simulation.time:.6g} s"
-        )
-        noted(f'{type(source).__name__} "{source.name}"', function, ReturnError(why))
-        self._agreement.failed = True
 
     def _save(self, step: int) -> None:
         """Write a checkpoint, if the disk takes it."""

@@ -10,14 +10,10 @@ import numpy as np
 from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.launch import Interrupted, StopSignals
+from flexfem.simulation.functions_alike import NONE, FunctionsAlike
 from flexfem.simulation.outcome import Outcome
 
 __all__ = ["Agreement", "interruption"]
-
-
-_NONE: FloatArray = np.empty(0)
-#: Values that differ by less than this part may be rounded by other computers.
-_ALIKE = 1e-9
 
 
 class Agreement:
@@ -25,42 +21,41 @@ class Agreement:
 
     Attributes:
         show: the first rank wants to show the state, for which it may need the others.
-        failed: a function of the user's, or a file, has failed on a rank.
-        differs: values that all ranks should have alike are not.
+        failed: a function of the user's, or a file, has failed on a rank, or functions that should
+            give the same on all ranks do not.
     """
 
-    def __init__(self, comm: MPI.Intracomm) -> None:
-        """Make room for the message."""
-        self._comm, self._flags = comm, np.zeros(6)
+    def __init__(self, comm: MPI.Intracomm, functions: FunctionsAlike | None = None) -> None:
+        """Make room for the messages; ``functions`` are compared as well."""
+        self._comm, self._functions = comm, functions
+        self._own = np.zeros(3 if functions is None else 3 + functions.count)
+        self._every = np.zeros((comm.size, len(self._own)))
         self._faults = current()
-        self.show = self.failed = self.differs = False
+        self.show = self.failed = False
 
-    def on(self, signals: StopSignals, due: bool = False, values: FloatArray = _NONE) -> int:
+    def on(self, signals: StopSignals, due: bool = False, outputs: FloatArray = NONE) -> int:
         """Number of the signal that a rank has received, 0 for none (collective).
 
         Args:
             signals: of this rank.
             due: this rank wants to show the state.
-            values: numbers that should be the same on every rank.
+            outputs: of controllers, which should be the same on all ranks.
         """
-        if self._comm.size == 1:
-            self.show, self.failed = due, self._faults.error is not None
-            return signals.received
-        checksum, size = _checksum(values)
         failed = self._faults.error is not None
-        self._flags[:] = signals.received, due, failed, checksum, -checksum, size
-        self._comm.Allreduce(MPI.IN_PLACE, self._flags, op=MPI.MAX)
-        received, show, any_failed, most, negative_least, largest = self._flags.tolist()
+        if self._comm.size == 1:
+            self.show, self.failed = due, failed
+            return signals.received
+        self._own[:3] = signals.received, due, failed
+        if self._functions is not None:
+            self._own[3:] = self._functions.checksums(outputs)
+        self._comm.Allgather(self._own, self._every)
+        received, show, any_failed = self._every[:, :3].max(axis=0).tolist()
         self.show, self.failed = bool(show), bool(any_failed)
-        self.differs = most + negative_least > _ALIKE * largest
+        functions = self._functions
+        if functions is not None and not self.failed and functions.differ(self._every[:, 3:]):
+            functions.note(outputs)
+            self.failed = True
         return int(received)
-
-
-def _checksum(values: FloatArray) -> tuple[float, float]:
-    """A sum of numbers with weights of their own, and how large it may get; 0 for what is none."""
-    finite = np.where(np.isfinite(values), values, 0.0)
-    weights = 1.5 + np.cos(np.arange(len(values)))
-    return float(weights @ finite), float(weights @ np.abs(finite))
 
 
 def interruption(

@@ -19,6 +19,7 @@ from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.cautions import Cautions
 from flexfem.simulation.checkpoints import Checkpoints, Restart
+from flexfem.simulation.functions_alike import FunctionsAlike
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.reasons import RELAXATION, not_finite, with_hint
@@ -122,7 +123,8 @@ class _Run:
         self._finite = True
         self._setup: float | None = None
         self._iterating = 0.0
-        self.signal, self._agreement = 0, Agreement(comm)
+        functions = FunctionsAlike(self.system, self._serial.model)
+        self.signal, self._agreement = 0, Agreement(comm, functions)
 
     def _elapsed(self) -> float:
         return time.perf_counter() - self._begin

@@ -27,6 +27,7 @@ from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import check_held, rest
 from flexfem.simulation.followed import Followed
+from flexfem.simulation.functions_alike import FunctionsAlike
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
@@ -175,7 +176,8 @@ class _Run:
             self.followed, self._serial, options, TimeGrid(1.0, 1), restart
         )
         self._checkpoint: FilePath | None = None
-        self.signal, self._agreement = 0, Agreement(self.system.comm)
+        functions = FunctionsAlike(self.system, self._serial.model)
+        self.signal, self._agreement = 0, Agreement(self.system.comm, functions)
         self._stopped = options.stop_column == _NONE
         self._factors: list[float] = []
         self._setup: float | None = None
@@ -217,7 +219,7 @@ class _Run:
             self._look(signals)
         self._setup = self._elapsed()
         if options.linear:
-            return self._linear()
+            return self._linear(signals)
         h = options.t_end / options.load_steps
         if path.arc is not None:
             h = options.arc_length * options.t_end / path.arc.slope
@@ -233,6 +235,7 @@ class _Run:
                 h = min(h, options.t_end - t, self._targets.room(t))
             status, tried, done = self._advance(h, signals)
             if status is not Status.OK:
+                self._look(signals)  # functions that differ between ranks may be why
                 self._recorder.record_last(followed.steps)
                 followed.next = width
                 self._save()
@@ -266,7 +269,7 @@ class _Run:
                     f"'{name}'"
                 )
 
-    def _linear(self) -> Status:
+    def _linear(self, signals: StopSignals) -> Status:
         """A linear solution for each load factor that is asked for, and for the end."""
         equilibrium, followed = self.equilibrium, self.followed
         start = equilibrium.keep()
@@ -282,6 +285,9 @@ class _Run:
             followed.steps += 1
             self._targets.note((), t)
             self._recorder.record_values(followed.steps, values)
+            self._look(signals)
+            if self.signal or self._agreement.failed:
+                break
         return Status.OK
 
     def _look(self, signals: StopSignals) -> None:

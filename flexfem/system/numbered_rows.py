@@ -23,6 +23,7 @@ class NumberedRows(RowTable):
         owned: (r,) 1 for rows whose multipliers this rank owns, ``owned_count`` in all.
         numbers: (r,) global numbers of the multipliers, ``size_global`` in all.
         shared_numbers: numbers of the shared rows among those of all ranks, ``shared_size`` in all.
+        holders: how many ranks evaluate each shared row.
     """
 
     def __init__(self, comm: MPI.Intracomm, joints: Sequence[PlacedJoint]) -> None:
@@ -57,9 +58,11 @@ class NumberedRows(RowTable):
         ]
         self.numbers: IntArray = np.concatenate([np.empty(0, dtype=np.int64), *numbers])
         # rows that several ranks evaluate, numbered among themselves in the order of the joints
-        everywhere = np.unique(np.concatenate(self.comm.allgather(self.numbers[self.interior :])))
+        listed = np.concatenate(self.comm.allgather(self.numbers[self.interior :]))
+        everywhere, holders = np.unique(listed, return_counts=True)
         self.shared_size = len(everywhere)
         self.shared_numbers: IntArray = np.searchsorted(everywhere, self.numbers[self.interior :])
+        self.holders: IntArray = holders[self.shared_numbers]
 
     @property
     def owned_rows(self) -> IntArray:

@@ -170,3 +170,65 @@ def test_functions_that_differ_between_ranks_end_the_run(
     assert "(test_ranks.py, line" in str(ended.value)
     assert len(set(comm.allgather(str(ended.value)))) == 1
     assert (shared_tmp_path / "summary.json").exists()
+
+
+def three_beams(what: str) -> ff.Model:
+    """A cantilever of three beams; two or three ranks share the joint that is driven."""
+    points = np.column_stack([np.arange(15) - np.arange(15) // 5, np.zeros(15), np.zeros(15)])
+    cells = np.array([[5 * k + i, 5 * k + i + 1] for k in range(3) for i in range(4)])
+    groups = {name: np.arange(4 * k, 4 * k + 4) for k, name in enumerate("abc")}
+    model = ff.Model("arm", mesh=ff.LineMesh(points.astype(float), cells, groups))
+    section = ff.Section.circle(0.05, ff.Material(210e9, 0.3, 7850.0))
+    model.add(*(ff.Beam(name, section) for name in "abc"))
+    knee = ff.Marker("b", "end"), ff.Marker("c", "start")
+
+    def turn(t: float) -> float:
+        return 0.1 * t * (1.0 - t) + 0.01 * apart(t) * (what == "drive")
+
+    def pull(t: float) -> float:
+        return 1.0 + apart(t) * (what == "load")
+
+    model.add(
+        ff.Rigid("wall", ff.Ground(), ff.Marker("a", "start")),
+        ff.Revolute("knee", *knee, axis=(0.0, 1.0, 0.0)),
+        ff.PrescribedAngle("turn", *knee, axis=(0.0, 1.0, 0.0), angle=turn),
+        ff.Rigid("joint", ff.Marker("a", "end"), ff.Marker("b", "start")),
+        ff.PointForce("wind", ff.Marker("c", "end"), (0.0, 0.0, 1.0), amplitude=pull),
+    )
+    return model
+
+
+@pytest.mark.parametrize(
+    ("analysis", "what"),
+    [
+        pytest.param("motion", "drive", marks=pytest.mark.three_ranks),
+        pytest.param("motion", "nothing", marks=pytest.mark.three_ranks),
+        ("statics", "drive"),
+        ("linear", "load"),
+        ("relaxation", "load"),
+    ],
+)
+def test_loads_and_drives_are_compared_by_all_analyses(analysis: str, what: str) -> None:
+    """A joint that two ranks hold was driven by either to its own angle; nobody said so."""
+    from mpi4py import MPI
+
+    comm, model = MPI.COMM_WORLD, three_beams(what)
+
+    def run() -> ff.Outcome:
+        if analysis == "motion":
+            return ff.simulate(model, ff.RunOptions(dt=1e-2, t_end=3e-2, quiet=True))
+        if analysis == "relaxation":
+            return ff.relax(model, ff.RelaxationOptions(at_time=1.0, max_iterations=3, quiet=True))
+        options = ff.StaticOptions(load_steps=1, linear=analysis == "linear", quiet=True)
+        return ff.solve_static(model, options)
+
+    if comm.size == 1 or what == "nothing":
+        outcome = run()
+        assert outcome.status == "ok" or analysis == "relaxation"
+        assert comm.size == 1 or outcome.summary["shared_multipliers"] > 0
+        return
+    name = {"drive": 'PrescribedAngle "turn"', "load": 'PointForce "wind"'}[what]
+    with pytest.raises(RuntimeError, match=f"{name}: gives .* on one rank and .*") as ended:
+        run()
+    assert "(test_ranks.py, line" in str(ended.value)
+    assert len(set(comm.allgather(str(ended.value)))) == 1
