@@ -134,8 +134,8 @@ class ModeOptions(StateOptions):
         target: Frequency the modes shall be nearest to, Hz, in axes that turn with the model; 0 for
             the lowest.
         accuracy: Relative residual of the eigenvalues at which the iteration stops. The residuals
-            of those found are computed anew; ten times as much is a failure, unless rounding allows
-            no better.
+            of those found are computed anew, of those about an equilibrium also after one more step
+            towards it; ten times as much is a failure, unless rounding allows no better.
         amplitude: Largest displacement in pictures relative to the size of the model.
         frames: Pictures of each mode per period; 0 writes none.
     """

@@ -32,6 +32,8 @@ __all__ = ["ModesOutcome", "checks", "doubts", "find_modes", "modes_at"]
 
 #: Accuracies below this are close to rounding; above the other no mode is known.
 _FINE, _COARSE = 1e-12, 1e-2
+#: Times that modes are found about equilibria, each of which is better than the last.
+_SETTLINGS = 3
 _COLUMNS = ("frequency", "damping_ratio", "real", "imag", "mass_x", "mass_y", "mass_z")
 
 
@@ -83,8 +85,8 @@ def find_modes(
         point = OperatingPoint(model, options, comm)
         point.check_count("ModeOptions", options.modes)
         status = point.settle(options.spin)
-        state = point.columns() if status is Status.OK else {}
         found = modes_at(point, options) if status is Status.OK else None
+        state = {} if found is None else point.columns()
         refuse(faults, comm)
         if options.output is not None:
             remove_summary(options.output / "summary.json", comm)
@@ -110,14 +112,21 @@ def _ended(
 def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Modes:
     """Modes about the present state of an operating point (collective).
 
+    An equilibrium is made more accurate by one step of Newton's method, about which the modes must
+    have small residuals, too; where they have not they are found anew.
+
     Args:
-        point: settled in a state.
+        point: settled in a state, at the end in a better one if it is an equilibrium.
         options: number of modes and accuracy.
         more: modes beyond those asked for.
 
     """
-    target = 2.0 * np.pi * options.target
-    return find(point.linearization, options.modes + more, target, options.accuracy)
+    target, count = 2.0 * np.pi * options.target, options.modes + more
+    for _ in range(_SETTLINGS):
+        found = find(point.linearization, count, target, options.accuracy, point.improve)
+        if not found.unsettled:
+            break
+    return found
 
 
 def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
@@ -140,7 +149,10 @@ def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
             f"ask for more modes{near}",
         )
     if not found.doubtful.any():
-        return "ok"
+        return "ok" if not found.unsettled else with_hint(
+            f"the error of the equilibrium moves modes by up to {found.state_error:.1e}",
+            "ask for fewer modes, or a larger accuracy",
+        )  # fmt: skip
     worst = float(found.residuals.max())
     text = f"{int(found.doubtful.sum())} of {asked} modes have residuals up to {worst:.1e}"
     if accuracy is None:
@@ -162,7 +174,9 @@ def checks(found: Modes) -> dict[str, Any]:
     """What the summary says of how modes were checked."""
     return {
         "largest_residual": float(found.residuals.max(initial=0.0)),
+        "state_error": found.state_error,
         "missing": found.missing,
+        "not_counted": found.uncounted or None,
         "zero_below": found.zero_below / (2.0 * np.pi),
     }
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 from mpi4py import MPI
@@ -22,7 +23,13 @@ from flexfem.simulation.checkpoints import SavedState
 from flexfem.simulation.outcome import summary_of
 from flexfem.simulation.setup import set_up
 from flexfem.solvers.linearization import Linearization
-from flexfem.solvers.steady_rotation import Rotation, check_steadiness, find_equilibrium, hold
+from flexfem.solvers.steady_rotation import (
+    Rotation,
+    check_steadiness,
+    find_equilibrium,
+    hold,
+    improve_equilibrium,
+)
 from flexfem.solvers.steady_rotation import set_spin as set_velocities
 from flexfem.system.probes import ProbeRecorder
 
@@ -55,6 +62,7 @@ class OperatingPoint:
             saved.check(self.serial)
         self.options = options
         self._probes: ProbeRecorder | None = None
+        self._settled: Rotation | None = None
         self.system.set_time(0.0)
         self.rotation(0.0)
         self.linearization = Linearization(self.system)
@@ -85,12 +93,22 @@ class OperatingPoint:
         if spin != 0.0:
             check_steadiness(self.serial.model, self.system, rotation)
         self.cautions.say()
+        self._settled = None
         if spin == 0.0 and self.options.start == "rest":
             set_velocities(self.system, rotation)
             status = Status.OK if hold(self.linearization) else Status.SINGULAR
             self.system.constraints.forces[:] = self.linearization.multipliers
             return status
+        self._settled = rotation
         return find_equilibrium(self.linearization, rotation)
+
+    @property
+    def improve(self) -> Callable[[], bool] | None:
+        """A step to a more accurate equilibrium, False if there is none; None for a given state."""
+        rotation = self._settled
+        if rotation is None:
+            return None
+        return lambda: improve_equilibrium(self.linearization, rotation)
 
     def columns(self) -> dict[str, float]:
         """Columns of all probes in the present state, the same on every rank (collective)."""

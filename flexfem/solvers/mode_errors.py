@@ -1,19 +1,99 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How far eigenpairs can be trusted: residuals, round-off, and a count of the modes in a range."""
+"""How far eigenpairs can be trusted: their residuals, and round-off."""
+
+from dataclasses import dataclass
 
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._types import FloatArray
-from flexfem.la.nest import counting_factorisation
+from flexfem._types import BoolArray, FloatArray
 from flexfem.solvers.pencil import Pencil
 from flexfem.solvers.shifted_inverse import ShiftedInverse
 
-__all__ = ["ComplexArray", "count_below", "square_errors", "square_noise"]
+__all__ = ["ZERO", "ComplexArray", "Solution", "square_errors", "square_noise"]
 
 ComplexArray = npt.NDArray[np.complex128]
+
+#: Residuals may be this much larger than the iteration's own estimates.
+_LOOSE = 10.0
+#: Errors up to so many estimates of the round-off are round-off, but not above this residual.
+_ROUNDED, _ROUGH = 10.0, 1e-5
+#: Eigenvalues below so many estimates of the round-off of their own stiffness are zero.
+ZERO = 1e3
+#: Residual of zeros, relative to the largest eigenvalue, that is always too large.
+_NEAR_ZERO = 1e-6
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Eigenpairs as they were found, nearest first.
+
+    Attributes:
+        values: (k,) lambda in the upper half plane or real, 1/s. Of undamped problems ``i omega``,
+            or real where ``omega^2`` is negative.
+        vectors: (k, n) of this rank's nodes.
+        zero: (k,) those that are zero for all that rounding lets one know.
+        errors: (k,) of ``lambda^2``, to first order, by the residuals, 1/s^2.
+        noise: (k,) estimate of the round-off in ``lambda^2``, 1/s^2.
+        missing: modes among those found that were not found; None where they cannot be counted.
+        uncounted: why they cannot, empty where they are counted.
+        shift: where the problem was inverted, 1/s.
+    """
+
+    values: ComplexArray
+    vectors: ComplexArray
+    zero: BoolArray
+    errors: FloatArray
+    noise: FloatArray
+    missing: int | None
+    uncounted: str
+    shift: complex
+
+    @property
+    def residuals(self) -> FloatArray:
+        """(k,) errors relative to the eigenvalues, those of zeros to the largest of all.
+
+        Infinite where nothing but zeros was found that have errors above round-off.
+        """
+        squares = np.abs(self.values) ** 2
+        scale = float(squares.max(initial=0.0, where=~self.zero))
+        size = np.where(self.zero, scale, squares)
+        known = size > 0.0
+        unknown = np.where(self.errors <= ZERO * self.noise, 0.0, np.inf)
+        return np.where(known, 0.5 * self.errors / np.where(known, size, 1.0), unknown)
+
+    def doubtful(self, accuracy: float) -> BoolArray:
+        """(k,) those whose errors are neither as small as asked for nor round-off."""
+        squares = np.abs(self.values) ** 2
+        softest = float(squares.min(initial=np.inf, where=~self.zero))
+        ratio = np.maximum(squares / softest, 1.0)
+        # one shift for all keeps so many digits; what is inverted has the noise of the softest
+        size = np.where(self.zero | (squares == 0.0), 1.0, squares)
+        rounded = _ROUNDED * (
+            np.finfo(float).eps * ratio.max(initial=1.0) + self.noise * ratio / size
+        )
+        asked = _LOOSE * np.where(self.zero, min(accuracy, _NEAR_ZERO), accuracy)
+        enough = np.maximum(asked, np.minimum(rounded, _ROUGH))
+        nothing = self.zero & (self.errors <= ZERO * self.noise)
+        found: BoolArray = (self.residuals > enough) & ~nothing
+        return found
+
+    @property
+    def zero_below(self) -> float:
+        """Eigenvalues below this modulus count as zero, 1/s."""
+        return float(np.sqrt((ZERO * self.noise + self.errors).max(initial=0.0)))
+
+    def scale(self, doubtful: BoolArray) -> float:
+        """Geometric mean of the first ones that are not zero, 1/s; zero if there are none.
+
+        Of the doubtful ones if there are any.
+        """
+        first = slice(len(doubtful))
+        chosen = (doubtful | ~doubtful.any()) & ~self.zero[first]
+        sizes = np.abs(self.values[first])[chosen]
+        return float(np.exp(np.log(sizes).mean())) if len(sizes) else 0.0
 
 
 def square_errors(
@@ -71,19 +151,3 @@ def square_noise(pencil: Pencil, vectors: ComplexArray) -> FloatArray:
     mass = _mass_norms(pencil, vectors) ** 2
     noise: FloatArray = np.finfo(float).eps * energy / np.where(mass > 0.0, mass, 1.0)
     return noise
-
-
-def count_below(pencil: Pencil, square: float) -> int | None:
-    """Number of modes of an undamped symmetric problem with ``omega^2`` below a value (collective).
-
-    None where the matrix is singular.
-    """
-    lin = pencil.linearization
-    matrix = pencil.matrices.stiffness.copy()
-    matrix.axpy(-square, pencil.matrices.mass)
-    pc = counting_factorisation(matrix, symmetric=True)
-    pc.setUp()
-    if pc.getFailedReason() != 0:
-        return None
-    # INFOG(12) is the number of negative pivots
-    return int(pc.getFactorMatrix().getMumpsInfog(12)) - lin.system.constraints.size_global

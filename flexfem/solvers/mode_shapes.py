@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """From eigenpairs to modes: zero frequencies, a basis that is unique, masses, comparison."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from mpi4py import MPI
@@ -10,9 +11,10 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie import se3
 from flexfem.solvers.linearization import Linearization
-from flexfem.solvers.mode_errors import ComplexArray
-from flexfem.solvers.modes import Solution, solve_pencil
+from flexfem.solvers.mode_errors import ComplexArray, Solution, square_errors
+from flexfem.solvers.modes import solve_pencil
 from flexfem.solvers.pencil import Pencil
+from flexfem.solvers.shifted_inverse import ShiftedInverse
 
 __all__ = ["Modes", "find"]
 
@@ -43,9 +45,14 @@ class Modes:
         residuals: (k,) of the eigenvalues, relative, to first order what they are off by; those of
             rigid motions relative to the largest eigenvalue.
         doubtful: (k,) those whose residuals are neither as small as asked for nor round-off.
-        missing: number of modes nearer than the last that were not found; None where they cannot be
-            counted: with damping, under rotation, or without a symmetric stiffness.
+        missing: number of modes nearer than the last that were not found, of rotating models
+            without those that are zero; None where they cannot be counted.
+        uncounted: why they cannot: damping, or a stiffness that is not symmetric or, under
+            rotation, not positive; empty where they are counted.
         zero_below: angular frequencies below this count as zero, rad/s.
+        state_error: largest residual, of those that are neither zero nor doubtful, where the
+            equilibrium is one step of Newton's method more accurate; None unless it was looked at.
+        unsettled: it is neither as small as asked for nor round-off.
     """
 
     linearization: Linearization
@@ -56,7 +63,10 @@ class Modes:
     residuals: FloatArray
     doubtful: BoolArray
     missing: int | None
+    uncounted: str
     zero_below: float
+    state_error: float | None = None
+    unsettled: bool = False
 
     @property
     def frequencies(self) -> FloatArray:
@@ -100,7 +110,10 @@ class Modes:
         return value
 
 
-def find(linearization: Linearization, count: int, target: float, accuracy: float) -> Modes:
+def find(
+    linearization: Linearization, count: int, target: float, accuracy: float,
+    improve: Callable[[], bool] | None = None,
+) -> Modes:  # fmt: skip
     """Modes nearest to a frequency about the state of the last evaluation (collective).
 
     Args:
@@ -108,6 +121,8 @@ def find(linearization: Linearization, count: int, target: float, accuracy: floa
         count: number of modes.
         target: rad/s.
         accuracy: relative residual of the eigenvalues.
+        improve: moves the system to a state that is nearer to its equilibrium, False if it cannot;
+            None looks at no other state.
 
     Returns:
         At most ``count`` modes; fewer if the iteration has found fewer.
@@ -131,10 +146,32 @@ def find(linearization: Linearization, count: int, target: float, accuracy: floa
     kept = np.array(shapes, dtype=np.complex128).reshape(len(shapes), linearization.unknowns)[order]
     worst = np.array(sources, dtype=np.int64)[order]  # of the members of each eigenvalue
     part = linearization.total(kept.conj() @ moved[:3].T)
-    return Modes(
+    modes = Modes(
         linearization, np.array(found)[order], kept, _times(pencil, kept), np.abs(part) ** 2,
         solution.residuals[worst], solution.doubtful(accuracy)[worst], solution.missing,
-        solution.zero_below,
+        solution.uncounted, solution.zero_below,
+    )  # fmt: skip
+    if improve is None:
+        return modes
+    settled = ~solution.zero[:count] & ~solution.doubtful(accuracy)[:count]
+    later = _later(linearization, solution, np.flatnonzero(settled), improve)
+    if later is None:
+        return replace(modes, state_error=np.inf, unsettled=True)
+    error = float(later.residuals.max(initial=0.0))
+    return replace(modes, state_error=error, unsettled=bool(later.doubtful(accuracy).any()))
+
+
+def _later(
+    linearization: Linearization, solution: Solution, used: IntArray, improve: Callable[[], bool]
+) -> Solution | None:
+    """Some of the eigenpairs with their errors in a better state (collective)."""
+    if not improve():
+        return None
+    values, vectors = solution.values[used], solution.vectors[used]
+    inverse = ShiftedInverse(Pencil.of(linearization), solution.shift)
+    return replace(
+        solution, values=values, vectors=vectors, zero=solution.zero[used],
+        errors=square_errors(inverse, values, vectors), noise=solution.noise[used],
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ end of the spectrum that is never looked at (Meerbergen, Spence 1997). Small pro
 densely.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from petsc4py import PETSc
@@ -18,11 +18,18 @@ import numpy.typing as npt
 
 from flexfem._types import BoolArray, FloatArray
 from flexfem.la.dense import gather_rows
-from flexfem.solvers.mode_errors import ComplexArray, count_below, square_errors, square_noise
+from flexfem.solvers.mode_count import missing_modes
+from flexfem.solvers.mode_errors import (
+    ZERO,
+    ComplexArray,
+    Solution,
+    square_errors,
+    square_noise,
+)
 from flexfem.solvers.pencil import Pencil
 from flexfem.solvers.shifted_inverse import ShiftedInverse
 
-__all__ = ["Solution", "solve_pencil"]
+__all__ = ["solve_pencil"]
 
 type _Found = tuple[ShiftedInverse, ComplexArray, ComplexArray]
 
@@ -39,86 +46,10 @@ _FINITE = 3e-3
 _PASSES, _TIGHTER, _FINEST = 4, 1e-2, 1e-15
 #: The next shift where nothing but zeros is found.
 _LOWER = 1e-2
-#: Residuals may be this much larger than the iteration's own estimates.
-_LOOSE = 10.0
-#: Errors up to so many estimates of the round-off are round-off, but not above this residual.
-_ROUNDED, _ROUGH = 10.0, 1e-5
-#: Eigenvalues below so many estimates of the round-off of their own stiffness are zero.
-_ZERO = 1e3
 #: Double zeros relative to the square of the shift.
 _DOUBLE = 1e-12
-#: Residual of zeros, relative to the largest eigenvalue, that is always too large.
-_NEAR_ZERO = 1e-6
-#: Distances that differ less are those of a multiple eigenvalue.
-_EQUAL = 1e-6
 #: Squares of vectors relative to the largest that are zero.
 _CONJUGATE = 1e-12
-
-
-@dataclass(frozen=True)
-class Solution:
-    """Eigenpairs as they were found, nearest first.
-
-    Attributes:
-        values: (k,) lambda in the upper half plane or real, 1/s. Of undamped problems ``i omega``,
-            or real where ``omega^2`` is negative.
-        vectors: (k, n) of this rank's nodes.
-        zero: (k,) those that are zero for all that rounding lets one know.
-        errors: (k,) of ``lambda^2``, to first order, by the residuals, 1/s^2.
-        noise: (k,) estimate of the round-off in ``lambda^2``, 1/s^2.
-        missing: modes among those found that were not found; None where they cannot be counted.
-    """
-
-    values: ComplexArray
-    vectors: ComplexArray
-    zero: BoolArray
-    errors: FloatArray
-    noise: FloatArray
-    missing: int | None = None
-
-    @property
-    def residuals(self) -> FloatArray:
-        """(k,) errors relative to the eigenvalues, those of zeros to the largest of all.
-
-        Infinite where nothing but zeros was found that have errors above round-off.
-        """
-        squares = np.abs(self.values) ** 2
-        scale = float(squares.max(initial=0.0, where=~self.zero))
-        size = np.where(self.zero, scale, squares)
-        known = size > 0.0
-        unknown = np.where(self.errors <= _ZERO * self.noise, 0.0, np.inf)
-        return np.where(known, 0.5 * self.errors / np.where(known, size, 1.0), unknown)
-
-    def doubtful(self, accuracy: float) -> BoolArray:
-        """(k,) those whose errors are neither as small as asked for nor round-off."""
-        squares = np.abs(self.values) ** 2
-        softest = float(squares.min(initial=np.inf, where=~self.zero))
-        ratio = np.maximum(squares / softest, 1.0)
-        # one shift for all keeps so many digits; what is inverted has the noise of the softest
-        size = np.where(self.zero | (squares == 0.0), 1.0, squares)
-        rounded = _ROUNDED * (
-            np.finfo(float).eps * ratio.max(initial=1.0) + self.noise * ratio / size
-        )
-        asked = _LOOSE * np.where(self.zero, min(accuracy, _NEAR_ZERO), accuracy)
-        enough = np.maximum(asked, np.minimum(rounded, _ROUGH))
-        nothing = self.zero & (self.errors <= _ZERO * self.noise)
-        found: BoolArray = (self.residuals > enough) & ~nothing
-        return found
-
-    @property
-    def zero_below(self) -> float:
-        """Eigenvalues below this modulus count as zero, 1/s."""
-        return float(np.sqrt((_ZERO * self.noise + self.errors).max(initial=0.0)))
-
-    def scale(self, doubtful: BoolArray) -> float:
-        """Geometric mean of the first ones that are not zero, 1/s; zero if there are none.
-
-        Of the doubtful ones if there are any.
-        """
-        first = slice(len(doubtful))
-        chosen = (doubtful | ~doubtful.any()) & ~self.zero[first]
-        sizes = np.abs(self.values[first])[chosen]
-        return float(np.exp(np.log(sizes).mean())) if len(sizes) else 0.0
 
 
 def solve_pencil(
@@ -146,7 +77,8 @@ def solve_pencil(
         solution = _solve(pencil, count + more, shift, limits, dense)
         doubtful, lacking = solution.doubtful(accuracy)[:count], count - len(solution.values)
         if not dense and lacking <= 0 and not doubtful.any():
-            solution = replace(solution, missing=_missing(pencil, solution, count, target))
+            missing, uncounted = missing_modes(pencil, solution, count, target)
+            solution = replace(solution, missing=missing, uncounted=uncounted)
         bad = int(doubtful.sum()) + max(lacking, 0) + (solution.missing or 0)
         found.append((bad, len(found), solution))
         if bad == 0:
@@ -157,30 +89,6 @@ def solve_pencil(
         if target == 0.0 and (doubtful.any() or lacking > 0):
             shift = complex(solution.scale(doubtful) or _LOWER * shift.real)
     return min(found)[2]
-
-
-def _missing(pencil: Pencil, solution: Solution, count: int, target: float) -> int | None:
-    """Modes nearer than the last of those found that were not found; None if they cannot be told.
-
-    By Sylvester's law ``K - s M`` with m conditions has as many negative eigenvalues as there are
-    ``omega^2`` below s, and m.
-    """
-    if pencil.quadratic or len(solution.values) == 0:
-        return None
-    distance = np.abs(solution.values - 1j * target)
-    gaps = distance[1:] - distance[:-1] > _EQUAL * distance[1:]
-    last = next((k for k in range(count - 1, len(gaps)) if gaps[k]), len(distance) - 1)
-    noise = float((_ZERO * solution.noise + solution.errors)[: last + 1].max()) ** 0.5
-    reach = distance[last] * (1.0 + _EQUAL) + (noise if solution.zero[last] else 0.0)
-    if last < len(gaps):
-        reach = max(min(reach, distance[last + 1]), 0.5 * (distance[last] + distance[last + 1]))
-    high = count_below(pencil, (target + reach) ** 2)
-    if high is None or (target == 0.0 and high == last + 1):
-        return None if high is None else 0
-    low = reach**2 - target**2  # real eigenvalues lie beside the target
-    below = count_below(pencil, -low if low > 0.0 else (target - reach) ** 2)
-    more = None if below is None else high - below - (last + 1)
-    return None if more is None or more < 0 else more
 
 
 def _first_shift(pencil: Pencil, target: float, dense: bool) -> complex:
@@ -207,8 +115,9 @@ def _solve(
     errors = square_errors(inverse, values, vectors)
     noise, squares = square_noise(pencil, vectors), np.abs(values) ** 2
     # double zeros are roots of round-off at the shift
-    zero = squares <= _ZERO * noise + errors + _DOUBLE * abs(shift) ** 2
-    return Solution(values, vectors, zero, errors, noise, 0 if dense else None)
+    zero = squares <= ZERO * noise + errors + _DOUBLE * abs(shift) ** 2
+    missing, uncounted = (0, "") if dense else (None, "not all modes are as accurate as asked for")
+    return Solution(values, vectors, zero, errors, noise, missing, uncounted, inverse.shift)
 
 
 def _roots(squares: npt.NDArray[Any]) -> ComplexArray:

@@ -21,6 +21,8 @@ _SHIFT = 1e-6
 _QUADRATIC_SHIFT = 1e-5
 #: Asymmetry of the stiffness, relative, that is round-off.
 _ASYMMETRY = 1e-12
+#: The same of a symmetric part beside a skew one.
+_DISSIPATION = 1e-12
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Pencil:
         matrices: at the state.
         damped: there is a term in lambda: the problem is quadratic.
         symmetric: the stiffness is symmetric.
+        gyroscopic: the term in lambda is skew: it does no work.
         fastest: estimate of the largest frequency, rad/s.
     """
 
@@ -39,6 +42,7 @@ class Pencil:
     matrices: Matrices
     damped: bool
     symmetric: bool
+    gyroscopic: bool
     fastest: float
 
     @classmethod
@@ -48,18 +52,15 @@ class Pencil:
         K, C, M = matrices.stiffness, matrices.damping, matrices.mass
         _hold(linearization, matrices)
         damped = C.norm(PETSc.NormType.FROBENIUS) > 0.0
-        transposed = K.copy()
-        transposed.transpose()
-        transposed.axpy(-1.0, K)
-        size = K.norm(PETSc.NormType.FROBENIUS)
-        symmetric = transposed.norm(PETSc.NormType.FROBENIUS) <= _ASYMMETRY * size
+        symmetric = _turned(K, -1.0) <= _ASYMMETRY
+        gyroscopic = damped and _turned(C, 1.0) <= _DISSIPATION
         count = linearization.unknowns
         k, m = (mat.getDiagonal().getArray()[:count] for mat in (K, M))
         k = np.abs(k) + _spring_diagonal(linearization, K)
         held = m > 0.0
         own = float(np.max(k[held] / m[held], initial=0.0))
         fastest = max(linearization.system.comm.allgather(own)) ** 0.5
-        return cls(linearization, matrices, damped, symmetric, fastest or 1.0)
+        return cls(linearization, matrices, damped, symmetric, gyroscopic, fastest or 1.0)
 
     @property
     def shift(self) -> float:
@@ -70,6 +71,15 @@ class Pencil:
     def quadratic(self) -> bool:
         """It is not linear in ``lambda^2`` with symmetric matrices."""
         return self.damped or not self.symmetric
+
+
+def _turned(matrix: PETSc.Mat, sign: float) -> float:
+    """Norm of ``A^T + sign A`` relative to that of A (collective)."""
+    turned = matrix.copy()
+    turned.transpose()
+    turned.axpy(sign, matrix)
+    size = matrix.norm(PETSc.NormType.FROBENIUS)
+    return float(turned.norm(PETSc.NormType.FROBENIUS) / size) if size > 0.0 else 0.0
 
 
 def _hold(linearization: Linearization, matrices: Matrices) -> None:

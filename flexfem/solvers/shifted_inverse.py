@@ -16,7 +16,16 @@ import numpy.typing as npt
 from flexfem.la.nest import direct_solver, factorise
 from flexfem.solvers.pencil import Pencil
 
-__all__ = ["ShiftedInverse"]
+__all__ = ["ShiftedInverse", "real_form"]
+
+
+def real_form(real: PETSc.Mat, imaginary: PETSc.Mat, factor: float) -> PETSc.Mat:
+    """``[[A, -s B], [s B, A]]`` for ``A + i s B`` (collective)."""
+    plus, minus = imaginary.copy(), imaginary.copy()
+    plus.scale(factor)
+    minus.scale(-factor)
+    nest = PETSc.Mat().createNest([[real, minus], [plus, real]], comm=real.comm)
+    return nest.convert("aij", PETSc.Mat())
 
 
 class ShiftedInverse:
@@ -51,11 +60,7 @@ class ShiftedInverse:
         real.axpy((self.shift**2).real, matrices.mass)
         if not self.paired:
             return real
-        plus, minus = matrices.damping.copy(), matrices.damping.copy()
-        plus.scale(self.shift.imag)
-        minus.scale(-self.shift.imag)
-        nest = PETSc.Mat().createNest([[real, minus], [plus, real]], comm=real.comm)
-        return nest.convert("aij", PETSc.Mat())
+        return real_form(real, matrices.damping, self.shift.imag)
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """``P^-1 x`` as a preconditioner (collective)."""

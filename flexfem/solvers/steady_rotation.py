@@ -31,6 +31,7 @@ __all__ = [
     "constraint_solver",
     "find_equilibrium",
     "hold",
+    "improve_equilibrium",
     "set_spin",
 ]
 
@@ -169,22 +170,42 @@ def find_equilibrium(linearization: Linearization, rotation: Rotation) -> Status
         if step < 0.5**_HALVINGS:
             break
     system.gravity[:], system.factors[:] = gravity, factors
+    _accept(
+        linearization, rotation,
+        np.zeros(system.constraints.size) if multipliers is None else multipliers,
+    )  # fmt: skip
+    return status
+
+
+def improve_equilibrium(linearization: Linearization, rotation: Rotation) -> bool:
+    """Take one more step of Newton's method from an equilibrium that was found (collective).
+
+    Returns:
+        Whether it could be taken: the matrix is regular and the step finite.
+    """
+    largest, multipliers = _step(linearization, rotation, linearization.multipliers)
+    if largest is None or not np.isfinite(largest):
+        return False
+    _accept(linearization, rotation, multipliers)
+    return True
+
+
+def _accept(linearization: Linearization, rotation: Rotation, multipliers: FloatArray) -> None:
+    """Evaluate the state that was reached, and remember it (collective)."""
+    system = linearization.system
     set_spin(system, rotation)
-    linearization.evaluate(
-        np.zeros(system.constraints.size) if multipliers is None else multipliers
-    )
+    linearization.evaluate(multipliers)
     for part in system.parts:
         part.block.frames0[:] = part.block.frames
     system.constraints.accept()
     system.constraints.forces[:] = linearization.multipliers
-    return status
 
 
 def _newton(
     linearization: Linearization, rotation: Rotation, multipliers: FloatArray | None
 ) -> tuple[Status, FloatArray | None]:
     """Newton's method from the present configuration; status and multipliers."""
-    system, comm = linearization.system, linearization.system.comm
+    system = linearization.system
     previous = np.inf
     if multipliers is None:  # mechanisms are held by the forces in their joints alone
         set_spin(system, rotation)
@@ -192,23 +213,34 @@ def _newton(
             return Status.SINGULAR, None
         multipliers = linearization.multipliers
     for _ in range(_ITERATIONS):
-        set_spin(system, rotation)
-        residual = linearization.evaluate(multipliers)
-        matrices = linearization.matrices()
-        solution = _solver(linearization, _fixed(linearization, matrices, rotation))(residual)
-        if solution is None:
+        largest, multipliers = _step(linearization, rotation, multipliers)
+        if largest is None:
             return Status.SINGULAR, multipliers
-        steps = [-s for s in linearization.split(solution.getArray())]
-        mine = max((float(np.abs(s).max(initial=0.0)) for s in steps), default=0.0)
-        largest = comm.allreduce(mine, op=MPI.MAX)
         if not np.isfinite(largest):
             return Status.DIVERGED, multipliers
-        linearization.move([_limited(s, largest) for s in steps])
-        multipliers = multipliers - linearization.rows_of(solution)
         if largest <= _CONVERGED or (largest <= _STAGNANT and largest > 0.5 * previous):
             return Status.OK, multipliers
         previous = largest
     return Status.NOT_CONVERGED, multipliers
+
+
+def _step(
+    linearization: Linearization, rotation: Rotation, multipliers: FloatArray
+) -> tuple[float | None, FloatArray]:
+    """One step of Newton's method: its size (m, rad), None if singular, and new multipliers."""
+    set_spin(linearization.system, rotation)
+    residual = linearization.evaluate(multipliers)
+    matrices = linearization.matrices()
+    solution = _solver(linearization, _fixed(linearization, matrices, rotation))(residual)
+    if solution is None:
+        return None, multipliers
+    steps = [-s for s in linearization.split(solution.getArray())]
+    mine = max((float(np.abs(s).max(initial=0.0)) for s in steps), default=0.0)
+    largest = float(linearization.system.comm.allreduce(mine, op=MPI.MAX))
+    if not np.isfinite(largest):
+        return largest, multipliers
+    linearization.move([_limited(s, largest) for s in steps])
+    return largest, multipliers - linearization.rows_of(solution)
 
 
 def _limited(step: FloatArray, largest: float) -> FloatArray:

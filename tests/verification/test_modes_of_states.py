@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Modes about states that a motion has reached, with contact, against closed forms."""
 
+import importlib
 import math
 
 import numpy as np
 import pytest
 
 import flexfem as ff
+from tests.unit.refusals import assert_on_page
 
 STIFFNESS, REST, AWAY, MASS = 300.0, 0.4, 0.5, 2.0
 
@@ -96,6 +98,42 @@ def test_sheet_sinks_into_a_plane_until_it_carries_the_weight():
     if found.history:
         squares = (2.0 * math.pi * found.history["frequency"]) ** 2
         assert squares == pytest.approx(3 * [2e6 / 3.0], rel=1e-7)
+
+
+@pytest.mark.three_ranks
+def test_errors_of_equilibria_are_found_and_mended(monkeypatch):
+    """A blade that spins and sags: frequencies about a state found too roughly are off."""
+    from flexfem.simulation import modes
+    from flexfem.solvers import steady_rotation
+    from tests.verification import test_modes as others
+
+    straight = importlib.import_module("tests.verification.benchmarks.straight_beam")
+    section = ff.Section.general((80.0,) * 3 + (1.0,) * 3, (1.0,) * 6)
+    model = straight.beam_model(section, 4)
+    ends = ff.Ground(), ff.Marker("beam", "start")
+    model.add(ff.Revolute("bearing", *ends, axis=others.AXIS))
+    model.add(ff.PrescribedAngle("drive", *ends, axis=others.AXIS), ff.Gravity((0.0, 0.0, -1.0)))
+    options = ff.ModeOptions(modes=3, spin=4.0, accuracy=1e-9, split_above=1, quiet=True)
+
+    exact = ff.find_modes(model, options)
+    assert exact.status == "ok"
+    # quadratic convergence to 1e-8 leaves rounding
+    assert exact.summary["checks"]["state_error"] < 1e-12
+    monkeypatch.setattr(steady_rotation, "_CONVERGED", 1e-2)
+    mended = ff.find_modes(model, options)
+    assert mended.status == "ok"
+    np.testing.assert_allclose(
+        mended.modes.eigenvalues.imag, exact.modes.eigenvalues.imag, rtol=1e-9
+    )
+    monkeypatch.setattr(modes, "_SETTLINGS", 1)
+    rough = ff.find_modes(model, options)
+    assert rough.status.startswith("the error of the equilibrium moves modes by up to ")
+    assert_on_page(rough.status)
+    told = rough.summary["checks"]["state_error"]
+    true = np.abs(rough.modes.eigenvalues.imag / exact.modes.eigenvalues.imag - 1.0).max()
+    # of first order and with the error of the shape: never below, and no more than some times above
+    assert 1e-6 < true <= told <= 10.0 * true
+    assert ff.find_modes(model, ff.ModeOptions(modes=3, quiet=True)).modes.state_error is None
 
 
 @pytest.mark.serial
