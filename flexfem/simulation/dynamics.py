@@ -25,6 +25,7 @@ from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.energy_watch import EnergyWatch
 from flexfem.simulation.functions_alike import NONE, FunctionsAlike
 from flexfem.simulation.interruption import Agreement, interruption
+from flexfem.simulation.locked_shapes import locked_shapes
 from flexfem.simulation.made_up_energy import made_up_energy
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.reasons import ITERATED, MOTION, START, moves_most, not_finite, with_hint
@@ -205,6 +206,7 @@ class _Run:
         cautions.say([] if self._watch is None else self._watch.texts())
         # the history is the first rank's
         cautions.say(comm.bcast(made_up_energy(self._simulation.serial.model, history)))
+        cautions.say(locked_shapes(self._simulation.serial, self._simulation.system))
         summary["warnings"] = cautions.texts
         return conclude(summary, history, self._results, self._options, comm)
 

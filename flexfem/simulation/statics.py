@@ -29,6 +29,7 @@ from flexfem.simulation.equilibrium import check_held, rest
 from flexfem.simulation.followed import Followed
 from flexfem.simulation.functions_alike import FunctionsAlike
 from flexfem.simulation.interruption import Agreement, interruption
+from flexfem.simulation.locked_shapes import locked_shapes
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
 from flexfem.simulation.reasons import ITERATED, STATICS, moves_most, not_finite, with_hint
@@ -489,6 +490,7 @@ class _Run:
         self._recorder.close()
         if reason == "ok":
             self._cautions.say(self._targets.missed)
+        self._cautions.say(locked_shapes(self._serial, self.system))
         history, summary = self._recorder.history(), self._summary(reason)
         return conclude(summary, history, self._results, self._options, self.system.comm)
 

@@ -20,8 +20,10 @@ from flexfem.inspection.mesh_facts import section_depth
 from flexfem.lie import se3
 from flexfem.materials.section import Section
 from flexfem.mesh.nurbs_elements import NurbsElements, evaluate
+from flexfem.model.bodies import Beam
+from flexfem.system.nurbs_lines import NurbsLines
 
-__all__ = ["find", "locked"]
+__all__ = ["find", "locked", "stiffened"]
 
 #: Exponent m and factor c of degrees 2, 3, 4 and above.
 _LAWS = {2: (4, 3e-2), 3: (4, 3e-3), 4: (6, 1e-3), 5: (8, 3e-4)}
@@ -34,21 +36,33 @@ _STIFF = 5e-3
 def find(inspection: Inspection) -> Iterator[Finding]:
     """At most one finding for each beam."""
     curves = inspection.serial.curves
-    for beam in inspection.model.beams:
-        if beam.formulation != "nurbs" or curves is None:
-            continue
-        index, depth = curves.index(beam.name), _thinnest(beam.section)
-        parts = curves.parts[index]
-        nodes = curves.frames[curves.first_node[index] : curves.first_node[index + 1]]
-        share = locked(parts, se3.position(nodes), depth)
+    if curves is None:
+        return
+    for beam, share in stiffened(curves, se3.position(curves.frames), _BENT):
+        parts = curves.parts[curves.index(beam.name)]
+        yield Finding(
+            "locking", owner_of(beam),
+            f"smooth elements of degree {parts.nodes.shape[1] - 1} that are up to "
+            f"{parts.lengths.max() / _thinnest(beam.section):.2g} times as long as thick lock: it "
+            f"is too stiff, by about {100.0 * min(share, 1.0):.1g} % once it has bent by half a "
+            "radian",
+            "take its curve with_continuity(0), more elements or a higher degree",
+        )  # fmt: skip
+
+
+def stiffened(curves: NurbsLines, points: FloatArray, bent: float) -> Iterator[tuple[Beam, float]]:
+    """Beams that lock, and by which share they are too stiff.
+
+    Args:
+        curves: of all beams.
+        points: (c, 3) their control points, m.
+        bent: angle by which each will bend beyond that, rad.
+    """
+    for index, beam in enumerate(curves.beams):
+        own = points[curves.first_node[index] : curves.first_node[index + 1]]
+        share = locked(curves.parts[index], own, _thinnest(beam.section), bent)
         if share > _STIFF:
-            yield Finding(
-                "locking", owner_of(beam),
-                f"smooth elements of degree {parts.nodes.shape[1] - 1} that are up to "
-                f"{parts.lengths.max() / depth:.2g} times as long as thick lock: it is too stiff, "
-                f"by about {100.0 * min(share, 1.0):.1g} % once it has bent by half a radian",
-                "take its curve with_continuity(0), more elements or a higher degree",
-            )  # fmt: skip
+            yield beam, share
 
 
 def _thinnest(section: Section) -> float:
@@ -59,13 +73,14 @@ def _thinnest(section: Section) -> float:
     return float(np.sqrt(12.0 * min(D[4, 4], D[5, 5]) / D[0, 0]))
 
 
-def locked(parts: NurbsElements, points: FloatArray, depth: float) -> float:
-    """Share by which smooth elements are too stiff, mean over the length; 0 without any.
+def locked(parts: NurbsElements, points: FloatArray, depth: float, bent: float) -> float:
+    """Share by which smooth elements are too stiff, mean over the energy; 0 without any.
 
     Args:
         parts: elements of one curve.
         points: (n, 3) its control points, m.
         depth: of the section, m.
+        bent: angle by which the curve will bend beyond that, rad.
     """
     degree, count = parts.nodes.shape[1] - 1, len(parts.nodes)
     if degree < 2 or count < 2:
@@ -78,7 +93,8 @@ def locked(parts: NurbsElements, points: FloatArray, depth: float) -> float:
     a, b = (v / np.linalg.norm(v, axis=1)[:, np.newaxis] for v in ends)
     lengths = np.asarray(parts.lengths)
     turn = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
-    turn += _BENT * lengths / lengths.sum()
+    turn += bent * lengths / lengths.sum()
     power, factor = _LAWS[min(degree, max(_LAWS))]
     shares = factor * (lengths / depth) ** 2 * turn**power * smooth
-    return float((shares * lengths).sum() / lengths.sum())
+    energy = turn**2 / lengths
+    return float((shares * energy).sum() / energy.sum()) if energy.any() else 0.0
