@@ -9,9 +9,9 @@ body after another (Fiduccia, Mattheyses 1982, 10.1109/DAC.1982.1585498). Weight
 ties go to the body that comes first, so that every rank finds the same. A body is cut only when it
 is larger than a rank's share and large enough to be worth it.
 
-PT-SCOTCH and KaHIP, of DOLFINx or petsc4py, find as few rows or fewer where all bodies are alike, but
-take no weights of vertices from Python: one of two ranks gets 1.9 times the mean weight of a chain
-with large and small bodies (``tests/benchmarks/partitioners.py``).
+PT-SCOTCH and KaHIP, of DOLFINx or petsc4py, find as few rows or fewer where all bodies are alike,
+but take no weights of vertices from Python: one of two ranks gets 1.9 times the mean weight of a
+chain with large and small bodies (``tests/benchmarks/partitioners.py``).
 """
 
 import heapq

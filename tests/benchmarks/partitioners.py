@@ -16,16 +16,19 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
-import dolfinx_solver  # noqa: F401
-from dolfinx import graph
-from mpi4py import MPI
-from petsc4py import PETSc
-
 import numpy as np
 
 from flexfem._types import IntArray
+from flexfem.installation import load_dolfinx
 from flexfem.mesh.partition import partition_bodies
 from tests.benchmarks.space_frame import grid_beams
+
+load_dolfinx()  # in the order that its wheels need
+
+from mpi4py import MPI  # noqa: E402
+from petsc4py import PETSc  # noqa: E402
+
+from dolfinx import graph  # noqa: E402
 
 REPEATS = 5
 
