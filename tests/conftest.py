@@ -7,7 +7,8 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,10 @@ import pytest
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401
 
+#: Seconds that a rank on which a test failed waits for the others.
+PATIENCE = 60.0
+#: Whether a test failed on this rank, and the communicator on which ranks meet after each.
+FAILED, MEETING = pytest.StashKey[bool](), pytest.StashKey[Any]()
 LAUNCHED = any(name in os.environ for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
 
 
@@ -49,8 +54,35 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.skip(reason="needs one process"))
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Show at once what fails on a rank: the others may wait for it in a collective call."""
+    report = yield
+    comm = _communicator()
+    if comm is not None and comm.size > 1 and report.failed:
+        item.stash[FAILED] = True
+        text = f"\nrank {comm.rank}, {report.when} of {item.nodeid}:\n{report.longreprtext}"
+        print(text, file=sys.stderr, flush=True)
+    return report
+
+
+def wait_for_others(item: pytest.Item, comm: Any) -> None:
+    """Wait for the end of a test on all ranks; one on which it failed ends them after some time."""
+    meeting = item.session.stash.setdefault(MEETING, None) or comm.Dup()
+    item.session.stash[MEETING] = meeting
+    request, begin = meeting.Ibarrier(), time.monotonic()
+    while not request.Test():
+        if item.stash.get(FAILED, False) and time.monotonic() > begin + PATIENCE:
+            comm.Abort(1)
+        time.sleep(1e-3)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(
+    item: pytest.Item, nextitem: pytest.Item | None
+) -> Generator[None, None, None]:
     """Destructors of PETSc and DOLFINx objects are collective: run them on all ranks together.
 
     What has survived once, imported modules above all, is not searched again within a file: that
@@ -58,14 +90,17 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     thousand communicators, and PETSc's objects hold some.
     """
     comm = _communicator()
-    if comm is not None and comm.size > 1:
-        if nextitem is None or nextitem.path != item.path:
-            gc.unfreeze()
-        gc.collect()
-        if petsc := sys.modules.get("petsc4py.PETSc"):
-            petsc.garbage_cleanup(comm)
-        gc.freeze()
-        comm.Barrier()
+    if comm is None or comm.size == 1:
+        return (yield)
+    wait_for_others(item, comm)
+    yield
+    if nextitem is None or nextitem.path != item.path:
+        gc.unfreeze()
+    gc.collect()
+    if petsc := sys.modules.get("petsc4py.PETSc"):
+        petsc.garbage_cleanup(comm)
+    gc.freeze()
+    comm.Barrier()
 
 
 @pytest.fixture
