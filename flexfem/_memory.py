@@ -6,9 +6,26 @@ import resource
 from collections.abc import Iterator
 from pathlib import Path
 
+from flexfem import launch
 from flexfem._checks import InputError
 
-__all__ = ["available", "check_room", "shown"]
+__all__ = [
+    "DOUBT",
+    "LINE_NODE",
+    "PROGRAM",
+    "SHELL_NODE",
+    "available",
+    "check_room",
+    "check_run",
+    "shown",
+    "together",
+]
+
+#: Bytes that steps take: the program with its libraries on every rank, a node of a beam, and one of
+#: a shell, whose factors fill in, for each of its unknowns. Motions with 1e4 to 6e6 unknowns.
+PROGRAM, LINE_NODE, SHELL_NODE = 3e8, 1.56e4, 1.6e4
+#: How far these may be too large.
+DOUBT = 1.25
 
 #: Less than this is always there: nothing is asked.
 _LITTLE = 1e9
@@ -46,6 +63,33 @@ def check_room(owner: str, needed: float, of: float | None = None) -> None:
             f"{owner} would need about {shown(needed)} of memory, {shown(room)} are left; were so "
             "many meant?"
         )
+
+
+def check_run(owner: str, nodes: float, each: float) -> None:
+    """Refuse a mesh with which no step would have room, where it is written and not an hour later.
+
+    Args:
+        owner: what messages begin with, and what is large, such as ``NurbsCurve: a step with 10
+            elements``.
+        nodes: how many it has, at least.
+        each: bytes that a step needs for one.
+
+    Raises:
+        InputError: they are too many.
+    """
+    if nodes * each > _LITTLE:
+        check_room(owner, together(PROGRAM + nodes * each, *launch.ranks_here()) / DOUBT)
+
+
+def together(needed: float, here: int, all_ranks: int) -> float:
+    """Bytes that steps take on one computer, about.
+
+    Args:
+        needed: what they take on one rank.
+        here: ranks on the computer.
+        all_ranks: those of the run, which share the model.
+    """
+    return needed * here / all_ranks + PROGRAM * (here - 1)
 
 
 def shown(size: float) -> str:

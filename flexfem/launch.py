@@ -17,6 +17,7 @@ from typing import Any, NoReturn, Self
 # MPICH and derivatives, PMIx launchers, Open MPI.
 _RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 _SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE")
+_LOCAL_VARIABLES = ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE")
 
 
 def rank() -> int:
@@ -46,6 +47,17 @@ def ranks() -> int:
     from mpi4py import MPI
 
     return MPI.COMM_WORLD.size
+
+
+def ranks_here() -> tuple[int, int]:
+    """Ranks on this computer, one where the launcher does not tell, and all ranks."""
+    here = next((int(os.environ[name]) for name in _LOCAL_VARIABLES if name in os.environ), 1)
+    started = ranks_started()
+    if started is None and launched_in_parallel():
+        from mpi4py import MPI
+
+        started = MPI.COMM_WORLD.size
+    return here, max(here, started or 1)
 
 
 def say(text: str, *, error: bool = False) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
-from flexfem._memory import check_room
+from flexfem._memory import LINE_NODE, check_run
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.frames import CORNER_ANGLE, node_tangents, section_frames
 from flexfem.mesh.topology import edge_keys, group_order, orient
@@ -29,8 +29,6 @@ __all__ = [
 
 # Shortest cell relative to the size of the mesh
 _ZERO_LENGTH = 1e-12
-# Bytes of a cell with its nodes while a mesh and a model are made of it, about
-_CELL = 500
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -69,6 +67,7 @@ class LineMesh:
         """
         xyz = _checks.array("LineMesh", "points", points, (-1, 3))
         pairs = _checks.indices("LineMesh", "cells", cells, len(xyz), 2)
+        check_run(f"LineMesh: a step with {len(pairs)} elements", len(pairs), LINE_NODE)
         if len(pairs) == 0:
             raise ValueError("LineMesh: cells must hold at least one cell, got none")
         groups = {
@@ -108,7 +107,8 @@ class LineMesh:
             raise ValueError(f"LineMesh: elements must be at least 1, got {elements}")
         if not lines:
             raise ValueError("LineMesh: lines must hold at least one line, got none")
-        check_room(f"LineMesh: {elements} elements a line", float(_CELL) * elements * len(lines))
+        count = float(elements) * len(lines)
+        check_run(f"LineMesh: a step with {elements} elements a line", count, LINE_NODE)
         ends = np.array(
             [_checks.array("LineMesh", f'line "{name}"', x, (2, 3)) for name, x in lines.items()]
         )

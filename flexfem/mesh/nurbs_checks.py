@@ -4,7 +4,7 @@
 import numpy as np
 
 from flexfem import _checks
-from flexfem._memory import check_room
+from flexfem._memory import LINE_NODE, check_run
 from flexfem._types import FloatArray
 from flexfem.mesh.nurbs_basis import (
     bernstein_powers,
@@ -21,8 +21,6 @@ MAX_DEGREE = 7
 
 # Smallest ratio of speeds inside an element, and of an element's speed to the curve's size
 _STANDSTILL = 1e-8
-# Bytes of an element while a curve and a model are made of it, about
-_ELEMENT = 1000
 
 
 def count(what: str, value: object) -> int:
@@ -37,7 +35,7 @@ def count(what: str, value: object) -> int:
     _checks.countable(OWNER, what, int(value))
     if value < 1:
         raise ValueError(f"{OWNER}: {what} must be positive, got {value}")
-    check_room(f"{OWNER}: {value} {what}", _ELEMENT * float(value))
+    check_run(f"{OWNER}: a step with {value} {what}", float(value), LINE_NODE)
     return int(value)
 
 

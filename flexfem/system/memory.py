@@ -3,20 +3,15 @@
 
 from mpi4py import MPI
 
-from flexfem._memory import available, check_room
+from flexfem._memory import DOUBT, LINE_NODE, PROGRAM, SHELL_NODE, available, check_room, together
 from flexfem.model.model import Model
 
 __all__ = ["check_memory", "memory_of_run"]
 
-#: Bytes of the program with its libraries, and of each unknown of beams (lines of nodes) and of
-#: shells (surfaces, whose factors fill in): what motions took, measured with 1e4 to 4e5 unknowns.
-_PROGRAM, _LINE, _SURFACE = 3e8, 2.6e3, 1.6e4
 #: Unknowns of a node of a shell's mesh; directors have further nodes between those.
 _WIDTHS = {"rotation_free": 3.0, "director": 24.0}
 #: Dense matrices of a body in a floating frame.
 _DENSE = 10
-#: How far estimates may be too large.
-_DOUBT = 1.25
 
 
 def memory_of_run(model: Model) -> float:
@@ -27,10 +22,10 @@ def memory_of_run(model: Model) -> float:
     """
     nodes = len(model.rigid_bodies) + (0 if model.mesh is None else len(model.mesh.points))
     nodes += sum(len(b.curve.points) for b in model.beams_of("nurbs") if b.curve is not None)
-    total = _PROGRAM + 6.0 * _LINE * nodes
+    total = PROGRAM + LINE_NODE * nodes
     if model.surface is not None and model.shells:
         width = _WIDTHS[model.shells[0].element]
-        total += _SURFACE * width * len(model.surface.points)
+        total += SHELL_NODE * width * len(model.surface.points)
     widths = [float(body.reduced.size) for body in model.floating_bodies]
     return float(total + 8.0 * _DENSE * sum(width**2 for width in widths))
 
@@ -42,12 +37,12 @@ def check_memory(model: Model, comm: MPI.Intracomm) -> None:
         InputError: on all ranks.
     """
     needed = comm.allreduce(memory_of_run(model), op=MPI.MAX)  # ranks may differ in their models
-    if needed <= 4.0 * _PROGRAM:
+    if needed <= 4.0 * PROGRAM:
         return
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    together = needed * here.size / comm.size + _PROGRAM * (here.size - 1)
+    taken = together(needed, here.size, comm.size)
     here.Free()
     # the smallest room and the largest need of all computers: all ranks find the same
-    together = comm.allreduce(together / _DOUBT, op=MPI.MAX)
+    taken = comm.allreduce(taken, op=MPI.MAX)
     room = comm.allreduce(available(), op=MPI.MIN)
-    check_room(f'Model "{model.name}": a step', together, room)
+    check_room(f'Model "{model.name}": a step', taken / DOUBT, room)

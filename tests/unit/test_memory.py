@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What will not fit into memory is refused before room is made for it."""
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem import _memory
+from flexfem import _memory, launch
 from flexfem._memory import available, check_room, shown
+from flexfem.inspection.checks import memory as look
+from flexfem.inspection.inspection import Inspection
 from flexfem.system import memory
 
 COMM = MPI.COMM_WORLD
@@ -25,21 +28,86 @@ def rod(elements: int) -> ff.Model:
     return model
 
 
-#: Meshes that were not meant: a quadrillion of elements is 500 PB.
+def chain(elements: int) -> ff.LineMesh:
+    points = np.zeros((elements + 1, 3))
+    points[:, 0] = np.arange(elements + 1)
+    numbers = np.arange(elements)
+    return ff.LineMesh(points, np.column_stack([numbers, numbers + 1]), {"all": numbers})
+
+
+def curve(elements: int) -> ff.NurbsCurve:
+    return ff.NurbsCurve.line((0, 0, 0), (1, 0, 0), elements=elements)
+
+
+#: Meshes that were not meant: the first is larger than any computer, the others than the one here.
 MESHES = {
-    "LineMesh: 1000000000000000 elements a line": lambda: rod(10**15),
-    "NurbsCurve: 1000000000000000 elements": lambda: ff.NurbsCurve.line(
-        (0, 0, 0), (1, 0, 0), elements=10**15
-    ),
+    "LineMesh: a step with 1000000000000000 elements a line": (lambda: rod(10**15), None),
+    "LineMesh: a step with 10000000 elements a line": (lambda: rod(10**7), 3e10),
+    "LineMesh: a step with 1000000 elements": (lambda: chain(10**6), 8e9),
+    "NurbsCurve: a step with 1000000000000000 elements": (lambda: curve(10**15), None),
+    "NurbsCurve: a step with 10000000 elements": (lambda: curve(10**7), 3e10),
+    "NurbsCurve: a step with 1000000 elements": (lambda: curve(1).refine(10**6), 8e9),
 }
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize("owner", MESHES)
-def test_meshes_that_were_not_meant(owner: str) -> None:
+def test_meshes_that_were_not_meant(owner: str, monkeypatch: Any) -> None:
+    """A step has no room for them, which is told before they are made."""
+    make, room = MESHES[owner]
+    if room is not None:
+        monkeypatch.setattr(_memory, "available", lambda: room)
+    begin = time.process_time()
     with pytest.raises(ValueError, match=r"of memory, .* are left; were so many meant") as caught:
-        MESHES[owner]()
+        make()
     assert str(caught.value).startswith(f"{owner} would need about ")
+    # making the mesh first takes 4 s for every 10^6 elements
+    assert time.process_time() - begin < 1.0
+
+
+@pytest.mark.serial
+def test_meshes_are_shared_by_the_ranks_of_a_computer(monkeypatch: Any) -> None:
+    """10^6 elements need 12.7 GB: too much for one computer with 7 GB, not for two of them."""
+    monkeypatch.setattr(_memory, "available", lambda: 7e9)
+    monkeypatch.setattr(launch, "ranks_here", lambda: (4, 4))
+    with pytest.raises(ValueError, match=r"would need about 13\.4 GB of memory, 7 GB are left"):
+        _memory.check_run("x", 1e6, _memory.LINE_NODE)
+    monkeypatch.setattr(launch, "ranks_here", lambda: (2, 4))
+    _memory.check_run("x", 1e6, _memory.LINE_NODE)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("given", "here"),
+    [
+        ({"PMI_SIZE": "8", "MPI_LOCALNRANKS": "4"}, (4, 8)),
+        ({"OMPI_COMM_WORLD_SIZE": "8", "OMPI_COMM_WORLD_LOCAL_SIZE": "2"}, (2, 8)),
+        ({"PMI_SIZE": "8"}, (1, 8)),
+        ({}, (1, 1)),
+    ],
+    ids=["MPICH", "Open MPI", "another", "none"],
+)
+def test_ranks_of_this_computer(
+    given: dict[str, str], here: tuple[int, int], monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(launch.os, "environ", given)
+    assert launch.ranks_here() == here
+
+
+@pytest.mark.serial
+def test_models_that_take_most_of_what_is_left_are_named(monkeypatch: Any) -> None:
+    """70,001 nodes take 1.39 GB: more than half of 2.5 GB, not of 3 GB."""
+    inspection = Inspection(rod(70_000))
+    monkeypatch.setattr(look, "available", lambda: 3e9)
+    assert not list(look.find(inspection))
+    monkeypatch.setattr(look, "available", lambda: 2.5e9)
+    (finding,) = look.find(inspection)
+    assert finding.where == 'Model "m"'
+    assert finding.what == (
+        'a step takes about 1.39 GB of memory, 2.5 GB are left; 70000 elements in Beam "rod"'
+    )
+    monkeypatch.setattr(look, "available", lambda: 1e8)
+    assert not list(look.find(Inspection(rod(100))))  # small ones are not asked for
 
 
 @pytest.mark.three_ranks
@@ -47,7 +115,7 @@ def test_models_that_do_not_fit_are_refused_on_all_ranks(monkeypatch: Any) -> No
     """A step of 30001 nodes takes 0.8 GB with the program; there is only half a GB, on one rank."""
     rest = 5e8 if COMM.rank == COMM.size - 1 else 1e15
     monkeypatch.setattr(memory, "available", lambda: rest)
-    monkeypatch.setattr(memory, "_LINE", 2.6e4)  # as if it were ten times as large
+    monkeypatch.setattr(memory, "LINE_NODE", 1.56e5)  # as if it were ten times as large
     with pytest.raises(ValueError, match=r'^Model "m": a step would need about [34].*GB') as caught:
         ff.simulate(rod(30_000), ff.RunOptions(dt=1e-3, t_end=1e-3, quiet=True))
     assert len(set(COMM.allgather(str(caught.value)))) == 1
