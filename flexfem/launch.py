@@ -12,7 +12,7 @@ import threading
 import time
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, NamedTuple, NoReturn, Self
 
 # MPICH and derivatives, PMIx launchers, Open MPI.
 _RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
@@ -134,31 +134,49 @@ _status: object = None
 _BEGINNINGS = {1: "failed", 2: "error"}
 
 
+class Failure(NamedTuple):
+    """What is wrong on a rank.
+
+    Attributes:
+        message: What to say, empty if nothing is wrong.
+        code: The exit code that goes with it.
+        trace: Python's traceback where it is asked for, to be printed first.
+    """
+
+    message: str
+    code: int = 2
+    trace: str = ""
+
+    def __str__(self) -> str:
+        """What is printed: the message in one line, behind the traceback."""
+        line = f"{_BEGINNINGS[self.code]}: {' '.join(self.message.split())}"
+        return f"{self.trace.rstrip()}\n{line}" if self.trace else line
+
+
 def first_message(message: str) -> str:
     """The first message that is not empty on any rank; see :func:`first_failure`."""
-    return first_failure(message, 2)[0]
+    return first_failure(Failure(message)).message
 
 
-def first_failure(message: str, code: int) -> tuple[str, int]:
-    """The first message that is not empty on any rank, and its code.
+def first_failure(own: Failure) -> Failure:
+    """The first rank's failure that is one.
 
     Collective when launched in parallel. A rank with a message does not wait for ever: others may
     wait for it in a collective call of what it has failed in. It then prints its message and ends
     all ranks.
 
     Args:
-        message: What is wrong on this rank, empty if nothing is.
-        code: The exit code that goes with it.
+        own: What is wrong on this rank, if anything is.
     """
     if not launched_in_parallel():
-        return message, code
+        return own
     from flexfem.installation import require
 
     comm = require("mpi4py.MPI").COMM_WORLD
     others = [rank for rank in range(comm.size) if rank != comm.rank]
-    sent = [comm.isend((message, code), other, tag=_SAID) for other in others]
-    said = {comm.rank: (message, code)}
-    end = time.monotonic() + _PATIENCE if message else float("inf")
+    sent = [comm.isend(own, other, tag=_SAID) for other in others]
+    said = {comm.rank: own}
+    end = time.monotonic() + _PATIENCE if own.message else float("inf")
     while len(said) < comm.size:
         _hear(comm, [other for other in others if other not in said], said)
         if time.monotonic() > end:
@@ -166,10 +184,10 @@ def first_failure(message: str, code: int) -> tuple[str, int]:
         time.sleep(_LOOK if len(said) < comm.size else 0.0)
     for request in sent:
         request.wait()
-    return next((said[rank] for rank in sorted(said) if said[rank][0]), ("", code))
+    return next((said[rank] for rank in sorted(said) if said[rank].message), own)
 
 
-def _hear(comm: Any, others: list[int], said: dict[int, tuple[str, int]]) -> None:
+def _hear(comm: Any, others: list[int], said: dict[int, Failure]) -> None:
     """Take what others have said; ends all ranks if one has left without a word."""
     for other in others:
         left = comm.iprobe(source=other, tag=_LEFT)  # asked first: the last word comes before it
@@ -179,16 +197,15 @@ def _hear(comm: Any, others: list[int], said: dict[int, tuple[str, int]]) -> Non
             _end_without(other)
 
 
-def _end_with(said: dict[int, tuple[str, int]], own: int) -> None:
+def _end_with(said: dict[int, Failure], own: int) -> None:
     """End all ranks, of which some do not come; the lowest that knows what is wrong says it."""
-    message, code = said[own]
-    if any(text for rank, (text, _) in said.items() if rank < own):
+    failure = said[own]
+    if any(other.message for rank, other in said.items() if rank < own):
         time.sleep(_FIRST)
     else:
-        line = f"{_BEGINNINGS[code]}: {' '.join(message.split())}"
-        print(line, file=sys.stderr, flush=True)
-    abort(code)
-    os._exit(code)  # the request to end takes its time
+        print(failure, file=sys.stderr, flush=True)
+    abort(failure.code)
+    os._exit(failure.code)  # the request to end takes its time
 
 
 def meet() -> None:

@@ -13,7 +13,7 @@ from flexfem._faults import FAILURES, FunctionError, mistake
 from flexfem.case import Case
 from flexfem.cli.case_line import parse
 from flexfem.cli.shown_command import shown_command
-from flexfem.cli.usage import FailedRunError, UsageError, exit_code
+from flexfem.cli.usage import FailedRunError, UsageError, exit_code, traced
 from flexfem.installation import InstallationError
 from flexfem.options import Settings
 
@@ -84,7 +84,7 @@ def _run(
         UsageError: Nothing was computed.
         FailedRunError: What was computed has come to an end before its own.
     """
-    model = _built(case, parameters)
+    model = _built(case, parameters, argv)
     try:
         results = case.results_with(parameters)
         outcome = case.analysis.run(model, options, case=case.name, results=results)
@@ -116,25 +116,24 @@ def _with_command(
     )
 
 
-def _built(case: Case, parameters: Mapping[str, Any]) -> "Model":
+def _built(case: Case, parameters: Mapping[str, Any], argv: Sequence[str]) -> "Model":
     """Build and validate the model; ranks agree on success.
 
     Raises:
         UsageError: It cannot be built on a rank.
         FailedRunError: What it is built from cannot be computed.
     """
-    message, code, model = "", _REFUSED, None
-    cause: BaseException | None = None
+    own, model = launch.Failure(""), None
     try:
         model = case.model(**parameters)
     except NumericalError as error:
-        message, code, cause = str(error), _FAILED, error
+        own = launch.Failure(str(error), _FAILED, traced(error, argv))
     except FAILURES as error:
-        message, cause = mistake(error), error
-    message, code = launch.first_failure(message, code)
+        own = launch.Failure(mistake(error), _REFUSED, traced(error, argv))
+    message, code, trace = launch.first_failure(own)
     if message and code == _FAILED:
-        raise FailedRunError(message) from cause
+        raise FailedRunError(message, trace=trace)
     if message:
-        raise UsageError(message, agreed=True) from cause
+        raise UsageError(message, agreed=True, trace=trace)
     assert model is not None
     return model

@@ -28,16 +28,27 @@ class UsageError(Exception):
     Args:
         message: The message.
         agreed: All ranks know it already.
+        trace: Python's traceback of its cause, where that is of another rank.
     """
 
-    def __init__(self, message: str, *, agreed: bool = False) -> None:
+    def __init__(self, message: str, *, agreed: bool = False, trace: str = "") -> None:
         """Keep the message."""
         super().__init__(message)
-        self.agreed = agreed
+        self.agreed, self.trace = agreed, trace
 
 
 class FailedRunError(Exception):
-    """A computation that came to an end before its own; the message is what to print."""
+    """A computation that came to an end before its own; the message is what to print.
+
+    Args:
+        message: The message.
+        trace: As of :class:`UsageError`.
+    """
+
+    def __init__(self, message: str, *, trace: str = "") -> None:
+        """Keep the message."""
+        super().__init__(message)
+        self.trace = trace
 
 
 class Parser(argparse.ArgumentParser):
@@ -88,18 +99,20 @@ def exit_code(action: Callable[[], int], argv: Sequence[str]) -> int:
         _check_text([*argv, *sys.argv[:1]])
         return action()
     except UsageError as error:
-        message = str(error) if error.agreed else launch.first_message(str(error))
-        _say(f"error: {' '.join(message.split())}", error, argv)
+        failure = launch.Failure(str(error), 2, error.trace or traced(error.__cause__, argv))
+        launch.say(str(failure if error.agreed else launch.first_failure(failure)), error=True)
         return 2
     except InstallationError as error:  # the same on all ranks
-        _say(f"error: {error}", error, argv)
+        failure = launch.Failure(str(error), 2, traced(error.__cause__, argv))
+        launch.say(str(failure), error=True)
         return 2
     except FailedRunError as error:
-        _say(f"failed: {error}", error, argv)
+        failure = launch.Failure(str(error), 1, error.trace or traced(error.__cause__, argv))
+        launch.say(str(failure), error=True)
         return 1
     except SystemExit:
         if message := launch.first_message(""):
-            launch.say("error: " + " ".join(message.split()), error=True)
+            launch.say(str(launch.Failure(message)), error=True)
             return 2
         raise
     except launch.Interrupted as stop:  # all ranks have ended alike
@@ -125,14 +138,12 @@ def _check_text(arguments: Sequence[str]) -> None:
             raise UsageError(f"{argument!a} is not UTF-8; rename the file or folder")
 
 
-def _say(line: str, error: Exception, argv: Sequence[str]) -> None:
-    """Print an error, after Python's traceback of its cause if that is asked for."""
-    cause = error.__cause__
-    if cause is not None and TRACEBACK in argv:
-        # that of another rank comes as text
-        trace = getattr(cause, "trace", "") or "".join(traceback.format_exception(cause))
-        launch.say(trace.rstrip(), error=True)
-    launch.say(line, error=True)
+def traced(cause: BaseException | None, argv: Sequence[str]) -> str:
+    """Python's traceback of an error; empty unless the command line asks for it."""
+    if cause is None or TRACEBACK not in argv:
+        return ""
+    # that of another rank comes as text
+    return getattr(cause, "trace", "") or "".join(traceback.format_exception(cause))
 
 
 def join_negative_values(argv: Sequence[str]) -> list[str]:

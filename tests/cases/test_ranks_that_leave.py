@@ -137,10 +137,13 @@ def test_case_that_one_rank_cannot_build(
     """While the other waits for it in a collective call of ``build``."""
     case = tmp_path / "case.py"
     case.write_text(CASE.format(more=_NUMERICAL, failing=failing, failure=failure))
-    ended = run(2, *program, case, "--output", tmp_path / "results", timeout=30)
+    trace = ["--traceback"] if program == () else []
+    ended = run(2, *program, case, "--output", tmp_path / "results", *trace, timeout=30)
     assert ended.returncode == code
     told = [text for text in ended.stderr.splitlines() if text.startswith(("error:", "failed:"))]
     assert len(told) == 1
     assert told[0].startswith(line)
-    assert "Traceback" not in ended.stderr
+    # of the rank that fails, and only if it is asked for
+    assert ended.stderr.count("Traceback") == len(trace)
+    assert (f", in build\n    {failure}\n" in ended.stderr) is bool(trace)
     assert not (tmp_path / "results").exists()
