@@ -106,7 +106,8 @@ def _box_shear_factor(depth: float, breadth: float) -> float:
 def hollow_rectangle_shape(width: float, height: float, wall: float) -> Shape:
     """Return the constants of a rectangular box with walls of uniform thickness.
 
-    Area and second moments are exact differences of two rectangles. Torsion constant: Bredt's
+    Area and second moments are exact sums of four rectangles: differences of the outer and the
+    inner one would lose the digits of thin walls. Torsion constant: Bredt's
     formula for the closed middle line plus the walls' own share,
     `J = 4 A_m^2 t/p + p t^3/3`, with A_m and p area and perimeter of the middle line (the formula
     of EN 10210-2, annex A, for sharp corners). It is meant for thin walls: against a numerical
@@ -120,10 +121,10 @@ def hollow_rectangle_shape(width: float, height: float, wall: float) -> Shape:
     enclosed = middle_width * middle_height
     torsion = 4.0 * enclosed**2 * wall / perimeter + perimeter * wall**3 / 3.0
     return Shape(
-        area=width * height - inner_width * inner_height,
+        area=perimeter * wall,
         second_moments=(
-            (width * height**3 - inner_width * inner_height**3) / 12.0,
-            (height * width**3 - inner_height * inner_width**3) / 12.0,
+            _two_walls(width, wall, middle_height) + wall * inner_height**3 / 6.0,
+            _two_walls(height, wall, middle_width) + wall * inner_width**3 / 6.0,
         ),
         torsion_constant=torsion,
         shear_factors=(
@@ -133,6 +134,11 @@ def hollow_rectangle_shape(width: float, height: float, wall: float) -> Shape:
         outline=rectangle_shape(width, height).outline,
         boundaries=box_boundaries(width, height, wall, torsion),
     )
+
+
+def _two_walls(length: float, wall: float, apart: float) -> float:
+    """Second moment of two parallel walls, m^4, about the line in the middle between them."""
+    return length * wall * (wall**2 / 6.0 + apart**2 / 2.0)
 
 
 def tube_shape(inner_diameter: float, outer_diameter: float, poisson_ratio: float) -> Shape:
@@ -147,11 +153,13 @@ def tube_shape(inner_diameter: float, outer_diameter: float, poisson_ratio: floa
     square = (1.0 + m2) ** 2
     nu = poisson_ratio
     factor = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m2)
-    second = pi * (outer_diameter**4 - inner_diameter**4) / 64.0
+    # not the difference of powers, which loses the digits of thin walls
+    squares = (outer_diameter - inner_diameter) * (outer_diameter + inner_diameter)
+    second = pi * squares * (outer_diameter**2 + inner_diameter**2) / 64.0
     diameters = (outer_diameter, inner_diameter) if inner_diameter > 0.0 else (outer_diameter,)
     boundaries = tuple(round_boundary(0.5 * d, 2.0 * second) for d in diameters)
     return Shape(
-        area=pi * (outer_diameter**2 - inner_diameter**2) / 4.0,
+        area=pi * squares / 4.0,
         second_moments=(second, second),
         torsion_constant=2.0 * second,
         shear_factors=(factor, factor),

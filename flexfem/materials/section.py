@@ -32,7 +32,7 @@ from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite, check_inertia_form
 from flexfem.materials.section_law import BeamLaw
 from flexfem.materials.section_matrices import about_shear_centre, inertia_of, stiffness_of
-from flexfem.materials.section_profiles import ProfileSections
+from flexfem.materials.section_profiles import ProfileSections, length_of
 from flexfem.materials.section_wall import SectionWall
 
 #: Vertices that an outline needs to pass for a circle, and by how much their radii may differ.
@@ -169,7 +169,7 @@ class Section(ProfileSections):
             TypeError: An argument has the wrong type.
             ValueError: A length is not positive, or an argument not finite.
         """
-        shape = constants.rectangle_shape(_length("width", width), _length("height", height))
+        shape = constants.rectangle_shape(length_of("width", width), length_of("height", height))
         return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
 
     @classmethod
@@ -200,8 +200,8 @@ class Section(ProfileSections):
             ValueError: A length is not positive, the walls fill the box, or an argument is not
                 finite.
         """
-        width, height = _length("width", width), _length("height", height)
-        if 2.0 * _length("wall", wall) >= min(width, height):
+        width, height = length_of("width", width), length_of("height", height)
+        if 2.0 * length_of("wall", wall) >= min(width, height):
             raise ValueError(
                 f"Section: wall must be less than half of the shorter side "
                 f"{min(width, height):g}, got {wall}"
@@ -234,7 +234,7 @@ class Section(ProfileSections):
             ValueError: The diameter is not positive, or an argument not finite.
         """
         _checks.instance("Section", "material", material, Material)
-        shape = constants.tube_shape(0.0, _length("diameter", diameter), material.poisson_ratio)
+        shape = constants.tube_shape(0.0, length_of("diameter", diameter), material.poisson_ratio)
         return cls._of(shape, material, mass_centre, shear_centre, shear_factor)
 
     @classmethod
@@ -264,8 +264,8 @@ class Section(ProfileSections):
                 one, or an argument is not finite.
         """
         _checks.instance("Section", "material", material, Material)
-        outer = _length("outer_diameter", outer_diameter)
-        if _length("inner_diameter", inner_diameter) >= outer:
+        outer = length_of("outer_diameter", outer_diameter)
+        if length_of("inner_diameter", inner_diameter) >= outer:
             raise ValueError(
                 f"Section: inner_diameter must be less than the outer diameter {outer:g}, "
                 f"got {inner_diameter}"
@@ -305,9 +305,9 @@ class Section(ProfileSections):
             ValueError: A constant is not positive, or an argument not finite.
         """
         shape = constants.Shape(
-            area=_length("area", area),
-            second_moments=(_length("i22", i22), _length("i33", i33)),
-            torsion_constant=_length("torsion_constant", torsion_constant),
+            area=_positive("area", area),
+            second_moments=(_positive("i22", i22), _positive("i33", i33)),
+            torsion_constant=_positive("torsion_constant", torsion_constant),
             shear_factors=(1.0, 1.0),
             outline=None,
             boundaries=(),
@@ -365,7 +365,7 @@ class Section(ProfileSections):
         return moment / mass if mass > 0.0 else moment
 
 
-def _length(what: str, value: float) -> float:
+def _positive(what: str, value: float) -> float:
     return _checks.number("Section", what, value, positive=True)
 
 

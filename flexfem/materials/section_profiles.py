@@ -11,7 +11,10 @@ from flexfem.materials import profiles
 from flexfem.materials.constants import Shape
 from flexfem.materials.material import Material
 
-__all__ = ["ProfileSections"]
+__all__ = ["ProfileSections", "length_of"]
+
+#: Least and largest length, m.
+_LENGTHS = (1e-30, 1e30)
 
 
 class ProfileSections:
@@ -156,10 +159,24 @@ class ProfileSections:
 def _profile(width: float, height: float, **walls: float) -> list[float]:
     """Check the lengths of a profile; only the fillet may be zero."""
     lengths = {"width": width, "height": height, **walls}
-    return [
-        _checks.number("Section", what, value, positive=what != "fillet", nonnegative=True)
-        for what, value in lengths.items()
-    ]
+    fillet = lengths.get("fillet", 0.0)
+    if _checks.number("Section", "fillet", fillet, nonnegative=True) == 0.0:
+        return [length_of(*one) if one[0] != "fillet" else 0.0 for one in lengths.items()]
+    return [length_of(*one) for one in lengths.items()]
+
+
+def length_of(what: str, value: float) -> float:
+    """A length of a section, m; products of second moments of such ones are numbers still.
+
+    Raises:
+        TypeError: It is no number.
+        ValueError: It is not positive, or beyond all sections.
+    """
+    length = _checks.number("Section", what, value, positive=True)
+    low, high = _LENGTHS
+    if not low <= length <= high:
+        raise ValueError(f"Section: {what} must be between {low:g} and {high:g} m, got {value}")
+    return length
 
 
 def _fits(what: str, taken: float, side: str, length: float, times: int = 1) -> None:

@@ -127,6 +127,34 @@ def test_hollow_rectangle():
     assert section.stiffness[3, 3] / G == pytest.approx(bredt, rel=0.02)
 
 
+def test_walls_of_any_thickness_keep_their_digits():
+    """Differences of two solids would have 4 digits left, and none of walls below 1e-16."""
+    for t in (1e-12, 1e-25):
+        box = np.diagonal(Section.hollow_rectangle(1.0, 2.0, t, STEEL).stiffness) / 2.1e11
+        # the centre line's area and second moments, exact to t/b
+        about = [6 * t, 2 * (1.0 * t * 1.0) + 2 * t * 2.0**3 / 12]
+        about.append(2 * (2.0 * t * 0.25) + 2 * t * 1.0**3 / 12)
+        np.testing.assert_allclose(box[[0, 4, 5]], about, rtol=1e-11)
+    inner = 1.0 - 2.0**-40
+    tube = np.diagonal(Section.tube(inner, 1.0, STEEL).stiffness) / 2.1e11
+    np.testing.assert_allclose(tube[[0, 4]], np.pi * 2.0**-41 * np.array([1, 1 / 8]), rtol=1e-11)
+
+
+@pytest.mark.parametrize("length", [1e-31, 1e-300, 1e31])
+def test_lengths_that_no_section_has(length):
+    """Products of second moments would be zero or infinite, and stresses no numbers."""
+    makes = (
+        lambda: Section.rectangle(length, length, STEEL),
+        lambda: Section.hollow_rectangle(4 * length, 4 * length, length, STEEL),
+        lambda: Section.circle(length, STEEL),
+        lambda: Section.tube(0.5 * length, length, STEEL),
+        lambda: Section.t_section(9 * length, 9 * length, length, length, STEEL),
+    )
+    for make in makes:
+        with pytest.raises(ValueError, match=r"must be between 1e-30 and 1e\+30 m, got"):
+            make()
+
+
 def test_shear_factor_of_a_box_by_its_shear_flow():
     """Integrate the shear flow of a thin box numerically: energy q^2/t against V^2/(k A)."""
     b, h, t = 0.06, 0.1, 1e-6
