@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Readers of tables, robots, checkpoints and reduced bodies, and valid files of each.
+"""Readers of tables, robots, surfaces, FMUs, checkpoints, reduced bodies; valid files of each.
 
 Files with checksums are damaged behind them: what is wrong is found by what reads the contents.
+Descriptions of FMUs are damaged by themselves and put into archives, and so are archives.
 The process that looks at the structure of HDF5 files is a copy of this one, which is there sooner.
 """
 
 import io
 import os
 import resource
+import struct
 import warnings
+import zipfile
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
@@ -22,14 +25,17 @@ import h5py
 import numpy as np
 
 import flexfem as ff
+from flexfem.control.fmu import FmuLaw
 from flexfem.core.state import Numbering, State
 from flexfem.io import checkpoint, read_history, read_summary, reduced_body_file
 from flexfem.io.checkpoint import write_checkpoint
 from flexfem.io.hdf5 import PlainFile
 from flexfem.io.hdf5_structure import read_structure
 from flexfem.io.reduced_body_file import _digest, load_reduced_body, save_reduced_body
+from flexfem.robots.surface_files import read_surface
 from flexfem.simulation.checkpoints import SavedState
 from tests.fuzz_readers import Reader
+from tests.unit.fmu_files import description
 from tests.unit.forged import seal
 from tests.unit.test_bad_urdf import SOUND
 from tests.unit.test_reduced_body import two_masses
@@ -151,6 +157,39 @@ def _seal_body(path: Path) -> None:
         path.write_bytes(content.getvalue())
 
 
+def _surface(path: Path) -> object:
+    """As links of robots read it, which name the file."""
+    try:
+        return read_surface(path)
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from error
+
+
+def _fmu_files() -> Sequence[bytes]:
+    """Descriptions of FMI 2 and 3, alone and in archives."""
+    texts = [description(version).encode() for version in (2, 3)]
+    return [*texts, *map(_archived, texts)]
+
+
+def _archived(text: bytes) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", text)
+    return content.getvalue()
+
+
+def _fmu(path: Path) -> object:
+    content = path.read_bytes()
+    if not content.startswith(b"PK"):
+        path.write_bytes(_archived(content))
+    return FmuLaw(f"FmuController of {path.name}", path, ("y",), ("u",), {"damping": 1.0})
+
+
+_CORNERS = "".join(f"vertex {x} {y} 0\n" for x, y in ((0, 0), (1, 0), (0, 1e-1)))
+_FACET = f"facet normal 0 0 1\nouter loop\n{_CORNERS}endloop\nendfacet\n"
+_STL = f"solid plate\n{3 * _FACET}endsolid plate\n"
+_BINARY_STL = bytes(80) + struct.pack("<I", 9) + 9 * struct.pack("<12fH", *range(12), 0)
+_OBJ = "# a\nv 0 0 0\nv 1 0 0 1.0\nv 1 1 0 0.1 0.2 0.3\nv 0 1e-1 0\nf 1 2 3 4\nf -1/1 -3/2/3 2//1\n"
 _HISTORY = "t,tip_x,tip_y\n0.0,1.0,2.0\n0.1,1.5,-2e-3\n0.2,nan,inf\n"
 _SUMMARY = '{"status": "ok", "steps": 3, "results": {"x": 1.5, "y": null}, "warnings": ["a"]}\n'
 _WORDS_XML = (
@@ -160,8 +199,20 @@ _WORDS_XML = (
 
 READERS = {
     "materials": Reader(".csv", lambda: _texts(MATERIALS), ff.read_materials, (b'"', b";;;", b"#")),
-    "sections": Reader(".csv", lambda: _texts(SECTIONS), _sections, (b'"', b",,,", b"a;circle")),
+    "sections": Reader(
+        ".csv",
+        lambda: _texts(SECTIONS),
+        _sections,
+        (b'"', b",,,", b"a;circle", b"b;hollow_rectangle;steel;1e18;1e18;1e-3"),
+    ),
     "urdf": Reader(".urdf", lambda: _texts(SOUND), ff.read_urdf, _WORDS_XML),
+    "stl": Reader(
+        ".stl", lambda: [*_texts(_STL), _BINARY_STL], _surface, (b"solid b", b"endsolid", b"vertex")
+    ),
+    "obj": Reader(
+        ".obj", lambda: _texts(_OBJ), _surface, (b"f 1 1 1", b"v 1e999 0 0", b"f -9 1 2")
+    ),
+    "fmu": Reader(".fmu", _fmu_files, _fmu, _WORDS_XML),
     "history": Reader(".csv", lambda: _texts(_HISTORY), read_history, (b"1,2", b"t,t")),
     "summary": Reader(".json", lambda: _texts(_SUMMARY), read_summary, (b"[" * 5000, b"{", b"NaN")),
     "checkpoint": Reader(".h5", _checkpoints, _checkpoint),

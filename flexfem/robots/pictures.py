@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
 from flexfem.core.pose import Pose
 from flexfem.model.shapes import Box, Cylinder, Shape, Sphere, SurfaceShape
 from flexfem.robots.description import origin
 from flexfem.robots.elements import Element
+from flexfem.robots.surface_files import read_surface
 from flexfem.robots.tree import LinkData
 
 __all__ = ["PICTURES", "link_shapes"]
@@ -79,8 +79,8 @@ def _mesh(element: Element, packages: Mapping[str, Path], folder: Path) -> Surfa
         element.refuse(f'scale must not be zero, got "{element.attributes["scale"]}"')
     path = _found(element, packages, folder)
     try:
-        points, triangles = _read_surface(path)
-    except (OSError, ValueError) as error:
+        points, triangles = read_surface(path)
+    except ValueError as error:
         element.refuse(f'filename "{path}": {error}; pictures="collision" or "none" avoid it')
     mirrored = np.prod(scale) < 0.0
     return SurfaceShape(points * scale, triangles[:, ::-1] if mirrored else triangles)
@@ -118,31 +118,3 @@ def _package(element: Element, name: str, packages: Mapping[str, Path], folder: 
             f'packages={{"{name}": "folder"}}, or pictures="none"'
         )
     return found
-
-
-def _read_surface(path: Path) -> tuple[FloatArray, IntArray]:
-    """Points (n, 3) and triangles (m, 3) of a file.
-
-    Raises:
-        ValueError: another format, or an unreadable file.
-    """
-    suffix = path.suffix.lower()
-    if suffix not in (".stl", ".obj"):
-        raise ValueError(f'"{suffix}" files are not read, .stl and .obj are')
-    from meshio import obj, stl
-
-    try:
-        # meshio takes the text of an ASCII file for a number of triangles first
-        with np.errstate(over="ignore"):
-            mesh = (stl if suffix == ".stl" else obj).read(path)
-        points = np.array(mesh.points, dtype=np.float64)[:, :3]
-        faces = [_fan(np.asarray(block.data)) for block in mesh.cells]
-        triangles = np.concatenate(faces).astype(np.int64)
-    except Exception:  # the readers raise whatever goes wrong in them
-        raise ValueError(f"no readable {suffix} file") from None
-    return points, triangles
-
-
-def _fan(faces: IntArray) -> IntArray:
-    """Triangles (m, 3) of polygons (k, corners)."""
-    return np.concatenate([faces[:, [0, i, i + 1]] for i in range(1, faces.shape[1] - 1)])

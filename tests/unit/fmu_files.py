@@ -8,7 +8,7 @@ import subprocess
 import zipfile
 from pathlib import Path
 
-__all__ = ["make_fmu"]
+__all__ = ["description", "make_fmu"]
 
 SOURCE = Path(__file__).parents[1] / "data" / "pi_controller.c"
 NUMBERS = (
@@ -36,11 +36,12 @@ def make_fmu(folder: Path, version: int) -> Path:
     platform = "linux64" if version == 2 else "x86_64-linux"
     with zipfile.ZipFile(file, "w") as archive:
         archive.write(library, f"binaries/{platform}/pi_controller.so")
-        archive.writestr("modelDescription.xml", _description(version))
+        archive.writestr("modelDescription.xml", description(version))
     return file
 
 
-def _description(version: int) -> str:
+def description(version: int) -> str:
+    """The model description of the PI controller."""
     variables = []
     for reference, (name, causality) in enumerate((*NUMBERS, ("reversed", "parameter"))):
         kind = "Boolean" if name == "reversed" else "Real" if version == 2 else "Float64"
