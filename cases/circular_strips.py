@@ -11,7 +11,8 @@ geometrically exact beams instead of shells, as many elements as the mesh along 
 
 History: ``A_x, A_y, A_z``, middle of the free end, m;
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,
-J, the strain energy being that of bending and twist but for a small part.
+J; of shells also ``shell_membrane, shell_bending, shell_shear``, the strain energy by kind, J:
+bending and twist have nearly all of it.
 
 Expected (after Das, Barut, Madenci 2010, geometry and drive are our choice): rigid strips would
 bring A back to (-0.5, 0, 0). These are so slender that they lag behind: at t = 4 s A_z is 0.088 m
@@ -23,47 +24,71 @@ Run: ``python cases/circular_strips.py --mesh 61x5``.
 import math
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 import flexfem as ff
 
-RADIUS, WIDTH, THICKNESS = 0.5, 0.05, 1e-3
-MATERIAL = ff.Material(200e9, 0.3, 7800.0)
-DURATION = 10.0
 X = (1.0, 0.0, 0.0)
 #: ends of the strips, as angles on the ring: each begins where the one before it ends
 ENDS = {"strip_1": (0.0, math.pi), "strip_2": (math.pi, 0.0), "strip_3": (0.0, math.pi)}
 Points = npt.NDArray[np.float64]
 
 
-def strip(name: str, nodes: tuple[int, int]) -> ff.SurfaceMesh:
+@dataclass(frozen=True)
+class Numbers:
+    """Lengths (m), material and drive of the strips: the options of these names."""
+
+    radius: float
+    width: float
+    thickness: float
+    youngs_modulus: float
+    poisson_ratio: float
+    density: float
+    angle: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        """Raise for strips wider than their ring."""
+        if self.width >= 2.0 * self.radius:
+            raise ValueError(
+                f"the width must be below twice the radius, {2.0 * self.radius:g} m, got "
+                f"{self.width:g}"
+            )
+
+    @property
+    def material(self) -> ff.Material:
+        """That of the strips."""
+        return ff.Material(self.youngs_modulus, self.poisson_ratio, self.density)
+
+    def end(self, name: str, which: int) -> tuple[float, float, float]:
+        """Middle of an end of a strip."""
+        angle = ENDS[name][which]
+        return self.radius * math.cos(angle), self.radius * math.sin(angle), 0.0
+
+
+def strip(name: str, nodes: tuple[int, int], numbers: Numbers) -> ff.SurfaceMesh:
     """Half ring from its first end to its second, normals along +Z."""
     first, last = ENDS[name]
 
     def surface(parameters: Points) -> Points:
         way, across = parameters.T
         angle = first + way * (last - first)
-        radius = RADIUS + (across if last < first else -across)
+        radius = numbers.radius + (across if last < first else -across)
         return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * way])
 
-    along, across = np.linspace(0.0, 1.0, nodes[0]), np.linspace(-0.5, 0.5, nodes[1]) * WIDTH
+    along = np.linspace(0.0, 1.0, nodes[0])
+    across = np.linspace(-0.5, 0.5, nodes[1]) * numbers.width
     return ff.SurfaceMesh.grid(name, along, across, surface)
 
 
-def end(name: str, which: int) -> tuple[float, float, float]:
-    """Middle of an end of a strip."""
-    angle = ENDS[name][which]
-    return RADIUS * math.cos(angle), RADIUS * math.sin(angle), 0.0
-
-
-def shells(nodes: tuple[int, int], element: str) -> ff.Model:
+def shells(nodes: tuple[int, int], element: str, numbers: Numbers) -> ff.Model:
     """Strips of shells with hinges along their ends."""
-    model = ff.Model(
-        "circular_strips", surface=ff.SurfaceMesh.join([strip(name, nodes) for name in ENDS])
-    )
-    section = ff.ShellSection.isotropic(THICKNESS, MATERIAL)
+    strips = [strip(name, nodes, numbers) for name in ENDS]
+    model = ff.Model("circular_strips", surface=ff.SurfaceMesh.join(strips))
+    section = ff.ShellSection.isotropic(numbers.thickness, numbers.material)
     for name in ENDS:
         edges = {"strip_1_left": "clamped"} if name == "strip_1" else {}
         model.add(ff.Shell(name, section, element=element, edges=edges))
@@ -73,42 +98,49 @@ def shells(nodes: tuple[int, int], element: str) -> ff.Model:
             ff.ShellLine(f"strip_{i + 1}", f"strip_{i + 1}_left"),
         )
         model.add(ff.HingeLine(f"hinge_{i}", *lines))
+    model.add(ff.ShellEnergyProbe())
     return model
 
 
-def beams(elements: int) -> ff.Model:
+def beams(elements: int, numbers: Numbers) -> ff.Model:
     """Strips of beams along the mean circle."""
     model = ff.Model("circular_strips")
-    section = ff.Section.rectangle(WIDTH, THICKNESS, MATERIAL)
+    section = ff.Section.rectangle(numbers.width, numbers.thickness, numbers.material)
     for name in ENDS:
         first, last = ENDS[name]
         curve = ff.NurbsCurve.arc(
-            (0.0, 0.0, 0.0), end(name, 0), (0.0, 0.0, 1.0), last - first, degree=3,
+            (0.0, 0.0, 0.0), numbers.end(name, 0), (0.0, 0.0, 1.0), last - first, degree=3,
             elements=elements,
         )  # fmt: skip
         model.add(ff.Beam(name, section, curve=curve, orientation=lambda x: -x))
-    model.add(ff.Rigid("clamp", ff.Ground(end("strip_1", 0)), ff.Marker("strip_1", "start")))
+    start = ff.Ground(numbers.end("strip_1", 0))
+    model.add(ff.Rigid("clamp", start, ff.Marker("strip_1", "start")))
     for i in (1, 2):
         a, b = ff.Marker(f"strip_{i}", "end"), ff.Marker(f"strip_{i + 1}", "start")
         model.add(ff.Revolute(f"hinge_{i}", a, b, axis=X))
     return model
 
 
-def build(*, mesh: str, element: str) -> ff.Model:
-    """Model of three strips."""
-    nodes = ff.grid_nodes(mesh)
-    model = beams(nodes[0] - 1) if element == "beam" else shells(nodes, element)
-    drive = ff.SmoothStep(0.0, DURATION, 0.0, math.pi, profile="cycloid")
+def build(*, mesh: str, element: str, **values: float) -> ff.Model:
+    """Model of three strips; ``values`` are those of :class:`Numbers`."""
+    nodes, numbers = ff.grid_nodes(mesh), Numbers(**values)
+
+    def marker(name: str, which: int) -> ff.Marker:
+        """Middle of an end of a strip."""
+        beam_end = ("start", "end")[which]
+        return ff.Marker(name, beam_end if element == "beam" else numbers.end(name, which))
+
+    if element == "beam":
+        model = beams(nodes[0] - 1, numbers)
+    else:
+        model = shells(nodes, element, numbers)
+    angle = math.radians(numbers.angle)
+    drive = ff.SmoothStep(0.0, numbers.duration, 0.0, angle, profile="cycloid")
     for i in (1, 2):
-        a, b = marker(f"strip_{i}", 1, element), marker(f"strip_{i + 1}", 0, element)
+        a, b = marker(f"strip_{i}", 1), marker(f"strip_{i + 1}", 0)
         model.add(ff.PrescribedAngle(f"angle_{i}", a, b, axis=X, angle=drive))
-    model.add(ff.PositionProbe("A", marker("strip_3", 1, element)), ff.EnergyProbe())
+    model.add(ff.PositionProbe("A", marker("strip_3", 1)), ff.EnergyProbe())
     return model
-
-
-def marker(name: str, which: int, element: str) -> ff.Marker:
-    """Middle of an end of a strip."""
-    return ff.Marker(name, ("start", "end")[which] if element == "beam" else end(name, which))
 
 
 def results(history: Mapping[str, Points]) -> dict[str, float]:
@@ -131,6 +163,14 @@ CASE = ff.Case(
         ff.Option(
             "element", str, "rotation_free", "formulation", choices=(*ff.SHELL_ELEMENTS, "beam")
         ),
+        ff.Option("radius", float, 0.5, "of the middle of the strips", unit="m", above=0.0),
+        ff.Option("width", float, 0.05, "of the strips", unit="m", above=0.0),
+        ff.Option("thickness", float, 1e-3, "of the strips", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 200e9, "of the strips", unit="Pa", above=0.0),
+        ff.Option("poisson_ratio", float, 0.3, "of the strips", minimum=0.0, maximum=0.5),
+        ff.Option("density", float, 7800.0, "of the strips", unit="kg/m^3", above=0.0),
+        ff.Option("angle", float, 180.0, "of both drives at their end", unit="deg"),
+        ff.Option("duration", float, 10.0, "of the drives", unit="s", above=0.0),
     ),
     dt=0.01,
     t_end=10.0,

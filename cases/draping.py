@@ -2,10 +2,12 @@
 """Square piece of fabric that drapes over a rigid sphere, by dynamic relaxation.
 
 The sheet, 0.3 x 0.3 m, starts flat and touches the top of a sphere of diameter 0.1 m, centre at the
-origin, with its middle; weight along -Z. Fabric (Zhou, Sze 2011; Xie, Sze, Zhou 2015): rigidities
-along warp and weft 1095.84 and 744.31 N/m, in shear 40.964 N/m, in bending 8.134e-6 and 6.174e-6
-N m, in twist 2.646e-6 N m, Poisson's ratio 0.01, thickness 0.593 mm, 320.4 kg/m^3; warp along X
-turned by ``--warp-angle``. ``--mesh`` counts nodes along the sides.
+origin, with its middle; weight along -Z. The sphere is exact, or with ``--sphere mesh`` a rigid
+surface of 53,792 triangles, whose edges are 1.5 mm long at most (``--sphere-size``) and whose
+middles lie up to 7.4 um inside. Fabric (Zhou, Sze 2011; Xie, Sze, Zhou 2015): rigidities along warp
+and weft 1095.84 and 744.31 N/m, in shear 40.964 N/m, in bending 8.134e-6 and 6.174e-6 N m, in twist
+2.646e-6 N m, Poisson's ratio 0.01, thickness 0.593 mm, 320.4 kg/m^3; warp along X turned by
+``--warp-angle``. ``--mesh`` counts nodes along the sides.
 
 Triangles that are cut along one diagonal, and heights of the nodes that are off at random by
 ``--imperfection`` thicknesses, decide where folds begin: there are several equilibria with 4 to 8
@@ -23,8 +25,10 @@ the outline seen from above, by 32 nodes, roots of mean squares: ``outline_radiu
 relative to it, how far it is off itself after half a turn, ``outline_half_turn``, a quarter turn,
 ``outline_quarter_turn``, and mirrored and turned, ``outline_mirror``;
 ``contact_penetration`` (m), force of the sphere ``contact_fx, contact_fy, contact_fz,
-contact_normal`` (N); ``energy_kinetic, energy_strain, energy_gravity, energy_work,
-energy_dissipation, energy_balance`` (J).
+contact_normal`` (N) and number of points that touch, ``contact_closed``; ``energy_kinetic,
+energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``, and the strain
+energy by kind, ``sheet_energy_membrane, sheet_energy_bending, sheet_energy_shear`` (J); ``weight``
+(N) and ``thickness`` (m) as given.
 
 Equilibrium: forces out of balance are 1e-3 of the weight, both as root mean squares over nodes.
 Expected: the force of the contact is the weight, 0.1677 N, within 0.1 %; penetration below 1 % of
@@ -33,25 +37,60 @@ Run: ``python cases/draping.py --mesh 61x61``, then ``python postprocess/outline
 results/draping``: outline seen from above, and folds.
 """
 
+import math
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 import flexfem as ff
 
-SIDE, RADIUS, THICKNESS, DENSITY, GRAVITY = 0.3, 0.05, 0.593e-3, 320.4, 9.81
-MEMBRANE = (1095.84, 744.31, 40.964)
-BENDING = (8.134e-6, 6.174e-6, 2.646e-6)
-WEIGHT = SIDE * SIDE * THICKNESS * DENSITY * GRAVITY
 #: Parts of each side at whose ends the outline is measured.
 PARTS = 8
 Points = npt.NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Numbers:
+    """Sheet and sphere: the options of these names."""
+
+    side: float
+    sphere_radius: float
+    thickness: float
+    density: float
+    gravity: float
+    membrane_warp: float
+    membrane_weft: float
+    membrane_shear: float
+    bending_warp: float
+    bending_weft: float
+    bending_twist: float
+    poisson_ratio: float
+
+    @property
+    def top(self) -> float:
+        """Height of the flat sheet, m."""
+        return self.sphere_radius + 0.5 * self.thickness
+
+    @property
+    def weight(self) -> float:
+        """Of the sheet, N."""
+        return self.side**2 * self.thickness * self.density * self.gravity
+
+    def section(self) -> ff.ShellSection:
+        """Of the fabric."""
+        return ff.ShellSection.orthotropic(
+            (self.membrane_warp, self.membrane_weft, self.membrane_shear),
+            (self.bending_warp, self.bending_weft, self.bending_twist),
+            self.poisson_ratio, self.density * self.thickness, self.thickness,
+        )  # fmt: skip
+
+
 def sheet(
-    nodes: tuple[int, int], diagonal: str, imperfection: float, symmetric: bool, seed: int,
+    nodes: tuple[int, int], diagonal: str, numbers: Numbers, imperfection: float, symmetric: bool,
+    seed: int,
 ) -> ff.SurfaceMesh:  # fmt: skip
     """Flat grid above the sphere, heights off by up to ``imperfection`` (m) upwards."""
 
@@ -59,10 +98,42 @@ def sheet(
         random = np.random.default_rng(seed).random(len(parameters))
         if symmetric:  # nodes in reverse order are opposite ones
             random = 0.5 * (random + random[::-1])
-        return np.column_stack([parameters, RADIUS + 0.5 * THICKNESS + imperfection * random])
+        return np.column_stack([parameters, numbers.top + imperfection * random])
 
-    along = [np.linspace(-0.5 * SIDE, 0.5 * SIDE, count) for count in nodes]
+    along = [np.linspace(-0.5 * numbers.side, 0.5 * numbers.side, count) for count in nodes]
     return ff.SurfaceMesh.grid("sheet", *along, surface, diagonal=diagonal)
+
+
+def ball(radius: float, size: float) -> ff.SurfaceMesh:
+    """Sphere of triangles with edges of at most about ``size`` (m), nodes on it, one on top.
+
+    Each side of an octahedron is divided evenly and its nodes are moved out to the sphere, so that
+    a quarter turn about Z maps the mesh onto itself. Edges are longest in the middle of a side,
+    sqrt(3) times as long as they were in the octahedron.
+    """
+    parts = max(math.ceil(math.sqrt(6.0) * radius / size), 1)
+    if parts > 400:
+        raise ValueError(
+            f"sphere-size must be at least {math.sqrt(6.0) * radius / 400:.1e} m, got {size:g}"
+        )
+    numbers: dict[tuple[int, int, int], int] = {}
+    triangles = []
+    for signs in np.ndindex(2, 2, 2):
+        x, y, z = (1 - 2 * sign for sign in signs)
+
+        def node(i: int, j: int, at: tuple[int, int, int] = (x, y, z)) -> int:
+            place = (at[0] * i, at[1] * j, at[2] * (parts - i - j))
+            return numbers.setdefault(place, len(numbers))
+
+        for i in range(parts):
+            for j in range(parts - i):
+                faces = [(node(i, j), node(i + 1, j), node(i, j + 1))]
+                if i + j + 1 < parts:
+                    faces.append((node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)))
+                triangles += [face if x * y * z > 0 else face[::-1] for face in faces]
+    points = np.array(list(numbers), dtype=np.float64)
+    points *= radius / np.linalg.norm(points, axis=1)[:, np.newaxis]
+    return ff.SurfaceMesh(points, triangles, {"sphere": np.arange(len(triangles))})
 
 
 def rim(nodes: tuple[int, int]) -> list[int]:
@@ -96,28 +167,30 @@ def outline(t: float, *states: ff.MarkerState) -> list[float]:
 
 
 def build(
-    *, mesh: str, element: str, diagonal: str, warp_angle: float, friction: float,
-    contact_stiffness: float, self_contact: bool, imperfection: float, symmetric: bool, seed: int,
+    *, mesh: str, element: str, sphere: str, sphere_size: float, diagonal: str, warp_angle: float,
+    friction: float, contact_stiffness: float, self_contact: bool, imperfection: float,
+    symmetric: bool, seed: int, **values: float,
 ) -> ff.Model:  # fmt: skip
-    """Model with a number of nodes such as "61x61"."""
-    nodes = ff.grid_nodes(mesh)
-    surface = sheet(nodes, diagonal, imperfection * THICKNESS, symmetric, seed)
-    section = ff.ShellSection.orthotropic(MEMBRANE, BENDING, 0.01, DENSITY * THICKNESS, THICKNESS)
+    """Model with a number of nodes such as "61x61"; ``values`` are those of :class:`Numbers`."""
+    nodes, numbers = ff.grid_nodes(mesh), Numbers(**values)
+    height = imperfection * numbers.thickness
+    surface = sheet(nodes, diagonal, numbers, height, symmetric, seed)
+    support: ff.RigidSurface = ff.RigidSphere(ff.Ground(), numbers.sphere_radius)
+    if sphere == "mesh":
+        support = ff.RigidMesh(ff.Ground(), mesh=ball(numbers.sphere_radius, sphere_size))
     angle = np.radians(warp_angle)
+    warp = (np.cos(angle), np.sin(angle), 0.0)
     model = ff.Model("draping", surface=surface)
     model.add(
-        ff.Gravity((0.0, 0.0, -GRAVITY)),
-        ff.Shell(
-            "sheet", section, element=element, direction=(np.cos(angle), np.sin(angle), 0.0)
-        ),
+        ff.Gravity((0.0, 0.0, -numbers.gravity)),
+        ff.Shell("sheet", numbers.section(), element=element, direction=warp),
         ff.Contact(
-            "support", "sheet", surfaces=ff.RigidSphere(ff.Ground(), RADIUS),
-            stiffness=contact_stiffness, friction=friction,
+            "support", "sheet", surfaces=support, stiffness=contact_stiffness, friction=friction
         ),
-    )  # fmt: skip
+    )
     if self_contact:
         model.add(ff.Contact("folds", "sheet", "sheet", stiffness=contact_stiffness))
-    half, top = 0.5 * SIDE, RADIUS + 0.5 * THICKNESS
+    half, top = 0.5 * numbers.side, numbers.top
     places = {
         f"{kind}_{name}": (half * x, half * y, top)
         for kind, name, x, y in (
@@ -137,6 +210,10 @@ def build(
         ff.Probe("outline", every, columns, outline),
         ff.ContactProbe("contact", "support"),
         ff.EnergyProbe(),
+        ff.ShellEnergyProbe("sheet_energy"),
+        ff.Probe(
+            "given", (), ("weight", "thickness"), lambda t: (numbers.weight, numbers.thickness)
+        ),
     )
     return model
 
@@ -147,8 +224,8 @@ def results(history: Mapping[str, Points]) -> dict[str, float]:
     corners = [value for name, value in end.items() if name.startswith("corner_")]
     middles = [value for name, value in end.items() if name.startswith("middle_")]
     return {
-        "contact_force_over_weight": end["contact_fz"] / WEIGHT,
-        "penetration_over_thickness": end["contact_penetration"] / THICKNESS,
+        "contact_force_over_weight": end["contact_fz"] / end["weight"],
+        "penetration_over_thickness": end["contact_penetration"] / end["thickness"],
         **{name: value for name, value in end.items() if name.startswith("outline_")},
         "lowest_corner": min(corners),
         "highest_corner": max(corners),
@@ -166,6 +243,22 @@ CASE = ff.Case(
     options=(
         ff.GridOption("mesh", "61x61", "nodes along the sides"),
         ff.Option("element", str, "rotation_free", "formulation", choices=ff.SHELL_ELEMENTS),
+        ff.Option("sphere", str, "exact", "rigid surface", choices=("exact", "mesh")),
+        ff.Option(
+            "sphere_size", float, 3e-3, "longest edges of its triangles", unit="m", above=0.0
+        ),
+        ff.Option("side", float, 0.3, "of the sheet", unit="m", above=0.0),
+        ff.Option("sphere_radius", float, 0.05, "of the sphere", unit="m", above=0.0),
+        ff.Option("thickness", float, 0.593e-3, "of the fabric", unit="m", above=0.0),
+        ff.Option("density", float, 320.4, "of the fabric", unit="kg/m^3", above=0.0),
+        ff.Option("gravity", float, 9.81, "along -Z", unit="m/s^2", above=0.0),
+        ff.Option("membrane_warp", float, 1095.84, "rigidity", unit="N/m", above=0.0),
+        ff.Option("membrane_weft", float, 744.31, "rigidity", unit="N/m", above=0.0),
+        ff.Option("membrane_shear", float, 40.964, "rigidity", unit="N/m", above=0.0),
+        ff.Option("bending_warp", float, 8.134e-6, "rigidity", unit="N m", above=0.0),
+        ff.Option("bending_weft", float, 6.174e-6, "rigidity", unit="N m", above=0.0),
+        ff.Option("bending_twist", float, 2.646e-6, "rigidity", unit="N m", above=0.0),
+        ff.Option("poisson_ratio", float, 0.01, "of warp and weft", minimum=0.0, maximum=0.5),
         ff.Option("diagonal", str, "right", "which way cells are cut", choices=("right", "left")),
         ff.Option("warp_angle", float, 0.0, "angle of the warp to X", unit="deg"),
         ff.Option("friction", float, 0.0, "Coulomb's coefficient on the sphere", minimum=0.0),

@@ -6,7 +6,7 @@ clamped along one short edge and falls from the horizontal on a rigid cylinder o
 
 History: ``corner_x``, ``corner_y``, ``corner_z`` (m) of a free corner; ``touch_penetration`` (m),
 ``touch_fx``, ``touch_fy``, ``touch_fz`` (N), the force of the cylinder on the sheet, and
-``touch_normal`` (N), the sum of all normal forces.
+``touch_normal`` (N), the sum of all normal forces, ``touch_closed``, how many points touch.
 
 Expected: the sheet meets the cylinder after 0.1 s, folds over it, and swings there. Nodes sink in
 by less than a tenth of the thickness.

@@ -103,6 +103,7 @@ _MODULES = {
     "MomentumProbe": "model.measured",
     "ReactionProbe": "model.measured",
     "StrainProbe": "model.measured",
+    "ShellEnergyProbe": "model.measured",
     "ShellStrainProbe": "model.measured",
     "Controller": "model.controller",
     "FmuController": "model.fmu_controller",

@@ -57,6 +57,7 @@ class DirectorShells:
     Attributes:
         triangles: their mechanics.
         body: (m,) number of the shell.
+        areas: of the triangles at the start, m^2, (m,).
         assumed: (m, 24) changes of strains whose stress the tangent takes in place of the present
             one; None for the exact tangent.
         assumed_forces: the residual takes that stress, too.
@@ -78,6 +79,7 @@ class DirectorShells:
             block: their nodes.
         """
         self.triangles, self.body = cells.triangles, cells.body
+        self.areas = cells.triangles.areas
         self._masses, self._rods = cells.masses, cells.rods
         self.assumed: FloatArray | None = None
         self.assumed_forces = False
@@ -219,6 +221,10 @@ class DirectorShells:
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         return self.triangles.total_energies(frames)
+
+    def energy_parts(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m, 3) of membrane, bending and shear, J."""
+        return self.triangles.energies(frames)[:, :3]
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """See :class:`flexfem.elements.family.ElementFamily`.

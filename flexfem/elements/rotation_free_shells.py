@@ -264,6 +264,14 @@ class RotationFreeShells:
         parts = [g.triangles.total_energies(self._points) for g in self.groups]
         return np.concatenate([np.empty(0), *parts])
 
+    def energy_parts(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m, 3) of membrane, bending and shear, J; the last are zero."""
+        positions_into(frames, self._points)
+        parts = [g.triangles.energies(self._points) for g in self.groups]
+        energies = np.concatenate([np.empty((0, 3)), *parts])
+        energies[:, 2] = 0.0
+        return energies
+
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         positions_into(block.frames, self._points)

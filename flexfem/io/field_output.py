@@ -110,6 +110,7 @@ class FieldOutput:
             cells, of = elements.corners.astype(np.int64), np.arange(len(elements.body))
         position, _, velocity, _ = _motion(part.block)
         strain, resultant = elements.resultants(part.block.frames)
+        energy = elements.energy_parts(part.block.frames) / elements.areas[:, np.newaxis]
         body = elements.body[of]
         return ShellFields(
             position=position,
@@ -120,6 +121,7 @@ class FieldOutput:
             strain=strain[of],
             resultant=resultant[of],
             thickness=self._thickness[body],
+            energy=energy[of],
         )
 
     def close(self) -> None:

@@ -37,6 +37,7 @@ class ShellFields:
         strain: Membrane strains and curvatures (m, 6) along the material axes, 1 and 1/m.
         resultant: Forces in N/m and moments in N (m, 6).
         thickness: Of each triangle (m,), m.
+        energy: Strain energies of membrane, bending and shear per area at the start (m, 3), J/m^2.
     """
 
     position: FloatArray
@@ -47,12 +48,13 @@ class ShellFields:
     strain: FloatArray
     resultant: FloatArray
     thickness: FloatArray
+    energy: FloatArray
 
     @classmethod
     def empty(cls) -> ShellFields:
         """Fields of a rank without shells."""
         v, s, i = np.zeros((0, 3)), np.zeros((0, 6)), np.zeros(0, dtype=np.int64)
-        return cls(v, v, v, np.zeros((0, 3), dtype=np.int64), i, s, s, np.zeros(0))
+        return cls(v, v, v, np.zeros((0, 3), dtype=np.int64), i, s, s, np.zeros(0), v)
 
 
 class ShellWriter:
@@ -89,6 +91,8 @@ class ShellWriter:
                 "resultant": shells.resultant,
                 "bending_moment": _largest_moment(shells.resultant),
                 "thickness": shells.thickness,
+                "membrane_energy": shells.energy[:, 0],
+                "bending_energy": shells.energy[:, 1],
             },
         )
 

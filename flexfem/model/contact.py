@@ -160,7 +160,8 @@ class ContactProbe(AnyProbe):
     """Penetration and forces of a contact.
 
     Columns: name_penetration, the largest one, m; name_fx, name_fy, name_fz, the force on the
-    slaves, N; name_normal, the sum of the sizes of all normal forces, N.
+    slaves, N; name_normal, the sum of the sizes of all normal forces, N; name_closed, how many
+    points touch, those of both passes.
 
     Attributes:
         name: Unique name in the model.
@@ -178,7 +179,7 @@ class ContactProbe(AnyProbe):
         """
         owner = _checks.named(self, self.name)
         _checks.text(owner, "contact", self.contact)
-        labels = ("penetration", "fx", "fy", "fz", "normal")
+        labels = ("penetration", "fx", "fy", "fz", "normal", "closed")
         columns = tuple(f"{self.name}_{label}" for label in labels)
         check_columns(owner, columns)
         _checks.assign(self, columns=columns)

@@ -20,7 +20,14 @@ from flexfem.model.shell import Shell
 if TYPE_CHECKING:
     from flexfem.model.model import Model
 
-__all__ = ["EnergyProbe", "MomentumProbe", "ReactionProbe", "ShellStrainProbe", "StrainProbe"]
+__all__ = [
+    "EnergyProbe",
+    "MomentumProbe",
+    "ReactionProbe",
+    "ShellEnergyProbe",
+    "ShellStrainProbe",
+    "StrainProbe",
+]
 
 _STRAINS = [f"gamma{i}" for i in "123"] + [f"kappa{i}" for i in "123"]
 _SHELL_STRAINS = [f"{what}{i}" for what in ("eps", "kappa") for i in ("11", "22", "12")]
@@ -225,6 +232,36 @@ class StrainProbe(AnyProbe):
             return beam_cell(model.mesh, beam, self.fraction)
         except ValueError as error:
             raise ValueError(f"{owner}: {error}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class ShellEnergyProbe(_BodiesProbe):
+    """Strain energies of shells by kind, J, in the columns name_membrane, _bending and _shear.
+
+    Each is what the strains of its kind alone would store: forces in the plane, moments, and in
+    shells with directors the shear across the thickness, which is zero in the others. They add up
+    to the strain energy of the shells where sections and laws do not couple membrane and bending.
+
+    Attributes:
+        name: Unique name in the model.
+        bodies: Names of shells, None for all.
+    """
+
+    name: str = "shell"
+
+    def __post_init__(self) -> None:
+        """Check the names; see :class:`_BodiesProbe`."""
+        super().__post_init__()
+        _assign_columns(self, ("membrane", "bending", "shear"))
+
+    def check(self, model: "Model") -> None:
+        """See :meth:`AnyProbe.check`."""
+        owner = f'ShellEnergyProbe "{self.name}"'
+        for name in self.bodies or ():
+            if not isinstance(model.get(name), Shell):
+                raise ValueError(f'{owner}: {model!r} has no shell "{name}"')
+        if not model.shells:
+            raise ValueError(f"{owner}: {model!r} has no shells")
 
 
 @dataclass(frozen=True, eq=False)

@@ -305,12 +305,13 @@ class Contacts:
         return sum(made.held.lost for g in self.groups for made in g.every)
 
     def measure(self, name: str) -> FloatArray:
-        """Share of this rank in penetration and forces of a contact, (5,) (collective)."""
+        """This rank's share in penetration, forces and number of a contact, (6,) (collective)."""
         self.refresh()
         group = next(g for g in self.groups if g.surfaces.contact.name == name)
         deepest = max([made.deepest for made in group.every], default=0.0)
         deepest = self._comm.allreduce(deepest, op=MPI.MAX)
-        return np.array([deepest * float(self._comm.rank == 0), *group.forces])
+        closed = sum(made.count for made in group.every)
+        return np.array([deepest * float(self._comm.rank == 0), *group.forces, closed])
 
 
 class ContactShare:

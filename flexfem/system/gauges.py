@@ -19,6 +19,7 @@ from flexfem.model.measured import (
     EnergyProbe,
     MomentumProbe,
     ReactionProbe,
+    ShellEnergyProbe,
     ShellStrainProbe,
     StrainProbe,
 )
@@ -158,6 +159,24 @@ class _ShellStrainGauge:
         return values
 
 
+class _ShellEnergyGauge:
+    """Strain energies of the shells of this rank by kind."""
+
+    def __init__(self, system: System, serial: Assembly, probe: ShellEnergyProbe) -> None:
+        self._part = next(part for part in system.parts if part.kind == SHELLS)
+        shells = self._part.elements
+        assert isinstance(shells, (RotationFreeShells, DirectorShells))
+        self._shells = shells
+        names = [shell.name for shell in serial.model.shells]
+        chosen = np.array([probe.bodies is None or name in probe.bodies for name in names])
+        self._cells = chosen[shells.body]
+
+    def update(self) -> FloatArray:
+        parts = self._shells.energy_parts(self._part.block.frames)
+        total: FloatArray = self._cells @ parts
+        return total
+
+
 def create_gauge(probe: AnyProbe, system: System, serial: Assembly) -> Gauge | None:
     """Gauge of a probe (collective), None for functions of markers."""
     match probe:
@@ -169,6 +188,8 @@ def create_gauge(probe: AnyProbe, system: System, serial: Assembly) -> Gauge | N
             return MomentumMeter(system, serial.model, probe.bodies)
         case ReactionProbe():
             return _ReactionGauge(system, probe)
+        case ShellEnergyProbe():
+            return _ShellEnergyGauge(system, serial, probe)
         case ShellStrainProbe():
             return _ShellStrainGauge(system, serial, probe)
         case StrainProbe():

@@ -73,24 +73,22 @@ def pressed_plate(element: str, cells: int, tolerance: float) -> Result:
 
 def draped_fabric(mesh: str) -> list[Result]:
     """The fabric of ``cases/draping.py`` on its sphere, relaxed."""
-    model = load_case("draping").build(
-        mesh=mesh, element="rotation_free", diagonal="right", warp_angle=0.0, friction=0.0,
-        contact_stiffness=5e7, self_contact=False, imperfection=0.01, symmetric=True, seed=0,
-    )  # fmt: skip
+    case = load_case("draping")
+    model = case.build(**case.prepare({"mesh": mesh})[0])
     outcome = ff.relax(model, ff.RelaxationOptions(tolerance=1e-3, quiet=True))
     if outcome.status != "ok":
         raise RuntimeError(f"draping: {outcome.status}")
     end = {name: float(values[-1]) for name, values in outcome.history.items()}
     weight = 0.3 * 0.3 * 0.593e-3 * 320.4 * 9.81
-    case, words = "draped fabric", f"{mesh.replace('x', ' x ')} nodes, relaxation to 1e-3"
+    name, words = "draped fabric", f"{mesh.replace('x', ' x ')} nodes, relaxation to 1e-3"
     # forces out of balance are 1e-3 in root mean square over the nodes, and their sum less;
     # nodes that pass through the sphere sink in by more than the thickness; rounding, which is not
     # symmetric, grows on the way, and a sheet that slides off to one side is off by a tenth
     return [
-        Result(case, "force of the sphere, N", weight, "weight", end["contact_fz"], words, 1e-3),
-        Result(case, "penetration over thickness", 0.0, "rigid sphere",
+        Result(name, "force of the sphere, N", weight, "weight", end["contact_fz"], words, 1e-3),
+        Result(name, "penetration over thickness", 0.0, "rigid sphere",
                end["contact_penetration"] / 0.593e-3, words, 2e-2),
-        Result(case, "outline off itself after half a turn, over its radius", 0.0, "symmetry",
+        Result(name, "outline off itself after half a turn, over its radius", 0.0, "symmetry",
                end["outline_half_turn"], words, 1e-3),
     ]  # fmt: skip
 

@@ -22,7 +22,8 @@ STEP = 1e-3
 
 def shells(mesh: str, element: str, t_end: float) -> Mapping[str, np.ndarray]:
     """History of the pendulum."""
-    model = load_case("cylindrical_pendulum").build(mesh=mesh, size=0.0, element=element)
+    case = load_case("cylindrical_pendulum")
+    model = case.build(**case.prepare({"mesh": mesh, "element": element})[0])
     return run(model, STEP, t_end, tolerance=1e-6)
 
 

@@ -28,7 +28,7 @@ def turned(t: float, before: ff.MarkerState, after: ff.MarkerState) -> tuple[flo
 
 def motion(element: str, mesh: str, dt: float, t_end: float) -> Mapping[str, np.ndarray]:
     """History with the angles of both hinges."""
-    model = CASE.build(mesh=mesh, element=element)
+    model = CASE.build(**CASE.prepare({"mesh": mesh, "element": element})[0])
     for i, (name, x) in enumerate(ENDS.items(), 1):
         if element != "beam":
             sides = [ff.Marker(strip, (x, 0.0, 0.0)) for strip in (name, f"strip_{i + 1}")]

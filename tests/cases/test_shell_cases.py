@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Options of the cases with shells: folded panels, strips, half cylinders, fabric."""
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.cli import load_case
+
+
+def built(name: str, **given: object) -> ff.Model:
+    """Model of a case."""
+    case = load_case(name)
+    return case.model(**case.prepare(given)[0])
+
+
+def test_contacts_of_the_pile_are_counted() -> None:
+    """Panels that lie closer than their thickness touch from the start, others do not."""
+    case = load_case("solar_array")
+    small = {"panels": 2, "mesh": "5x9", "wire_elements": 2, "t_end": 0.01}
+    assert case.results is not None
+    near, apart = (case.run(**small, **more).history for more in ({"pitch": 7e-4}, {}))
+    counted = case.results(near)
+    assert near["contact_closed"][0] == counted["contacts_at_start"] > 0
+    assert counted["first_contact"] == 0.0
+    counted = case.results(apart)
+    assert counted["contacts_at_start"] == counted["most_contacts"] == 0
+    assert "first_contact" not in counted
+
+
+@pytest.mark.serial
+def test_hinges() -> None:
+    """Lines between panels are hinges or clamps; the container's and the beam's stay hinges."""
+    for hinges, kind in (("free", ff.HingeLine), ("clamped", ff.ClampedLine)):
+        model = built("solar_array", panels=3, mesh="3x9", hinges=hinges)
+        assert [type(model[f"hinge_{i}"]) for i in (1, 2)] == [kind, kind]
+        assert type(model["hanger"]) is ff.HingeLine
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("ramp", [0.5, 4.0])
+def test_ramps_of_the_mast(ramp: float) -> None:
+    """The way ends where it should, with the given speed between ramps and no jump of it."""
+    speed, way = 0.2, 1.5
+    lift = load_case("solar_array").build.__globals__["Lift"](way, speed, ramp)
+    t = np.linspace(0.0, lift.end, 2001)
+    rate = np.gradient([lift(at) for at in t], t)
+    # differences over a two-thousandth of the time; a ramp that begins with the full speed has
+    # half of it at the ends
+    assert [lift(0.0), lift(lift.end), lift(2.0 * lift.end)] == pytest.approx([0.0, way, way])
+    assert rate.max() == pytest.approx(speed, rel=1e-3)
+    assert max(abs(rate[0]), abs(rate[-1])) < 1e-3 * speed
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"pitch": 0.3}, "the pitch must be below 0.225 m, half a panel, got 0.3"),
+        ({"wire_inset": 1.3}, "wire-inset must be below 1.2 m, half the length of a panel"),
+        ({"ramp": 100.0}, "the way of the mast, .* m, must be at least that of both ramps, 10 m"),
+    ],
+)
+def test_lengths_that_do_not_go_together(given: dict[str, float], message: str) -> None:
+    """Refused in one line that names the value."""
+    with pytest.raises(ValueError, match=message):
+        built("solar_array", panels=2, mesh="3x9", **given)
+
+
+@pytest.mark.serial
+def test_sphere_of_triangles() -> None:
+    """It is closed, as large as the sphere but for its chords, and a quarter turn is a symmetry."""
+    radius, size = 0.05, 0.008
+    ball = load_case("draping").build.__globals__["ball"](radius, size)
+    corners = ball.points[ball.triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    assert 0.8 * size < edges.max() <= size
+    volume = np.linalg.det(corners).sum() / 6.0
+    # chords take (size/radius)^2/4 at most; a side that is missing or turned takes an eighth
+    assert volume == pytest.approx(4.0 / 3.0 * np.pi * radius**3, rel=0.25 * (size / radius) ** 2)
+    turned = ball.points[:, [1, 0, 2]] * [-1.0, 1.0, 1.0]
+    places = {tuple(np.round(point, 12) + 0.0) for point in ball.points}
+    assert {tuple(np.round(point, 12) + 0.0) for point in turned} == places
+    assert isinstance(built("draping", mesh="9x9", sphere="mesh")["support"], ff.Contact)
+
+
+@pytest.mark.serial
+def test_numbers_reach_the_models() -> None:
+    """Sizes and densities change the mesh and the mass per area."""
+    half = built("cylindrical_pendulum", mesh="7x5", radius=0.5, length=2.0)
+    assert half.surface is not None
+    assert half.surface.areas.sum() == pytest.approx(2.0 * np.pi * 0.5 * 2.0, rel=0.02)
+    strips = built("circular_strips", mesh="41x3", radius=1.0, width=0.2, density=1e3)
+    assert strips.surface is not None
+    assert strips.surface.areas.sum() == pytest.approx(3.0 * np.pi * 0.2, rel=0.01)
+    assert strips["strip_1"].section.mass == pytest.approx(1.0)
