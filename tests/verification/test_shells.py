@@ -243,3 +243,37 @@ def test_damping_is_proportional_to_stiffness() -> None:
     values = np.array(modes.eigenvalues)
     # exact; a damping matrix of other units or a missing part of it changes the first digit
     np.testing.assert_allclose(-values.real, 0.5 * times * abs(values) ** 2, rtol=1e-6)
+
+
+def _sagging(width: float, cells: tuple[int, int], poisson: float) -> float:
+    """Mean deflection of the corners at the tip of a clamped director strip under its weight."""
+    model = ff.Model(surface=ff.SurfaceMesh.rectangle("sheet", (1.0, width), cells))
+    section = ff.ShellSection.isotropic(1e-2, ff.Material(2e9, poisson, 1000.0))
+    assert model.surface is not None
+    points = model.surface.points
+    corners = points[np.isclose(points[:, 0], points[:, 0].max())][:, 1]
+    x = float(points[:, 0].max())
+    model.add(
+        ff.Gravity((0, 0, -9.81)),
+        ff.Shell("sheet", section, element="director", edges={"sheet_left": "clamped"}),
+        *(ff.PositionProbe(f"at_{k}", ff.Marker("sheet", (x, float(y), 0.0)))
+          for k, y in enumerate((corners.min(), corners.max()))),
+    )  # fmt: skip
+    found = ff.solve_static(model, ff.StaticOptions(linear=True, quiet=True))
+    assert found.status == "ok"
+    return float(0.5 * (found.history["at_0_z"][-1] + found.history["at_1_z"][-1]))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("poisson", "soft"), [(0.0, 3.4e-2), (0.3, 1.45e-2)])
+def test_single_rows_of_wide_director_cells_are_as_soft_as_is_said(
+    poisson: float, soft: float
+) -> None:
+    """0.8 times as wide as long; the share depends on Poisson's ratio."""
+    fine, one, two = (_sagging(0.8, cells, poisson) for cells in ((16, 13), (8, 1), (16, 2)))
+    # the texts' figures to their last digit: those of the other ratio are a factor of two off
+    assert one / fine - 1.0 == pytest.approx(soft, rel=0.05)
+    assert 0.0 < two / fine - 1.0 < 8e-3
+    if poisson == 0.0:
+        beam = -1000.0 * 9.81 * 1e-2 * 12.0 / (8.0 * 2e9 * 1e-6)  # q L^4 / 8 EI
+        assert fine == pytest.approx(beam, rel=1e-3)

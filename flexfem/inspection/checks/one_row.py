@@ -2,9 +2,17 @@
 """Director shells that are one row of wide cells.
 
 Without nodes inside, nothing but the directors at free edges tells the cells how to bend. Clamped
-strips of one row under their weight, 8 to 32 cells along, are too soft by 0.3 to 0.7 % where they
-are 0.4 times as wide as long, 3 % at 0.8 times and 25 % at 1.6 times; two rows are right to 0.5 %
-up to 0.8 times.
+strips under their weight, of 8 and 16 cells along, are too soft by (mean deflection of the corners
+at the tip, against 16 cells along and as wide as long)
+
+====================  ===========  ============  ============  ==========
+width by length       0.2          0.4           0.8           1.6
+====================  ===========  ============  ============  ==========
+one row,  nu = 0      0.2-0.3 %    0.5-0.8 %     2.8-3.4 %     25-26 %
+one row,  nu = 0.3    0.4 %        0.3-0.6 %     0.7-1.5 %     21-22 %
+two rows, nu = 0      0.1 %        0.2 %         0.7 %         5 %
+two rows, nu = 0.3    0.3 %        0.4 %         0.4 %         3 %
+====================  ===========  ============  ============  ==========
 """
 
 from collections.abc import Iterator
