@@ -24,9 +24,10 @@ __all__ = ["EnergyWatch"]
 
 #: Energies are looked at in every so many steps, in the first ones more often.
 _EVERY = 256
-#: Part of the largest energy that may come from nowhere, see ``made_up_energy``. The work of drives
-#: is that of multipliers, which swing where steps are coarse: losses beside it prove nothing.
-_GAIN, _DRIVEN_GAIN = 0.02, 0.3
+#: Part of the largest energy that may come from nowhere, see ``made_up_energy``, without drives and
+#: with them. Their work is that of multipliers, which swing where steps are coarse: what they may
+#: miss by it counts as well (``DriveChanges.work``), but in gains not more than the last part.
+_GAIN, _DRIVEN_GAIN, _MOST_GAIN = 0.02, 0.05, 0.3
 #: Part of the largest energy that a scheme may lose where nothing can take it. Of a load that is
 #: put on at once half of the work goes into vibrations, which unresolved ones may all lose.
 _LOSS = 0.75
@@ -63,7 +64,8 @@ class EnergyWatch:
             load.amplitude is None and not load.follower and not np.any(load.wrench[1])
             for load in model.loads
         )
-        self._every_step = self._driven or not steady
+        # the work of steady forces needs no sum
+        self._varying = not steady
         driven = np.array([j.joint.driven for j in rows.joints], dtype=np.bool_)[rows.joint_of_row]
         spring = (rows.elastic[:, 0] == LawKind.SPRING) & ~driven & (rows.owned > 0.0)
         self._preload: FloatArray = np.where(spring, rows.elastic[:, 3], 0.0)
@@ -72,7 +74,7 @@ class EnergyWatch:
         self._work = self._most_work = 0.0
         self._count = self._events = 0
         self._base = self._before = np.nan
-        self._largest = self._gain = self._loss = 0.0
+        self._largest = self._gain = self._most_gain = self._loss = 0.0
         self._gained_at = self._lost_at = system.time
         self._turn: tuple[float, float, int, int] = (0.0, 0.0, 0, 0)
         self._bad: float | None = None
@@ -87,16 +89,21 @@ class EnergyWatch:
 
     def follow(self) -> None:
         """Take in the work up to an accepted state."""
-        if not self._every_step:
+        if not (self._driven or self._varying):
             return
-        h, self._time = self._system.time - self._time, self._system.time
         if self._driven:
-            self._work += self._drives.work()
-        if len(self._loads):
+            self._drives.follow()
+        if self._varying:
+            h, self._time = self._system.time - self._time, self._system.time
             before, self._loads = self._loads, self._meter.loads()
             self._work += work_of_loads(before, self._loads, h)
-        if abs(self._work) > self._most_work:
-            self._most_work = abs(self._work)
+        done = abs(self._done())
+        if done > self._most_work:
+            self._most_work = done
+
+    def _done(self) -> float:
+        """Work of loads and drives so far, on this rank, J."""
+        return self._work + self._drives.work.item(0)
 
     def step(self, events: int, last: bool) -> None:
         """Take in the end of a whole step (collective at some).
@@ -122,12 +129,12 @@ class EnergyWatch:
         kinetic, strain, gravity = self._meter.stored().tolist()
         if self._preload.any():
             strain += float(self._preload @ rows.sums())
-        work = self._work
-        if not self._every_step and len(self._loads):
-            work = work_of_loads(self._loads, self._meter.loads(), 0.0)
+        work = self._done()
+        if not self._varying and len(self._loads):
+            work += work_of_loads(self._loads, self._meter.loads(), 0.0)
         finite = np.isfinite(rows.forces).all()
         most = self._most_work if finite else np.nan
-        shares = np.array([kinetic, strain, gravity, work, most])
+        shares = np.array([kinetic, strain, gravity, work, most, self._drives.work[1]])
         if system.comm.size > 1:
             system.comm.Allreduce(MPI.IN_PLACE, shares)
         self._note_turns()
@@ -136,7 +143,8 @@ class EnergyWatch:
     def _note(self, shares: FloatArray) -> None:
         """Compare energies (kinetic, strain, gravity's, work) with those at the start.
 
-        The last one is the largest work so far: what comes and goes between two looks counts, too.
+        The next one is the largest work so far: what comes and goes between two looks counts, too.
+        The last one is what the work of drives may miss.
         """
         t = self._system.time
         if not np.isfinite(shares).all():
@@ -145,9 +153,12 @@ class EnergyWatch:
         balance = float(shares[:3].sum() - shares[3])
         if np.isnan(self._base):
             self._base = self._before = balance
-        self._largest = max(self._largest, float(np.abs(shares).max()))
-        self._gain = max(self._gain, balance - self._base)
-        self._loss = max(self._loss, self._base - balance)
+        doubt, self._largest = float(shares[5]), max(self._largest, float(np.abs(shares[:5]).max()))
+        self._gain, self._most_gain = (
+            max(self._gain, balance - self._base - doubt),
+            max(self._most_gain, balance - self._base),
+        )
+        self._loss = max(self._loss, self._base - balance - doubt)
 
     def _note_turns(self) -> None:
         """The largest turn of a node of this rank in a step so far."""
@@ -197,14 +208,15 @@ class EnergyWatch:
 
     def _balance(self) -> list[str]:
         largest, part = self._largest, _DRIVEN_GAIN if self._driven else _GAIN
+        gained = self._gain > part * largest or self._most_gain > _MOST_GAIN * largest
         if not self._complete or largest <= _NOTHING:
             return []
-        if self._gain > part * largest and not self._probed:
+        if gained and not self._probed:
             return [
-                f"the integration has made up {self._gain:.3g} J beside energies of "
+                f"the integration has made up {self._most_gain:.3g} J beside energies of "
                 f"{largest:.3g} J at most; {_SMALLER} (EnergyProbe tells when)"
             ]
-        if self._loss > _LOSS * largest and not (self._losing or self._driven):
+        if self._loss > _LOSS * largest and not self._losing:
             return [
                 f"the integration has lost {self._loss:.3g} J beside energies of "
                 f"{largest:.3g} J at most, where nothing takes any; {_SMALLER} (EnergyProbe tells "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What drives do from step to step: their work, and whether they jump."""
+"""What drives do from step to step: their work, how sure it is, and whether they jump."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ def isolated(before: float, middle: float, after: float) -> bool:
 
 @kernel
 def _work(
-    rows: IntArray, forces: FloatArray, sums: FloatArray, mean: bool, last: FloatArray
-) -> float:
-    """Work that rows do on bodies; ``last`` (2, k) forces and sums, brought up to date."""
-    total = 0.0
+    rows: IntArray, forces: FloatArray, sums: FloatArray, mean: bool, last: FloatArray,
+    work: FloatArray,
+) -> None:  # fmt: skip
+    """Add the work that rows do on bodies; ``last`` (2, k) forces and sums, brought up to date."""
     for k in range(rows.size):
         r = rows[k]
-        force = forces[r] if mean else 0.5 * (last[0, k] + forces[r])
-        total -= force * (sums[r] - last[1, k])
+        way, change = sums[r] - last[1, k], 0.5 * (forces[r] - last[0, k])
+        work[0] -= (forces[r] if mean else forces[r] - change) * way
+        work[1] += abs(change * way)
         last[0, k], last[1, k] = forces[r], sums[r]
-    return total
 
 
 @kernel
@@ -69,6 +69,9 @@ class DriveChanges:
     """The driven rows that this rank owns.
 
     Attributes:
+        work: (2,) what they have done on bodies so far, J, and half of what it would differ by with
+            the forces at the ends of the steps in place of those at their starts, taken as absolute
+            values: as much may be missing where forces swing from step to step.
         rows: (k,) their numbers; a drive that turns directions instead of moving targets is not
             among them.
         complete: whether all driven rows are.
@@ -102,15 +105,16 @@ class DriveChanges:
         self._past[:, 0] = values
         self._largest, self._jumps = np.zeros(len(self.rows)), np.zeros((len(self.rows), 3))
         self._steps = 0
+        self.work = np.zeros(2)
 
     def _values(self) -> FloatArray:
         """(r,) sums of the rows, right for the driven ones."""
         return self._table.targets if self._all_held else self._table.sums()
 
-    def work(self) -> float:
-        """Work of the driven rows since the last call, J."""
+    def follow(self) -> None:
+        """Add the work since the last call to that so far."""
         rows = self._table
-        return float(_work(self.rows, rows.forces, self._values(), rows.mean_forces, self._last))
+        _work(self.rows, rows.forces, self._values(), rows.mean_forces, self._last, self.work)
 
     def forget(self) -> None:
         """Do not compare with steps before: an event may have changed what is held."""

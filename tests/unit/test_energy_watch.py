@@ -156,6 +156,47 @@ def test_energy_that_only_the_scheme_takes_is_told() -> None:
     assert warned(vibrating(0.0), 2e-4, 0.1) == []
 
 
+def arm_beside(model: ff.Model) -> ff.Model:
+    """A light arm that is turned by a drive beside what else moves."""
+    ends = ff.Ground((5.0, 0.0, 0.0)), ff.Marker("arm")
+    model.add(
+        ff.RigidBody("arm", 0.1, (1e-3, 1e-3, 1e-3), position=(5.0, 0.0, 0.0)),
+        ff.Revolute("hinge", *ends),
+        ff.PrescribedAngle("motor", *ends, angle=ff.SmoothStep(0.0, 0.3)),
+    )
+    return model
+
+
+@pytest.mark.serial
+def test_gains_and_losses_beside_a_drive() -> None:
+    """What the work of a drive cannot explain is told, though there is one."""
+    (line,) = warned(arm_beside(vibrating(0.0)), 0.02, 1.0, rho_inf=0.0)
+    # 0.5 J vibrated; the drive's work of 0.3 J at most comes and goes
+    assert line.startswith("the integration has lost 0.")
+    assert warned(arm_beside(vibrating(0.0)), 2e-4, 0.1) == []
+    # a quarter of the largest energy, of which a fifteenth may be the drive's
+    (line,) = warned(arm_beside(falling()), 0.4 / 26, 0.4, rho_inf=1.0)
+    assert line.startswith("the integration has made up")
+    assert warned(arm_beside(falling()), 2e-4, 0.4, rho_inf=1.0) == []
+
+
+@pytest.mark.three_ranks
+def test_the_watch_is_the_same_on_any_number_of_ranks() -> None:
+    """What it compares and judges, with works of loads and drives on different ranks."""
+    options = ff.RunOptions(dt=2e-3, t_end=0.4, tolerance=1e-11, quiet=True)
+    seen = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        simulation = Simulation(busy(), options, comm)
+        watch = EnergyWatch(simulation.system, simulation.serial, 2e-3, probed=False, fast=False)
+        for step in range(20):
+            simulation.advance(2e-3, 2e-3 * (step + 1))
+            watch.step(0, step == 19)
+        sums = comm.allreduce(np.array([watch._done(), *watch._drives.work]))
+        seen.append([watch._largest, watch._gain, watch._most_gain, watch._loss, *sums])
+    # a drive that two ranks count, or a load that none does, is of the order of the largest
+    np.testing.assert_allclose(seen[1], seen[0], rtol=0.0, atol=1e-9 * seen[0][0])
+
+
 def busy() -> ff.Model:
     """A double pendulum with a drive, an actuator, a load that varies and one that follows."""
     model = ff.Model("busy")
@@ -196,7 +237,7 @@ def test_work_of_loads_and_drives_is_that_of_the_energy_probe() -> None:
     for step in range(200):
         simulation.advance(2e-3, 2e-3 * (step + 1))
         watch.step(0, step == 199)
-    work = simulation.system.comm.allreduce(watch._work)
+    work = simulation.system.comm.allreduce(watch._done())
     history = MPI.COMM_WORLD.bcast(ff.simulate(busy(), options).history)
     largest = np.abs(history["energy_work"]).max()
     assert largest > 1.0
