@@ -132,7 +132,8 @@ class ReactionProbe(AnyProbe):
     Columns name_fx, _fy, _fz, _mx, _my, _mz; the moment is about the origin of marker b. A body
     that hangs from the ground (marker a) on a joint feels the opposite of its weight. Marker a's
     body feels the opposite force at the same place. Of a joint of lines of shells it is the
-    resultant, the moment about its first node, in inertial axes.
+    resultant in inertial axes, the moment about the first node of the second line, or about the
+    marker of the body that it holds a line to.
 
     In motions the force belongs to the time of the row and to accelerations that satisfy the
     constraints there, whatever the integrator; drives are differentiated over eighths of a step.

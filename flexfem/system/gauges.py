@@ -46,7 +46,8 @@ class Gauge(Protocol):
 class _ReactionGauge:
     """Force and moment of a joint on the body of its marker b, on the rank that owns the joint.
 
-    Of the parts of a joint of lines it is the resultant, about the first part's marker there.
+    Of the parts of a joint of lines it is the resultant, about the first part's marker there: a
+    node of the line, or the marker of a body.
     """
 
     def __init__(self, system: System, probe: ReactionProbe) -> None:
