@@ -18,8 +18,7 @@ def idle_or_crowded(system: System) -> list[str]:
     idle = comm.allreduce(int(not any(part.block.owned for part in system.parts)))
     if idle:
         found.append(
-            f"{idle} of {comm.size} ranks without bodies only wait: bodies stay whole, but for "
-            "those with more elements than split_above; take fewer ranks"
+            f"{idle} of {comm.size} ranks have no bodies and wait; fewer ranks take no longer"
         )
     ranks, cores = _crowded(comm)
     if ranks:

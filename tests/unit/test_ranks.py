@@ -62,7 +62,7 @@ def test_ranks_in_vain_are_told_once(
 
     comm = MPI.COMM_WORLD
     expected = [] if comm.size == 1 else [
-        f"{comm.size - 1} of {comm.size} ranks without bodies only wait",
+        f"{comm.size - 1} of {comm.size} ranks have no bodies",
         f"{comm.size} ranks share 1 cores",
     ]  # fmt: skip
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})
