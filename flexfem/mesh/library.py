@@ -9,6 +9,7 @@ from typing import Any
 
 from flexfem import _checks
 from flexfem._faults import FAILURES, mistake
+from flexfem._memory import LINE_NODE, check_run
 from flexfem.installation import require
 from flexfem.mesh.gmsh_reader import session
 from flexfem.mesh.line_mesh import LineMesh
@@ -36,6 +37,9 @@ def build_mesh(name: str | Path, **parameters: float) -> LineMesh:
         ValueError: Unknown mesh or parameter, a parameter of the library's that is not
             positive, no lines in it, or a script that fails.
     """
+    count = parameters.get("elements")  # at least, before gmsh makes them
+    if isinstance(count, int):
+        check_run(f'mesh "{name}": a step with {count} elements', float(count), LINE_NODE)
     return _built(name, parameters, LineMesh.from_gmsh_model)
 
 

@@ -44,6 +44,10 @@ MESHES = {
     "LineMesh: a step with 1000000000000000 elements a line": (lambda: rod(10**15), None),
     "LineMesh: a step with 10000000 elements a line": (lambda: rod(10**7), 3e10),
     "LineMesh: a step with 1000000 elements": (lambda: chain(10**6), 8e9),
+    'mesh "chain": a step with 10000000 elements': (
+        lambda: ff.build_mesh("chain", elements=10**7),
+        3e10,
+    ),
     "NurbsCurve: a step with 1000000000000000 elements": (lambda: curve(10**15), None),
     "NurbsCurve: a step with 10000000 elements": (lambda: curve(10**7), 3e10),
     "NurbsCurve: a step with 1000000 elements": (lambda: curve(1).refine(10**6), 8e9),
