@@ -42,8 +42,6 @@ def read_surface(path: Path) -> tuple[FloatArray, IntArray]:
     points, triangles = FORMATS[suffix](content)
     if len(triangles) == 0:
         raise ValueError("it has no triangles")
-    if not np.isfinite(points).all():
-        raise ValueError("its points are not all finite")
     return points, triangles
 
 
@@ -52,8 +50,10 @@ def _stl(content: bytes) -> tuple[FloatArray, IntArray]:
     count = int.from_bytes(content[_HEAD - 4 : _HEAD], "little") if len(content) >= _HEAD else 0
     held = (len(content) - _HEAD) // _FACET.itemsize
     if len(content) >= _HEAD and held == count:
-        facets = np.frombuffer(content, _FACET, count, _HEAD)
-        corners = facets["corners"].astype(np.float64).reshape(-1, 3)
+        single = np.frombuffer(content, _FACET, count, _HEAD)["corners"]
+        if not np.isfinite(single).all():  # some of what is no number cannot be converted
+            raise ValueError("its points are not all finite")
+        corners = single.astype(np.float64).reshape(-1, 3)
     elif content.lstrip()[:5].lower() == b"solid":
         corners = _stl_corners(content)
     elif len(content) < _HEAD:

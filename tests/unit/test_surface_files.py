@@ -73,6 +73,10 @@ REFUSED = {
         ".stl", binary(4, b"x").replace(struct.pack("<f", 1.0), struct.pack("<f", np.nan), 1),
         "its points are not all finite",
     ),
+    "signalling NaN": (
+        ".stl", binary(4, b"x").replace(struct.pack("<f", 1.0), b"\1\0\x80\x7f", 1),
+        "its points are not all finite",
+    ),
     "neither": (".stl", b"no triangles", "it is neither a binary nor an ASCII STL file"),
     "ends early": (
         ".stl", SOLID.removesuffix("endsolid a plate\n").encode(),
