@@ -22,6 +22,8 @@ _KINK = np.deg2rad(1.0)
 # Steps of an element when a normal is carried along the curve: the error of the double
 # reflection falls with their fourth power
 _STEPS = 32
+# Chords shorter than this, relative to the curve's size, have no direction but round-off's
+_SHORT = 1e-6
 # The frames of the control points are found when the rotations differ by less, radians
 _TOLERANCE = 1e-13
 _ITERATIONS = 60
@@ -235,6 +237,9 @@ def _carried(curve: "NurbsCurve", u: FloatArray) -> tuple[FloatArray, FloatArray
     x, t = curve.position(grid), _tangents(curve, grid)
     normals = any_normal(t)
     chords = np.diff(x, axis=0)
+    # places may differ by round-off only, and the chord of a short step is along both tangents
+    short = np.linalg.norm(chords, axis=1) < _SHORT * np.ptp(x, axis=0).max()
+    chords[short] = t[:-1][short] + t[1:][short]
     moved = reflect(reflect(normals[:-1], chords), t[1:] - reflect(t[:-1], chords))
     angle = np.append(0.0, np.cumsum(angle_about(moved, normals[1:], t[1:])))[:, None]
     e2 = np.cos(angle) * normals + np.sin(angle) * np.cross(t, normals)

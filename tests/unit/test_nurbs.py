@@ -310,6 +310,19 @@ def test_frames_of_an_arc(degree, orientation):
     assert mismatch(curve, control_frames(curve, orientation), u, exact) < 1e-12
 
 
+@pytest.mark.parametrize(("degree", "elements"), [(3, 80), (5, 20)])
+def test_frames_where_abscissae_miss_places_on_the_way_by_round_off(degree, elements):
+    start = [np.cos(np.deg2rad(342.5)), np.sin(np.deg2rad(342.5)), 0.0]
+    curve = ff.NurbsCurve.arc(
+        [0, 0, 0], start, EZ, np.deg2rad(215.0), degree=degree, elements=elements
+    )
+    u = greville(degree, curve.knots)
+    x, R = curve.position(u), section_rotations(curve, u)
+    # chords of 1e-17 m have any direction: normals that were reflected there missed by 0.4 rad
+    np.testing.assert_allclose(R[:, :, 1], -x, rtol=0, atol=1e-12)
+    assert mismatch(curve, control_frames(curve), u, R) < 1e-12
+
+
 @pytest.mark.parametrize("degree", [2, 3, 4])
 def test_frames_of_a_helix(degree):
     curve = ff.NurbsCurve.helix([0, 0, 0], [1, 0, 0], EZ, 3.0, 2.0, degree=degree, elements=12)
