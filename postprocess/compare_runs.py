@@ -9,6 +9,10 @@ folder unless named:
 
     python postprocess/compare_runs.py results/cycloid results/cosine --columns D_z \
         --after 20 --output residual.png
+
+Where runs diverge, the axes can be those of the others; the time is noted where a run leaves them:
+
+    python postprocess/compare_runs.py results/consistent results/conventional results/beam --clip
 """
 
 from __future__ import annotations
@@ -27,6 +31,15 @@ import numpy as np
 from plot_history import PlotError, choose, read_table
 
 Table = dict[str, np.ndarray]
+
+#: One style for each run: lines on top of each other stay visible.
+_STYLES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
+#: A run diverges whose extent is so many times that of the one in the middle, ...
+_FAR = 3.0
+#: ... and whose largest value is in the last part of its rows, this one.
+_LATE = 0.8
+#: Columns so much smaller than the largest one of a run are what rounding leaves of zero.
+_ROUND_OFF = 1e-9
 
 
 def load(folders: list[Path], after: float) -> dict[str, Table]:
@@ -60,7 +73,55 @@ def columns_of_all(tables: dict[str, Table], columns: str | None) -> list[str]:
     return columns.split(",")
 
 
-def plot(tables: dict[str, Table], columns: list[str], path: Path) -> None:
+def without_round_off(tables: dict[str, Table], columns: list[str]) -> list[str]:
+    """The columns that are something in one run at least."""
+    kept = set()
+    for table in tables.values():
+        sizes = {column: float(np.abs(table[column]).max()) for column in columns}
+        largest = max(sizes.values())
+        kept |= {column for column, size in sizes.items() if not size <= _ROUND_OFF * largest}
+    return [column for column in columns if column in kept]
+
+
+def common_range(tables: dict[str, Table], column: str) -> tuple[float, float]:
+    """Smallest and largest value of the runs that do not diverge, with a margin."""
+    finite = [values for one in tables.values() if np.isfinite(values := one[column]).all()]
+    if not finite:
+        raise PlotError(f"column '{column}': no run has finite values")
+    middle = sorted(map(np.ptp, finite))[(len(finite) - 1) // 2]
+    kept = [
+        values
+        for values in finite
+        if np.ptp(values) <= _FAR * middle or np.argmax(np.abs(values)) < _LATE * len(values)
+    ]
+    low, high = min(map(np.min, kept)), max(map(np.max, kept))
+    margin = 0.15 * (high - low) or 1.0
+    return float(low - margin), float(high + margin)
+
+
+def clip(panel: Any, tables: dict[str, Table], column: str) -> None:
+    """Give a panel the range of the runs that do not diverge, and note where the others leave."""
+    low, high = common_range(tables, column)
+    notes = 0
+    for i, (label, table) in enumerate(tables.items()):
+        outside = ~((table[column] >= low) & (table[column] <= high))
+        if not outside.any():
+            continue
+        first = int(np.argmax(outside))
+        t, value = table["t"][first], np.clip(np.nan_to_num(table[column][first]), low, high)
+        panel.plot(t, value, "x", color=f"C{i}", clip_on=False)
+        place = (t, low + (0.08 + 0.1 * notes) * (high - low))
+        late = t > 0.6 * table["t"][-1]
+        panel.annotate(
+            f"{label} leaves at {t:.3g} s", place, xytext=(-6 if late else 6, 0), color=f"C{i}",
+            textcoords="offset points", ha="right" if late else "left", fontsize=8,
+        )  # fmt: skip
+        panel.lines[i].set_data(table["t"][: first + 1], table[column][: first + 1])
+        notes += 1
+    panel.set_ylim(low, high)
+
+
+def plot(tables: dict[str, Table], columns: list[str], path: Path, clipped: bool) -> None:
     """Write the picture of runs that all have these columns."""
     figure, axes = plt.subplots(
         len(columns),
@@ -71,9 +132,12 @@ def plot(tables: dict[str, Table], columns: list[str], path: Path) -> None:
         layout="constrained",
     )
     for panel, column in zip(axes[:, 0], columns, strict=True):
-        for label, table in tables.items():
-            panel.plot(table["t"], table[column], linewidth=1.4, label=label)
+        for i, (label, table) in enumerate(tables.items()):
+            style = _STYLES[i % len(_STYLES)]
+            panel.plot(table["t"], table[column], linestyle=style, linewidth=1.4, label=label)
         dress(panel, column)
+        if clipped:
+            clip(panel, tables, column)
     axes[0, 0].legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     axes[-1, 0].set_xlabel("t (s)")
     figure.savefig(path, dpi=140)
@@ -81,9 +145,12 @@ def plot(tables: dict[str, Table], columns: list[str], path: Path) -> None:
 
 
 def make(
-    folders: list[Path], columns: str | None, after: float = -np.inf, output: Path | None = None
-) -> Path:
+    folders: list[Path], columns: str | None, after: float = -np.inf, output: Path | None = None,
+    clipped: bool = False,
+) -> Path:  # fmt: skip
     """Plot several runs; returns the picture.
+
+    With clipped axes, columns that are nothing but round-off are left out unless they are named.
 
     Raises:
         ValueError: Options or tables cannot be used.
@@ -91,7 +158,10 @@ def make(
     """
     target = output or folders[0] / "comparison.png"
     tables = load(folders, after)
-    plot(tables, columns_of_all(tables, columns), target)
+    chosen = columns_of_all(tables, columns)
+    if clipped and columns is None:
+        chosen = without_round_off(tables, chosen)
+    plot(tables, chosen, target, clipped)
     return target
 
 
@@ -103,12 +173,13 @@ def main(argv: list[str] | None = None) -> int:
         "--columns", metavar="A,B", help="columns to plot (default: all of the first folder)"
     )
     parser.add_argument("--after", metavar="T", type=float, default=-np.inf, help="from t = T on")
+    parser.add_argument("--clip", action="store_true", help="axes of the runs that do not diverge")
     parser.add_argument(
         "--output", type=Path, metavar="FILE", help="default: comparison.png in the first folder"
     )
     options = parser.parse_args(argv)
     try:
-        print(make(options.folders, options.columns, options.after, options.output))
+        print(make(options.folders, options.columns, options.after, options.output, options.clip))
     except (OSError, ValueError) as exc:
         print(f"compare_runs.py: {exc}", file=sys.stderr)
         return 2

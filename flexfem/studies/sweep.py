@@ -33,6 +33,7 @@ def sweep(
     options: Mapping[str, Any] | None = None,
     together: bool = False,
     reduce: Sequence[str] = (),
+    columns: Sequence[str] = (),
     output: Path | str | None = None,
     jobs: int | None = None,
     ranks: int = 1,
@@ -59,6 +60,7 @@ def sweep(
         together: vary the options together, first value with first value and so on.
         reduce: columns of the history to reduce, such as "max:tip_x": final, max, min, mean or rms
             (means over time); results ``tip_x_max``.
+        columns: other ones that the histories must have, such as those to be plotted.
         output: folder of the study with one folder for each run and the table ``sweep.csv``; None
             for a temporary one.
         jobs: runs at the same time; as many as there are cores for their ranks by default.
@@ -76,7 +78,8 @@ def sweep(
     plan = Plan(
         case, vary, options or {}, together=together, smoke=smoke, analysis=analysis
     )  # fmt: skip
-    return Sweep(plan, [Reduction.parse(text) for text in reduce], output, jobs, ranks, progress)
+    reductions = [Reduction.parse(text) for text in reduce]
+    return Sweep(plan, reductions, columns, output, jobs, ranks, progress)
 
 
 class Sweep:
@@ -88,8 +91,8 @@ class Sweep:
     """
 
     def __init__(
-        self, plan: Plan, reductions: Sequence[Reduction], output: Path | str | None,
-        jobs: int | None, ranks: int, progress: str,
+        self, plan: Plan, reductions: Sequence[Reduction], columns: Sequence[str],
+        output: Path | str | None, jobs: int | None, ranks: int, progress: str,
     ) -> None:  # fmt: skip
         """Check all that can be checked; see :func:`sweep`. Nothing is written."""
         self._ranks = _count("ranks", ranks)
@@ -102,8 +105,8 @@ class Sweep:
         if self.folder is not None:
             self._study = StudyFolder(self.folder, plan.identity, plan.runs)
         self.results: list[dict[str, Any]] = []
-        columns = [reduction.column for reduction in reductions]
-        check_models(plan.identity, [run.parameters for run in plan.runs], columns)
+        needed = [*(reduction.column for reduction in reductions), *columns]
+        check_models(plan.identity, [run.parameters for run in plan.runs], needed)
 
     def _check_launch(self) -> None:
         if launch.launched_in_parallel():
@@ -113,6 +116,11 @@ class Sweep:
     def __len__(self) -> int:
         """Number of runs."""
         return len(self._plan.runs)
+
+    @property
+    def folders(self) -> list[Path]:
+        """Folders of the runs, none where they are temporary."""
+        return [] if self._study is None else [folder.path for folder in self._study.runs]
 
     @property
     def failed(self) -> int:

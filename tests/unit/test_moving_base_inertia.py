@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from flexfem.lie import so3
 from flexfem.moving_base.base import PrescribedBase
 from flexfem.moving_base.basis import Basis, analytic_basis, modal_basis
-from flexfem.moving_base.effects import Effects
+from flexfem.moving_base.effects import Effects, effects_of
 from flexfem.moving_base.equations import PrescribedBaseEquations, Setting
 from flexfem.moving_base.inertia import Inertia, inertia_of
 from flexfem.moving_base.properties import BeamProperties, Piecewise
@@ -130,9 +130,16 @@ def test_coefficients_are_the_taylor_series_of_the_exact_mass_matrix(
         assert np.allclose(second[:6, :6], (inertia.A2 @ d) @ d, atol=1e-6, rtol=0.0)
 
 
-def test_matrices_of_mass_centres_are_the_published_ones(rng: np.random.Generator) -> None:
-    effects = Effects().without("torsional_inertia", "rotary_inertia", "eccentricity")
+@pytest.mark.parametrize("theory", ["consistent", "conventional"])
+def test_matrices_of_mass_centres_are_the_published_ones(
+    theory: str, rng: np.random.Generator
+) -> None:
+    """The conventional algorithm: points on the axis, whatever the functions are modes of."""
+    effects = effects_of(theory)
+    if theory == "consistent":
+        effects = effects.without("torsional_inertia", "rotary_inertia", "eccentricity")
     basis = modal_basis(properties(), effects, N - 2, 5)
+    assert basis.sections.eccentricity.any() == (theory == "conventional")
     v, a, omega, alpha = rng.normal(size=(4, 3))
     base = PrescribedBase(
         velocity=lambda t: v + t * a, acceleration=lambda t: a,
@@ -151,7 +158,9 @@ def test_matrices_of_mass_centres_are_the_published_ones(rng: np.random.Generato
     turned = cross(alpha, phi) + cross(omega, cross(omega, phi))
     assert np.allclose(G, 2.0 * np.einsum("p,api,apj->ij", w, phi, cross(omega, phi)), atol=1e-12)
     expected = basis.stiffness + np.einsum("p,api,apj->ij", w, phi, turned)
-    expected -= np.einsum("p,p,pij->ij", w, rigid[0], basis.shortening)
+    assert np.allclose(eq.inertia.M, np.einsum("p,api,apj->ij", w, phi, phi), atol=1e-12)
+    if theory == "consistent":
+        expected -= np.einsum("p,p,pij->ij", w, rigid[0], basis.shortening)
     assert np.allclose(K, expected, atol=1e-11)
     assert np.allclose(F, -np.einsum("p,api,ap->i", w, phi, rigid), atol=1e-12)
     assert np.allclose(G, -G.T, atol=1e-14)

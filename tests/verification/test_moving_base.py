@@ -235,6 +235,58 @@ def test_small_motion_is_that_of_exact_elements() -> None:
         assert size > 0.01
 
 
+def test_deflected_beam_vibrates_with_modal_damping() -> None:
+    """A base at rest: every function is a damped oscillator, closed form."""
+    ratios = np.array([0.05, 0.02, 0.1, 0.1, 0.1])  # the last one given holds for the others
+    given = {"damping_ratio": ratios[:3].tolist(), "velocity": {"theta1": 0.3}}
+    eq = started({"u2": 0.1, "theta1": -0.2}, **given)
+    q, v = eq.start()
+    assert eq._tip(q)[:3] == pytest.approx([0.1, 0.0, -0.2])
+    assert eq._tip(v)[:3] == pytest.approx([0.0, 0.0, 0.3])
+    # bent by a force, 0.1 (3 x^2 - x^3)/2, but with one mode only; a straight line is 0.02 off
+    shape = eq.basis.node_fields[1] @ q
+    x = eq.basis.nodes
+    assert np.allclose(shape, 0.05 * (3.0 * x**2 - x**3), atol=4e-3)
+    source = ff.MovingBaseBeam(
+        properties=slender(), base=STILL, effects=ff.Effects(out_of_plane=False), modes=3,
+        elements=3, displacement={"u2": 0.1, "theta1": -0.2}, **given,
+    )  # fmt: skip
+    options = ff.RunOptions(dt=2e-3, t_end=2.0, rho_inf=1.0, quiet=True)
+    history = simulate_equations(source, options).history
+    w, t = eq.basis.frequencies, history["t"][:, None]
+    damped = w * np.sqrt(1.0 - ratios**2)
+    sine = (v + ratios * w * q) / damped
+    motion = np.exp(-ratios * w * t) * (q * np.cos(damped * t) + sine * np.sin(damped * t))
+    slow = w < 100.0  # others are at rest, or beyond the step
+    for name, row in (("u2", 1), ("theta1", 3)):
+        expected = motion[:, slow] @ eq.basis.node_fields[row, -1, slow]
+        size = np.abs(expected).max()
+        # undamped, or with the ratio of another function, it is tens of per cent off at the end
+        assert np.abs(history[name] - expected).max() < 0.02 * size
+        assert np.abs(expected[-100:]).max() > 0.05 * size
+
+
+def test_displacement_as_a_function_is_projected() -> None:
+    eq = started()
+    d = np.array([0.3, -0.2, 0.1, 0.0, 0.01])
+    fields = eq.basis.fields
+    again = started(lambda x: fields @ d)
+    assert np.allclose(again.start()[0], d, atol=1e-10)
+    assert not again.start()[1].any()
+
+
+def test_free_base_starts_with_a_deflected_beam() -> None:
+    history = simulate_equations(
+        free(0.0, displacement={"u2": 0.05}, velocity={"u3": 0.1}),
+        ff.RunOptions(dt=5e-3, t_end=0.05, rho_inf=1.0, quiet=True),
+    ).history
+    assert history["u2"][0] == pytest.approx(0.05)
+    assert history["u3"][1] == pytest.approx(0.1 * 5e-3, rel=0.1)
+    # what the beam does, the base answers
+    for name in ("px", "py", "pz"):
+        assert np.abs(history[name] - history[name][0]).max() < 1e-3
+
+
 def free(speed: float = 1.0, **changes: Any) -> ff.MovingBaseBeam:
     """Satellite with a boom; ``speed`` multiplies its rotation."""
     properties = ff.BeamProperties(
@@ -303,11 +355,18 @@ def test_free_base_is_that_of_the_multibody_model() -> None:
         assert np.abs(exact[name] - linear[name]).max() < 0.01 * size, name
 
 
+def slender() -> ff.BeamProperties:
+    """A beam that twists as easily as it bends."""
+    return unit_beam(
+        area=1e3, shear_modulus=10.0, torsion_constant=1e-3, second_moment_2=0.5,
+        second_moment_3=1.0,
+    )  # fmt: skip
+
+
 def started(displacement: Any = None, **more: Any) -> PrescribedBaseEquations:
     """A beam that moves in its plane and twists."""
     given = {"effects": ff.Effects(out_of_plane=False), "modes": 3, "elements": 3, **more}
-    beam = unit_beam(area=1.0, torsion_constant=1e-3)
-    return equations(beam, STILL, displacement=displacement, **given)
+    return equations(slender(), STILL, displacement=displacement, **given)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,8 @@ folders: a panel per column with a line per run, comparison.png in the first fol
 _OF_ONE = {
     "x": "t", "path": None, "planes": "xy,xz", "campbell": False, "axes": "fixed", "orders": 3,
 }  # fmt: skip
+#: Options of several runs.
+_OF_SEVERAL = {"after": None, "clip": False}
 
 
 def execute(argv: Sequence[str], prog: str) -> int:
@@ -27,15 +29,19 @@ def execute(argv: Sequence[str], prog: str) -> int:
         for name, default in _OF_ONE.items():
             if getattr(options, name) != default:
                 raise UsageError(f"argument --{name}: takes one RESULTS_DIR, got {len(folders)}")
-    elif options.after is not None:
-        raise UsageError("argument --after: takes several RESULTS_DIR, got 1")
+    else:
+        for name, default in _OF_SEVERAL.items():
+            if getattr(options, name) != default:
+                raise UsageError(f"argument --{name}: takes several RESULTS_DIR, got 1")
     return print_files(lambda: [_plot(folders, options)])
 
 
 def _plot(folders: list[Path], options: argparse.Namespace) -> Path:
     if len(folders) > 1:
         after = float("-inf") if options.after is None else options.after
-        found = script("compare_runs").make(folders, options.columns, after, options.output)
+        found = script("compare_runs").make(
+            folders, options.columns, after, options.output, options.clip
+        )
     else:
         name = "plot_campbell" if options.campbell else "plot_history"
         found = script(name).make(folders[0], options)
@@ -74,4 +80,8 @@ def _parser(prog: str) -> Parser:
     )
     several = parser.add_argument_group("several runs")
     several.add_argument("--after", type=float, metavar="T", help="only from t = T on [s]")
+    several.add_argument(
+        "--clip", action="store_true",
+        help="axes of the runs that do not diverge, with the time at which the others leave them",
+    )  # fmt: skip
     return parser

@@ -10,6 +10,7 @@ from flexfem import launch
 from flexfem.case import Case
 from flexfem.cli.case_line import check_output, read_options
 from flexfem.cli.case_run import load_case
+from flexfem.cli.postprocessing import print_files, script
 from flexfem.cli.shown_command import shown_command
 from flexfem.cli.usage import Parser, UsageError, folder, join_negative_values, reader
 from flexfem.options import PROGRESS, Option
@@ -44,6 +45,8 @@ def execute(argv: Sequence[str], prog: str) -> int:
     output = own.output or Path("results") / f"{case.folder}_sweep"
     try:
         check_output(output)
+        if own.plot is not None:
+            script("compare_runs")  # what it needs is missed before the first run
         made = _sweep(argv[0], case, own, given, output)
         for _ in made:
             pass
@@ -52,7 +55,8 @@ def execute(argv: Sequence[str], prog: str) -> int:
         raise launch.Interrupted(stop.number, f"{stop}, go on with: {command}") from stop
     except (OSError, TypeError, ValueError) as error:
         raise UsageError(str(error)) from error
-    return _tell(made, output, own.quiet)
+    code = _tell(made, output, own.quiet)
+    return code if code or own.plot is None else _picture(made, own, output)
 
 
 def _parser(prog: str) -> Parser:
@@ -68,6 +72,11 @@ def _parser(prog: str) -> Parser:
         "--reduce", action="append", default=[], metavar="HOW:COLUMN,...",
         help="columns of the history to reduce, such as max:tip_x: final, max, min, mean, rms",
     )  # fmt: skip
+    add(
+        "--plot", metavar="A,B",
+        help="these columns of all runs in one picture, comparison.png in the folder of the sweep",
+    )  # fmt: skip
+    add("--clip", action="store_true", help="with --plot: axes of the runs that do not diverge")
     add("--jobs", type=count, metavar="N", help="runs at a time (default: cores / ranks)")
     add("--ranks", type=count, default=1, metavar="N", help="MPI ranks of each run (default: 1)")
     add(
@@ -104,11 +113,28 @@ def _sweep(name: str, case: Case, own: Any, given: dict[str, Any], output: Path)
             raise ValueError(f"--vary {option} is given twice")
         varied[option] = values
     reduced = [one for text in own.reduce for one in text.split(",")]
+    if own.clip and own.plot is None:
+        raise ValueError("--clip goes with --plot")
     return sweep(
         name, varied, options=given, together=own.zip, reduce=reduced, output=output,
+        columns=[] if own.plot is None else own.plot.split(","),
         jobs=own.jobs, ranks=own.ranks, analysis=case.analysis, smoke=smoke,
         progress="none" if own.quiet else own.progress,
     )  # fmt: skip
+
+
+def _picture(made: "Sweep", own: Any, output: Path) -> int:
+    """Draw the columns of all runs; returns the exit code.
+
+    Raises:
+        UsageError: They have no such columns, or nothing can be drawn here.
+    """
+    target = output / "comparison.png"
+    return print_files(
+        lambda: [
+            script("compare_runs").make(made.folders, own.plot, output=target, clipped=own.clip)
+        ]
+    )
 
 
 def _tell(made: "Sweep", output: Path, quiet: bool) -> int:
