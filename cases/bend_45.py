@@ -16,21 +16,26 @@ import sys
 
 import flexfem as ff
 
-RADIUS = 100.0
+#: Torsion constant of a square section over the fourth power of its side.
 TORSION = {"square": 0.140577, "polar": 1.0 / 6.0}
 
 
-def build(*, elements: int, torsion: str, force: float) -> ff.Model:
+def build(
+    *, elements: int, torsion: str, force: float, radius: float, angle: float, side: float,
+    youngs_modulus: float, poisson_ratio: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` beam elements, a torsion constant and the tip force."""
-    mesh = ff.build_mesh("arc", radius=RADIUS, angle=45.0, first=270.0, elements=elements)
-    shear, twist, bending = 5e6, 5e6 * TORSION[torsion], 1e7 / 12.0
-    section = ff.Section.general((1e7, shear, shear, twist, bending, bending), (1.0,) * 6)
+    mesh = ff.build_mesh("arc", radius=radius, angle=angle, first=270.0, elements=elements)
+    shear = 0.5 * youngs_modulus / (1.0 + poisson_ratio) * side**2
+    axial, twist = youngs_modulus * side**2, shear * TORSION[torsion] * side**2
+    bending = axial * side**2 / 12.0
+    section = ff.Section.general((axial, shear, shear, twist, bending, bending), (1.0,) * 6)
     model = ff.Model("bend_45", mesh=mesh)
     tip = ff.Marker("arc", "end")
     start = mesh.points[mesh.point_groups["end"]]
     model.add(
         ff.Beam("arc", section, orientation=(0.0, 0.0, 1.0)),
-        ff.Rigid("clamp", ff.Ground((0.0, -RADIUS, 0.0)), ff.Marker("arc", "start")),
+        ff.Rigid("clamp", ff.Ground((0.0, -radius, 0.0)), ff.Marker("arc", "start")),
         ff.PointForce("force", tip, (0.0, 0.0, force)),
         ff.Probe(
             "tip", tip, ("tip_x", "tip_y", "tip_z"), lambda t, at: (at.position - start).tolist()
@@ -48,6 +53,11 @@ CASE = ff.Case(
         ff.Option("elements", int, 16, "beam elements", minimum=1),
         ff.Option("torsion", str, "square", "torsion constant", choices=tuple(TORSION)),
         ff.Option("force", float, 600.0, "tip force at t = 1"),
+        ff.Option("radius", float, 100.0, "of the arc", above=0.0),
+        ff.Option("angle", float, 45.0, "of the arc", unit="deg", above=0.0, maximum=180.0),
+        ff.Option("side", float, 1.0, "of the square section", above=0.0),
+        ff.Option("youngs_modulus", float, 1e7, "of the material", above=0.0),
+        ff.Option("poisson_ratio", float, 0.0, "of the material", minimum=0.0, maximum=0.5),
     ),
     analysis=ff.STATICS,
     load_steps=6,

@@ -20,14 +20,16 @@ import sys
 
 import flexfem as ff
 
-MASS, INERTIA = 1.0, 1e-7
 
-
-def build(*, elements: int, hub: float) -> ff.Model:
+def build(
+    *, elements: int, hub: float, length: float, axial_stiffness: float, flap_stiffness: float,
+    lag_stiffness: float, torsional_stiffness: float, line_mass: float, line_inertia: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements along the blade."""
-    mesh = ff.build_mesh("chain", links=1, elements=elements, length=1.0)
+    mesh = ff.build_mesh("chain", links=1, elements=elements, length=length)
     section = ff.Section.general(
-        (1e6, 1e6, 1e6, 1.0, 1.0, 100.0), (MASS, MASS, MASS, 2 * INERTIA, INERTIA, INERTIA),
+        (axial_stiffness,) * 3 + (torsional_stiffness, flap_stiffness, lag_stiffness),
+        (line_mass,) * 3 + (2.0 * line_inertia, line_inertia, line_inertia),
         outline=[(-0.05, -0.005), (0.05, -0.005), (0.05, 0.005), (-0.05, 0.005)],
     )  # fmt: skip
     model = ff.Model("blade", mesh=mesh)
@@ -53,6 +55,15 @@ CASE = ff.Case(
         ff.Option(
             "hub", float, 0.0, "radius of the hub; the axis is at --centre", unit="m", minimum=0
         ),
+        ff.Option("length", float, 1.0, "of the blade", unit="m", above=0.0),
+        ff.Option("axial_stiffness", float, 1e6, "EA, GA2 and GA3", unit="N", above=0.0),
+        ff.Option(
+            "flap_stiffness", float, 1.0, "EI out of the plane of rotation", unit="N m^2", above=0.0
+        ),
+        ff.Option("lag_stiffness", float, 100.0, "EI in that plane", unit="N m^2", above=0.0),
+        ff.Option("torsional_stiffness", float, 1.0, "GJ", unit="N m^2", above=0.0),
+        ff.Option("line_mass", float, 1.0, "mass per length", unit="kg/m", above=0.0),
+        ff.Option("line_inertia", float, 1e-7, "rotary inertia per length", unit="kg m", above=0.0),
     ),
     analysis=ff.MODES,
     modes=6,

@@ -26,29 +26,33 @@ import numpy.typing as npt
 
 import flexfem as ff
 
-LENGTH, MASS, THICKNESS = 6.0, 70.573, 0.05
 AXIS = (0.0, 0.0, 1.0)
 
 
-def build(*, elements: int, place: float, radius: float) -> ff.Model:
+def build(
+    *, elements: int, place: float, radius: float, disk_mass: float, thickness: float,
+    length: float, inner_radius: float, outer_radius: float, youngs_modulus: float,
+    poisson_ratio: float, density: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements along the shaft."""
-    mesh = ff.build_mesh("shaft", elements=elements, length=LENGTH)
-    steel = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7800.0)
-    across = MASS * (radius**2 / 4 + THICKNESS**2 / 12)
+    mesh = ff.build_mesh("shaft", elements=elements, length=length)
+    steel = ff.Material(youngs_modulus, poisson_ratio, density)
+    across = disk_mass * (radius**2 / 4 + thickness**2 / 12)
+    section = ff.Section.tube(2.0 * inner_radius, 2.0 * outer_radius, steel)
     seat = round(place * elements) / elements
     start, end = ff.Marker("shaft", "start"), ff.Marker("shaft", "end")
     model = ff.Model("campbell", mesh=mesh)
     model.add(
-        ff.Beam("shaft", ff.Section.tube(0.09, 0.1, steel), orientation=(1.0, 0.0, 0.0)),
+        ff.Beam("shaft", section, orientation=(1.0, 0.0, 0.0)),
         ff.RigidBody(
-            "disk", MASS, (across, across, MASS * radius**2 / 2),
-            position=(0.0, 0.0, seat * LENGTH),
-            shape=ff.Cylinder(radius=radius, length=THICKNESS, axis=AXIS),
+            "disk", disk_mass, (across, across, disk_mass * radius**2 / 2),
+            position=(0.0, 0.0, seat * length),
+            shape=ff.Cylinder(radius=radius, length=thickness, axis=AXIS),
         ),
         ff.Rigid("fit", ff.Marker("shaft", seat), ff.Marker("disk")),
         ff.Revolute("motor_bearing", ff.Ground(), start, axis=AXIS),
         ff.PrescribedAngle("motor", ff.Ground(), start, axis=AXIS),
-        ff.Cylindrical("tail_bearing", ff.Ground((0.0, 0.0, LENGTH)), end, axis=AXIS),
+        ff.Cylindrical("tail_bearing", ff.Ground((0.0, 0.0, length)), end, axis=AXIS),
     )  # fmt: skip
     return model
 
@@ -76,6 +80,16 @@ CASE = ff.Case(
             maximum=0.99,
         ),
         ff.Option("radius", float, 0.5, "radius of the disk", unit="m", above=0),
+        ff.Option("disk_mass", float, 70.573, "mass of the disk", unit="kg", above=0),
+        ff.Option("thickness", float, 0.05, "of the disk", unit="m", above=0),
+        ff.Option("length", float, 6.0, "of the shaft", unit="m", above=0),
+        ff.Option(
+            "inner_radius", float, 0.045, "of the shaft, below outer-radius", unit="m", above=0
+        ),
+        ff.Option("outer_radius", float, 0.05, "of the shaft", unit="m", above=0),
+        ff.Option("youngs_modulus", float, 2.1e11, "of the shaft", unit="Pa", above=0),
+        ff.Option("poisson_ratio", float, 0.3, "of the shaft", minimum=0, maximum=0.5),
+        ff.Option("density", float, 7800.0, "of the shaft", unit="kg/m^3", above=0),
     ),
     analysis=ff.CAMPBELL,
     modes=7,

@@ -17,13 +17,16 @@ import sys
 import flexfem as ff
 
 
-def build(*, links: int, elements: int) -> ff.Model:
+def build(
+    *, links: int, elements: int, length: float, side: float, youngs_modulus: float,
+    poisson_ratio: float, density: float, gravity: float,
+) -> ff.Model:  # fmt: skip
     """Model of a chain of ``links`` links with ``elements`` beam elements each."""
-    mesh = ff.build_mesh("chain", links=links, elements=elements)
-    material = ff.Material(youngs_modulus=1e9, poisson_ratio=0.3, density=1000.0)
-    section = ff.Section.rectangle(0.01, 0.01, material)
+    mesh = ff.build_mesh("chain", links=links, elements=elements, length=length)
+    material = ff.Material(youngs_modulus, poisson_ratio, density)
+    section = ff.Section.rectangle(side, side, material)
     model = ff.Model("chain", mesh=mesh)
-    model.add(ff.Gravity((0.0, 0.0, -9.81)))
+    model.add(ff.Gravity((0.0, 0.0, -gravity)))
     previous: ff.Marker | ff.Ground = ff.Ground()
     for i in range(1, links + 1):
         model.add(ff.Beam(f"link_{i}", section, orientation=(0.0, 1.0, 0.0)))
@@ -41,6 +44,12 @@ CASE = ff.Case(
     options=(
         ff.Option("links", int, 4, "number of links", minimum=1),
         ff.Option("elements", int, 8, "beam elements per link", minimum=1),
+        ff.Option("length", float, 0.5, "of a link", unit="m", above=0.0),
+        ff.Option("side", float, 0.01, "of the square section", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 1e9, "of the links", unit="Pa", above=0.0),
+        ff.Option("poisson_ratio", float, 0.3, "of the links", minimum=0.0, maximum=0.5),
+        ff.Option("density", float, 1000.0, "of the links", unit="kg/m^3", above=0.0),
+        ff.Option("gravity", float, 9.81, "along -Z", unit="m/s^2"),
     ),
     dt=1e-3,
     t_end=1.0,

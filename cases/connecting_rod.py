@@ -31,6 +31,8 @@ Run: ``mpirun -n 2 python cases/connecting_rod.py --size 0.005 --reduced rod.h5`
 import math
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -38,39 +40,68 @@ import numpy.typing as npt
 
 import flexfem as ff
 
-CRANK, ROD = 0.3, 0.6
-SIDE, GAUGE, WALL = 0.03, 0.01, 0.012
-BIG_BORE, SMALL_BORE = 0.025, 0.015
-PINS = {"big_end": (0.0, 0.0, 0.0), "small_end": (ROD, 0.0, 0.0), "middle": (0.5 * ROD, 0.0, 0.0)}
-STEEL = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 Z = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Dimensions:
+    """Lengths of the linkage, m, as the options have them."""
+
+    crank_length: float
+    rod_length: float
+    side: float
+    big_bore: float
+    small_bore: float
+    wall: float
+    gauge: float
+
+    @property
+    def pins(self) -> dict[str, tuple[float, float, float]]:
+        """Interfaces of the solid rod and their places in it."""
+        along = {"big_end": 0.0, "small_end": self.rod_length, "middle": 0.5 * self.rod_length}
+        return {name: (x, 0.0, 0.0) for name, x in along.items()}
+
+    def neck(self, bore: float) -> float:
+        """Distance of the shank's end from the axis of an eye."""
+        return math.sqrt((bore + self.wall) ** 2 - (0.5 * self.side) ** 2)
 
 
 def build(
     *, rod: str, moment: float, elements: int, size: float, internal_modes: int, frame: str,
-    stiffening: bool, reduced: str,
+    stiffening: bool, reduced: str, youngs_modulus: float, poisson_ratio: float, density: float,
+    slider_mass: float, gravity: float, **lengths: float,
 ) -> ff.Model:  # fmt: skip
     """Model with the rod as a reduced solid, or as a beam between rigid eyes."""
-    lines = {"crank": np.linspace(0.0, CRANK, elements + 1)}
+    at = Dimensions(**lengths)
+    if 2.0 * (min(at.big_bore, at.small_bore) + at.wall) <= at.side:
+        raise ValueError(
+            f"connecting_rod: side {at.side:g} m is not less than the eyes' outer diameters"
+        )
+    steel = ff.Material(youngs_modulus, poisson_ratio, density)
+    lines = {"crank": np.linspace(0.0, at.crank_length, elements + 1)}
     if rod == "beam":
-        lines["shank"] = _shank(elements)
-    model = ff.Model("connecting_rod", mesh=_mesh(lines))
-    section = ff.Section.rectangle(SIDE, SIDE, STEEL)
+        lines["shank"] = _shank(at, elements)
+    model = ff.Model("connecting_rod", mesh=_mesh(at, lines))
+    section = ff.Section.rectangle(at.side, at.side, steel)
     model.add(*(ff.Beam(name, section, orientation=(0.0, 1.0, 0.0)) for name in lines))
     if rod == "beam":
-        pin, slider, middle = _add_eyes(model)
+        pin, slider, middle = _add_eyes(model, at, density)
     else:
-        body = _reduced(reduced, size, internal_modes, stiffening)
+        body = _reduced(reduced, at, steel, size, internal_modes, stiffening)
         model.add(
             ff.FloatingBody(
-                "rod", body, frame=frame, position=(CRANK, 0.0, 0.0), stiffening=stiffening
+                "rod",
+                body,
+                frame=frame,
+                position=(at.crank_length, 0.0, 0.0),
+                stiffening=stiffening,
             )
         )
-        pin, slider, middle = (ff.Marker("rod", name) for name in PINS)
+        pin, slider, middle = (ff.Marker("rod", name) for name in at.pins)
     root, tip = ff.Marker("crank", "start"), ff.Marker("crank", "end")
     model.add(
-        ff.Gravity((0.0, -9.81, 0.0)),
-        ff.PointMass("slider", 0.1, slider),
+        ff.Gravity((0.0, -gravity, 0.0)),
+        ff.PointMass("slider", slider_mass, slider),
         ff.Revolute("bearing", ff.Ground(), root, axis=Z),
         ff.Revolute("crank_pin", tip, pin, axis=Z),
         ff.PointOnLine("guide", ff.Ground(), slider, axis=(1.0, 0.0, 0.0)),
@@ -79,35 +110,37 @@ def build(
             "motion", (root, tip), ("crank_angle", "crank_rate"), _motion, unwrap=("crank_angle",)
         ),
         ff.Probe("guide_position", slider, ("slider_x",), lambda t, s: (s.position[0],)),
-        ff.Probe("shape", (pin, middle, slider), ("rod_deflection",), _deflection),
+        ff.Probe("shape", (pin, middle, slider), ("rod_deflection",), partial(_deflection, at)),
     )
     return model
 
 
-def _reduced(file: str, size: float, modes: int, stiffening: bool) -> ff.ReducedBody:
+def _reduced(
+    file: str, at: Dimensions, steel: ff.Material, size: float, modes: int, stiffening: bool
+) -> ff.ReducedBody:
     """The solid rod, from a file if it is there."""
     if file and Path(file).exists():
         body = ff.load_reduced_body(file)
         names = [interface.name for interface in body.interfaces]
-        if names != list(PINS) or body.modes != modes:
+        if names != list(at.pins) or body.modes != modes:
             raise ValueError(
                 f"--reduced {file}: the body has {body.modes} modes and the interfaces "
                 f"{', '.join(names) or 'none'}; the rod needs {modes} modes (--internal-modes) and "
-                f"{', '.join(PINS)}"
+                f"{', '.join(at.pins)}"
             )
         return body
     if file and not Path(file).absolute().parent.is_dir():
         raise ValueError(f"--reduced {file}: there is no such folder")
     mesh = ff.build_body_mesh(
-        "connecting_rod", length=ROD, width=SIDE, thickness=SIDE, big_bore=BIG_BORE,
-        small_bore=SMALL_BORE, wall=WALL, size=size, gauge=GAUGE,
+        "connecting_rod", length=at.rod_length, width=at.side, thickness=at.side, size=size,
+        big_bore=at.big_bore, small_bore=at.small_bore, wall=at.wall, gauge=at.gauge,
     )  # fmt: skip
     body = ff.reduce_body(
-        ff.solid_body(mesh.mesh, STEEL, name="rod"),
-        {name: mesh.facets(name) for name in PINS},
+        ff.solid_body(mesh.mesh, steel, name="rod"),
+        {name: mesh.facets(name) for name in at.pins},
         modes=modes,
         ties={"middle": "average"},
-        positions=PINS,
+        positions=at.pins,
         geometric_stiffness=stiffening,
     )
     if file:
@@ -115,21 +148,22 @@ def _reduced(file: str, size: float, modes: int, stiffening: bool) -> ff.Reduced
     return body
 
 
-def _shank(elements: int) -> npt.NDArray[np.float64]:
+def _shank(at: Dimensions, elements: int) -> npt.NDArray[np.float64]:
     """Nodes of the shank between the eyes, one of them in the rod's middle."""
-    first, last = _neck(BIG_BORE), ROD - _neck(SMALL_BORE)
-    before = np.linspace(first, 0.5 * ROD, elements // 2 + 1)
-    after = np.linspace(0.5 * ROD, last, elements - elements // 2 + 1)
-    return CRANK + np.concatenate([before, after[1:]])
+    first, last = at.neck(at.big_bore), at.rod_length - at.neck(at.small_bore)
+    before = np.linspace(first, 0.5 * at.rod_length, elements // 2 + 1)
+    after = np.linspace(0.5 * at.rod_length, last, elements - elements // 2 + 1)
+    return at.crank_length + np.concatenate([before, after[1:]])
 
 
-def _mesh(lines: Mapping[str, npt.NDArray[np.float64]]) -> ff.LineMesh:
+def _mesh(at: Dimensions, lines: Mapping[str, npt.NDArray[np.float64]]) -> ff.LineMesh:
     """Lines along X, each with nodes of its own."""
     counts = np.cumsum([0, *(len(x) for x in lines.values())])
     x = np.concatenate(list(lines.values()))
     nodes = np.delete(np.arange(len(x) - 1), counts[1:-1] - 1)
     groups = {name: np.arange(counts[i] - i, counts[i + 1] - i - 1) for i, name in enumerate(lines)}
-    points = {"middle": int(np.argmin(np.abs(x - CRANK - 0.5 * ROD)))} if "shank" in lines else {}
+    from_middle = np.abs(x - at.crank_length - 0.5 * at.rod_length)
+    points = {"middle": int(np.argmin(from_middle))} if "shank" in lines else {}
     return ff.LineMesh(
         np.stack([x, 0.0 * x, 0.0 * x], axis=1),
         np.stack([nodes, nodes + 1], axis=1),
@@ -138,33 +172,32 @@ def _mesh(lines: Mapping[str, npt.NDArray[np.float64]]) -> ff.LineMesh:
     )
 
 
-def _neck(bore: float) -> float:
-    """Distance of the shank's end from the axis of an eye."""
-    return math.sqrt((bore + WALL) ** 2 - (0.5 * SIDE) ** 2)
-
-
-def _add_eyes(model: ff.Model) -> tuple[ff.Marker, ff.Marker, ff.Marker]:
+def _add_eyes(
+    model: ff.Model, at: Dimensions, density: float
+) -> tuple[ff.Marker, ff.Marker, ff.Marker]:
     """Rigid eyes at the ends of the shank; the markers of pins and middle."""
     eyes = (
-        ("big_end", CRANK, BIG_BORE, 1.0, "start"),
-        ("small_end", CRANK + ROD, SMALL_BORE, -1.0, "end"),
+        ("big_end", at.crank_length, at.big_bore, 1.0, "start"),
+        ("small_end", at.crank_length + at.rod_length, at.small_bore, -1.0, "end"),
     )
     for name, x, bore, side, end in eyes:
-        mass, centre, inertia = _eye(bore)
+        mass, centre, inertia = _eye(at, bore, density)
         body = ff.RigidBody(
             name, mass, inertia, position=(x, 0.0, 0.0), centre=(side * centre, 0.0, 0.0),
-            shape=ff.Cylinder(bore + WALL, SIDE, axis=Z),
+            shape=ff.Cylinder(bore + at.wall, at.side, axis=Z),
         )  # fmt: skip
-        neck = ff.Marker(name, offset=(side * _neck(bore), 0.0, 0.0))
+        neck = ff.Marker(name, offset=(side * at.neck(bore), 0.0, 0.0))
         model.add(body, ff.Rigid(f"{name}_neck", neck, ff.Marker("shank", end)))
     return ff.Marker("big_end"), ff.Marker("small_end"), ff.Marker("shank", "middle")
 
 
-def _eye(bore: float) -> tuple[float, float, tuple[float, float, float]]:
+def _eye(
+    at: Dimensions, bore: float, density: float
+) -> tuple[float, float, tuple[float, float, float]]:
     """Mass, mass centre along X and moments of inertia of a round eye up to the shank."""
-    outer, density = bore + WALL, STEEL.density * SIDE
+    outer, density = bore + at.wall, density * at.side  # of the eye, per area
     points, weights = np.polynomial.legendre.leggauss(40)
-    reach = math.acos(-_neck(bore) / outer)
+    reach = math.acos(-at.neck(bore) / outer)
     angle, weights = 0.5 * reach * (points + 1.0), 0.5 * reach * weights
     x, half = -outer * np.cos(angle), outer * np.sin(angle)
     strip = 2.0 * half**2 * weights  # dx = outer sin(angle) d angle
@@ -173,7 +206,7 @@ def _eye(bore: float) -> tuple[float, float, tuple[float, float, float]]:
     centre = density * (strip @ x) / mass
     xx = density * (strip @ x**2 - 0.25 * hole * bore**2) - mass * centre**2
     yy = density * (strip @ half**2 / 3.0 - 0.25 * hole * bore**2)
-    zz = mass * SIDE**2 / 12.0
+    zz = mass * at.side**2 / 12.0
     return mass, centre, (yy + zz, xx + zz, xx + yy)
 
 
@@ -185,12 +218,12 @@ def _motion(t: float, root: ff.MarkerState, tip: ff.MarkerState) -> tuple[float,
 
 
 def _deflection(
-    t: float, pin: ff.MarkerState, middle: ff.MarkerState, slider: ff.MarkerState
+    at: Dimensions, t: float, pin: ff.MarkerState, middle: ff.MarkerState, slider: ff.MarkerState
 ) -> tuple[float]:
     """Distance of the rod's middle from the line through the pins, relative to its length."""
     x, y, _ = slider.position - pin.position
     u, v, _ = middle.position - pin.position
-    return ((x * v - y * u) / math.hypot(x, y) / ROD,)
+    return ((x * v - y * u) / math.hypot(x, y) / at.rod_length,)
 
 
 def results(history: Mapping[str, npt.NDArray[np.float64]]) -> dict[str, float]:
@@ -220,6 +253,18 @@ CASE = ff.Case(
             "frame", str, "big_end", "floating frame", choices=("big_end", "small_end", "mean_axes")
         ),
         ff.Option("stiffening", bool, True, "stress stiffens the solid"),
+        ff.Option("crank_length", float, 0.3, "of the crank", unit="m", above=0.0),
+        ff.Option("rod_length", float, 0.6, "of the rod, above that", unit="m", above=0.0),
+        ff.Option("side", float, 0.03, "of crank, shank and eyes", unit="m", above=0.0),
+        ff.Option("big_bore", float, 0.025, "radius of the bore at the crank", unit="m", above=0.0),
+        ff.Option("small_bore", float, 0.015, "radius at the slider", unit="m", above=0.0),
+        ff.Option("wall", float, 0.012, "of the eyes", unit="m", above=0.0),
+        ff.Option("gauge", float, 0.01, "of the rod's measured middle", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 2.1e11, "of crank and rod", unit="Pa", above=0.0),
+        ff.Option("poisson_ratio", float, 0.3, "of crank and rod", minimum=0.0, maximum=0.49),
+        ff.Option("density", float, 7850.0, "of crank and rod", unit="kg/m^3", above=0.0),
+        ff.Option("slider_mass", float, 0.1, "mass of the slider", unit="kg", above=0.0),
+        ff.Option("gravity", float, 9.81, "along -Y", unit="m/s^2"),
         ff.Option("reduced", str, "", "file of the reduced solid: read if there, else written"),
     ),
     dt=1e-4,

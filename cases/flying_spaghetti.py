@@ -19,19 +19,25 @@ import sys
 import flexfem as ff
 
 
-def build(*, elements: int) -> ff.Model:
+def build(
+    *, elements: int, axial_stiffness: float, shear_stiffness: float, bending_stiffness: float,
+    torsional_stiffness: float, line_mass: float, line_inertia: float, force: float,
+    moment_y: float, moment_z: float, duration: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` beam elements."""
     mesh = ff.build_mesh("flying_spaghetti", elements=elements)
+    shear, bending = (shear_stiffness,) * 2, (bending_stiffness,) * 2
     section = ff.Section.general(
-        stiffness=(1e4, 1e4, 1e4, 500.0, 500.0, 500.0), inertia=(1.0, 1.0, 1.0, 10.0, 10.0, 10.0)
+        stiffness=(axial_stiffness, *shear, torsional_stiffness, *bending),
+        inertia=(line_mass,) * 3 + (line_inertia,) * 3,
     )
     model = ff.Model("flying_spaghetti", mesh=mesh)
     lower, upper = ff.Marker("beam", "start"), ff.Marker("beam", "end")
-    pulse = ff.Table((0.0, 2.5, 5.0), (0.0, 200.0, 0.0))
+    pulse = ff.Table((0.0, 0.5 * duration, duration), (0.0, 1.0, 0.0))
     model.add(
         ff.Beam("beam", section, orientation=(0.0, 0.0, 1.0)),
-        ff.PointForce("pull", lower, (0.1, 0.0, 0.0), amplitude=pulse),
-        ff.PointMoment("twist", lower, (0.0, -0.5, -1.0), amplitude=pulse),
+        ff.PointForce("pull", lower, (force, 0.0, 0.0), amplitude=pulse),
+        ff.PointMoment("twist", lower, (0.0, moment_y, moment_z), amplitude=pulse),
         ff.PositionProbe("lower", lower),
         ff.PositionProbe("upper", upper),
     )
@@ -43,7 +49,19 @@ CASE = ff.Case(
     summary="very flexible free beam tumbling in space (Simo, Vu-Quoc 1988)",
     description=__doc__,
     build=build,
-    options=(ff.Option("elements", int, 40, "beam elements", minimum=1),),
+    options=(
+        ff.Option("elements", int, 40, "beam elements", minimum=1),
+        ff.Option("axial_stiffness", float, 1e4, "EA", above=0.0),
+        ff.Option("shear_stiffness", float, 1e4, "GA2 and GA3", above=0.0),
+        ff.Option("bending_stiffness", float, 500.0, "EI2 and EI3", above=0.0),
+        ff.Option("torsional_stiffness", float, 500.0, "GJ", above=0.0),
+        ff.Option("line_mass", float, 1.0, "mass per length", above=0.0),
+        ff.Option("line_inertia", float, 10.0, "rotary inertia per length", above=0.0),
+        ff.Option("force", float, 20.0, "largest force along X at the lower end"),
+        ff.Option("moment_y", float, -100.0, "largest moment about Y there"),
+        ff.Option("moment_z", float, -200.0, "largest moment about Z there"),
+        ff.Option("duration", float, 5.0, "of the loads, which rise and fall", above=0.0),
+    ),
     dt=5e-3,
     t_end=15.0,
     smoke={"elements": 4, "t_end": 0.05},

@@ -19,17 +19,18 @@ import numpy as np
 
 import flexfem as ff
 
-SPIN = {"fast": (0.0, 150.0, -4.61538), "slow": (0.0, 1.5, -0.0461538)}
 
-
-def build(*, spin: str) -> ff.Model:
-    """Model of the fast or the slow top."""
-    centre, omega = np.array([0.0, 1.0, 0.0]), np.array(SPIN[spin])
+def build(
+    *, spin: str, spin_y: float, spin_z: float, mass: float, inertia: float,
+    axial_inertia: float, distance: float, gravity: float,
+) -> ff.Model:  # fmt: skip
+    """Model of a top whose initial spin is that of ``spin`` unless its components are given."""
+    centre, omega = np.array([0.0, distance, 0.0]), np.array([0.0, spin_y, spin_z])
     model = ff.Model("heavy_top")
     model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Gravity((0.0, 0.0, -gravity)),
         ff.RigidBody(
-            "top", 15.0, (0.234375, 0.46875, 0.234375), position=centre,
+            "top", mass, (inertia, axial_inertia, inertia), position=centre,
             velocity=np.cross(omega, centre), angular_velocity=omega,
             shape=ff.Cylinder(radius=0.25, length=0.25, axis=(0.0, 1.0, 0.0)),
         ),
@@ -48,7 +49,17 @@ CASE = ff.Case(
     summary="rigid body on a spherical joint: order and accuracy of the integrator",
     description=__doc__,
     build=build,
-    options=(ff.Option("spin", str, "fast", "initial spin", choices=("fast", "slow")),),
+    options=(
+        ff.Option("spin", str, "fast", "initial spin", choices=("fast", "slow")),
+        ff.Option("spin_y", float, 150.0, "initial spin about the axis of the top", unit="rad/s"),
+        ff.Option("spin_z", float, -4.61538, "initial spin about Z", unit="rad/s"),
+        ff.Option("mass", float, 15.0, "of the top", unit="kg", above=0.0),
+        ff.Option("inertia", float, 0.234375, "across its axis", unit="kg m^2", above=0.0),
+        ff.Option("axial_inertia", float, 0.46875, "about its axis", unit="kg m^2", above=0.0),
+        ff.Option("distance", float, 1.0, "from the tip to the centre", unit="m", above=0.0),
+        ff.Option("gravity", float, 9.81, "along -Z", unit="m/s^2"),
+    ),
+    presets={"spin": {"slow": {"spin_y": 1.5, "spin_z": -0.0461538}}},
     dt=1e-3,
     t_end=1.0,
     smoke={"t_end": 5e-3},

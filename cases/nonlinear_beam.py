@@ -27,10 +27,6 @@ import numpy as np
 
 import flexfem as ff
 
-LENGTH = 1.0
-K0 = 2.0
-RUBBER = ff.Material(youngs_modulus=5e7, poisson_ratio=0.4, density=1200.0)
-
 
 def energy(strain: Any, p: Any) -> Any:
     """Strain energy per length: linear but for bending; ``sign`` is 1 where that softens."""
@@ -54,9 +50,13 @@ def tip_angle(t: float, tip: ff.MarkerState) -> list[float]:
     return [math.atan2(tip.rotation[2, 0], tip.rotation[0, 0])]
 
 
-def build(*, elements: int, law: str, moment: float, retardation: float) -> ff.Model:
+def build(
+    *, elements: int, law: str, moment: float, retardation: float, curvature: float, length: float,
+    diameter: float, youngs_modulus: float, poisson_ratio: float, density: float,
+) -> ff.Model:  # fmt: skip
     """Cantilever under ``moment`` times EI k0 at its end."""
-    linear = ff.Section.circle(0.03, RUBBER)
+    rubber = ff.Material(youngs_modulus, poisson_ratio, density)
+    linear = ff.Section.circle(diameter, rubber)
     assert linear.stiffness is not None
     ea, ga, _, gj, ei, _ = np.diag(linear.stiffness)
     section = linear.with_law(
@@ -64,12 +64,12 @@ def build(*, elements: int, law: str, moment: float, retardation: float) -> ff.M
             energy,
             dissipation=dissipation,
             parameters={
-                "EA": ea, "GA": ga, "GJ": gj, "EI": ei, "k0": K0, "T": retardation,
+                "EA": ea, "GA": ga, "GJ": gj, "EI": ei, "k0": curvature, "T": retardation,
                 "sign": 1.0 if law == "softening" else -1.0,
             },
         )
     )  # fmt: skip
-    points = np.linspace([0.0, 0.0, 0.0], [LENGTH, 0.0, 0.0], elements + 1)
+    points = np.linspace([0.0, 0.0, 0.0], [length, 0.0, 0.0], elements + 1)
     cells = np.stack([np.arange(elements), np.arange(1, elements + 1)], axis=1)
     model = ff.Model(
         "nonlinear_beam", mesh=ff.LineMesh(points, cells, {"beam": np.arange(elements)})
@@ -79,7 +79,7 @@ def build(*, elements: int, law: str, moment: float, retardation: float) -> ff.M
         ff.Beam("beam", section),
         ff.Rigid("clamp", ff.Ground(), ff.Marker("beam", "start")),
         ff.PointMoment(
-            "moment", end, (0.0, -moment * ei * K0, 0.0), amplitude=ff.SmoothStep(0.0, 1.0)
+            "moment", end, (0.0, -moment * ei * curvature, 0.0), amplitude=ff.SmoothStep(0.0, 1.0)
         ),
         ff.PositionProbe("tip", end),
         ff.Probe("angle", end, ["tip_angle"], tip_angle, unwrap=["tip_angle"]),
@@ -99,6 +99,12 @@ CASE = ff.Case(
         ),
         ff.Option("moment", float, 0.6, "moment at the end in units of EI k0"),
         ff.Option("retardation", float, 0.15, "retardation time", unit="s", minimum=0.0),
+        ff.Option("curvature", float, 2.0, "k0, where bending gets nonlinear", unit="1/m", above=0),
+        ff.Option("length", float, 1.0, "of the beam", unit="m", above=0.0),
+        ff.Option("diameter", float, 0.03, "of the section", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 5e7, "of the material", unit="Pa", above=0.0),
+        ff.Option("poisson_ratio", float, 0.4, "of the material", minimum=0.0, maximum=0.5),
+        ff.Option("density", float, 1200.0, "of the material", unit="kg/m^3", above=0.0),
     ),
     dt=5e-3,
     t_end=8.0,

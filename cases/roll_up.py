@@ -18,25 +18,26 @@ from math import pi
 
 import flexfem as ff
 
-LENGTH, BENDING = 10.0, 100.0
 
-
-def build(*, elements: int, turns: float, out_of_plane_force: float) -> ff.Model:
+def build(
+    *, elements: int, turns: float, out_of_plane_force: float, length: float,
+    axial_stiffness: float, bending_stiffness: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` beam elements, rolled up by so many turns."""
-    mesh = ff.build_mesh("chain", links=1, elements=elements, length=LENGTH)
-    section = ff.Section.general((1e4, 1e4, 1e4, BENDING, BENDING, BENDING), (1.0,) * 6)
+    mesh = ff.build_mesh("chain", links=1, elements=elements, length=length)
+    section = ff.Section.general((axial_stiffness,) * 3 + (bending_stiffness,) * 3, (1.0,) * 6)
     model = ff.Model("roll_up", mesh=mesh)
     tip = ff.Marker("link_1", "end")
     model.add(
         ff.Beam("link_1", section, orientation=(0.0, 0.0, 1.0)),
         ff.Rigid("clamp", ff.Ground(), ff.Marker("link_1", "start")),
-        ff.PointMoment("moment", tip, (0.0, 0.0, 2.0 * pi * turns * BENDING / LENGTH)),
+        ff.PointMoment("moment", tip, (0.0, 0.0, 2.0 * pi * turns * bending_stiffness / length)),
         ff.PointForce("force", tip, (0.0, 0.0, out_of_plane_force)),
         ff.Probe(
             "tip",
             tip,
             ("tip_x", "tip_y", "tip_z"),
-            lambda t, at: (at.position[0] - LENGTH, at.position[1], at.position[2]),
+            lambda t, at: (at.position[0] - length, at.position[1], at.position[2]),
         ),
     )
     return model
@@ -51,6 +52,9 @@ CASE = ff.Case(
         ff.Option("elements", int, 8, "beam elements", minimum=1),
         ff.Option("turns", float, 1.0, "full turns of the tip at t = 1"),
         ff.Option("out_of_plane_force", float, 0.0, "force along Z at t = 1"),
+        ff.Option("length", float, 10.0, "of the beam", above=0.0),
+        ff.Option("axial_stiffness", float, 1e4, "EA, GA2 and GA3", above=0.0),
+        ff.Option("bending_stiffness", float, 100.0, "EI2, EI3 and GJ", above=0.0),
     ),
     analysis=ff.STATICS,
     load_steps=8,

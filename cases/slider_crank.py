@@ -27,20 +27,23 @@ Run: ``mpirun -n 2 python cases/slider_crank.py`` or, as published,
 import math
 import sys
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 import flexfem as ff
 
-LENGTH_1, LENGTH_2 = 0.3, 0.6
 
-
-def build(*, elements: int, formulation: str = "se3", degree: int = 3) -> ff.Model:
+def build(
+    *, elements: int, formulation: str, degree: int, length_1: float, length_2: float, side: float,
+    youngs_modulus: float, poisson_ratio: float, density: float, slider_mass: float, moment: float,
+    gravity: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` beam elements per rod, NURBS ones of the given degree."""
-    mesh = ff.build_mesh("slider_crank", elements=elements, length_1=LENGTH_1, length_2=LENGTH_2)
-    steel = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
-    section = ff.Section.rectangle(0.03, 0.03, steel)
+    mesh = ff.build_mesh("slider_crank", elements=elements, length_1=length_1, length_2=length_2)
+    steel = ff.Material(youngs_modulus, poisson_ratio, density)
+    section = ff.Section.rectangle(side, side, steel)
     model = ff.Model("slider_crank", mesh=mesh)
     root, tip = ff.Marker("rod_1", "start"), ff.Marker("rod_1", "end")
     pin, slider = ff.Marker("rod_2", "start"), ff.Marker("rod_2", "end")
@@ -48,19 +51,24 @@ def build(*, elements: int, formulation: str = "se3", degree: int = 3) -> ff.Mod
     along = {"formulation": formulation, "degree": degree if formulation == "nurbs" else None}
     middle = [ff.Marker("rod_2", half), ff.Marker("rod_2", 1.0 - half)]
     model.add(
-        ff.Gravity((0.0, -9.81, 0.0)),
+        ff.Gravity((0.0, -gravity, 0.0)),
         ff.Beam("rod_1", section, orientation=(0.0, 1.0, 0.0), **along),
         ff.Beam("rod_2", section, orientation=(0.0, 1.0, 0.0), **along),
-        ff.PointMass("slider", 0.1, slider),
+        ff.PointMass("slider", slider_mass, slider),
         ff.Spherical("ground_pin", ff.Ground(), root),
         ff.Spherical("crank_pin", tip, pin),
         ff.PointOnLine("guide", ff.Ground(), slider, axis=(1.0, 0.0, 0.0)),
-        ff.PointMoment("drive", root, (0.0, 0.0, 500.0)),
+        ff.PointMoment("drive", root, (0.0, 0.0, moment)),
         ff.Probe(
             "crank", (root, tip), ("crank_angle", "crank_rate"), _crank, unwrap=("crank_angle",)
         ),
         ff.Probe("guide_position", slider, ("slider_x",), lambda t, s: (s.position[0],)),
-        ff.Probe("rod_2_shape", (pin, *middle, slider), ("rod_2_deflection",), _deflection),
+        ff.Probe(
+            "rod_2_shape",
+            (pin, *middle, slider),
+            ("rod_2_deflection",),
+            partial(_deflection, length_2),
+        ),
     )
     return model
 
@@ -73,12 +81,12 @@ def _crank(t: float, root: ff.MarkerState, tip: ff.MarkerState) -> tuple[float, 
 
 
 def _deflection(
-    t: float, pin: ff.MarkerState, left: ff.MarkerState, right: ff.MarkerState,
+    length: float, t: float, pin: ff.MarkerState, left: ff.MarkerState, right: ff.MarkerState,
     slider: ff.MarkerState,
 ) -> tuple[float]:  # fmt: skip
-    """Distance of rod II's middle from the middle of its chord, relative to its length."""
+    """Distance of rod II's middle from the middle of its chord, relative to its length (m)."""
     middle = 0.5 * (left.position + right.position)
-    return (float(np.linalg.norm(middle - 0.5 * (pin.position + slider.position))) / LENGTH_2,)
+    return (float(np.linalg.norm(middle - 0.5 * (pin.position + slider.position))) / length,)
 
 
 def results(history: Mapping[str, npt.NDArray[np.float64]]) -> dict[str, float]:
@@ -101,6 +109,15 @@ CASE = ff.Case(
         ff.Option("elements", int, 12, "beam elements per rod", minimum=2),
         ff.Option("formulation", str, "se3", "of the beams", choices=("se3", "nurbs")),
         ff.Option("degree", int, 3, "of NURBS beams", minimum=1),
+        ff.Option("length_1", float, 0.3, "of the crank, rod I", unit="m", above=0.0),
+        ff.Option("length_2", float, 0.6, "of rod II, above length-1", unit="m", above=0.0),
+        ff.Option("side", float, 0.03, "of the square sections", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 2.1e11, "of the rods", unit="Pa", above=0.0),
+        ff.Option("poisson_ratio", float, 0.3, "of the rods", minimum=0.0, maximum=0.5),
+        ff.Option("density", float, 7850.0, "of the rods", unit="kg/m^3", above=0.0),
+        ff.Option("slider_mass", float, 0.1, "mass of the slider", unit="kg", above=0.0),
+        ff.Option("moment", float, 500.0, "on the crank about Z", unit="N m"),
+        ff.Option("gravity", float, 9.81, "along -Y", unit="m/s^2"),
     ),
     dt=1e-4,
     t_end=0.2,

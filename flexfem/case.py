@@ -197,18 +197,19 @@ class Case:
         parameters = {option.name: values[option.name] for option in self.options}
         return parameters, settings(**numbers, **more)
 
-    def model(self, **parameters: Any) -> "Model":
+    def model(self, **given: Any) -> "Model":
         """Build the model and validate it; ranks do not agree on errors yet.
 
         Args:
-            parameters: values of all own options by name.
+            given: values of own options by name; others have their defaults.
 
         Raises:
             OSError: A file is not readable.
-            TypeError, ValueError: The model is not admissible.
+            TypeError, ValueError: A value or the model is not admissible.
         """
         from flexfem.model.model import Model
 
+        parameters, _ = self.prepare(given)
         model = self.build(**parameters)
         if not isinstance(model, Model) and not hasattr(model, "drivers"):
             raise TypeError(f"case '{self.name}': build returned {model!r}, not a Model")

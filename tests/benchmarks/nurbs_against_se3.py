@@ -35,7 +35,7 @@ def reference() -> tuple[np.ndarray, np.ndarray]:
 def measure(formulation: str, degree: int, elements: int) -> dict[str, float]:
     """Error, milliseconds a step and counts of one run."""
     case = load_module(shipped_files("cases")["slider_crank"], "flexfem_cases").CASE
-    model = case.build(elements=elements, formulation=formulation, degree=degree)
+    model = case.model(elements=elements, formulation=formulation, degree=degree)
     outcome = ff.simulate(model, ff.RunOptions(dt=STEP, t_end=END, iteration_matrix="frozen"))
     t, deflection = reference()
     ours = np.interp(t, outcome.history["t"], outcome.history["rod_2_deflection"])

@@ -50,7 +50,7 @@ def flexible_chain(links: int) -> ff.Model:
     sys.path.insert(0, str(ROOT / "cases"))
     import chain
 
-    model: ff.Model = chain.build(links=links, elements=8)
+    model: ff.Model = chain.CASE.model(links=links, elements=8)
     return model
 
 

@@ -137,7 +137,7 @@ def test_frozen_slider_crank_keeps_close_to_the_iterations_of_a_fresh_matrix():
     case, summaries = _case("slider_crank"), {}
     for policy in ("updated", "frozen"):
         options = RunOptions(dt=5e-4, t_end=0.2, iteration_matrix=policy)
-        summaries[policy] = simulate(case.build(elements=6), options).summary
+        summaries[policy] = simulate(case.CASE.model(elements=6), options).summary
     frozen, updated = summaries["frozen"], summaries["updated"]
     assert frozen["factorizations"] == 1
     assert frozen["fallbacks"] == frozen["rejected_steps"] == 0

@@ -52,7 +52,7 @@ SPANS = {"slow": 1.0, "fast": 0.5}
 
 def _top_errors(top: str, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Errors of position, angular velocity and joint force at the times of the table."""
-    model, reference = _case("heavy_top").build(spin=top), _table("heavy_top")
+    model, reference = _case("heavy_top").CASE.model(spin=top), _table("heavy_top")
     simulation = Simulation(model, RunOptions(dt=h, t_end=SPANS[top], tolerance=1e-9))
     block, rows = simulation.system.parts[0].block, simulation.system.constraints
     count = int(np.searchsorted(reference["t"], SPANS[top] + 1e-9))
@@ -167,7 +167,7 @@ def _momenta(simulation: Simulation) -> np.ndarray:
 
 @pytest.mark.parametrize("dt", [5e-3, 2.5e-3])
 def test_flying_spaghetti(dt):
-    model, reference = _case("flying_spaghetti").build(elements=40), _table("flying_spaghetti")
+    model, reference = _case("flying_spaghetti").CASE.model(elements=40), _table("flying_spaghetti")
     simulation = Simulation(model, RunOptions(dt=dt, t_end=15.0, tolerance=1e-8))
     block = simulation.system.parts[0].block
     serial = simulation.serial
@@ -201,7 +201,7 @@ def test_flying_spaghetti_converges_with_the_mesh():
     case, reference, errors = _case("flying_spaghetti"), _table("flying_spaghetti"), []
     for elements in (10, 20):
         options = RunOptions(dt=2.5e-3, t_end=10.0, tolerance=1e-8)
-        history = simulate(case.build(elements=elements), options).history
+        history = simulate(case.CASE.model(elements=elements), options).history
         names = "lower_x lower_y lower_z upper_x upper_y upper_z"
         found, expected = _columns(history, names)[::40], _columns(reference, names)[:101]
         errors.append(np.abs(found - expected).max())
@@ -213,7 +213,7 @@ def test_flying_spaghetti_converges_with_the_mesh():
 def test_slider_crank(elements):
     """Wu et al. 2020, against a converged solution of pinned Simo–Reissner rods."""
     dt = {12: 5e-5, 24: 2e-5}[elements]
-    model, reference = _case("slider_crank").build(elements=elements), _table("slider_crank")
+    model, reference = _case("slider_crank").CASE.model(elements=elements), _table("slider_crank")
     history = simulate(model, RunOptions(dt=dt, t_end=0.2)).history
     t, angle = history["t"], history["crank_angle"]
     early = reference["t"] <= 0.1
@@ -236,7 +236,7 @@ def test_chain_is_of_second_order_towards_the_converged_step():
     case, reference, errors = _case("chain"), _table("chain_4x8"), []
     for h in (2e-3, 1e-3, 5e-4):
         options = RunOptions(dt=h, t_end=1.0, tolerance=1e-9)
-        history = simulate(case.build(links=4, elements=8), options).history
+        history = simulate(case.CASE.model(links=4, elements=8), options).history
         found = _columns(history, "x y z", "tip_")[:: round(0.05 / h)]
         errors.append(np.abs(found - _columns(reference, "x y z")).max())
     # elements agree to a tenth of their common mesh error, 4.4e-4
@@ -248,7 +248,7 @@ def test_chain_converges_to_the_continuous_links():
     case, reference, errors = _case("chain"), _table("chain_4x8"), []
     for elements in (8, 16, 32):
         options = RunOptions(dt=2.5e-4, t_end=0.6, tolerance=1e-8)
-        history = simulate(case.build(links=4, elements=elements), options).history
+        history = simulate(case.CASE.model(links=4, elements=elements), options).history
         found = _columns(history, "x y z", "tip_")[::200]
         exact = _columns(reference, "x y z", "exact_")[: len(found)]
         errors.append(np.abs(found - exact).max())

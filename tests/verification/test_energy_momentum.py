@@ -189,7 +189,7 @@ def test_free_body():
 @pytest.mark.serial
 def test_heavy_top():
     """Energy over thousands of steps; second order against DOP853 (see cases/heavy_top.py)."""
-    model = _case("heavy_top").build(spin="slow")
+    model = _case("heavy_top").CASE.model(spin="slow")
     expected = (-0.0311686471, -0.9833836814, -0.1788436484)
     errors = []
     for h in (4e-3, 2e-3):
@@ -270,7 +270,7 @@ def test_connections_do_no_work(kind):
 def test_flying_spaghetti():
     """Free flight of a very flexible beam in steps that turn it by up to half a radian."""
     h, drifts = 0.1, []
-    model = _case("flying_spaghetti").build(elements=6)
+    model = _case("flying_spaghetti").CASE.model(elements=6)
     for integrator in ("energy_momentum", "generalized_alpha"):
         simulation = _start(model, h, integrator=integrator)
         for _ in range(51):
@@ -326,7 +326,7 @@ def test_right_angle_cantilever():
 
 
 def _links(elements: int = 3) -> ff.Model:
-    return _case("chain").build(links=3, elements=elements)
+    return _case("chain").CASE.model(links=3, elements=elements)
 
 
 def test_chain_is_the_same_with_all_policies_and_ranks():
@@ -464,7 +464,7 @@ def test_mass_centres_off_the_axis_dissipate_as_those_on_it():
 @pytest.mark.parametrize("rho_inf", [1.0, 0.6])
 def test_second_order(rho_inf):
     """End of the spaghetti; half the step leaves a quarter of the error, with dissipation too."""
-    tips, model = [], _case("flying_spaghetti").build(elements=4)
+    tips, model = [], _case("flying_spaghetti").CASE.model(elements=4)
     for h in (0.1, 0.05, 0.025):
         simulation = _start(model, h, rho_inf)
         for _ in range(round(2.0 / h)):

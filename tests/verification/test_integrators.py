@@ -58,7 +58,7 @@ def _top_errors(top: str, h: float, span: float, integrator: str, policy: str):
     options = RunOptions(
         dt=h, t_end=span, tolerance=1e-10, integrator=integrator, iteration_matrix=policy
     )
-    simulation = Simulation(_case("heavy_top").build(spin=top), options)
+    simulation = Simulation(_case("heavy_top").CASE.model(spin=top), options)
     block, rows = simulation.system.parts[0].block, simulation.system.constraints
     count, every, errors, rate = round(span / 0.01) + 1, round(0.01 / h), [], 0.0
     for k in range(count):
@@ -203,7 +203,7 @@ def test_stabilised_chain_is_of_second_order_towards_the_converged_step():
     case, reference, errors = _case("chain"), _table("chain_4x8"), []
     for h in (4e-3, 2e-3):
         options = RunOptions(dt=h, t_end=0.4, tolerance=1e-9, integrator="stabilized_index2")
-        history = simulate(case.build(links=4, elements=8), options).history
+        history = simulate(case.CASE.model(links=4, elements=8), options).history
         found = _columns(history, "x y z", "tip_")[:: round(0.1 / h)]
         exact = _columns(reference, "x y z")[::2][: len(found)]
         errors.append(np.abs(found - exact).max())

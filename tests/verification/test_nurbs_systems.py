@@ -182,7 +182,7 @@ def test_lines_of_both_formulations():
 def test_slider_crank_with_six_cubic_elements():
     """The converged deflection of 5.04 %; linear elements of the same number give 4.4 %."""
     case = load_case("slider_crank")
-    model = case.build(elements=6, formulation="nurbs", degree=3)
+    model = case.model(elements=6, formulation="nurbs", degree=3)
     outcome = _run(model, dt=1e-4, t_end=0.2, tolerance=1e-6, iteration_matrix="frozen")
     # factorised once, and not above the 5715 iterations of Wu et al. (2020)
     assert outcome.summary["factorizations"] == 1

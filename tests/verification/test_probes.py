@@ -383,7 +383,7 @@ def test_flying_spaghetti_gains_the_work_of_its_loads():
     spec.loader.exec_module(case)
     errors = []
     for h in (0.05, 0.025):
-        model = case.build(elements=8)
+        model = case.CASE.model(elements=8)
         model.add(ff.EnergyProbe(), ff.MomentumProbe("p"))
         history = _run(model, h, 6.0, rho_inf=1.0)
         if history:

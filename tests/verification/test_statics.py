@@ -141,7 +141,7 @@ def test_both_ways_of_stepping_meet() -> None:
 
 @pytest.mark.serial
 def test_few_steps_roll_a_beam_up() -> None:
-    model = load_case("roll_up").build(elements=8, turns=1.0, out_of_plane_force=0.0)
+    model = load_case("roll_up").model(elements=8, turns=1.0, out_of_plane_force=0.0)
     outcome = solve(model, load_steps=1)
     # tangents with the membrane stress of a step's second order take 300 iterations and more
     assert outcome.summary["newton_iterations"] <= 40
@@ -189,7 +189,7 @@ def test_gravity(gravity: str) -> None:
 
 @pytest.mark.serial
 def test_stepping_over_a_limit_point_fails_where_it_lies() -> None:
-    model = load_case("lee_frame").build(elements=4)
+    model = load_case("lee_frame").model(elements=4)
     outcome = ff.solve_static(model, ff.StaticOptions(load_steps=4, t_end=1.2, max_iterations=12))
     arc = solve(model, arc_length=0.1, stop_column="down", stop_value=55.0)
     limit = arc.summary["critical_points"][0]["t"]
@@ -236,7 +236,7 @@ def test_mode_pictures_are_written(shared_tmp_path: Path) -> None:
 
 
 def chain() -> ff.Model:
-    return load_case("chain").build(links=2, elements=3)
+    return load_case("chain").CASE.model(links=2, elements=3)
 
 
 @pytest.mark.three_ranks

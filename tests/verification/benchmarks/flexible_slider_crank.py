@@ -28,7 +28,7 @@ DEFLECTION, ANGLE = 0.05043, 8.043778
 def run(h: float, matrix: str) -> tuple[dict[str, Any], Any]:
     """Summary and history of the case with 6 elements of degree 3."""
     case = load_module(shipped_files("cases")["slider_crank"], "flexfem_cases").CASE
-    model = case.build(elements=6, formulation="nurbs", degree=3)
+    model = case.model(elements=6, formulation="nurbs", degree=3)
     outcome = ff.simulate(model, ff.RunOptions(dt=h, t_end=0.2, iteration_matrix=matrix))
     return outcome.summary, outcome.history
 

@@ -103,7 +103,7 @@ PRINCETON = {
 
 def bend(elements: int, torsion: str) -> list[float]:
     """Tip displacement of the 45-degree bend at P = 600."""
-    model = load_case("bend_45").build(elements=elements, torsion=torsion, force=600.0)
+    model = load_case("bend_45").model(elements=elements, torsion=torsion, force=600.0)
     return solve(model, "tip_x tip_y tip_z", load_steps=4)
 
 
@@ -115,13 +115,13 @@ BEND = {
 
 def roll_up(elements: int) -> list[float]:
     """Tip after one full turn by a moment."""
-    model = load_case("roll_up").build(elements=elements, turns=1.0, out_of_plane_force=0.0)
+    model = load_case("roll_up").model(elements=elements, turns=1.0, out_of_plane_force=0.0)
     return solve(model, "tip_x tip_y tip_z", load_steps=2)
 
 
 def helix(elements: int, factor: float) -> list[float]:
     """Tip of the beam under 20 pi EI/L and 50 times the factor."""
-    model = load_case("roll_up").build(elements=elements, turns=10.0, out_of_plane_force=50.0)
+    model = load_case("roll_up").model(elements=elements, turns=10.0, out_of_plane_force=50.0)
     return solve(model, "tip_x tip_y tip_z", load_steps=8, t_end=factor)
 
 

@@ -22,7 +22,7 @@ def follow(model: ff.Model, **options: Any) -> tuple[Mapping[str, Any], Mapping[
 
 def lee_frame(elements: int) -> tuple[float, float, float]:
     """Limit load and displacement of Lee's frame, and the load at a displacement of 60."""
-    model = load_case("lee_frame").build(elements=elements)
+    model = load_case("lee_frame").model(elements=elements)
     summary, history = follow(model, arc_length=0.05, stop_column="down", stop_value=60.0)
     first = summary["critical_points"][0]
     assert first["kind"] == "limit point"
@@ -32,7 +32,7 @@ def lee_frame(elements: int) -> tuple[float, float, float]:
 
 def deep_arch(elements: int) -> tuple[float, float, float, float]:
     """Limit load of the deep arch, both displacements there, and the load at 120."""
-    model = load_case("deep_arch").build(elements=elements)
+    model = load_case("deep_arch").model(elements=elements)
     summary, history = follow(model, arc_length=0.1, stop_column="down", stop_value=120.0)
     (point,) = summary["critical_points"]
     load = ARCH * float(history["t"][-1]) if history else 0.0
