@@ -23,7 +23,7 @@ STEP = 1e-3
 def shells(mesh: str, element: str, t_end: float) -> Mapping[str, np.ndarray]:
     """History of the pendulum."""
     case = load_case("cylindrical_pendulum")
-    model = case.build(**case.prepare({"mesh": mesh, "element": element})[0])
+    model = case.model(mesh=mesh, element=element)
     return run(model, STEP, t_end, tolerance=1e-6)
 
 
