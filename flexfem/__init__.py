@@ -79,6 +79,7 @@ _MODULES = {
     "RigidBody": "model.bodies",
     "FloatingBody": "model.floating_body",
     "PointMass": "model.bodies",
+    "BodyLine": "reduction.body_line",
     "Box": "model.shapes",
     "Sphere": "model.shapes",
     "Cylinder": "model.shapes",

@@ -7,6 +7,8 @@ and ``NURBS``, see ``line_nurbs``. Frames are those of the sections; where these
 the nodes, the functions ``turn_*`` lead to and from the nodes. Points of surfaces, see
 ``surface_points``, are of two more kinds, ``TRIANGLE`` and ``FIXED`` (inertial axes): nothing of
 theirs depends on ``xi``, and the first column of the shape functions' coefficients holds weights.
+Lines that rigid bodies and bodies in floating frames carry, see ``line_bodies``, are of the kind
+``BODY``.
 
 Derivatives are taken along local twists ``w_I = (u_I, theta_I)`` of the frames, ``H_I <- H_I
 exp(w_I)``, and along ``xi``: the ``6 k + 1`` columns of a Jacobian are those of the frames one
@@ -21,6 +23,7 @@ On the helix, with the right tangent map T of SE(3), ``dd = T^-1(d) w_2 - T^-1(-
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.line_bodies import add_body_second, body_jacobian, body_pose
 from flexfem.core.line_nurbs import (
     add_nurbs_second,
     nurbs_jacobian,
@@ -49,6 +52,7 @@ from flexfem.lie.se3 import (
 )
 
 __all__ = [
+    "BODY",
     "FIXED",
     "NURBS",
     "SE3",
@@ -64,7 +68,7 @@ __all__ = [
     "turn_second",
 ]
 
-SE3, NURBS, TRIANGLE, FIXED = range(4)
+SE3, NURBS, TRIANGLE, FIXED, BODY = range(5)
 
 
 @inlined
@@ -94,9 +98,10 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
     """Frame of the point of an element.
 
     Args:
-        kind: ``SE3``, ``NURBS``, ``TRIANGLE`` or ``FIXED``.
+        kind: ``SE3``, ``NURBS``, ``TRIANGLE``, ``FIXED`` or ``BODY``.
         frames: (k, 12) frames of the sections at the nodes; k = 2 on ``SE3``, 3 on ``TRIANGLE``.
-        shape: (k, k) coefficients as in ``shape_functions``, not used on ``SE3``.
+        shape: (k, k) coefficients as in ``shape_functions``, not used on ``SE3``; on ``BODY``
+            those of ``line_bodies``.
         xi: place in the element; outside [0, 1] the element is continued.
         H: (12,) result.
     """
@@ -107,6 +112,8 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
         nurbs_pose(frames, shape, xi, H)
     elif kind == TRIANGLE:
         triangle_pose(frames, shape, H)
+    elif kind == BODY:
+        body_pose(frames, shape, xi, H)
     else:
         fixed_pose(frames, shape, H)
 
@@ -125,6 +132,9 @@ def line_jacobian(
         return
     if kind == TRIANGLE:
         triangle_jacobian(frames, shape, H, J)
+        return
+    if kind == BODY:
+        body_jacobian(frames, shape, xi, H, J)
         return
     if kind == FIXED:
         fixed_jacobian(frames, shape, H, J)
@@ -228,6 +238,8 @@ def add_line_second(
     """
     if kind == SE3:
         _add_helix_second(frames, xi, g, out)
+    elif kind == BODY:
+        add_body_second(frames, shape, xi, g, out)
     elif kind != NURBS:
         add_surface_second(kind == TRIANGLE, frames, shape, g, out)
     else:

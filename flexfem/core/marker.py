@@ -85,19 +85,48 @@ def _position(owner: str, point: npt.ArrayLike) -> tuple[float, float, float]:
 
 
 class Carrier(Marker):
-    """The whole line of a beam, along which the other marker of a joint slides.
+    """A whole line of a body, along which the other marker of a joint slides.
 
-    Its frame is that of the section where the slider is.
+    The line of a beam; a smooth line through points of a rigid body; or one that the reduced data
+    of a body in a floating frame hold (``reduce_body``), which moves as the body deforms. Its frame
+    is that of the section where the slider is, the first axis along the line.
+
+    Attributes:
+        line: Points (n, 3) in the axes of a rigid body, metres, or the name of a line of a body in
+            a floating frame; None for beams.
     """
 
-    def __init__(self, body: str) -> None:
-        """Name the beam.
+    line: FloatArray | str | None
+
+    def __init__(self, body: str, line: npt.ArrayLike | None = None) -> None:
+        """Name the body and the line.
 
         Raises:
-            TypeError: The name is not a string.
-            ValueError: It is empty or not printable.
+            TypeError: The name is not a string, or the line neither a name nor points.
+            ValueError: A name is empty or not printable, or there are fewer than two points or
+                neighbours at one place.
         """
         super().__init__(body)
+        owner = f'Carrier on "{body}"'
+        if isinstance(line, str):
+            _checks.assign(self, line=_checks.text(owner, "line", line))
+        else:
+            _checks.assign(self, line=None if line is None else line_points(owner, line))
+
+
+def line_points(owner: str, points: npt.ArrayLike) -> FloatArray:
+    """Return the checked points (n, 3) of a line.
+
+    Raises:
+        TypeError: They are no numbers.
+        ValueError: Fewer than two, or neighbours at one place.
+    """
+    found = _checks.array(owner, "line", points, (-1, 3))
+    if len(found) < 2 or not (np.linalg.norm(np.diff(found, axis=0), axis=1) > 0.0).all():
+        raise ValueError(
+            f"{owner}: line must have two points at least, neighbours at different places"
+        )
+    return found
 
 
 class ShellLine(Marker):

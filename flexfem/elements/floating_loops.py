@@ -2,7 +2,7 @@
 """Compiled loops over bodies in a floating frame: forces, matrices and momenta at their nodes.
 
 ``nodes`` (m, N) hold frame, interfaces and amplitudes of each body, the frame left out where it
-moves with the body on average. See ``floating_kinematics`` and ``floating_inertia`` for the
+moves with the body on average. See ``core.relative_frames`` and ``floating_inertia`` for the
 notation.
 """
 
@@ -11,6 +11,14 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray
 from flexfem.core.frame_kernels import step_rates_into
 from flexfem.core.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
+from flexfem.core.relative_frames import (
+    act,
+    first,
+    relative_motion,
+    second,
+    third,
+    write_columns,
+)
 from flexfem.elements.floating_inertia import (
     BodyData,
     add_elastic,
@@ -24,14 +32,6 @@ from flexfem.elements.floating_inertia import (
     moment,
     new_fields,
     put_skew,
-)
-from flexfem.elements.floating_kinematics import (
-    act,
-    first,
-    relative_motion,
-    second,
-    third,
-    write_columns,
 )
 from flexfem.elements.floating_mean_axes import carry, condense, locate, respond
 from flexfem.elements.floating_tangent import (

@@ -10,8 +10,8 @@ the frame are carried by multipliers of the conditions, which are eliminated bod
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
+from flexfem.core.relative_frames import relative_motion, write_columns
 from flexfem.elements.floating_inertia import BodyData
-from flexfem.elements.floating_kinematics import relative_motion, write_columns
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import retract_into
 

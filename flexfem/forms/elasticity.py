@@ -9,7 +9,15 @@ from typing import Any
 
 import ufl
 
-__all__ = ["gradient", "in_space", "plane_stress", "prestress_work", "solid_stress", "strain"]
+__all__ = [
+    "gradient",
+    "in_space",
+    "plane_stress",
+    "prestress_work",
+    "small_rotation",
+    "solid_stress",
+    "strain",
+]
 
 Expr = Any
 
@@ -27,6 +35,15 @@ def gradient(u: Expr) -> Expr:
     if full.ufl_shape == (count, count):
         return full
     return ufl.as_matrix([[full[i, j] for j in range(count)] for i in range(count)])
+
+
+def small_rotation(u: Expr) -> Expr:
+    """Small rotation vector of three, half the curl."""
+    g = gradient(u)
+    turn = 0.5 * (g[1, 0] - g[0, 1])
+    if len(u) == 2:
+        return ufl.as_vector([0.0 * turn, 0.0 * turn, turn])
+    return ufl.as_vector([0.5 * (g[2, 1] - g[1, 2]), 0.5 * (g[0, 2] - g[2, 0]), turn])
 
 
 def strain(u: Expr) -> Expr:

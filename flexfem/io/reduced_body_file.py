@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Reduced bodies in HDF5 files, the same whatever the number of ranks.
 
-``/`` has the attributes ``format`` and ``interfaces`` (names), and a dataset for every array of a
-body; ``/recovery`` holds the surface of all ranks as one. A checksum (BLAKE2b) of all of them is
+``/`` has the attributes ``format``, ``interfaces`` and ``lines`` (names), and a dataset for every
+array of a body; ``/recovery`` holds the surface of all ranks as one, ``/lines`` the arrays of the
+lines with the number of the line behind their names. A checksum (BLAKE2b) of all of them is
 kept in the attribute ``digest``, so that damage is noticed.
 """
 
@@ -23,6 +24,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.io.atomic import raise_together, replace_file
 from flexfem.io.hdf5 import PlainFile
 from flexfem.io.hdf5_structure import check_structure
+from flexfem.reduction.body_line import BodyLine
 from flexfem.reduction.reduced_body import Interface, Recovery, ReducedBody
 
 if TYPE_CHECKING:
@@ -35,6 +37,8 @@ _FORMAT = 1
 _ARRAYS = ("moments", "products", "stiffness", "damping", "held", "frequencies")
 _OPTIONAL = ("acceleration_stiffness", "interface_stiffness")
 _SURFACE = ("points", "cells", "displacement")
+_LINE = ("points", "displacement", "rotation")
+_GROUPS = ("recovery", "lines")
 #: Bytes of a file beyond which it must be something else: it is read as a whole.
 _LARGEST = 4_000_000_000
 
@@ -132,6 +136,11 @@ def _contents(body: ReducedBody, recovery: Recovery | None) -> bytes:
         for name in _OPTIONAL:
             if getattr(body, name) is not None:
                 file[name] = getattr(body, name)
+        if body.lines:
+            file.attrs["lines"] = json.dumps(list(body.lines))
+            for number, line in enumerate(body.lines.values()):
+                for name, values in line.arrays.items():
+                    file[f"lines/{name}_{number}"] = values
         if recovery is not None:
             for name in (*_SURFACE, "stress"):
                 if getattr(recovery, name) is not None:
@@ -144,9 +153,12 @@ def _digest(file: PlainFile) -> str:
     """Checksum of the attributes and all arrays, in the order of their names."""
     digest = hashlib.blake2b(digest_size=32)
     digest.update(f"{file.text('interfaces')} {file.number('mass')!r}".encode())
-    names = [name for name in file.names("") if name != "recovery"]
-    if file.has("recovery"):
-        names += [f"recovery/{name}" for name in file.names("recovery")]
+    names = [name for name in file.names("") if name not in _GROUPS]
+    for group in _GROUPS:
+        if file.has(group):
+            names += [f"{group}/{name}" for name in file.names(group)]
+    if file.has("lines"):
+        digest.update(file.text("lines").encode())
     for name in sorted(names):
         values = file.values(name)
         digest.update(f"{name} {values.shape} {values.dtype.str}".encode())
@@ -175,8 +187,13 @@ def _read(raw: bytes) -> dict[str, Any]:
         fields: dict[str, Any] = {name: file.values(name) for name in _ARRAYS}
         fields |= {name: file.values(name) if file.has(name) else None for name in _OPTIONAL}
         fields["mass"] = file.number("mass")
-        fields["names"] = _names(file.text("interfaces"))
+        fields["names"] = _names(file.text("interfaces"), "interfaces")
         fields["positions"] = file.values("positions").reshape(-1, 3)
+        fields["lines"] = {}
+        if file.has("lines"):
+            for number, name in enumerate(_names(file.text("lines"), "lines")):
+                arrays = {k: file.values(f"lines/{k}_{number}") for k in _LINE}
+                fields["lines"][name] = BodyLine(**arrays)
         fields["recovery"] = None
         if file.has("recovery"):
             names = file.names("recovery")
@@ -184,8 +201,8 @@ def _read(raw: bytes) -> dict[str, Any]:
     return fields
 
 
-def _names(text: str) -> list[str]:
-    """Names of the interfaces.
+def _names(text: str, what: str) -> list[str]:
+    """Names of the interfaces or lines.
 
     Raises:
         ValueError: the text does not say them.
@@ -195,7 +212,7 @@ def _names(text: str) -> list[str]:
     except RecursionError:
         names = None
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise ValueError("its interfaces have no names")
+        raise ValueError(f"its {what} have no names")
     return names
 
 

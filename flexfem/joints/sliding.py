@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Sliding joint along a flexible beam."""
+"""Sliding joint along a line."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,12 +15,13 @@ __all__ = ["Sliding"]
 
 @dataclass(frozen=True, eq=False)
 class Sliding(Joint):
-    """Marker b slides on the line of a flexible beam; two constraints, five when tied.
+    """Marker b slides on a line of a body; two constraints, five when tied.
 
     The force is at right angles to the deformed line. How far the slider has gone is its arc length
     zeta (m) from the carrier's start in the undeformed state; ``SlideStop``, ``PrescribedSlide``,
     ``JointFriction`` and ``Lock`` with this joint act on zeta. A slider that leaves its carrier
-    ends the run as failed, unless a ``SlideStop`` keeps it near the end or an event acts before.
+    ends the run as failed, unless a ``SlideStop`` keeps it near the end or an event acts before;
+    ``beyond`` lets it go on, along the continuation of the line's last element.
 
     The lines of NURBS beams of degree 2 and more are smooth. Those of SE(3) beams turn at a node by
     the difference of the shear strains on both sides, the shear force's jump over GA (1e-3 rad in a
@@ -31,13 +32,15 @@ class Sliding(Joint):
     coarse elements is ten times smoother.
 
     Attributes:
-        a: ``Carrier`` with the name of the beam.
+        a: ``Carrier``: a beam, or a line of a rigid body or of a body in a floating frame.
         b: marker that slides; on the line at the start.
         tied: it keeps its rotation relative to the carrier's section (prismatic joint).
+        beyond: how far it may go beyond either end of the carrier, m.
     """
 
     a: Carrier
     tied: bool = False
+    beyond: float = 0.0
 
     slides = True
     leaves = ("translation",)
@@ -48,13 +51,14 @@ class Sliding(Joint):
         Raises:
             TypeError: a is not a ``Carrier``, b not a marker on something else, or ``tied`` not
                 a truth value.
-            ValueError: the name is empty.
+            ValueError: the name is empty, or ``beyond`` negative.
         """
         super().__post_init__()
         _checks.instance(self.owner, "a", self.a, Carrier)
         if isinstance(self.b, Carrier):
             raise TypeError(f'{self.owner}: b must be a Marker or Ground, got Carrier "{self.b}"')
         _checks.instance(self.owner, "tied", self.tied, bool)
+        _checks.number(self.owner, "beyond", self.beyond, nonnegative=True)
 
     def motion_term(self, kind: str, poses: Sequence[Pose]) -> Term:
         """See :meth:`Joint.motion_term`: zeta."""

@@ -49,7 +49,7 @@ def assemble(
         A new model with bodies, markers, joints and meshes moved.
 
     Raises:
-        InputError: a mistake in the model, a joint that slides along a beam, or joints that cannot
+        InputError: a mistake in the model, a joint that slides along a line, or joints that cannot
             be closed: the one with the largest gap is named, with the gap left (a ValueError).
         TypeError: an argument has the wrong type.
 

@@ -44,13 +44,13 @@ def place_joint(parts: RigidParts, joint: Joint, index: int) -> PlacedJoint:
     """A joint between parts.
 
     Raises:
-        ValueError: it slides along a beam, or a marker's body or point does not exist.
+        ValueError: it slides along a line, or a marker's body or point does not exist.
     """
     places = []
     for marker in joint.markers:
         if isinstance(marker, Carrier):
             raise ValueError(
-                f"{joint.owner}: it slides along a beam, which is no motion of bodies as wholes"
+                f"{joint.owner}: it slides along a line, which is no motion of bodies as wholes"
             )
         try:
             places.append(parts.place(marker))

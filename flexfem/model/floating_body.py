@@ -43,7 +43,7 @@ class FloatingBody:
             must hold what it takes.
 
     Its markers: the name of an interface as ``point``, or None for the floating frame. The names
-    of the interfaces are those in ``reduced``.
+    of the interfaces are those in ``reduced``, and so are those of lines for sliders (``Carrier``).
     """
 
     name: str

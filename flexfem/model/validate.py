@@ -21,9 +21,10 @@ from flexfem.core.marker import (
 )
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
-from flexfem.model.bodies import Beam
+from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
+from flexfem.model.floating_body import FloatingBody
 from flexfem.model.load_checks import check_load
 from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
@@ -213,8 +214,7 @@ def _check_line(model: Model, thing: Any, marker: Observed) -> None:
     elif isinstance(marker, Carrier):
         if not (isinstance(thing, Joint) and thing.slides):
             raise ValueError(f'a Carrier ("{marker.body}") is for sliding joints only')
-        if not isinstance(model.get(marker.body), Beam):
-            raise ValueError(f'Carrier: {model!r} has no beam "{marker.body}"')
+        _check_carrier(model, marker)
     elif isinstance(marker, ShellLine):
         if not (isinstance(thing, Joint) and thing.joins_lines):
             raise ValueError(f'a ShellLine ("{marker}") is for joints of lines only')
@@ -223,6 +223,28 @@ def _check_line(model: Model, thing: Any, marker: Observed) -> None:
         if not isinstance(thing, Joint):
             raise ValueError(f'a SurfaceMarker ("{marker}") is for joints only')
         _check_surface(model, marker)
+
+
+def _check_carrier(model: Model, carrier: Carrier) -> None:
+    """Check that a carrier is a line of its body."""
+    body, owner = model.get(carrier.body), f'Carrier on "{carrier.body}"'
+    if isinstance(body, Beam):
+        if carrier.line is not None:
+            raise ValueError(f"{owner}: a beam has one line, give none")
+    elif isinstance(body, RigidBody):
+        if carrier.line is None or isinstance(carrier.line, str):
+            raise ValueError(f"{owner}: give points of the line in the axes of the rigid body")
+    elif isinstance(body, FloatingBody):
+        known = body.reduced.lines
+        if not isinstance(carrier.line, str) or carrier.line not in known:
+            names = ", ".join(known) or "none, reduce the body with lines={...}"
+            raise ValueError(f"{owner}: line must name one of the reduced body, which has {names}")
+        if not body.has_frame_node:
+            raise ValueError(
+                f"{owner}: mean axes carry no lines, take an interface as frame of the body"
+            )
+    else:
+        raise ValueError(f'{model!r} has no beam or body with lines "{carrier.body}"')
 
 
 def _check_surface(model: Model, marker: SurfaceMarker) -> None:

@@ -11,14 +11,15 @@ ones kept here (inertia shape integrals; Shabana 2013, Dynamics of Multibody Sys
 Needs NumPy only: what makes these data of a mesh is in the other modules of this package.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NoReturn
 
 import numpy as np
 
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.reduction.body_line import BodyLine
 
 __all__ = ["Interface", "Recovery", "ReducedBody", "interface_motions"]
 
@@ -137,6 +138,7 @@ class ReducedBody:
         interface_stiffness: (6 k, n, n) geometric stiffness of the stress by a unit of each
             interface coordinate; None if not asked for.
         recovery: what pictures need; None if not asked for.
+        lines: lines of the body by name, on which sliders run (``Carrier``).
     """
 
     interfaces: tuple[Interface, ...]
@@ -150,6 +152,7 @@ class ReducedBody:
     acceleration_stiffness: FloatArray | None = None
     interface_stiffness: FloatArray | None = None
     recovery: Recovery | None = None
+    lines: Mapping[str, BodyLine] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the data against each other.
@@ -195,6 +198,7 @@ class ReducedBody:
         }
         _checks.assign(self, **fields)
         self._check_recovery()
+        self._check_lines()
         self._check_symmetry()
         self._check_held()
         self._check_rigid_motions()
@@ -266,6 +270,17 @@ class ReducedBody:
         count = self.recovery.displacement.shape[2]
         if count != self.size:
             raise ValueError(f"ReducedBody: recovery must have {self.size} functions, got {count}")
+
+    def _check_lines(self) -> None:
+        _checks.instance("ReducedBody", "lines", self.lines, Mapping)
+        for name, line in self.lines.items():
+            _checks.text("ReducedBody", "name of a line", name)
+            _checks.instance("ReducedBody", f'line "{name}"', line, BodyLine)
+            count = line.displacement.shape[2]
+            if count != self.size:
+                raise ValueError(
+                    f'ReducedBody: line "{name}" must have {self.size} functions, got {count}'
+                )
 
     def _check_symmetry(self) -> None:
         whole = self.products.transpose(0, 2, 1, 3).reshape(3 * (self.size + 1), -1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Sliders that leave the beams they slide on."""
+"""Sliders that leave the lines they slide on."""
 
 from mpi4py import MPI
 
@@ -29,15 +29,17 @@ class Departures:
     def __init__(self, system: System, serial: Assembly) -> None:
         """Find the sliding joints, the same on every rank."""
         model = serial.model
-        self.reason, self._system = "", system
+        self.reason, self._system, self._model = "", system, model
         self._joints = [
-            (joint, joint.a.body)
+            (joint, joint.a)
             for joint in model.joints
             if isinstance(joint.a, Carrier) and joint.partner is None
         ]
-        lengths = np.array([serial.line(beam).length for _, beam in self._joints])
+        lengths = np.array([serial.carrier_line(a).length for _, a in self._joints])
         room = np.array([_room(model, joint) for joint, _ in self._joints]).reshape(-1, 2)
-        self._lower, self._upper = -room[:, 0] * lengths, (1.0 + room[:, 1]) * lengths
+        beyond = np.array([getattr(joint, "beyond", 0.0) for joint, _ in self._joints])
+        self._lower = -room[:, 0] * lengths - beyond
+        self._upper = (1.0 + room[:, 1]) * lengths + beyond
         self._lengths = lengths
         names = [joint.name for joint, _ in self._joints]
         rows = system.constraints
@@ -63,10 +65,11 @@ class Departures:
         left = np.flatnonzero((zeta < self._lower) | (zeta > self._upper))
         if len(left):
             k = left[0]
-            joint, beam = self._joints[k]
+            joint, carrier = self._joints[k]
+            kind = type(self._model[carrier.body]).__name__
             self.reason = (
-                f'{joint.owner}: the slider leaves Beam "{beam}" of {self._lengths[k]:.6g} m at '
-                f"zeta = {zeta[k]:.6g} m"
+                f'{joint.owner}: the slider leaves {kind} "{carrier.body}" of '
+                f"{self._lengths[k]:.6g} m at zeta = {zeta[k]:.6g} m"
             )
         return bool(len(left))
 

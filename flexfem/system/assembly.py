@@ -29,6 +29,7 @@ from flexfem.model.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.place import Place
 from flexfem.model.shell import Shell
+from flexfem.system.body_lines import floating_line, rigid_line
 from flexfem.system.director_surface import shell_surface
 from flexfem.system.floating_nodes import FloatingNodes
 from flexfem.system.lines import ElementPlace, Line, LinePoint, se3_line
@@ -64,6 +65,7 @@ class Assembly:
         self.model = model
         self._places: dict[Observed, Place | None] = {}
         self._lines: dict[str, Line] = {}
+        self._carried: dict[Carrier, Line] = {}
         self._rigid_index = {b.name: i for i, b in enumerate(model.rigid_bodies)}
         self.points, self.frames = np.empty((0, 3)), np.empty((0, 12))
         self.sections: list[Section] = []
@@ -144,6 +146,25 @@ class Assembly:
         if name not in self._lines:
             self._lines[name] = self._line(name)
         return self._lines[name]
+
+    def carrier_line(self, carrier: Carrier) -> Line:
+        """Line of a carrier, found once for each.
+
+        Raises:
+            ValueError: it is that of a beam that branches or falls apart.
+        """
+        body = self.model[carrier.body]
+        if isinstance(body, Beam):
+            return self.line(carrier.body)
+        if carrier not in self._carried:
+            if isinstance(body, RigidBody):
+                number = self._rigid_index[body.name]
+                self._carried[carrier] = rigid_line(RIGID, number, carrier)
+            else:
+                assert self.floating is not None
+                first = int(self.floating.first[self.model.floating_bodies.index(body)])
+                self._carried[carrier] = floating_line(FLOATING, first, body, carrier)
+        return self._carried[carrier]
 
     def _line(self, name: str) -> Line:
         beam = self.model.get(name)

@@ -13,7 +13,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.joint import Joint
-from flexfem.core.line_points import FIXED, TRIANGLE, line_jacobian, turn_frames
+from flexfem.core.line_points import BODY, FIXED, TRIANGLE, line_jacobian, turn_frames
 from flexfem.core.marker import Attachment, Carrier, Marker
 from flexfem.core.pose import Pose
 from flexfem.lie import se3
@@ -128,7 +128,7 @@ def _on_surface(
 def _slider(serial: Assembly, joint: Joint, carrier: Carrier) -> tuple[LinePoint, Pose]:
     """Place on a line where a slider starts, and the pose of the section there."""
     try:
-        line = serial.line(carrier.body)
+        line = serial.carrier_line(carrier)
     except ValueError as error:
         raise ValueError(f"{joint.owner}: {error}") from None
     x = serial.marker_pose(joint.markers[1]).position
@@ -147,6 +147,8 @@ def _closest(serial: Assembly, line: Line, x: FloatArray) -> tuple[int, float, F
     ends = np.array([serial.node_frames(line.kind)[nodes] for nodes in line.nodes])
     middle = ends[:, :, :3].mean(axis=1)
     reach = np.linalg.norm(ends[:, :, :3] - middle[:, np.newaxis], axis=2).max(axis=1)
+    if line.element == BODY:
+        reach[:] = np.inf  # its elements need not be near its nodes
     beside = np.linalg.norm(middle - x, axis=1) - _BENT * reach
     best, found = np.inf, (0, 0.0, np.empty(12))
     for e in np.argsort(beside, kind="stable"):
@@ -201,7 +203,7 @@ def connect(
     keys = list(needed)
     interface = Interface(comm, blocks, keys, [sorted(needed[k]) for k in keys])
     placed: list[PlacedJoint] = []
-    rails: dict[str, Rail] = {}
+    rails: dict[int, Rail] = {}
     for index, (joint, ends) in enumerate(zip(joints, found, strict=True)):
         ranks = placement.joint_ranks(joint)
         if comm.rank not in ranks:
@@ -215,7 +217,7 @@ def connect_alone(
     joints: Sequence[Joint], found: Sequence[JointEnds], table: NodeTable
 ) -> list[PlacedJoint]:
     """The joints between nodes that this process holds alone; nothing is distributed."""
-    rails: dict[str, Rail] = {}
+    rails: dict[int, Rail] = {}
     return [
         _placed(joint, index, ends, table, rails, owned=True, shared=False)
         for index, (joint, ends) in enumerate(zip(joints, found, strict=True))
@@ -224,32 +226,31 @@ def connect_alone(
 
 def _placed(
     joint: Joint, index: int, ends: JointEnds, interface: Interface | NodeTable,
-    rails: dict[str, Rail], *, owned: bool, shared: bool,
+    rails: dict[int, Rail], *, owned: bool, shared: bool,
 ) -> PlacedJoint:  # fmt: skip
     """A joint between nodes at the interface."""
-    slots, points = _slots(ends, interface), _rail_points(joint, ends, interface, rails)
+    slots, points = _slots(ends, interface), _rail_points(ends, interface, rails)
     return PlacedJoint(
         joint, index, ends.poses, slots, ends.frames, points, owned=owned, shared=shared
     )
 
 
 def _rail_points(
-    joint: Joint, ends: JointEnds, interface: Interface | NodeTable, rails: dict[str, Rail]
+    ends: JointEnds, interface: Interface | NodeTable, rails: dict[int, Rail]
 ) -> tuple[RailPoint | None, ...]:
-    """Where the markers of a joint are on lines; ``rails`` are those of the beams so far.
+    """Where the markers of a joint are on lines; ``rails`` are those of lines so far.
 
     Places on surfaces have rails of their own.
     """
     points: list[RailPoint | None] = []
-    for marker, point in zip(joint.markers, ends.points, strict=True):
+    for point in ends.points:
         if point is None:
             points.append(None)
             continue
-        assert isinstance(marker, Marker)  # the ground has no lines
         if point.line.element in (TRIANGLE, FIXED):
             rail = _rail(interface, point.line)
         else:
-            rail = rails.setdefault(marker.body, _rail(interface, point.line))
+            rail = rails.setdefault(id(point.line), _rail(interface, point.line))
         points.append(RailPoint(rail, point.element, point.xi, point.slides))
     return tuple(points)
 

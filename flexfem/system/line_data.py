@@ -16,14 +16,16 @@ class LineData(NamedTuple):
 
     Attributes:
         element: (n_lines,) how frames are interpolated; width: (n_lines,) nodes of an element.
+        size: (n_lines, 2) rows and columns of coefficients of an element.
         first: (n_lines + 1,) first element of each line.
         nodes: (e, k) slots of the nodes.
-        shape: (e, k, k), turns: (e, 2, 9), start: (e,), arc: (e, q), see ``lines.Line``.
+        shape: (e, p, q), turns: (e, 2, 9), start: (e,), arc: (e, q), see ``lines.Line``.
         turned: (n_lines,) whether any section is turned against its node.
     """
 
     element: IntArray
     width: IntArray
+    size: IntArray
     first: IntArray
     nodes: IntArray
     shape: FloatArray

@@ -7,7 +7,13 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.line_points import add_line_second, arc_length, turn_second
 from flexfem.lie.compiled import kernel
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
-from flexfem.system.line_kernels import ARC, element_frames, place_markers, slide_gradient
+from flexfem.system.line_kernels import (
+    ARC,
+    coefficients,
+    element_frames,
+    place_markers,
+    slide_gradient,
+)
 from flexfem.system.row_hessians import term_hessian
 from flexfem.system.row_kernels import ALONG, term, to_node
 
@@ -161,7 +167,7 @@ def _add_point_second(
     block = work.block[: 6 * k + 1, : 6 * k + 1]
     block[:] = 0.0
     add_line_second(
-        lines.element[line], work.frames[:k], lines.shape[e, :k, :k], places[m, 1], g, block
+        lines.element[line], work.frames[:k], coefficients(lines, line, e), places[m, 1], g, block
     )
     if lines.turned[line]:
         turn_second(lines.turns[e], block)

@@ -89,19 +89,22 @@ class LineJoints:
         first = starts([len(rail.slots) for rail in rails])
         total = int(first[-1])
         slots = np.full((total, width), -1, dtype=np.int64)
-        shape, turns = np.zeros((total, width, width)), np.zeros((total, 2, 9))
+        sizes = [(0, 0) if r.line.shape is None else r.line.shape.shape[1:] for r in rails]
+        size = np.array(sizes, dtype=np.int64).reshape(-1, 2)
+        shape, turns = np.zeros((total, *size.max(axis=0, initial=0))), np.zeros((total, 2, 9))
         arc, start = np.zeros((total, powers)), np.zeros(total)
-        for rail, a, b in zip(rails, first[:-1], first[1:], strict=True):
+        for rail, a, b, (p, q) in zip(rails, first[:-1], first[1:], sizes, strict=True):
             line, k = rail.line, rail.slots.shape[1]
             slots[a:b, :k] = rail.slots
             if line.shape is not None:
-                shape[a:b, :k, :k] = line.shape
+                shape[a:b, :p, :q] = line.shape
             if line.turns is not None:
                 turns[a:b] = line.turns
             arc[a:b, : line.arc.shape[1]], start[a:b] = line.arc, line.starts
         self._lines = LineData(
             element=np.array([rail.line.element for rail in rails], dtype=np.int64),
             width=np.array([rail.slots.shape[1] for rail in rails], dtype=np.int64),
+            size=size,
             first=first,
             nodes=slots,
             shape=shape,

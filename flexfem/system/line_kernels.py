@@ -32,6 +32,7 @@ from flexfem.system.row_kernels import ALONG, ANGLE, rotate_back_into, rotate_in
 __all__ = [
     "ARC",
     "add_line_wrenches",
+    "coefficients",
     "element_frames",
     "evaluate_lines",
     "node_slots",
@@ -58,6 +59,13 @@ def element_frames(lines: LineData, line: int, e: int, frames: FloatArray, work:
 
 
 @kernel
+def coefficients(lines: LineData, line: int, e: int) -> FloatArray:
+    """Those of the shape functions of an element."""
+    own: FloatArray = lines.shape[e, : lines.size[line, 0], : lines.size[line, 1]]
+    return own
+
+
+@kernel
 def _section(
     lines: LineData, line: int, e: int, xi: float, frames: FloatArray, work: Work, H: FloatArray
 ) -> None:
@@ -65,7 +73,7 @@ def _section(
     k = lines.width[line]
     element_frames(lines, line, e, frames, work)
     J = work.section[:, : 6 * k + 1]
-    line_jacobian(lines.element[line], work.frames[:k], lines.shape[e, :k, :k], xi, H, J)
+    line_jacobian(lines.element[line], work.frames[:k], coefficients(lines, line, e), xi, H, J)
     if lines.turned[line]:
         turn_columns(lines.turns[e], J)
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Joints with markers on lines: on SE(3) elements with turned sections, on NURBS elements."""
+"""Joints with markers on lines: SE(3) elements with turned sections, NURBS, lines of bodies."""
 
 from dataclasses import dataclass, field
+from math import comb
 from typing import Any
 
 from mpi4py import MPI
@@ -10,7 +11,7 @@ import numpy as np
 
 import flexfem as ff
 from flexfem.core.joint import Joint
-from flexfem.core.line_points import NURBS, SE3, line_pose, turn_frames
+from flexfem.core.line_points import BODY, NURBS, SE3, line_pose, turn_frames
 from flexfem.core.pose import Pose
 from flexfem.lie import se3, so3
 from flexfem.system.constraints import Constraints
@@ -84,18 +85,46 @@ FIXED = {
         {"axis": (0.6, -0.3, 0.8), "stiffness": 7.0, "damping": 4.0}, slides=False, elastic=True,
     ),
 }  # fmt: skip
-LINES = {"se3": None, "nurbs": QUADRATIC, "rational": RATIONAL}
+
+
+def _carried(functions: int) -> np.ndarray:
+    """Two elements of a line that a body carries, of which the second continues the first.
+
+    It bends; so many coordinates displace and turn it.
+    """
+    rng = np.random.default_rng(3)
+    cubic = np.zeros((1 + functions, 7, 4))
+    cubic[0, :4] = [[0.2, 1.0, 0.0, 0.0], [0.1, 0.0, 0.1, 0.0], [0.0, 0.0, 0.0, 0.02], [1, 0, 0, 0]]
+    cubic[0, 4:] = [[0.1, 0.05, 0.0, 0.0], [0.0, 0.0, -0.03, 0.0], [0.0, 0.1, 0.0, 0.0]]
+    cubic[1:] = rng.normal(size=(functions, 7, 4)) * [0.3, 0.3, 0.1, 0.05]
+    shift = np.array([[comb(m, r) for r in range(4)] for m in range(4)])  # xi becomes xi + 1
+    return np.stack([cubic, cubic @ shift]).reshape(2, 1 + functions, 28)
+
+
+#: How frames are interpolated, nodes of the elements, coefficients.
+LINES = {
+    "se3": (SE3, [[0, 1], [1, 2]], None),
+    "nurbs": (NURBS, [[0, 1, 2], [1, 2, 3]], QUADRATIC),
+    "rational": (NURBS, [[0, 1, 2], [1, 2, 3]], RATIONAL),
+    "rigid": (BODY, [[0], [0]], _carried(0)),
+    "floating": (BODY, [[0, 1, 2, 3], [0, 1, 2, 3]], _carried(15)),
+}
 
 
 class PlacedOnLine(Placed):
     """One joint between a line of two elements and a node of its own."""
 
     def __init__(self, example: LineExample, line: str, rng: np.random.Generator) -> None:
-        self.shape = LINES[line]
-        nodes = _line_nodes(3 if self.shape is None else 4, rng)
+        self.element, cells, self.shape = LINES[line]
+        self.cells = np.array(cells)
+        nodes = _line_nodes(self.cells.max() + 1, rng)
+        if line == "floating":  # two interfaces near the frame's own, and three amplitudes
+            nodes[1:3] = se3.retract(nodes[:1], 0.3 * rng.normal(size=(2, 6)))
+            nodes[3] = se3.frame(0.2 * rng.normal(size=3), np.eye(3))
         free = se3.exp(np.array([0.2, 0.1, -0.3, 0.4, 0.1, 0.7]))
         self.start = np.concatenate([nodes, free[np.newaxis]])
         self.count = len(self.start)
+        self.spatial = np.arange(self.count) != (3 if line == "floating" else -1)
         self.turns = so3.exp(0.4 * rng.normal(size=(2, 2, 3))).reshape(2, 2, 9)
         if self.shape is not None:
             self.turns[:] = np.eye(3).ravel()
@@ -125,33 +154,39 @@ class PlacedOnLine(Placed):
         ]  # fmt: skip
         self.rows = Constraints(MPI.COMM_SELF, placed, self.face)
 
-    def _cells(self) -> np.ndarray:
-        width = 2 if self.shape is None else 3
-        return np.array([np.arange(e, e + width) for e in range(2)])
-
     def _rail(self) -> Rail:
-        nodes = self._cells()
         arc = np.array([[0.0, 0.8, 0.1], [0.0, 1.0, -0.2]])
         turns = self.turns if self.shape is None else None
         starts = np.array([0.0, 0.9])
-        element = SE3 if self.shape is None else NURBS
-        return Rail(Line(0, nodes, np.arange(2), self.shape, turns, starts, arc, element), nodes)
+        elements = np.arange(2)
+        line = Line(0, self.cells, elements, self.shape, turns, starts, arc, self.element)
+        return Rail(line, self.cells)
 
     def section(self, frames: np.ndarray, element: int, xi: float) -> np.ndarray:
         """Frame of a section."""
-        own, H = frames[self._cells()[element]].copy(), np.empty(12)
+        own, H = frames[self.cells[element]].copy(), np.empty(12)
         if self.shape is None:
             turn_frames(own, self.turns[element], own)
-            line_pose(SE3, own, np.empty((0, 0)), xi, H)
-        else:
-            line_pose(NURBS, own, self.shape[element], xi, H)
+        shape = np.empty((0, 0)) if self.shape is None else self.shape[element]
+        line_pose(self.element, own, shape, xi, H)
         return H
 
     def disturb(self, rng: np.random.Generator) -> None:
         n = self.count
-        self.face.frames[:] = se3.retract(self.start, 0.05 * rng.normal(size=(n, 6)))
-        self.face.velocities[:] = rng.normal(size=(n, 6))
+        steps, self.face.velocities[:] = 0.05 * rng.normal(size=(n, 6)), rng.normal(size=(n, 6))
         self.face.increments[:] = 0.2 * rng.normal(size=(n, 6))
+        for values in (steps, self.face.velocities, self.face.increments):
+            values[~self.spatial, 3:] = 0.0
+        self.face.frames[:] = se3.retract(self.start, steps)
+
+    def move(self, motion: np.ndarray) -> None:
+        """Move everything by a rigid motion; amplitudes do not take part."""
+        frames = self.face.frames
+        frames[self.spatial] = se3.compose(motion, frames[self.spatial])
+
+    def nodal_forces(self) -> tuple[np.ndarray, np.ndarray]:
+        force, moment = super().nodal_forces()
+        return force * self.spatial[:, np.newaxis], moment * self.spatial[:, np.newaxis]
 
 
 def _line_nodes(count: int, rng: np.random.Generator) -> np.ndarray:

@@ -98,7 +98,7 @@ def test_common_rigid_motion(example, line, rng):
     joint.evaluate()
     sums, poses = joint.rows.sums(), joint.rows.poses.copy()
     motion = se3.exp(np.array([3.0, -2.0, 1.0, 0.9, 1.4, -0.5]))
-    joint.face.frames[:] = se3.compose(motion, joint.face.frames)
+    joint.move(motion)
     joint.evaluate()
     # the marker moves with the line
     np.testing.assert_allclose(joint.rows.poses, se3.compose(motion, poses), atol=1e-13)
@@ -165,7 +165,7 @@ def test_passing_from_element_to_element(line, rng):
         arcs.append(rows.sums()[-1])
         rows.accept()
         nodes = rows.term_slots[rows.term_start[0] :][:2].ravel()
-        np.testing.assert_array_equal(nodes[: len(joint._cells()[0])], joint._cells()[int(e)])
+        np.testing.assert_array_equal(nodes[: len(joint.cells[0])], joint.cells[int(e)])
     expected = np.array([0.95 * 0.8 + 0.1 * 0.95**2, 0.9, 0.9 + 0.01 - 0.2e-4, 0.9 + 0.4 - 0.032])
     np.testing.assert_allclose(arcs[:4], expected, atol=1e-8)
     assert rows.lines.version == version + 2

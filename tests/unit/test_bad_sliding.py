@@ -10,11 +10,16 @@ import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.simulation.stepping import Simulation
 from tests.unit.refusals import assert_refused
+from tests.unit.test_reduced_body import two_masses
 
 pytestmark = pytest.mark.serial
 
 BEAD, RAIL = ff.Marker("bead"), ff.Carrier("rail")
 SLIDE = ff.Sliding("slide", RAIL, BEAD)
+AXIS = ff.BodyLine([(0, 0, 0), (1, 0, 0)], np.zeros((2, 3, 12)), np.zeros((2, 3, 12)))
+ELASTIC = two_masses(lines={"axis": AXIS})
+ROD = ff.FloatingBody("rod", ELASTIC, position=(0, 5, 0))
+MEAN = ff.FloatingBody("mean", ELASTIC, position=(0, 5, 0), frame="mean_axes")
 HINGE = ff.Revolute("hinge", ff.Ground(), BEAD)
 
 ALONE = {
@@ -27,6 +32,14 @@ ALONE = {
     "name as carrier": (lambda: ff.Sliding("j", "rail", BEAD), "a must be a .*, got 'rail'"),
     "no slider": (lambda: ff.Sliding("j", RAIL, "bead"), "b must be a Marker .*, got 'bead'"),
     "carrier as slider": (lambda: ff.Sliding("j", RAIL, ff.Carrier("rod")), "b must .*Carrier"),
+    "one point": (
+        lambda: ff.Carrier("j", [(0, 0, 0)]), 'Carrier on "j": line must have two points at least'
+    ),
+    "two equal points": (lambda: ff.Carrier("j", [(1, 0, 0)] * 2), "neighbours at different"),
+    "points in a plane": (lambda: ff.Carrier("j", [(1, 0), (2, 0)]), "line must hold n x 3"),
+    "beyond": (
+        lambda: ff.Sliding("j", RAIL, BEAD, beyond=-0.1), "beyond must not be negative, got -0.1"
+    ),
     "tied": (lambda: ff.Sliding("j", RAIL, BEAD, tied=1), "tied must be a bool, got 1"),
     "drive of a hinge": (
         lambda: ff.PrescribedSlide("j", HINGE, zeta=lambda t: t),
@@ -74,9 +87,26 @@ def _probe(joint: str) -> ff.Probe:
 
 
 IN_MODEL = {
-    "unknown carrier": ([_slide("wire")], 'Sliding "j": .* has no beam "wire"'),
+    "unknown carrier": ([_slide("wire")], 'Sliding "j": .* has no beam or body .* "wire"'),
     "body as carrier": (
-        [_slide("other", ff.Marker("rail", "start"))], 'Sliding "j": .* has no beam "other"'
+        [_slide("other", ff.Marker("rail", "start"))],
+        'Sliding "j": Carrier on "other": give points of the line',
+    ),
+    "line of a beam": (
+        [ff.Sliding("j", ff.Carrier("rail", [(0, 0, 0), (1, 0, 0)]), BEAD)],
+        'Sliding "j": Carrier on "rail": a beam has one line',
+    ),
+    "beside the line of a body": (
+        [ff.Sliding("j", ff.Carrier("other", [(0, 0, 0), (1, 0, 0)]), BEAD)],
+        r'Sliding "j": the slider at \[0.5, 0.0, 0.0\] is 1.5 m away from the line of "other"',
+    ),
+    "unknown line of a floating body": (
+        [ROD, ff.Sliding("j", ff.Carrier("rod", "top"), BEAD)],
+        'Carrier on "rod": line must name one of the reduced body, which has axis',
+    ),
+    "line of mean axes": (
+        [MEAN, ff.Sliding("j", ff.Carrier("mean", "axis"), BEAD)],
+        'Carrier on "mean": mean axes carry no lines',
     ),
     "branching carrier": (
         [_slide("tee", ff.Marker("other"))], 'Sliding "j": Beam "tee": group "tee" branches'

@@ -38,9 +38,15 @@ def strip(rank: int) -> Recovery:
 def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "rod.h5"
     geometric = np.arange(12.0 * 144).reshape(12, 12, 12)
+    rng = np.random.default_rng(3)
+    lines = {
+        name: ff.BodyLine(rng.normal(size=(4, 3)), *rng.normal(size=(2, 4, 3, 12)))
+        for name in ("axis", "top")
+    }
     body = two_masses(
-        recovery=strip(COMM.rank), acceleration_stiffness=geometric + geometric.swapaxes(1, 2)
-    )
+        recovery=strip(COMM.rank), acceleration_stiffness=geometric + geometric.swapaxes(1, 2),
+        lines=lines,
+    )  # fmt: skip
     ff.save_reduced_body(path, body)
     assert [p.name for p in shared_tmp_path.iterdir()] == ["rod.h5"]
     back = ff.load_reduced_body(path)
@@ -49,6 +55,10 @@ def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
     for name in ("moments", "products", "stiffness", "damping", "held", "acceleration_stiffness"):
         np.testing.assert_array_equal(getattr(back, name), getattr(body, name))
     assert back.interface_stiffness is None
+    assert list(back.lines) == ["axis", "top"]
+    for name, line in lines.items():
+        for what, values in line.arrays.items():
+            np.testing.assert_array_equal(back.lines[name].arrays[what], values)
     alone = ff.load_reduced_body(path, MPI.COMM_SELF).recovery
     assert alone is not None
     assert back.recovery is not None

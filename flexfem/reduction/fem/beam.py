@@ -95,6 +95,7 @@ def beam_body(
         [at(ufl.dot(axes, fem.Constant(domain, point))) for point in points],
         rigid=lambda shift, turn: rigid_motion(space, shift, turn),
         displacement=lambda w: ufl.split(w)[0],
+        rotation=lambda w: ufl.split(w)[1],
         prestress=lambda w0, w, v: (
             second_order_work(ufl.dot(stiffness, strain(w0)), ufl.split(w), ufl.split(v), axes) * dx
         ),

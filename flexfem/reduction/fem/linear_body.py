@@ -13,7 +13,7 @@ from dolfinx import fem
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.forms.elasticity import in_space
+from flexfem.forms.elasticity import in_space, small_rotation
 
 __all__ = ["LinearBody", "MassField"]
 
@@ -52,6 +52,9 @@ class LinearBody:
             spaces of plain displacement vectors.
         displacement: from a function of the space to the displacement of the points of the mesh,
             a UFL vector of three; None for spaces of plain displacement vectors.
+        rotation: from a function of the space to the small rotation vector of the points of the
+            mesh, a UFL vector of three; None: half the curl of plain displacement vectors, and no
+            lines for sliders on other spaces.
         prestress: from a function u0 (the state that causes the stress), trial u and test v to the
             bilinear form of the work of that stress on the strain of second order. None: no
             geometric stiffness.
@@ -64,6 +67,7 @@ class LinearBody:
     masses: Sequence[MassField]
     rigid: Callable[[FloatArray, FloatArray], fem.Function] | None = None
     displacement: Callable[[Expr], Expr] | None = None
+    rotation: Callable[[Expr], Expr] | None = None
     prestress: Callable[[Expr, Expr, Expr], ufl.Form] | None = None
     stress: Callable[[Expr], Expr] | None = None
     name: str = "body"
@@ -96,6 +100,7 @@ class LinearBody:
             masses=masses,
             rigid=self.rigid or self._rigid_displacement,
             displacement=self.displacement or in_space,
+            rotation=self.rotation or (small_rotation if plain and dimension > 1 else None),
         )
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         self._check_form("elastic", self.elastic(u, v))

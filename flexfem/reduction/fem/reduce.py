@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 
 from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.core.marker import line_points
 from flexfem.reduction.damping import modal_damping
 from flexfem.reduction.fem.blocks import multiply, projected, with_neighbours
 from flexfem.reduction.fem.geometric import GeometricStiffness
 from flexfem.reduction.fem.integrals import MassIntegrals
 from flexfem.reduction.fem.internal import BASES, LARGEST, internal_functions
 from flexfem.reduction.fem.linear_body import LinearBody
+from flexfem.reduction.fem.lines import trace
 from flexfem.reduction.fem.prepare import prepare, without_rigid_forces
 from flexfem.reduction.fem.recovery import recover
 from flexfem.reduction.fem.spectrum import Choice
@@ -36,6 +39,7 @@ def reduce_body(
     stiffness_damping: float = 0.0,
     geometric_stiffness: bool = False,
     recovery: bool = True,
+    lines: Mapping[str, Any] | None = None,
 ) -> ReducedBody:
     """Reduce a body to the motion of its interfaces and some internal functions (collective).
 
@@ -58,17 +62,21 @@ def reduce_body(
         stiffness_damping: factor of the stiffness in the damping, s.
         geometric_stiffness: compute how stresses by acceleration and by interface motion stiffen.
         recovery: compute what pictures need.
+        lines: points (p, 3) at rest along lines of the body, body axes, m, by the names of these:
+            what slides on them is on a cubic spline through the points (``Carrier``). Take them
+            closer than the mesh has nodes where the line bends.
 
     Raises:
         TypeError: an argument has the wrong type.
         ValueError: an argument is out of its range; a region is not there, overlaps another or
-            cannot turn; the body is in pieces, or its rigid motions cost energy.
+            cannot turn; the body is in pieces, or its rigid motions cost energy; a line leaves it.
         NumericalError: the eigensolver did not find the modes (an ArithmeticError).
     """
     owner = "reduce_body"
     _checks.instance(owner, "body", body, LinearBody)
     owner = f'{owner} "{body.name}"'
     places, kinds, at = _names(owner, interfaces, ties, positions)
+    along = _lines(owner, lines)
     choice = _choice(owner, body, basis, bool(places), (modes, frequency, participation))
     ratio = _checks.number(owner, "damping_ratio", damping_ratio, nonnegative=True)
     factor = _checks.number(owner, "stiffness_damping", stiffness_damping, nonnegative=True)
@@ -111,7 +119,18 @@ def reduce_body(
         by_acceleration,
         by_interface,
         recover(body, functions) if recovery else None,
+        {name: trace(owner, body, functions, name, points) for name, points in along.items()},
     )
+
+
+def _lines(owner: str, lines: Mapping[str, Any] | None) -> dict[str, FloatArray]:
+    """Checked points of lines by name."""
+    if lines is not None and not isinstance(lines, Mapping):
+        raise TypeError(f"{owner}: lines must be a dictionary, got {_checks.show(lines)}")
+    return {
+        _checks.text(owner, "name of a line", name): line_points(f'{owner}: line "{name}"', points)
+        for name, points in (lines or {}).items()
+    }
 
 
 def _choice(

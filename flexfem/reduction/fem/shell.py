@@ -114,6 +114,7 @@ def shell_body(
         [sheet(-1.0), sheet(1.0)],
         rigid=lambda shift, turn: rigid_motion(space, shift, turn),
         displacement=lambda w: ufl.split(w)[0],
+        rotation=lambda w: ufl.split(w)[1],
         prestress=prestress,
         stress=stress,
         name=name,

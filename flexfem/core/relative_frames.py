@@ -14,7 +14,16 @@ import numpy as np
 from flexfem._types import FloatArray, IndexArray
 from flexfem.lie.compiled import inlined, kernel
 
-__all__ = ["act", "first", "relative_motion", "rotation_into", "second", "third", "write_columns"]
+__all__ = [
+    "act",
+    "first",
+    "relative_frame",
+    "relative_motion",
+    "rotation_into",
+    "second",
+    "third",
+    "write_columns",
+]
 
 #: Where closed forms of the derivatives of g lose digits, and terms of its series up to there.
 _NEAR, _TERMS = 0.2, 24
@@ -43,7 +52,7 @@ def act(
 
 
 @kernel
-def _relative(F: FloatArray, H: FloatArray, X: FloatArray) -> None:
+def relative_frame(F: FloatArray, H: FloatArray, X: FloatArray) -> None:
     """``H_F^-1 H_I``."""
     for i in range(3):
         X[i] = 0.0
@@ -153,7 +162,7 @@ def relative_motion(
     X[1:] = 0.0
     for c in range(k):
         node, at = nodes[c], 6 * c
-        _relative(frame, frames[node], X[0, c])
+        relative_frame(frame, frames[node], X[0, c])
         act(X[0, c], velocity[node], twist, 1.0, 1.0, X[1, c])
         act(X[1, c], velocity[node], twist, 0.0, 1.0, X[2, c])
         act(X[0, c], acceleration[node], rate, 1.0, 1.0, X[2, c])
