@@ -120,6 +120,7 @@ _MODULES = {
     "plane_body": "reduction.fem.solid",
     "beam_body": "reduction.fem.beam",
     "shell_body": "reduction.fem.shell",
+    "euler_bernoulli_body": "reduction.fem.euler_bernoulli",
     "reduce_body": "reduction.fem.reduce",
     "read_materials": "io.section_table",
     "read_sections": "io.section_table",

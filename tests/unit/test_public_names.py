@@ -13,6 +13,7 @@ pytestmark = pytest.mark.serial
 NUMERICAL = {
     "relax", "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize",
     "LinearModel", "LinearBody", "MassField", "solid_body", "plane_body", "beam_body", "shell_body",
+    "euler_bernoulli_body",
     "reduce_body", "floating_model", "simulate_mechanism", "compare_formalisms", "assemble",
     "inverse_dynamics", "InverseDynamics", "describe", "Description", "check",
 }  # fmt: skip

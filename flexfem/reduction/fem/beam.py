@@ -18,7 +18,7 @@ from flexfem.forms.linear_beam import beam_axes, beam_strain, second_order_work
 from flexfem.materials.section import Section
 from flexfem.reduction.fem.linear_body import LinearBody, MassField, rigid_displacement
 
-__all__ = ["beam_body", "rigid_motion"]
+__all__ = ["beam_body", "mass_points", "rigid_motion"]
 
 #: Part of the inertia that counts as round-off.
 _ROUND_OFF = 1e-10
@@ -56,7 +56,7 @@ def beam_body(
     _checks.instance(owner, "section", section, Section)
     if section.stiffness is None:
         raise ValueError(f"{owner}: the section must be linear, not have a law of its own")
-    points = _mass_points(owner, section.inertia)
+    points = mass_points(owner, section.inertia)
     direction = None
     if orientation is not None:
         direction = _checks.vector(owner, "orientation", orientation, nonzero=True)
@@ -126,7 +126,7 @@ def _polyline(owner: str, nodes: npt.ArrayLike, comm: MPI.Intracomm) -> mesh.Mes
     return mesh.create_mesh(comm, cells, element, np.array(x[own]))
 
 
-def _mass_points(owner: str, inertia: FloatArray) -> FloatArray:
+def mass_points(owner: str, inertia: FloatArray) -> FloatArray:
     """Places in section axes of equal masses that have the inertia of a section (p, 3).
 
     Raises:

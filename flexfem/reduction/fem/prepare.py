@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Matrices, responses and static functions of a body, and whether they can be right."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from flexfem.reduction.fem.linear_body import LinearBody
 from flexfem.reduction.fem.orientation import Orientation
 from flexfem.reduction.fem.response import StaticResponse
 from flexfem.reduction.fem.ties import Ties, rigid_motions
-from flexfem.reduction.reduced_body import interface_motions
+from flexfem.reduction.reduced_body import Interface, interface_motions
 
 __all__ = ["prepare", "without_rigid_forces"]
 
@@ -102,11 +103,13 @@ def _check_contained(owner: str, body: LinearBody, ties: Ties, static: FloatArra
         )
 
 
-def without_rigid_forces(stiffness: FloatArray, ties: Ties) -> FloatArray:
+def without_rigid_forces(
+    stiffness: FloatArray, interfaces: Sequence[Interface], held: BoolArray
+) -> FloatArray:
     """Remove round-off: rigid motions of the interfaces cause no force at all."""
-    if not ties.interfaces:
+    if not interfaces:
         return stiffness
-    if len(ties.interfaces) == 1:
+    if len(interfaces) == 1:
         # all that it does is to move the body as one
         alone = stiffness.copy()
         alone[:6] = 0.0
@@ -115,7 +118,7 @@ def without_rigid_forces(stiffness: FloatArray, ties: Ties) -> FloatArray:
     diagonal = np.diagonal(stiffness)
     weight = np.where(diagonal > 0.0, diagonal, 0.0)
     motions = np.zeros((len(stiffness), 6))
-    motions[: len(ties.held)] = interface_motions(ties.interfaces, ties.held)
+    motions[: len(held)] = interface_motions(interfaces, held)
     motions = motions[:, np.abs(motions).max(axis=0) > 0.0]
     weight[weight == 0.0] = weight.max(initial=0.0)
     weight = weight if weight.any() else np.ones(len(stiffness))

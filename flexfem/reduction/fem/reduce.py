@@ -95,7 +95,9 @@ def reduce_body(
     held = np.concatenate([ties_found.held, np.zeros(inner.shape[1], dtype=np.bool_)])
 
     stiffness = projected(comm, functions, multiply(pieces.stiffness, functions))
-    stiffness = without_rigid_forces(0.5 * (stiffness + stiffness.T), ties_found)
+    stiffness = without_rigid_forces(
+        0.5 * (stiffness + stiffness.T), ties_found.interfaces, ties_found.held
+    )
     moments, products = integrals.products(functions, loads := integrals.loads())
     mass_matrix = np.einsum("aaij->ij", products[:, :, 1:, 1:])
     by_acceleration = by_interface = None
