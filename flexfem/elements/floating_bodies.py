@@ -42,6 +42,11 @@ class FloatingGroup:
     nodes: IndexArray
     body: IntArray
 
+    def only(self, number: int) -> "FloatingGroup":
+        """The body of this number, one of the group's, alone."""
+        mine = self.body == number
+        return FloatingGroup(self.data, self.nodes[mine], self.body[mine])
+
     def coordinates(
         self, frames: FloatArray, velocity: FloatArray, acceleration: FloatArray
     ) -> tuple[FloatArray, FloatArray]:

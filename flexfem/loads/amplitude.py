@@ -103,6 +103,12 @@ class Spline:
         """Return the value at time `t` in seconds."""
         return float(self._evaluate(min(max(t, self.times[0]), self.times[-1])))  # type: ignore[attr-defined]
 
+    def derivative(self, t: float, order: int = 1) -> float:
+        """Return a derivative by time at time `t` in seconds, zero outside the given times."""
+        if not self.times[0] <= t <= self.times[-1]:
+            return 0.0
+        return float(self._evaluate(t, order))  # type: ignore[attr-defined]
+
 
 #: Transitions from 0 to 1 over tau in [0, 1].
 _PROFILES: dict[str, Callable[[float], float]] = {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Probes of energies, momenta, joint forces and beam resultants."""
+"""Probes of energies, momenta, joint forces, beam resultants and elongations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from flexfem.model.model import Model
 
 __all__ = [
+    "ElongationProbe",
     "EnergyProbe",
     "MomentumProbe",
     "ReactionProbe",
@@ -263,6 +264,73 @@ class ShellEnergyProbe(_BodiesProbe):
                 raise ValueError(f'{owner}: {model!r} has no shell "{name}"')
         if not model.shells:
             raise ValueError(f"{owner}: {model!r} has no shells")
+
+
+@dataclass(frozen=True, eq=False)
+class ElongationProbe(AnyProbe):
+    """By how much the axis of a body is longer than it was at the start, m, in one column.
+
+    It is what normal forces stretch: an end that comes nearer because the axis bends, by about
+    ``0.6 w^2/l`` in a cantilever, is no elongation. Of an SE(3) beam it is the extension of all
+    elements times their lengths; of a body in a floating frame the displacement of two interfaces
+    against one another along the line that joins them at rest, the axial displacement of linear
+    elements, from which with ``stiffening`` the shortening by bending is taken away.
+
+    Attributes:
+        name: Unique name in the model, and of the column.
+        body: Name of the SE(3) beam or of the body in a floating frame.
+        ends: Names of two interfaces of the body; None for its only two. None for a beam.
+    """
+
+    name: str
+    body: str
+    ends: Sequence[str] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            TypeError: A name is no string.
+            ValueError: An empty name, or ends that are not two.
+        """
+        owner = _checks.named(self, self.name)
+        check_columns(owner, (self.name,))
+        _checks.text(owner, "body", self.body)
+        ends = self.ends
+        if ends is not None:
+            ends = strings(owner, "ends", ends)
+            if len(set(ends)) != 2 or len(ends) != 2:
+                raise ValueError(f"{owner}: ends must be two names, got {_checks.show(self.ends)}")
+        _checks.assign(self, columns=(self.name,), ends=ends)
+
+    def check(self, model: "Model") -> None:
+        """See :meth:`AnyProbe.check`."""
+        owner, body = f'ElongationProbe "{self.name}"', model.get(self.body)
+        if isinstance(body, FloatingBody):
+            self.interfaces(body)
+        elif not isinstance(body, Beam) or body.formulation != "se3":
+            raise ValueError(
+                f'{owner}: {model!r} has no SE(3) beam or body in a floating frame "{self.body}"'
+            )
+        elif self.ends is not None:
+            raise ValueError(
+                f"{owner}: ends must be None for a beam, got {_checks.show(self.ends)}"
+            )
+
+    def interfaces(self, body: FloatingBody) -> tuple[int, int]:
+        """Return the numbers of the two interfaces in the reduced body.
+
+        Raises:
+            ValueError: The body has no such interfaces, or not two.
+        """
+        names = [interface.name for interface in body.reduced.interfaces]
+        ends = tuple(self.ends or names)
+        if len(ends) != 2 or not set(ends) <= set(names):
+            raise ValueError(
+                f'ElongationProbe "{self.name}": ends must be two interfaces of "{self.body}", '
+                f"which has {', '.join(names) or 'none'}"
+            )
+        return names.index(ends[0]), names.index(ends[1])
 
 
 @dataclass(frozen=True, eq=False)

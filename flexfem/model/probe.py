@@ -30,6 +30,10 @@ class MarkerState:
         arc_rate: Its time derivative, m/s.
         start: The rotation in the model as it was given, shape (3, 3); identity for a
             ``SlidingMarker``.
+        acceleration: Shape (3,), m/s^2, the integrator's own at the time of the row: vibrations
+            that steps do not resolve are in it, with ``energy_momentum`` it is a mean over the
+            step; zero in statics, nan for a ``SlidingMarker``.
+        angular_acceleration: Shape (3,), rad/s^2, alike.
     """
 
     position: FloatArray
@@ -39,6 +43,8 @@ class MarkerState:
     arc: float = 0.0
     arc_rate: float = 0.0
     start: FloatArray = field(default_factory=lambda: np.eye(3))
+    acceleration: FloatArray = field(default_factory=lambda: np.zeros(3))
+    angular_acceleration: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def turn(self) -> FloatArray:

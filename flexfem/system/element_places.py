@@ -10,11 +10,15 @@ from flexfem.bodies.line_forces import line_twists
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.line_points import NURBS
 from flexfem.core.marker import Observed
+from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
 from flexfem.system.lines import ElementPlace
 from flexfem.system.nurbs_lines import NurbsLines
 
 __all__ = ["ElementPlaces", "held_elements", "held_places", "holds", "place_arrays"]
+
+#: Motion (m, rad) over which twists of places are differentiated.
+_SPAN = 1e-5
 
 
 class ElementPlaces:
@@ -49,6 +53,29 @@ class ElementPlaces:
     def motion(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """Frames (n, 12) and local twists (n, 6) at the trial state."""
         return self.at(block.frames, block.velocity)
+
+    def twist_rates(self, block: FrameBlock) -> FloatArray:
+        """(n, 6) rates of the local twists at the trial state.
+
+        What their dependence on the frames makes of them is a central difference along the motion.
+        """
+        kind, nodes, shape, xi, turns = self.data
+        frames, velocity = block.frames[nodes], block.velocity[nodes]
+        fastest = np.abs(velocity).max(axis=(1, 2), initial=0.0)
+        spans = _SPAN / np.maximum(fastest, 1e-30)
+        own = np.arange(nodes.size).reshape(nodes.shape)
+        twists = []
+        for way in (spans, -spans):
+            moved = se3.retract(frames, way[:, np.newaxis, np.newaxis] * velocity)
+            out = np.empty((len(xi), 6))
+            line_twists(
+                kind, own, shape, xi, turns, moved.reshape(-1, 12), velocity.reshape(-1, 6),
+                np.empty((len(xi), 12)), out,
+            )  # fmt: skip
+            twists.append(out)
+        rates: FloatArray = self.at(block.frames, block.acceleration)[1]
+        rates += (twists[0] - twists[1]) / (2.0 * spans[:, np.newaxis])
+        return rates
 
 
 def place_arrays(

@@ -15,7 +15,9 @@ from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
 from flexfem.model.contact import ContactProbe
+from flexfem.model.floating_body import FloatingBody
 from flexfem.model.measured import (
+    ElongationProbe,
     EnergyProbe,
     MomentumProbe,
     ReactionProbe,
@@ -27,6 +29,7 @@ from flexfem.model.place import element_at_fraction
 from flexfem.model.probe import AnyProbe
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
+from flexfem.system.elongations import BeamElongation, BodyElongation
 from flexfem.system.energies import EnergyMeter, refresh_rows
 from flexfem.system.lines import ElementPlace
 from flexfem.system.momenta import MomentumMeter
@@ -183,6 +186,9 @@ def create_gauge(probe: AnyProbe, system: System, serial: Assembly) -> Gauge | N
     match probe:
         case ContactProbe():
             return _ContactGauge(system, probe)
+        case ElongationProbe():
+            floating = isinstance(serial.model[probe.body], FloatingBody)
+            return (BodyElongation if floating else BeamElongation)(system, serial.model, probe)
         case EnergyProbe():
             return EnergyMeter(system, serial.model, probe.bodies)
         case MomentumProbe():

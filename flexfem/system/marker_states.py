@@ -17,7 +17,7 @@ from flexfem.system.system import System
 
 __all__ = ["MarkerStates"]
 
-_WIDTH = 20  # frame, local twist, arc length and its rate
+_WIDTH = 26  # frame, local twist, arc length and its rate, rate of the twist
 
 
 class MarkerStates:
@@ -51,24 +51,29 @@ class MarkerStates:
         nodes = self._ground.copy()
         for block, places, local in self._sources:
             nodes[places, :12], nodes[places, 12:18] = block.frames[local], block.velocity[local]
+            nodes[places, 20:] = block.acceleration[local]
         for block, points, which in self._inside:
             nodes[which, :12], nodes[which, 12:18] = points.motion(block)
+            nodes[which, 20:] = points.twist_rates(block)
         if self._sliders.exist:
             self._system.interface.update()
-            nodes[self._sliders.places] = self._sliders.motion()
+            nodes[self._sliders.places, :20] = self._sliders.motion()
+            nodes[self._sliders.places, 20:] = np.nan
         if self._comm.size > 1:  # one rank owns a node, the others add zeros
             self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
         frames = se3.compose(nodes[:, :12], self._offsets)
         turn = se3.rotation(nodes[:, :12])
         arm = self._offsets[:, :3]
-        spins = nodes[:, 15:18]
+        spins, turning = nodes[:, 15:18], nodes[:, 23:]
         speed = nodes[:, 12:15] + np.cross(spins, arm)
+        rates = nodes[:, 20:23] + np.cross(turning, arm) + np.cross(spins, speed)
         return [
             MarkerState(
                 H[:3].copy(), H[3:].reshape(3, 3).copy(), R @ v, R @ spin, float(arc), float(rate),
-                start,
+                start, R @ a, R @ alpha,
             )
-            for H, R, v, spin, (arc, rate), start in zip(
-                frames, turn, speed, spins, nodes[:, 18:], self._start, strict=True
+            for H, R, v, spin, (arc, rate), start, a, alpha in zip(
+                frames, turn, speed, spins, nodes[:, 18:20], self._start, rates, turning,
+                strict=True,
             )
         ]  # fmt: skip

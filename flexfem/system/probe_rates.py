@@ -63,6 +63,11 @@ def probe_rates(
             return probe.evaluate(system.time, list(map(_state, table, start)))
 
         values.append(columns(states[own]))
+        if np.isnan(values[-1]).any():
+            raise InputError(
+                f'{type(probe).__name__} "{probe.name}": columns of a linear model must be numbers '
+                "that do not depend on accelerations"
+            )
         for moving, found in ((False, by_q), (True, by_rate)):
             found.append(_derivative(columns, states[own], twists[own], moving))
     return np.concatenate(values), np.concatenate(by_q), np.concatenate(by_rate)
@@ -153,4 +158,8 @@ def _moved(state: FloatArray, step: FloatArray, moving: bool) -> FloatArray:
 
 def _state(row: FloatArray, start: FloatArray) -> MarkerState:
     R = row[3:12].reshape(3, 3)
-    return MarkerState(row[:3], R, R @ row[12:15], R @ row[15:], start=start)
+    unknown = np.full(3, np.nan)
+    return MarkerState(
+        row[:3], R, R @ row[12:15], R @ row[15:], start=start, acceleration=unknown,
+        angular_acceleration=unknown,
+    )  # fmt: skip

@@ -29,26 +29,33 @@ from flexfem.system.system import BlockPart, System
 
 __all__ = ["ProbeRecorder"]
 
-_WIDTH = 20  # frame, velocities, arc length of a slider and its rate
+_WIDTH = 26  # frame, velocities, arc length of a slider and its rate, accelerations
 
 
 @kernel
 def _record(
-    frames: FloatArray, velocity: FloatArray, nodes: IntArray, offsets: FloatArray,
-    places: IntArray, out: FloatArray,
+    frames: FloatArray, velocity: FloatArray, acceleration: FloatArray, nodes: IntArray,
+    offsets: FloatArray, places: IntArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """States of markers on the nodes of one block into the rows ``places`` of ``out``."""
     for k in range(nodes.size):
         H, v, o, row = frames[nodes[k]], velocity[nodes[k]], offsets[k], out[places[k]]
+        w = acceleration[nodes[k]]
         compose_into(H, o, row)
         # velocity of the marker in the node's axes, then inertial
         p0 = v[0] + v[4] * o[2] - v[5] * o[1]
         p1 = v[1] + v[5] * o[0] - v[3] * o[2]
         p2 = v[2] + v[3] * o[1] - v[4] * o[0]
+        # its rate there, and what comes from the turning axes
+        a0 = w[0] + w[4] * o[2] - w[5] * o[1] + v[4] * p2 - v[5] * p1
+        a1 = w[1] + w[5] * o[0] - w[3] * o[2] + v[5] * p0 - v[3] * p2
+        a2 = w[2] + w[3] * o[1] - w[4] * o[0] + v[3] * p1 - v[4] * p0
         for i in range(3):
             r0, r1, r2 = H[3 + 3 * i], H[4 + 3 * i], H[5 + 3 * i]
             row[12 + i] = r0 * p0 + r1 * p1 + r2 * p2
             row[15 + i] = r0 * v[3] + r1 * v[4] + r2 * v[5]
+            row[20 + i] = r0 * a0 + r1 * a1 + r2 * a2
+            row[23 + i] = r0 * w[3] + r1 * w[4] + r2 * w[5]
 
 
 class ProbeRecorder:
@@ -154,10 +161,13 @@ class ProbeRecorder:
         """Motion of this rank's markers."""
         for block, nodes, offsets, places in self._sources:
             if len(nodes):
-                _record(block.frames, block.velocity, nodes, offsets, places, row)
+                _record(
+                    block.frames, block.velocity, block.acceleration, nodes, offsets, places, row
+                )  # fmt: skip
         for block, points, offsets, places in self._inside:
             frames, twists = points.motion(block)
-            _record(frames, twists, np.arange(len(places)), offsets, places, row)
+            rates = points.twist_rates(block)
+            _record(frames, twists, rates, np.arange(len(places)), offsets, places, row)
         if len(self._sliders.places):
             self._record_sliders(row)
 
@@ -166,8 +176,9 @@ class ProbeRecorder:
         motion, places = self._sliders.motion(), self._sliders.places
         unmoved = np.tile(se3.frame(np.zeros(3), np.eye(3)), (len(places), 1))
         frames, twists = motion[:, :12].copy(), motion[:, 12:18].copy()
-        _record(frames, twists, np.arange(len(places)), unmoved, places, row)
-        row[places, 18:] = motion[:, 18:]
+        unknown = np.full_like(twists, np.nan)
+        _record(frames, twists, unknown, np.arange(len(places)), unmoved, places, row)
+        row[places, 18:20] = motion[:, 18:]
 
     def check(self, t: float) -> None:
         """Call the functions of all probes at the accepted state, time ``t`` (collective)."""
@@ -197,7 +208,9 @@ class ProbeRecorder:
 
     def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
         states = [
-            MarkerState(r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18], *arc, start)
+            MarkerState(
+                r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18], *arc, start, r[20:23], r[23:]
+            )
             for r, arc, start in zip(row, map(_arc, row), self._start, strict=True)
         ]
         values, at, read = [np.empty(0)], 0, 0

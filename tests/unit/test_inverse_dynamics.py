@@ -104,7 +104,8 @@ def case() -> Any:
 
 @pytest.mark.serial
 def test_planar_manipulator(case):
-    path = case["Path"]("spiral", "smooth", 0.5)
+    end = 0.03892 * np.exp(1j * math.radians(111.75))
+    path = case["Path"](end, 1.0, "smooth", 0.5)
     t = np.linspace(0.0, 0.5, 26)
     known = PlanarManipulator(t, 0.5, 5e-3)
     J, F = known.J, known.F
@@ -117,7 +118,7 @@ def test_planar_manipulator(case):
     ) / known.rates[1:-1]  # fmt: skip
     expected_of = {"torque": least, "1": two, "3": power, "2": known.least_joint_forces}
     for mode, expected in expected_of.items():
-        found = case["torques"](5e-3, mode, path, 26)
+        found = case["torques"](case["Design"](), mode, path, 26)
         values = np.stack([spline.values for spline in found.values()], axis=1)
         values = values[1:-1] if mode == "3" else values
         # drives are differentiated to 1e-9; without the links' rotary inertia 0.1 would be missing
