@@ -46,8 +46,7 @@ class MechanismEquations:
             nodes = BodyNodes(body, first)
             self.nodes[body.name] = nodes
             first += nodes.size
-            g = body.frame.start(body.origin, body.rotation)
-            gd = body.frame.start_rates(g, body.velocity, body.angular_velocity)
+            g, gd = body.start()
             elastic = np.zeros(nodes.size - body.frame.count)
             blocks += [g, elastic]
             rates += [gd, elastic]
@@ -64,13 +63,16 @@ class MechanismEquations:
         self._fields = np.zeros((3, self.size + 1))
 
     def _all_joints(self) -> list[Constraint]:
-        """Joints, and the norm of the Euler parameters of each spatial frame."""
-        norms = [
-            Constraint(f"unit norm of {body.name}", (End(body.name),), _norm)
-            for body in self.mechanism.bodies
-            if body.frame.constraints
-        ]
-        return [*self.mechanism.joints, *norms]
+        """Joints, and what holds frames: a prescribed motion, or the norm of Euler parameters."""
+        held = []
+        for body in self.mechanism.bodies:
+            end = (End(body.name),)
+            if body.motion is not None:
+                name = f"motion of {body.name}"
+                held.append(Constraint(name, end, _coordinates, motion=body.prescribed))
+            elif body.frame.constraints:
+                held.append(Constraint(f"unit norm of {body.name}", end, _norm))
+        return [*self.mechanism.joints, *held]
 
     def _compile_body(self, body: EnergyBody, gravity: FloatArray) -> CompiledBody:
         nodes = self.nodes[body.name]
@@ -199,3 +201,8 @@ def _norm(end: Any, data: Any) -> list[Any]:
     """Constraint of the coordinates of a spatial frame."""
     result: list[Any] = end.frame.norm(end.g)
     return result
+
+
+def _coordinates(end: Any, data: Any) -> list[Any]:
+    """All coordinates of a frame."""
+    return [end.g[i] for i in range(end.frame.count)]

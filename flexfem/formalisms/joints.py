@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from flexfem import _checks
-from flexfem._faults import ReturnError
 from flexfem._types import FloatArray
+from flexfem.formalisms.frame_motion import Motion, values_of
 from flexfem.formalisms.frames import Frame
 from flexfem.formalisms.matter import Matter
 
@@ -25,8 +25,6 @@ __all__ = [
 ]  # fmt: skip
 
 Expr = Any
-#: Value, first and second time derivative of a prescribed motion.
-Motion = Callable[[float], tuple[Any, Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -212,14 +210,4 @@ def evaluate_motion(joint: Constraint, t: float, count: int) -> tuple[FloatArray
     """
     if joint.motion is None:
         return tuple(np.zeros(count) for _ in range(3))
-    parts = joint.motion(t)
-    try:
-        shaped = [np.array(np.broadcast_to(part, (count,)), dtype=np.float64) for part in parts]
-    except ValueError:
-        shaped = []
-    if len(shaped) != 3:
-        raise ReturnError(
-            f"{joint.owner}: motion must return value, rate and second rate of {count} numbers, "
-            f"got {_checks.show(parts)}"
-        )
-    return tuple(shaped)
+    return values_of(joint.owner, joint.motion, t, count)

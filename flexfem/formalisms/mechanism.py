@@ -10,6 +10,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._faults import FAILURES, located
 from flexfem._types import BoolArray, FloatArray
+from flexfem.formalisms.frame_motion import FrameMotion
 from flexfem.formalisms.frames import Frame, PlanarFrame, SpatialFrame
 from flexfem.formalisms.joints import AppliedForce, Constraint, End
 
@@ -42,6 +43,8 @@ class EnergyBody:
         rotation: of the frame at the start, 3x3; None for the inertial axes.
         velocity: of the origin at the start, m/s.
         angular_velocity: of the frame at the start, inertial axes, rad/s.
+        motion: of the frame if it is prescribed, from ``origin`` and ``rotation`` on; velocities
+            follow from it. None for a frame that moves as forces and joints let it.
 
     Raises:
         TypeError: an argument has the wrong type.
@@ -57,6 +60,7 @@ class EnergyBody:
     rotation: Any = None
     velocity: Any = (0.0, 0.0, 0.0)
     angular_velocity: Any = (0.0, 0.0, 0.0)
+    motion: FrameMotion | None = None
 
     def __post_init__(self) -> None:
         """Check the arguments."""
@@ -75,11 +79,29 @@ class EnergyBody:
         }
         rotation = _checks.rotation(owner, "rotation", self.rotation)
         _checks.assign(self, **vectors, rotation=rotation)
+        if self.motion is not None:
+            _checks.instance(owner, "motion", self.motion, FrameMotion)
+            if self.velocity.any() or self.angular_velocity.any():
+                raise ValueError(f"{owner}: its motion is prescribed, leave out its velocities")
         if isinstance(self.frame, PlanarFrame):
             flat = self.rotation[2, 2] > 1.0 - 1e-12
             still = not (self.velocity[2] or self.angular_velocity[:2].any() or self.origin[2])
             if not (flat and still):
                 raise ValueError(f"{owner}: it starts out of the plane of its frame")
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """Coordinates of the frame and their rates at the start."""
+        if self.motion is not None:
+            g, gd, _ = self.prescribed(0.0)
+            return g, gd
+        g = self.frame.start(self.origin, self.rotation)
+        return g, self.frame.start_rates(g, self.velocity, self.angular_velocity)
+
+    def prescribed(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coordinates of a frame with prescribed motion, their rates and second rates at t."""
+        assert self.motion is not None
+        declared = self.frame.start(self.origin, self.rotation)
+        return self.motion.coordinates(f'EnergyBody "{self.name}"', self.frame, declared, t)
 
     def holds(self, x: FloatArray) -> BoolArray:
         """Elastic coordinates that are held, (n, components), of nodes at x (n, 3).
@@ -137,7 +159,8 @@ class Mechanism:
         for body in self.bodies:
             what = f"{type(body.matter).__name__} in a {type(body.frame).__name__}"
             at = ", ".join(f"{value:.5g}" for value in body.origin)
-            lines.append(f"    {body.name}  {what} at ({at}) m")
+            moved = ", its motion prescribed" if body.motion is not None else ""
+            lines.append(f"    {body.name}  {what} at ({at}) m{moved}")
         for title, acting in (("joints", self.joints), ("forces", self.forces)):
             lines += [f"  {title}: {len(acting)}"] if acting else []
             for one in acting:
@@ -178,6 +201,11 @@ class Mechanism:
         for user, end in ends:
             if end.body not in known:
                 raise ValueError(f'{user}: there is no body "{end.body}"')
+        for body in self.bodies:
+            if body.motion is not None:
+                owner = f'EnergyBody "{body.name}"'
+                _call(owner, body.prescribed)
+                body.motion.check(owner, body.frame)
         for joint in self.joints:
             if joint.motion is not None:
                 _call(joint.owner, joint.motion)

@@ -16,6 +16,7 @@ NUMERICAL = {
     "euler_bernoulli_body",
     "reduce_body", "floating_model", "simulate_mechanism", "compare_formalisms", "assemble",
     "inverse_dynamics", "InverseDynamics", "describe", "Description", "check",
+    "ElementMatrices", "InertiaIntegrals", "element_matrices",
 }  # fmt: skip
 
 
