@@ -20,8 +20,13 @@ SOURCE = "48 beam elements"
 TWIST, LARGEST = {8.0: 18.16, 10.0: 5.72, 12.0: 1.48}, 43.06
 #: Lag of the spin-up, means of u3 and stretch after it, m.
 LAG, OUT, STRETCH = -0.3854, -0.04433, 3.947e-4
-#: What the deployment reaches, m and rad.
-DEPLOYMENT = {"u2_min": -0.07973, "u3_min": -0.12833, "u3_max": 0.06923, "theta1_max": 0.13422}
+#: What the deployment reaches: its name in the results, and the value.
+DEPLOYMENT = {
+    "least u2, m": ("u2_min", -0.07973),
+    "least u3, m": ("u3_min", -0.12833),
+    "largest u3, m": ("u3_max", 0.06923),
+    "largest twist, rad": ("theta1_max", 0.13422),
+}
 #: Lowest frequency in the plane at rest, without eccentric mass centres, Hz.
 LOWEST = 0.9478146
 
@@ -57,12 +62,12 @@ def spin_up(theory: str, full: bool) -> Iterator[tuple[str, float, float, float,
 def deployment(theory: str, full: bool) -> Iterator[tuple[str, float, float, float, float]]:
     """The same."""
     found: _Values = run("manipulator_deployment", theory, full, 15.0).summary["results"]
-    for name, value in DEPLOYMENT.items():
+    for what, (name, value) in DEPLOYMENT.items():
         # another course of the joints' angles gives tens of per cent; points on the axis do not
         # twist the channel
         tolerance = {"beam": 5e-3, "consistent": 0.08, "conventional": 0.08}[theory]
         if theory != "conventional" or name != "theta1_max":
-            yield name, value, found[name], tolerance, 0.0
+            yield what, value, found[name], tolerance, 0.0
 
 
 def critical_spin() -> float:
