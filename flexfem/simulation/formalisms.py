@@ -18,7 +18,8 @@ from flexfem.formalisms.study import FormalismStudy
 from flexfem.io.summary import write_summary
 from flexfem.io.table import write_table
 from flexfem.simulation.equations import simulate_equations
-from flexfem.simulation.formalism_costs import cost_rows, findings, table_text
+from flexfem.simulation.formalism_costs import cost_rows, energy_rows
+from flexfem.simulation.formalism_findings import findings, table_text
 from flexfem.simulation.formalism_motion import SchemedMotion, SideBySide
 from flexfem.simulation.outcome import Outcome, Results
 
@@ -75,8 +76,9 @@ def compare_formalisms(
 ) -> Outcome:  # fmt: skip
     """Run the first mechanism of a study by all its formalisms, and measure what they cost.
 
-    Writes what a run writes, and ``table.csv``; prints the table and what is seen in it unless
-    the options ask for quiet (collective). Arguments, result and errors as of `simulate_mechanism`.
+    Writes what a run writes, ``table.csv`` of the formalisms and ``energies.csv`` of kinetic energy
+    and energy of accelerations; prints both and what is seen in them unless the options ask for
+    quiet (collective). Arguments, result and errors as of `simulate_mechanism`.
     """
     _checks.instance("compare_formalisms", "options", options, RunOptions)
     comm = comm or MPI.COMM_WORLD
@@ -86,16 +88,18 @@ def compare_formalisms(
         return outcome
     begin = time.perf_counter()
     rows = cost_rows(study, options, comm)
-    text = findings(rows, study.labels)
+    energies = energy_rows(study, comm)
+    text = findings(rows, study.labels, energies)
     summary = {
-        **outcome.summary, "table": rows, "findings": text,
+        **outcome.summary, "table": rows, "energies": energies, "findings": text,
         "wall_seconds_table": time.perf_counter() - begin,
     }  # fmt: skip
     if options.output is not None:
         write_table(options.output / "table.csv", rows, comm)
+        write_table(options.output / "energies.csv", energies, comm)
         write_summary(options.output / "summary.json", summary, comm)
     if not options.quiet:
-        launch.say(f"{table_text(rows)}\n\n{text}")
+        launch.say(f"{table_text(rows)}\n\n{table_text(energies)}\n\n{text}")
     return replace(outcome, summary=summary)
 
 

@@ -3,6 +3,7 @@
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from scipy.integrate import solve_ivp
 import flexfem as ff
 from flexfem.formalisms.equations import MechanismEquations
 from flexfem.formalisms.formalism import accelerations, consistent_start
-from flexfem.simulation.formalism_costs import findings
+from flexfem.simulation.formalism_findings import findings
 from flexfem.simulation.formalism_motion import SideBySide
 from flexfem.simulation.formalisms import compare_formalisms, simulate_mechanism
+from flexfem.simulation.paired_timing import REPEATS, ratio_range, timed_in_turns
 from tests.unit import elastic_bodies as eb
 from tests.unit.refusals import assert_on_page
 
@@ -110,24 +112,60 @@ def test_a_study_restarts_all_its_formalisms(tmp_path):
     assert rows[0].startswith("element,formalism,derivatives,nodes,terms,operations,unknowns,")
     assert len(rows) == 4
     assert "Gibbs-Appell takes" in rest.summary["findings"]
+    energies = (tmp_path / "energies.csv").read_text().splitlines()
+    kinetic, accelerations = (line.split(",") for line in energies[1:])
+    assert (kinetic[1], accelerations[1]) == ("kinetic", "of_accelerations")
+    assert int(accelerations[5]) > int(kinetic[5]) > 0  # the acceleration has more terms
 
 
 def test_findings_say_what_the_figures_say():
-    def row(formalism, operations, unknowns, multipliers=2):
+    def row(formalism, operations, unknowns, step=(1.0, 1.0), element="beam"):
         return {
-            "element": "beam", "formalism": formalism, "operations": operations,
-            "unknowns": unknowns, "multipliers": multipliers, "microseconds_per_cell": 1.0,
-            "milliseconds_per_step": operations,
+            "element": element, "formalism": formalism, "operations": operations,
+            "unknowns": unknowns, "multipliers": 2, "microseconds_per_cell": 1.0,
+            "milliseconds_per_step": 0.5 * sum(step), "cell_ratio_low": 1.0, "cell_ratio_high": 1.0,
+            "step_ratio_low": step[0], "step_ratio_high": step[1],
         }  # fmt: skip
 
-    rows = [row("lagrange", 100, 10), row("gibbs_appell", 150, 10), row("hamilton", 90, 20)]
-    text = " ".join(findings(rows, ["element"]).split())
+    rows = [
+        row("lagrange", 100, 10), row("gibbs_appell", 150, 10, (0.6, 1.4)),
+        row("hamilton", 90, 20, (1.2, 1.6)),
+    ]  # fmt: skip
+
+    def said(*arguments):
+        return " ".join(findings(*arguments).split())
+
+    text = said(rows, ["element"])
     assert "1.50 times the operations per cell" in text
     assert '"Gibbs-Appell takes fewer operations than Lagrange" does not hold' in text
     assert '"Hamilton takes the most operations" does not hold' in text
     assert '"Hamilton has the most unknowns" holds' in text
+    # a ratio of times that repeats place on both sides of one is no finding
+    assert "1.00 times the time per step (no difference that counts)" in text
+    assert "1.40 times the time per step." in text
+    assert '"Hamilton takes the longest per step" is open' in text
     assert "Maggi" not in text
     assert "nothing to compare" in findings(rows[2:], ["element"])
+    rows[1] = row("gibbs_appell", 150, 10, (0.6, 1.1))
+    assert '"Hamilton takes the longest per step" holds' in said(rows, ["element"])
+    energies = [
+        {"element": "beam", "energy": name, "operations": operations, "microseconds_per_cell": 1.0,
+         "ratio_low": 0.9, "ratio_high": 1.2}
+        for name, operations in (("kinetic", 100), ("of_accelerations", 250))
+    ]  # fmt: skip
+    text = said(rows, ["element"], energies)
+    assert "2.50 times the operations and 1.00 times the time (no difference that counts)" in text
+
+
+def test_times_are_taken_in_turns():
+    calls = []
+    times = timed_in_turns({"one": lambda: calls.append(1), "two": lambda: calls.append(2)})
+    assert len(times["one"]) == len(times["two"]) == REPEATS
+    # the load of the machine meets both: neither is measured as a whole before the other
+    changes = sum(a != b for a, b in pairwise(calls))
+    assert changes >= REPEATS
+    assert ratio_range([1.0, 2.0, 3.0, 4.0, 90.0], [1.0] * 5) == (2.0, 4.0)
+    assert all(np.isnan(bound) for bound in ratio_range([1.0], []))
 
 
 BAD = {

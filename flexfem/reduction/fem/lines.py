@@ -59,7 +59,9 @@ def trace(
     return BodyLine(points, values[0], values[1])
 
 
-def _located(owner: str, body: LinearBody, points: FloatArray) -> tuple[IntArray, npt.NDArray[np.int32]]:
+def _located(
+    owner: str, body: LinearBody, points: FloatArray
+) -> tuple[IntArray, npt.NDArray[np.int32]]:
     """Points that this rank evaluates, and the nearest of its cells to each (collective).
 
     Raises:
