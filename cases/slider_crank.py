@@ -36,9 +36,9 @@ import flexfem as ff
 
 
 def build(
-    *, elements: int, formulation: str, degree: int, length_1: float, length_2: float, side: float,
-    youngs_modulus: float, poisson_ratio: float, density: float, slider_mass: float, moment: float,
-    gravity: float,
+    *, elements: int, formulation: str, interpolation: str, degree: int, length_1: float,
+    length_2: float, side: float, youngs_modulus: float, poisson_ratio: float, density: float,
+    slider_mass: float, moment: float, gravity: float,
 ) -> ff.Model:  # fmt: skip
     """Model with ``elements`` beam elements per rod, NURBS ones of the given degree."""
     mesh = ff.build_mesh("slider_crank", elements=elements, length_1=length_1, length_2=length_2)
@@ -48,7 +48,9 @@ def build(
     root, tip = ff.Marker("rod_1", "start"), ff.Marker("rod_1", "end")
     pin, slider = ff.Marker("rod_2", "start"), ff.Marker("rod_2", "end")
     half = 0.5 if formulation == "nurbs" else (elements // 2) / elements
-    along = {"formulation": formulation, "degree": degree if formulation == "nurbs" else None}
+    given = degree if formulation == "nurbs" else None
+    rotations = None if formulation == "se3" and interpolation == "quaternions" else interpolation
+    along = {"formulation": formulation, "degree": given, "interpolation": rotations}
     middle = [ff.Marker("rod_2", half), ff.Marker("rod_2", 1.0 - half)]
     model.add(
         ff.Gravity((0.0, -gravity, 0.0)),
@@ -109,6 +111,13 @@ CASE = ff.Case(
         ff.Option("elements", int, 12, "beam elements per rod", minimum=2),
         ff.Option("formulation", str, "se3", "of the beams", choices=("se3", "nurbs")),
         ff.Option("degree", int, 3, "of NURBS beams", minimum=1),
+        ff.Option(
+            "interpolation",
+            str,
+            "quaternions",
+            "of the rotations of NURBS beams",
+            choices=("quaternions", "relative_rotation_vectors"),
+        ),
         ff.Option("length_1", float, 0.3, "of the crank, rod I", unit="m", above=0.0),
         ff.Option("length_2", float, 0.6, "of rod II, above length-1", unit="m", above=0.0),
         ff.Option("side", float, 0.03, "of the square sections", unit="m", above=0.0),

@@ -39,7 +39,9 @@ A, B, M = (0.0, 3.0, 1.0), (0.0, 0.0, 0.0), (1.0, 3.0, 1.0)
 LENGTH = math.dist(A, B)
 
 
-def build(*, elements: int, slider_elements: int, degree: int, formulation: str) -> ff.Model:
+def build(
+    *, elements: int, slider_elements: int, degree: int, formulation: str, interpolation: str
+) -> ff.Model:
     """Model with so many elements along carrier and slider."""
     rubber = ff.Material(youngs_modulus=2e8, poisson_ratio=0.3, density=800.0)
     section = ff.Section.rectangle(0.01, 0.01, rubber)
@@ -48,17 +50,19 @@ def build(*, elements: int, slider_elements: int, degree: int, formulation: str)
         model = ff.Model("sliding_beam")
         carrier = ff.Beam(
             "carrier", section, curve=line(A, B, degree=degree, elements=elements),
-            orientation=(1.0, 0.0, 0.0),
+            interpolation=interpolation, orientation=(1.0, 0.0, 0.0),
         )  # fmt: skip
         slider = ff.Beam(
             "slider", section, curve=line(A, M, degree=degree, elements=slider_elements),
-            orientation=(0.0, 1.0, 0.0),
+            interpolation=interpolation, orientation=(0.0, 1.0, 0.0),
         )  # fmt: skip
     else:
         mesh = ff.build_mesh("sliding_beam", elements=elements, slider_elements=slider_elements)
         model = ff.Model("sliding_beam", mesh=mesh)
-        carrier = ff.Beam("carrier", section, orientation=(1.0, 0.0, 0.0))
-        slider = ff.Beam("slider", section, orientation=(0.0, 1.0, 0.0))
+        given = None if interpolation == "quaternions" else interpolation
+        along = {"formulation": "se3", "interpolation": given}
+        carrier = ff.Beam("carrier", section, orientation=(1.0, 0.0, 0.0), **along)
+        slider = ff.Beam("slider", section, orientation=(0.0, 1.0, 0.0), **along)
     end, contact = ff.Marker("slider", "end"), ff.SlidingMarker("contact")
     model.add(
         ff.Gravity((0.0, 0.0, -9.81)),
@@ -92,6 +96,13 @@ CASE = ff.Case(
         ff.Option("slider_elements", int, 8, "elements of the sliding beam", minimum=1),
         ff.Option("degree", int, 3, "degree of the NURBS", minimum=1),
         ff.Option("formulation", str, "nurbs", "beam elements", choices=("nurbs", "se3")),
+        ff.Option(
+            "interpolation",
+            str,
+            "quaternions",
+            "of the rotations of NURBS beams",
+            choices=("quaternions", "relative_rotation_vectors"),
+        ),
     ),
     dt=1e-3,
     t_end=2.0,

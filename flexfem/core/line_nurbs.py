@@ -24,7 +24,14 @@ from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.quaternion import Quaternion, conjugate, from_matrix, matrix_into, product
 
-__all__ = ["add_nurbs_second", "nurbs_jacobian", "nurbs_pose", "shape_functions"]
+__all__ = [
+    "add_force_part",
+    "add_nurbs_second",
+    "nurbs_jacobian",
+    "nurbs_pose",
+    "put_translations",
+    "shape_functions",
+]
 
 
 @kernel
@@ -127,6 +134,23 @@ def _add_cross(a: FloatArray, factor: float, out: FloatArray, row: int, column: 
 
 
 @inlined
+def put_translations(
+    frames: FloatArray, N: FloatArray, x: FloatArray, H: FloatArray, J: FloatArray
+) -> None:
+    """Write the first three rows of the point's local twist, those of its translation."""
+    k = frames.shape[0]
+    for i in range(3):
+        J[i, 6 * k] = H[3 + i] * x[1, 0] + H[6 + i] * x[1, 1] + H[9 + i] * x[1, 2]
+        for node in range(k):
+            for j in range(3):
+                J[i, 6 * node + j] = N[0, node] * (
+                    H[3 + i] * frames[node, 3 + j]
+                    + H[6 + i] * frames[node, 6 + j]
+                    + H[9 + i] * frames[node, 9 + j]
+                )
+
+
+@inlined
 def _jacobian(
     frames: FloatArray, N: FloatArray, x: FloatArray, z: FloatArray, zeta: FloatArray,
     H: FloatArray, J: FloatArray,
@@ -134,17 +158,11 @@ def _jacobian(
     """Local twist of the point."""
     k = frames.shape[0]
     J[:] = 0.0
+    put_translations(frames, N, x, H, J)
     for i in range(3):
-        J[i, 6 * k] = H[3 + i] * x[1, 0] + H[6 + i] * x[1, 1] + H[9 + i] * x[1, 2]
         J[3 + i, 6 * k] = 2.0 * zeta[1, 1 + i]
     for node in range(k):
         for i in range(3):
-            for j in range(3):
-                J[i, 6 * node + j] = N[0, node] * (
-                    H[3 + i] * frames[node, 3 + j]
-                    + H[6 + i] * frames[node, 6 + j]
-                    + H[9 + i] * frames[node, 9 + j]
-                )
             J[3 + i, 6 * node + 3 + i] = N[0, node] * z[node, 0]
         _add_cross(z[node, 1:], N[0, node], J, 3, 6 * node + 3)
 
@@ -171,11 +189,11 @@ def nurbs_jacobian(
 
 
 @inlined
-def _add_force_part(
+def add_force_part(
     frames: FloatArray, N: FloatArray, x: FloatArray, H: FloatArray, f: FloatArray, J: FloatArray,
     a: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the changes of ``N_I R_I^T F`` and ``x' . F`` with ``F = R f``.
+    """Add the changes of ``N_I R_I^T F`` and ``x' . F`` with ``F = R f``, given ``J``.
 
     ``a`` (4, 3) is work space.
     """
@@ -258,5 +276,5 @@ def add_nurbs_second(
     shape_functions(shape, xi, N)
     _interpolate(frames, N, x, z, zeta, H)
     _jacobian(frames, N, x, z, zeta, H, J)
-    _add_force_part(frames, N, x, H, g[:3], J, a, out)
+    add_force_part(frames, N, x, H, g[:3], J, a, out)
     _add_moment_part(N, z, zeta, triple(g, 3), out)

@@ -3,12 +3,12 @@
 
 A point lies at ``xi``, 0 at an element's first end and 1 at its second, of one of two kinds of
 elements: ``SE3``, the helix ``H = H_1 exp(xi d)`` with ``d = log(H_1^-1 H_2)`` between two frames,
-and ``NURBS``, see ``line_nurbs``. Frames are those of the sections; where these are turned against
-the nodes, the functions ``turn_*`` lead to and from the nodes. Points of surfaces, see
-``surface_points``, are of two more kinds, ``TRIANGLE`` and ``FIXED`` (inertial axes): nothing of
-theirs depends on ``xi``, and the first column of the shape functions' coefficients holds weights.
-Lines that rigid bodies and bodies in floating frames carry, see ``line_bodies``, are of the kind
-``BODY``.
+and ``NURBS``, see ``line_nurbs``, or ``NURBS_VECTORS``, see ``line_nurbs_vectors``. Frames are
+those of the sections; where these are turned against the nodes, the functions ``turn_*`` lead to
+and from the nodes. Points of surfaces, see ``surface_points``, are of two more kinds, ``TRIANGLE``
+and ``FIXED`` (inertial axes): nothing of theirs depends on ``xi``, and the first column of the
+shape functions' coefficients holds weights. Lines that rigid bodies and bodies in floating frames
+carry, see ``line_bodies``, are of the kind ``BODY``.
 
 Derivatives are taken along local twists ``w_I = (u_I, theta_I)`` of the frames, ``H_I <- H_I
 exp(w_I)``, and along ``xi``: the ``6 k + 1`` columns of a Jacobian are those of the frames one
@@ -29,6 +29,11 @@ from flexfem.core.line_nurbs import (
     nurbs_jacobian,
     nurbs_pose,
     shape_functions,
+)
+from flexfem.core.line_nurbs_vectors import (
+    add_vectors_second,
+    vectors_jacobian,
+    vectors_pose,
 )
 from flexfem.core.surface_points import (
     add_surface_second,
@@ -55,6 +60,7 @@ __all__ = [
     "BODY",
     "FIXED",
     "NURBS",
+    "NURBS_VECTORS",
     "SE3",
     "TRIANGLE",
     "add_line_second",
@@ -68,7 +74,7 @@ __all__ = [
     "turn_second",
 ]
 
-SE3, NURBS, TRIANGLE, FIXED, BODY = range(5)
+SE3, NURBS, TRIANGLE, FIXED, BODY, NURBS_VECTORS = range(6)
 
 
 @inlined
@@ -98,7 +104,7 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
     """Frame of the point of an element.
 
     Args:
-        kind: ``SE3``, ``NURBS``, ``TRIANGLE``, ``FIXED`` or ``BODY``.
+        kind: ``SE3``, ``NURBS``, ``NURBS_VECTORS``, ``TRIANGLE``, ``FIXED`` or ``BODY``.
         frames: (k, 12) frames of the sections at the nodes; k = 2 on ``SE3``, 3 on ``TRIANGLE``.
         shape: (k, k) coefficients as in ``shape_functions``, not used on ``SE3``; on ``BODY``
             those of ``line_bodies``.
@@ -110,6 +116,8 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
         _helix(frames, xi, H, d, w)
     elif kind == NURBS:
         nurbs_pose(frames, shape, xi, H)
+    elif kind == NURBS_VECTORS:
+        vectors_pose(frames, shape, xi, H)
     elif kind == TRIANGLE:
         triangle_pose(frames, shape, H)
     elif kind == BODY:
@@ -129,6 +137,9 @@ def line_jacobian(
     """
     if kind == NURBS:
         nurbs_jacobian(frames, shape, xi, H, J)
+        return
+    if kind == NURBS_VECTORS:
+        vectors_jacobian(frames, shape, xi, H, J)
         return
     if kind == TRIANGLE:
         triangle_jacobian(frames, shape, H, J)
@@ -240,10 +251,12 @@ def add_line_second(
         _add_helix_second(frames, xi, g, out)
     elif kind == BODY:
         add_body_second(frames, shape, xi, g, out)
-    elif kind != NURBS:
-        add_surface_second(kind == TRIANGLE, frames, shape, g, out)
-    else:
+    elif kind == NURBS:
         add_nurbs_second(frames, shape, xi, g, out)
+    elif kind == NURBS_VECTORS:
+        add_vectors_second(frames, shape, xi, g, out)
+    else:
+        add_surface_second(kind == TRIANGLE, frames, shape, g, out)
 
 
 @kernel

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The family of NURBS beams: all beams of a model that follow a NURBS curve.
 
-The physics is in ``flexfem.forms.nurbs_beam``. Elements are grouped by degree and material; one
-call of a compiled loop treats all elements of a group. Cells of the family are counted group by
-group.
+The physics is in ``flexfem.forms.nurbs_beam``. Elements are grouped by degree, interpolation and
+material; one call of a compiled loop treats all elements of a group. Cells of the family are
+counted group by group.
 """
 
 from collections.abc import Sequence
@@ -51,8 +51,8 @@ class NurbsBeams:
 
         Args:
             comm: communicator.
-            data: constant data of this rank's elements, one object for each degree; the same
-                degrees on all ranks.
+            data: constant data of this rank's elements, one object for each degree and
+                interpolation; the same ones on all ranks.
             sections: the sections of the model.
             owners: what messages call each section.
             start: (n, 12) frames of this rank's nodes at the start.
@@ -64,8 +64,9 @@ class NurbsBeams:
         self.law_owner = next((owner for s, owner in named if s.law is not None), None)
         damped = comm.allreduce(any(np.any(d.damping > 0.0) for d in data), op=MPI.LOR)
         # all laws are checked before the long compilation of the first
+        kinds = sorted({cells.vectors for cells in data})
         found = [
-            (numbers, material, NurbsKernels(comm, material))
+            (numbers, material, {kind: NurbsKernels(comm, material, kind) for kind in kinds})
             for numbers, material in materials(comm, sections, owners, damped)
         ]
         self.groups: list[NurbsGroup] = []
@@ -73,7 +74,8 @@ class NurbsBeams:
         for cells in data:
             for numbers, material, kernels in found:
                 at = np.flatnonzero(np.isin(cells.section, numbers))
-                self.groups.append(NurbsGroup(kernels, _part(cells, at, numbers), material, start))
+                part = _part(cells, at, numbers)
+                self.groups.append(NurbsGroup(kernels[cells.vectors], part, material, start))
                 rows.append(first + at)
             first += len(cells.nodes)
         self.rows: IntArray = np.concatenate(rows)
@@ -215,4 +217,5 @@ def _part(data: NurbsCells, rows: IntArray, numbers: Sequence[int]) -> NurbsCell
         np.searchsorted(numbers, data.section[rows]),
         np.ascontiguousarray(data.shape[rows]),
         data.damping[rows],
+        data.vectors,
     )

@@ -34,6 +34,7 @@ class NurbsCells:
         shape: (m, k, k) coefficients in powers of xi, from 0 to 1 in the element, of the weighted
             shape functions; the rational ones are these over their sum.
         damping: (m,) stiffness-proportional damping, s.
+        vectors: they interpolate relative rotation vectors, not quaternions.
     """
 
     nodes: IndexArray
@@ -41,23 +42,24 @@ class NurbsCells:
     section: IntArray
     shape: FloatArray
     damping: FloatArray
+    vectors: bool = False
 
 
 class NurbsKernels:
-    """Compiled kernels of a material, the same for all degrees.
+    """Compiled kernels of a material and an interpolation, the same for all degrees.
 
     Attributes:
         residual, tangent, action, strain: see ``flexfem.forms.nurbs_beam``.
     """
 
-    def __init__(self, comm: MPI.Intracomm, material: Material) -> None:
+    def __init__(self, comm: MPI.Intracomm, material: Material, vectors: bool) -> None:
         """Compile (collective)."""
-        forms = nurbs_forms(material.damped, material.law)
+        forms = nurbs_forms(material.damped, material.law, vectors)
         fields = tuple(forms.coefficients.values())
         self.residual = compile_kernel(comm, forms.residual, fields, batched=True)
         self.tangent = compile_kernel(comm, forms.tangent, fields, batched=True)
         self.action = compile_kernel(comm, forms.action, fields, batched=True)
-        strain, coefficients = strain_form()
+        strain, coefficients = strain_form(vectors)
         self.strain = compile_kernel(comm, strain, tuple(coefficients.values()), batched=True)
 
 
@@ -114,8 +116,9 @@ class NurbsGroup:
         strains = np.empty((*tables.shape[:2], 12, LANES))
         kernel = self._kernels.strain
         point_strains(
-            kernel.batch, kernel.offsets, cells, tables, starts, frames, velocity, strains
-        )
+            kernel.batch, kernel.offsets, self.data.vectors, cells, tables, starts, frames,
+            velocity, strains,
+        )  # fmt: skip
         return strains
 
     def _point_strains(self, frames: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -152,14 +155,14 @@ class NurbsGroup:
     def _loop_data(
         self, kernel: Kernel, starts: FloatArray
     ) -> tuple[
-        int, IntArray, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray,
+        int, IntArray, bool, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray,
         FloatArray,
     ]:  # fmt: skip
         """What the loops over quadrature points take of the elements."""
         data = self.data
         return (
-            kernel.batch, kernel.offsets, data.nodes, self._tables, self._weights, starts,
-            data.damping, data.section, self._material.data,
+            kernel.batch, kernel.offsets, data.vectors, data.nodes, self._tables,
+            self._weights, starts, data.damping, data.section, self._material.data,
         )  # fmt: skip
 
     def tangent_into(

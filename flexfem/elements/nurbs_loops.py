@@ -3,7 +3,8 @@
 
 ``LANES`` elements are treated side by side; arrays that end with this axis are made by
 ``nurbs_tables.lanes``. ``tables`` (b, q, 2, k, L) holds shape functions and their derivatives by
-the arc length at the q points of all elements, ``weights`` (b, q, L) the arc length of the points.
+the arc length at the q points of all elements, ``weights`` (b, q, L) the arc length of the points;
+``vectors`` says what the elements interpolate, see ``nurbs_maps``.
 """
 
 import numpy as np
@@ -152,9 +153,10 @@ def _add_changes(changes: FloatArray, moments: FloatArray, forces: FloatArray) -
 
 @kernel
 def add_residual(
-    address: int, offsets: IntArray, cells: IndexArray, tables: FloatArray, weights: FloatArray,
-    starts: FloatArray, damping: FloatArray, sections: IntArray, laws: FloatArray,
-    frames: FloatArray, velocity: FloatArray, scale: float, residual: FloatArray,
+    address: int, offsets: IntArray, vectors: bool, cells: IndexArray, tables: FloatArray,
+    weights: FloatArray, starts: FloatArray, damping: FloatArray, sections: IntArray,
+    laws: FloatArray, frames: FloatArray, velocity: FloatArray, scale: float,
+    residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the internal forces of all elements to ``residual`` (n, 6)."""
     k = cells.shape[1]
@@ -165,10 +167,10 @@ def add_residual(
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
-        places_into(cells, first, frames, relative, places)
+        places_into(vectors, cells, first, frames, relative, places)
         if offsets[RATES] >= 0:
             twists_into(cells, first, velocity, speeds)
-            rates_into(relative, places, speeds, rates)
+            rates_into(vectors, relative, places, speeds, rates)
         put_elements(offsets, damping, sections, laws, first, held, data)
         dual[:] = 0.0
         for q in range(tables.shape[1]):
@@ -176,16 +178,16 @@ def add_residual(
             force[:] = 0.0
             tabulate_batch(address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
-        forces_into(relative, places, dual, forces)
+        forces_into(vectors, relative, places, dual, forces)
         _add_forces(cells, first, forces, scale, residual)
 
 
 @kernel
 def add_action(
-    address: int, offsets: IntArray, cells: IndexArray, tables: FloatArray, weights: FloatArray,
-    starts: FloatArray, damping: FloatArray, sections: IntArray, laws: FloatArray,
-    frames: FloatArray, velocity: FloatArray, steps: FloatArray, changes: FloatArray,
-    scale: float, residual: FloatArray,
+    address: int, offsets: IntArray, vectors: bool, cells: IndexArray, tables: FloatArray,
+    weights: FloatArray, starts: FloatArray, damping: FloatArray, sections: IntArray,
+    laws: FloatArray, frames: FloatArray, velocity: FloatArray, steps: FloatArray,
+    changes: FloatArray, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the change of the internal forces to ``residual`` (n, 6).
 
@@ -203,15 +205,15 @@ def add_action(
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
-        places_into(cells, first, frames, relative, places)
+        places_into(vectors, cells, first, frames, relative, places)
         twists_into(cells, first, steps, turns)
-        rates_into(relative, places, turns, moved)
+        rates_into(vectors, relative, places, turns, moved)
         if offsets[RATES] >= 0:
             twists_into(cells, first, velocity, speeds)
-            rates_into(relative, places, speeds, rates)
-            rate_changes_into(relative, speeds, turns, moved, more)
+            rates_into(vectors, relative, places, speeds, rates)
+            rate_changes_into(vectors, relative, places, speeds, turns, moved, more)
             twists_into(cells, first, changes, speeds)
-            rates_into(relative, places, speeds, rate_changes)
+            rates_into(vectors, relative, places, speeds, rate_changes)
             rate_changes += more
         put_elements(offsets, damping, sections, laws, first, held, data)
         dual[:], dual_change[:] = 0.0, 0.0
@@ -224,16 +226,16 @@ def add_action(
             tabulate_batch(address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
             collect(tables[batch, q], weights[batch, q], force, 11, dual_change)
-        forces_into(relative, places, dual_change, forces)
-        force_changes_into(relative, dual, turns, moved, force_changes, moments)
+        forces_into(vectors, relative, places, dual_change, forces)
+        force_changes_into(vectors, relative, places, dual, turns, moved, force_changes, moments)
         _add_changes(force_changes, moments, forces)
         _add_forces(cells, first, forces, scale, residual)
 
 
 @kernel
 def point_strains(
-    address: int, offsets: IntArray, cells: IndexArray, tables: FloatArray, starts: FloatArray,
-    frames: FloatArray, velocity: FloatArray, strains: FloatArray,
+    address: int, offsets: IntArray, vectors: bool, cells: IndexArray, tables: FloatArray,
+    starts: FloatArray, frames: FloatArray, velocity: FloatArray, strains: FloatArray,
 ) -> None:  # fmt: skip
     """Write strains and their rates at all points to ``strains`` (b, q, 12, L)."""
     k = cells.shape[1]
@@ -242,9 +244,9 @@ def point_strains(
     data, _, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
-        places_into(cells, first, frames, relative, places)
+        places_into(vectors, cells, first, frames, relative, places)
         twists_into(cells, first, velocity, speeds)
-        rates_into(relative, places, speeds, rates)
+        rates_into(vectors, relative, places, speeds, rates)
         for q in range(tables.shape[1]):
             put_points(offsets, tables[batch, q], starts[batch, q], places, rates, data)
             strains[batch, q] = 0.0

@@ -8,12 +8,22 @@ twists ``(u, theta)`` of both nodes
     dy = R u_I - u_r + y x theta_r,    dq = (q o theta_I - theta_r o q) / 2,
     2 dw = -v . (theta_I - theta_r),    2 dv = w (theta_I - theta_r) + v x (theta_I + theta_r).
 
+With ``vectors`` it interpolates in place of the quaternions the rotation vectors v of R, see
+``nurbs_vector_maps``.
+
 All arrays hold ``LANES`` elements side by side, in their last axis; before it come the nodes and
-their components, of places ``PLACE``: y, ``w - 1``, v. Entries of the reference node, whose place
-is zero, are not touched.
+their components, of places ``PLACE``: y, ``w - 1`` (0 with ``vectors``), v. Entries of the
+reference node, whose place is zero, are not touched.
 """
 
 from flexfem._types import FloatArray, IndexArray
+from flexfem.elements.nurbs_vector_maps import (
+    put_vector,
+    put_vector_force_changes,
+    put_vector_forces,
+    put_vector_rate_changes,
+    put_vector_rates,
+)
 from flexfem.la.batch import LANES
 from flexfem.lie._blocks import cross, dot
 from flexfem.lie._coefficients import Triple
@@ -99,8 +109,9 @@ def _moments(w: float, v: Triple, a: float, b: Triple) -> tuple[Triple, Triple]:
 
 @kernel
 def places_into(
-    cells: IndexArray, first: int, frames: FloatArray, relative: FloatArray, places: FloatArray
-) -> None:
+    vectors: bool, cells: IndexArray, first: int, frames: FloatArray, relative: FloatArray,
+    places: FloatArray,
+) -> None:  # fmt: skip
     """Relative rotations (k, RELATIVE, L), places (k, PLACE, L) of the elements from ``first`` on.
 
     The last element fills the lanes that are left.
@@ -120,9 +131,12 @@ def places_into(
                 places[node, i, lane] = a0 * x0 + a1 * x1 + a2 * x2
                 for j in range(3):
                     R[3 * i + j] = a0 * B[3 + j] + a1 * B[6 + j] + a2 * B[9 + j]
-            w, v = from_matrix(R, 0)
-            places[node, 3, lane] = w - 1.0
-            _put(places, node, 4, lane, v)
+            if vectors:
+                put_vector(R, node, lane, places)
+            else:
+                w, v = from_matrix(R, 0)
+                places[node, 3, lane] = w - 1.0
+                _put(places, node, 4, lane, v)
             for i in range(9):
                 relative[node, i, lane] = R[i]
 
@@ -140,7 +154,7 @@ def twists_into(cells: IndexArray, first: int, values: FloatArray, twists: Float
 
 @kernel
 def rates_into(
-    relative: FloatArray, places: FloatArray, twists: FloatArray, rates: FloatArray
+    vectors: bool, relative: FloatArray, places: FloatArray, twists: FloatArray, rates: FloatArray
 ) -> None:
     """Change (k, PLACE, L) of the places along local twists (k, 6, L)."""
     k = twists.shape[0]
@@ -149,15 +163,16 @@ def rates_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            y, w, v = (
-                _at(places, node, 0, lane),
-                1.0 + places[node, 3, lane],
-                _at(places, node, 4, lane),
-            )
-            omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
+            y, omega_r = _at(places, node, 0, lane), _at(twists, ref, 3, lane)
             speed = _turned(relative, node, lane, _at(twists, node, 0, lane))
             speed = _sum(speed, -1.0, _at(twists, ref, 0, lane))
             _put(rates, node, 0, lane, _sum(speed, 1.0, cross(y, omega_r)))
+        if vectors:
+            put_vector_rates(places, twists, node, rates)
+            continue
+        for lane in range(LANES):
+            w, v = 1.0 + places[node, 3, lane], _at(places, node, 4, lane)
+            omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
             difference, total = _sum(omega, -1.0, omega_r), _sum(omega, 1.0, omega_r)
             rates[node, 3, lane] = -0.5 * dot(v, difference)
             _put(rates, node, 4, lane, _turn(w, v, difference, total))
@@ -165,8 +180,8 @@ def rates_into(
 
 @kernel
 def rate_changes_into(
-    relative: FloatArray, twists: FloatArray, steps: FloatArray, moved: FloatArray,
-    changes: FloatArray,
+    vectors: bool, relative: FloatArray, places: FloatArray, twists: FloatArray,
+    steps: FloatArray, moved: FloatArray, changes: FloatArray,
 ) -> None:  # fmt: skip
     """Change (k, PLACE, L) of :func:`rates_into` at fixed local twists as the nodes move.
 
@@ -179,13 +194,17 @@ def rate_changes_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            dw, dv = moved[node, 3, lane], _at(moved, node, 4, lane)
             turn = _turned_back(relative, node, lane, _at(steps, ref, 3, lane))
-            turn = _sum(_at(steps, node, 3, lane), -1.0, turn)
-            omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
+            turn, omega_r = _sum(_at(steps, node, 3, lane), -1.0, turn), _at(twists, ref, 3, lane)
             speed = _turned(relative, node, lane, cross(turn, _at(twists, node, 0, lane)))
             speed = _sum(speed, -1.0, cross(omega_r, _at(moved, node, 0, lane)))
             _put(changes, node, 0, lane, speed)
+        if vectors:
+            put_vector_rate_changes(places, twists, moved, node, changes)
+            continue
+        for lane in range(LANES):
+            dw, dv = moved[node, 3, lane], _at(moved, node, 4, lane)
+            omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
             difference, total = _sum(omega, -1.0, omega_r), _sum(omega, 1.0, omega_r)
             changes[node, 3, lane] = -0.5 * dot(dv, difference)
             _put(changes, node, 4, lane, _turn(dw, dv, difference, total))
@@ -193,7 +212,7 @@ def rate_changes_into(
 
 @kernel
 def forces_into(
-    relative: FloatArray, places: FloatArray, dual: FloatArray, forces: FloatArray
+    vectors: bool, relative: FloatArray, places: FloatArray, dual: FloatArray, forces: FloatArray
 ) -> None:
     """Nodal forces (k, 6, L) of forces (k, PLACE, L) dual to the places.
 
@@ -208,19 +227,24 @@ def forces_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            y, v = _at(places, node, 0, lane), _at(places, node, 4, lane)
-            f, b = _at(dual, node, 0, lane), _at(dual, node, 4, lane)
-            own, other = _moments(1.0 + places[node, 3, lane], v, dual[node, 3, lane], b)
+            y, f = _at(places, node, 0, lane), _at(dual, node, 0, lane)
             _put(forces, node, 0, lane, _turned_back(relative, node, lane, f))
-            _put(forces, node, 3, lane, own)
             _add(forces, ref, 0, lane, (-f[0], -f[1], -f[2]))
-            _add(forces, ref, 3, lane, _sum(other, 1.0, cross(f, y)))
+            _add(forces, ref, 3, lane, cross(f, y))
+        if vectors:
+            put_vector_forces(places, dual, node, forces)
+            continue
+        for lane in range(LANES):
+            v, b = _at(places, node, 4, lane), _at(dual, node, 4, lane)
+            own, other = _moments(1.0 + places[node, 3, lane], v, dual[node, 3, lane], b)
+            _put(forces, node, 3, lane, own)
+            _add(forces, ref, 3, lane, other)
 
 
 @kernel
 def force_changes_into(
-    relative: FloatArray, dual: FloatArray, steps: FloatArray, moved: FloatArray,
-    changes: FloatArray, moments: FloatArray,
+    vectors: bool, relative: FloatArray, places: FloatArray, dual: FloatArray, steps: FloatArray,
+    moved: FloatArray, changes: FloatArray, moments: FloatArray,
 ) -> None:  # fmt: skip
     """Change of :func:`forces_into` at a fixed dual (k, PLACE, L) as the nodes move.
 
@@ -233,12 +257,16 @@ def force_changes_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            f, b = _at(dual, node, 0, lane), _at(dual, node, 4, lane)
+            f = _at(dual, node, 0, lane)
             turn = _turned_back(relative, node, lane, _at(steps, ref, 3, lane))
             turn = _sum(_at(steps, node, 3, lane), -1.0, turn)
             _put(changes, node, 0, lane, cross(_turned_back(relative, node, lane, f), turn))
-            dv = _at(moved, node, 4, lane)
+            _put(moments, node, 0, lane, cross(f, _at(moved, node, 0, lane)))
+        if vectors:
+            put_vector_force_changes(places, dual, moved, node, changes, moments)
+            continue
+        for lane in range(LANES):
+            b, dv = _at(dual, node, 4, lane), _at(moved, node, 4, lane)
             own, other = _moments(moved[node, 3, lane], dv, dual[node, 3, lane], b)
             _put(changes, node, 3, lane, own)
-            moment = _sum(other, 1.0, cross(f, _at(moved, node, 0, lane)))
-            _put(moments, node, 0, lane, moment)
+            _add(moments, node, 0, lane, other)

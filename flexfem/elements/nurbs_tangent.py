@@ -169,7 +169,7 @@ def _write(E: FloatArray, first: int, scale: float, values: FloatArray) -> None:
 
 @kernel
 def _maps_into(
-    relative: FloatArray, places: FloatArray, dual: FloatArray, A: FloatArray,
+    vectors: bool, relative: FloatArray, places: FloatArray, dual: FloatArray, A: FloatArray,
     changes: FloatArray, moments: FloatArray,
 ) -> None:  # fmt: skip
     """``A`` and the changes of the nodal forces at a fixed dual along all axes."""
@@ -179,17 +179,17 @@ def _maps_into(
     for side in range(2):
         for j in range(6):
             _axis(side, j, twists)
-            rates_into(relative, places, twists, moved)
+            rates_into(vectors, relative, places, twists, moved)
             _keep(moved, side, j, A)
-            force_changes_into(relative, dual, twists, moved, change, moment)
+            force_changes_into(vectors, relative, places, dual, twists, moved, change, moment)
             _keep(change, side, j, changes)
             _keep(moment, side, j, moments)
 
 
 @kernel
 def _rate_maps_into(
-    cells: IndexArray, first: int, relative: FloatArray, places: FloatArray, speeds: FloatArray,
-    by_v: FloatArray, factor: float, A: FloatArray, B: FloatArray,
+    vectors: bool, cells: IndexArray, first: int, relative: FloatArray, places: FloatArray,
+    speeds: FloatArray, by_v: FloatArray, factor: float, A: FloatArray, B: FloatArray,
 ) -> None:  # fmt: skip
     """Change ``B`` of the rates of the places along all axes, as ``A`` is that of the places."""
     k = places.shape[0]
@@ -200,9 +200,9 @@ def _rate_maps_into(
             for node in range(k):
                 if node != k // 2:
                     moved[node] = A[side, _other(node, k // 2), :, j]
-            rate_changes_into(relative, speeds, twists, moved, change)
+            rate_changes_into(vectors, relative, places, speeds, twists, moved, change)
             _columns(cells, first, by_v, side, j, twists)
-            rates_into(relative, places, twists, moved)
+            rates_into(vectors, relative, places, twists, moved)
             for node in range(k):
                 if node != k // 2:
                     for i in range(PLACE):
@@ -213,10 +213,10 @@ def _rate_maps_into(
 
 @kernel
 def tangent_into(
-    address: int, offsets: IntArray, cells: IndexArray, tables: FloatArray, weights: FloatArray,
-    starts: FloatArray, damping: FloatArray, sections: IntArray, laws: FloatArray,
-    frames: FloatArray, velocity: FloatArray, by_v: FloatArray, stiffness: float, scale: float,
-    values: FloatArray,
+    address: int, offsets: IntArray, vectors: bool, cells: IndexArray, tables: FloatArray,
+    weights: FloatArray, starts: FloatArray, damping: FloatArray, sections: IntArray,
+    laws: FloatArray, frames: FloatArray, velocity: FloatArray, by_v: FloatArray,
+    stiffness: float, scale: float, values: FloatArray,
 ) -> None:  # fmt: skip
     """Write ``scale (k K + C dv)`` of the internal forces of all elements to ``values``.
 
@@ -235,10 +235,10 @@ def tangent_into(
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
-        places_into(cells, first, frames, relative, places)
+        places_into(vectors, cells, first, frames, relative, places)
         if viscous:
             twists_into(cells, first, velocity, speeds)
-            rates_into(relative, places, speeds, rates)
+            rates_into(vectors, relative, places, speeds, rates)
         put_elements(offsets, damping, sections, laws, first, held, data)
         dual[:], K[:], C[:], X[:] = 0.0, 0.0, 0.0, 0.0
         for q in range(tables.shape[1]):
@@ -249,11 +249,11 @@ def tangent_into(
             _add_point(tables[batch, q], weights[batch, q], force, _BY_UNKNOWNS, K)
             if viscous:
                 _add_point(tables[batch, q], weights[batch, q], force, _BY_RATES, C)
-        _maps_into(relative, places, dual, A, changes, moments)
+        _maps_into(vectors, relative, places, dual, A, changes, moments)
         _add_columns(K, A, X)
         X *= stiffness
         if viscous:
-            _rate_maps_into(cells, first, relative, places, speeds, by_v, stiffness, A, B)
+            _rate_maps_into(vectors, cells, first, relative, places, speeds, by_v, stiffness, A, B)
             _add_columns(C, B, X)
         _rows_into(A, X, E)
         _add_geometry(changes, moments, stiffness, E)

@@ -15,19 +15,22 @@ Reissner 1973) in the axes of R are
 Normalised sums of rotations are objective and do not depend on the path (Romero, Comput. Mech. 34
 (2004) 121-133; with quaternions Zupan, Saje, Zupan, Comput. Methods Appl. Mech. Eng. 198 (2009)
 3944-3956). Another reference node multiplies ``q`` from the left by a constant quaternion only, so
-that R is as smooth along the beam as the shape functions; rotation vectors relative to a node of
-each element (Crisfield, Jelenic 1999) would jump in space from one element to the next where
-these share more than an end. Nodes turned by an angle t against each other have the curvature
-``4 tan(t/4) / h`` in the middle of an element of degree 1 and length h, not ``t / h``: of second
-order like the element.
+that R is as smooth along the beam as the shape functions. Nodes turned by an angle t against each
+other have the curvature ``4 tan(t/4) / h`` in the middle of an element of degree 1 and length h,
+not ``t / h``: of second order like the element.
+
+With ``vectors`` the rotation vectors of ``R_r^T R_I`` are interpolated in their place, see
+``flexfem.forms.nurbs_vectors``.
 
 The forms know nothing of the degree: their unknowns are the eleven numbers ``p = (y', q - 1, q')``
 of one point of an element, constants of a space that is discontinuous from one point to the next.
 What interpolates them and leads on to the nodes is in ``flexfem.elements.nurbs_loops``.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol, Self
 
 import basix.ufl
 import ufl
@@ -40,6 +43,7 @@ from flexfem.forms.beam_law import (
     written,
 )
 from flexfem.forms.lie import Expr
+from flexfem.forms.nurbs_vectors import VectorKinematics
 
 __all__ = ["POINT", "NurbsForms", "nurbs_forms", "strain_form"]
 
@@ -83,9 +87,30 @@ class _Quaternion:
         return _joined(-ufl.dot(self.v, moment), self.w * moment + ufl.cross(self.v, moment))
 
 
+class _Kinematics(Protocol):
+    """Strains at the unknowns p, and what their derivatives are made of."""
+
+    @classmethod
+    def of(cls, unknowns: Expr) -> Self:
+        """Kinematics at the unknowns p."""
+
+    @classmethod
+    def derivative(cls, vector: Callable[[Self], Expr], unknowns: Expr) -> Expr:
+        """Derivative by the unknowns of what is made of the kinematics."""
+
+    def strain(self) -> tuple[Expr, Expr]:
+        """Both strains, those of the start included."""
+
+    def rate(self, rates: Expr) -> Expr:
+        """Change (6,) of the strains along rates (11,) of the unknowns."""
+
+    def force(self, stress: Expr) -> Expr:
+        """Force (11,) of stress resultants (6,): the transpose of :meth:`rate`."""
+
+
 @dataclass(frozen=True)
-class _Kinematics:
-    """Strains, and what their derivatives are made of: y', q, q' and ``f = 2 / |q|^2``."""
+class _QuaternionKinematics:
+    """Kinematics made of y', q, q' and ``f = 2 / |q|^2``."""
 
     y: Expr
     q: _Quaternion
@@ -93,14 +118,23 @@ class _Kinematics:
     f: Expr
 
     @classmethod
-    def of(cls, unknowns: Expr, f: Expr | None = None) -> "_Kinematics":
+    def of(cls, unknowns: Expr, f: Expr | None = None) -> Self:
         """Kinematics at the unknowns p, or with a given ``f``."""
         y, v, v_s = (ufl.as_vector([unknowns[first + i] for i in range(3)]) for first in (0, 4, 8))
         q = _Quaternion(1 + unknowns[3], v)
         return cls(y, q, _Quaternion(unknowns[7], v_s), _factor(unknowns) if f is None else f)
 
+    @classmethod
+    def derivative(cls, vector: Callable[[Self], Expr], unknowns: Expr) -> Expr:
+        """See the protocol; one product for |q|^2 instead of its derivative in each entry."""
+        p = ufl.variable(unknowns)
+        f = ufl.variable(_factor(unknowns))
+        varied = vector(cls.of(p, f))
+        q = ufl.as_vector([0, 0, 0, 1 + p[3], *(p[i] for i in (4, 5, 6)), 0, 0, 0, 0])
+        return ufl.diff(varied, p) - ufl.outer(ufl.diff(varied, f), f**2 * q)
+
     def strain(self) -> tuple[Expr, Expr]:
-        """Both strains, those of the start included."""
+        """See the protocol."""
         return self._turned(-self.q.v, self.y), self.f * self.q.spin(self.slope)
 
     def _turned(self, v: Expr, a: Expr) -> Expr:
@@ -109,7 +143,7 @@ class _Kinematics:
         return a + self.f * (self.q.w * p + ufl.cross(v, p))
 
     def rate(self, rates: Expr) -> Expr:
-        """Change (6,) of the strains along rates (11,) of the unknowns."""
+        """See the protocol."""
         y, v, v_s = (ufl.as_vector([rates[first + i] for i in range(3)]) for first in (0, 4, 8))
         along, along_s = _Quaternion(rates[3], v), _Quaternion(rates[7], v_s)
         gamma, kappa = self.strain()
@@ -119,7 +153,7 @@ class _Kinematics:
         return _joined(sheared, self.f * bent)
 
     def force(self, stress: Expr) -> Expr:
-        """Force (11,) of stress resultants (6,): the transpose of :meth:`rate`."""
+        """See the protocol."""
         n, m = (ufl.as_vector([stress[first + i] for i in range(3)]) for first in (0, 3))
         gamma, kappa = self.strain()
         shrunk = ufl.dot(kappa, m)
@@ -165,17 +199,12 @@ def _stress(
     return symmetric(fields["stiffness"]) * strain
 
 
-def _derivative(vector: Expr, unknowns: Expr, f: Expr) -> Expr:
-    """Derivative by the unknowns; the variable ``f = 2 / |q|^2`` depends on them, too."""
-    q = ufl.as_vector([0, 0, 0, 1 + unknowns[3], *(unknowns[i] for i in (4, 5, 6)), 0, 0, 0, 0])
-    return ufl.diff(vector, unknowns) - ufl.outer(ufl.diff(vector, f), f**2 * q)
-
-
 def _matrices(
-    fields: dict[str, ufl.Coefficient], damped: bool, viscous: bool, law: LawExpressions | None
-) -> list[Expr]:
+    kind: type[_Kinematics], fields: dict[str, ufl.Coefficient], damped: bool, viscous: bool,
+    law: LawExpressions | None,
+) -> list[Expr]:  # fmt: skip
     """Derivatives (11, 11) of the force by the unknowns and, with viscosity, by their rates."""
-    at = _Kinematics.of(fields["unknowns"])
+    at = kind.of(fields["unknowns"])
     strain = ufl.variable(_joined(*at.strain()) - fields["start"])
     rate = ufl.variable(at.rate(fields["rates"]))
     stress = _stress(fields, strain, rate, damped, law)
@@ -183,33 +212,36 @@ def _matrices(
     columns = [at.rate(unit) for unit in units]
     B = ufl.as_matrix([[column[i] for column in columns] for i in range(6)])
 
-    # one product for |q|^2 instead of its derivative in each of the entries
-    unknowns, f = ufl.variable(fields["unknowns"]), ufl.variable(at.f)
-    varied = _Kinematics.of(unknowns, f)
-    geometric = _derivative(varied.force(stress), unknowns, f)
+    geometric = kind.derivative(lambda varied: varied.force(stress), fields["unknowns"])
     change = ufl.diff(stress, strain) * B
     if not viscous:
         return [geometric + B.T * change]
     viscosity = ufl.diff(stress, rate)
-    change += viscosity * _derivative(varied.rate(fields["rates"]), unknowns, f)
+    change += viscosity * kind.derivative(
+        lambda varied: varied.rate(fields["rates"]), fields["unknowns"]
+    )
     return [geometric + B.T * change, B.T * (viscosity * B)]
 
 
 @cache
-def nurbs_forms(damped: bool, law: LawExpressions | None = None) -> NurbsForms:
+def nurbs_forms(
+    damped: bool, law: LawExpressions | None = None, vectors: bool = False
+) -> NurbsForms:
     """Build the forms of a material.
 
     Args:
         damped: with stiffness-proportional damping; without it the kernels are shorter.
         law: the law of the section, None for the linear one of a stiffness matrix.
+        vectors: with relative rotation vectors in place of quaternions.
     """
-    mesh = interval_mesh()
+    mesh, kind = interval_mesh(), _kind(vectors)
     fields = _coefficients(mesh, law)
     viscous = damped or (law is not None and law.dissipation is not None)
-    at = _Kinematics.of(fields["unknowns"])
+    at = kind.of(fields["unknowns"])
     strain, rate = _joined(*at.strain()) - fields["start"], at.rate(fields["rates"])
     force = at.force(_stress(fields, strain, rate, damped, law))
-    entries, matrices = [force[i] for i in range(POINT)], _matrices(fields, damped, viscous, law)
+    entries = [force[i] for i in range(POINT)]
+    matrices = _matrices(kind, fields, damped, viscous, law)
     places = [(i, j) for i in range(POINT) for j in range(POINT)]
 
     space = ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=(2 * POINT,)))
@@ -230,13 +262,17 @@ def nurbs_forms(damped: bool, law: LawExpressions | None = None) -> NurbsForms:
     )
 
 
+def _kind(vectors: bool) -> type[_Kinematics]:
+    return VectorKinematics if vectors else _QuaternionKinematics
+
+
 @cache
-def strain_form() -> tuple[ufl.Form, dict[str, ufl.Coefficient]]:
+def strain_form(vectors: bool = False) -> tuple[ufl.Form, dict[str, ufl.Coefficient]]:
     """Form that writes strains (6,) and their rates (6,), and its coefficients as above."""
     mesh = interval_mesh()
     names = ("unknowns", "rates", "start")
     fields = {name: f for name, f in _coefficients(mesh, None).items() if name in names}
-    at = _Kinematics.of(fields["unknowns"])
+    at = _kind(vectors).of(fields["unknowns"])
     strain, rate = _joined(*at.strain()) - fields["start"], at.rate(fields["rates"])
     entries = [part[i] for part in (strain, rate) for i in range(6)]
     return written(mesh, entries), fields

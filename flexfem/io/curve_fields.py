@@ -38,12 +38,14 @@ class CurveSampler:
         segments, bodies, sections = [none.reshape(0, 2)], [none], [none]
         cells: dict[int, list[IntArray]] = {1: [none], _SEGMENTS: [none]}
         count = first = 0
-        for beam in curves.by_degree():
+        for beam in curves.by_kind():
             mine, nodes = chosen[beam], curves.nodes(beam)[chosen[beam]]
             number = 1 if nodes.shape[1] == 2 else _SEGMENTS
             element, xi, pieces = _sample(mine, number)
             local, shape = part.block.local_index(nodes), curves.parts[beam].shape[mine]
-            self._points.append(ElementPlaces(local[element], shape[element], xi))
+            self._points.append(
+                ElementPlaces(local[element], shape[element], xi, curves.element(beam))
+            )
             segments.append(count + pieces)
             bodies.append(np.full(len(pieces), curves.numbers[beam]))
             sections.append(np.full(len(pieces), len(serial.sections) + curves.section[beam]))

@@ -4,7 +4,6 @@
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.line_points import NURBS as NURBS_ELEMENT
 from flexfem.core.line_points import line_jacobian
 from flexfem.lie import se3
 from flexfem.materials.shell_section import ShellSection
@@ -84,11 +83,12 @@ def _curve_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArr
     index = curves.index(body.name)
     xi, lengths = curves.gauss(index, fine=True)
     nodes, shape = curves.nodes(index), curves.parts[index].shape
+    element = curves.element(index)
     sections = np.empty((len(nodes), len(xi), 12))
     jacobian = np.empty((6, 6 * nodes.shape[1] + 1))
     for e, q in np.ndindex(len(nodes), len(xi)):
         frames = np.ascontiguousarray(curves.frames[nodes[e]])
-        line_jacobian(NURBS_ELEMENT, frames, shape[e], float(xi[q]), sections[e, q], jacobian)
+        line_jacobian(element, frames, shape[e], float(xi[q]), sections[e, q], jacobian)
     return carried(origin, sections.reshape(-1, 12), body.section.inertia, lengths.ravel())
 
 

@@ -169,7 +169,7 @@ def _moved_orientation(model: Model, beam: Beam, motion: Pose) -> Orientation:
 def _second_axes(model: Model, beam: Beam) -> tuple[FloatArray, FloatArray]:
     """Points (k, 3) along a beam and its e2 there (k, 3)."""
     if beam.formulation == "nurbs":
-        frames = control_frames(model.curve(beam), None)
+        frames = control_frames(model.curve(beam), None, beam.vectors)
         return frames[:, :3], frames[:, 3:].reshape(-1, 3, 3)[:, :, 1]
     assert model.mesh is not None
     cells = model.mesh.cells[model.beam_cells(beam)]

@@ -94,17 +94,20 @@ def control_rotations(curve: "NurbsCurve", orientation: Orientation = None) -> F
     return np.concatenate([frames[:, 0], frames[-1:, 1]])
 
 
-def control_frames(curve: "NurbsCurve", orientation: Orientation = None) -> FloatArray:
+def control_frames(
+    curve: "NurbsCurve", orientation: Orientation = None, vectors: bool = False
+) -> FloatArray:
     """Return frames of the control points whose interpolation gives the section frames.
 
     In an element rotations are interpolated by the sum of the control points' unit quaternions,
-    normalised (see `flexfem.forms.nurbs_beam`). The frames R_I make this the section frame at the
-    Greville abscissa of every control point; they are found by corrections with the matrix N_I at
-    these places, which would be exact if rotations were numbers.
+    normalised (see `flexfem.forms.nurbs_beam`), or by relative rotation vectors. The frames R_I
+    make this the section frame at the Greville abscissa of every control point; they are found by
+    corrections with the matrix N_I at these places, which would be exact if rotations were numbers.
 
     Args:
         curve: The curve.
         orientation: As for `section_rotations`.
+        vectors: Whether relative rotation vectors are interpolated.
 
     Returns:
         Frames [x, R row by row], shape (n, 12), x the control points.
@@ -114,7 +117,7 @@ def control_frames(curve: "NurbsCurve", orientation: Orientation = None) -> Floa
         ValueError: as for `section_rotations`, or the frames turn too much inside an element.
     """
     wanted = control_rotations(curve, orientation)
-    rotations = wanted if curve.degree == 1 else _control_points(curve, wanted)
+    rotations = wanted if curve.degree == 1 else _control_points(curve, wanted, vectors)
     return np.concatenate([curve.points, rotations.reshape(-1, 9)], axis=1)
 
 
@@ -142,8 +145,9 @@ def refuse_corners(curve: "NurbsCurve") -> None:
 
 
 def interpolated_rotations(
-    curve: "NurbsCurve", rotations: FloatArray, index: IntArray, xi: FloatArray
-) -> FloatArray:
+    curve: "NurbsCurve", rotations: FloatArray, index: IntArray, xi: FloatArray,
+    vectors: bool = False,
+) -> FloatArray:  # fmt: skip
     """Return the interpolated rotations at one place in each of the given elements.
 
     Args:
@@ -151,6 +155,7 @@ def interpolated_rotations(
         rotations: Rotation matrices of the control points, shape (n, 3, 3).
         index: Elements, shape (k,).
         xi: Places in them, shape (k,).
+        vectors: As for `control_frames`.
 
     Returns:
         Rotation matrices, shape (k, 3, 3).
@@ -160,8 +165,10 @@ def interpolated_rotations(
     nodes = curve.elements.nodes[index]
     R = rotations[nodes[:, nodes.shape[1] // 2]]
     theta = so3.log(np.swapaxes(R, 1, 2)[:, None] @ rotations[nodes])
-    half = 0.5 * np.linalg.norm(theta, axis=-1)
     functions = _functions(curve, index, xi)
+    if vectors:
+        return np.asarray(R @ so3.exp(np.einsum("nI,nIi->ni", functions, theta)))
+    half = 0.5 * np.linalg.norm(theta, axis=-1)
     scalar = np.einsum("nI,nI->n", functions, np.cos(half))
     vector = 0.5 * np.einsum("nI,nI,nIi->ni", functions, np.sinc(half / np.pi), theta)
     size = np.linalg.norm(vector, axis=-1)
@@ -171,7 +178,7 @@ def interpolated_rotations(
     return np.asarray(R @ so3.exp(factor[:, None] * vector))
 
 
-def _control_points(curve: "NurbsCurve", wanted: FloatArray) -> FloatArray:
+def _control_points(curve: "NurbsCurve", wanted: FloatArray, vectors: bool) -> FloatArray:
     """Return rotations of the control points that give the wanted ones by interpolation."""
     from scipy import sparse
     from scipy.sparse.linalg import splu
@@ -185,7 +192,7 @@ def _control_points(curve: "NurbsCurve", wanted: FloatArray) -> FloatArray:
     factor = splu(sparse.csc_array(entries, shape=(len(nodes), len(nodes))))
     rotations = wanted
     for _ in range(_ITERATIONS):
-        now = interpolated_rotations(curve, rotations, index, xi)
+        now = interpolated_rotations(curve, rotations, index, xi, vectors)
         missing = so3.log(np.swapaxes(now, 1, 2) @ wanted)
         if np.abs(missing).max() < _TOLERANCE:
             return rotations

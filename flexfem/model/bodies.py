@@ -22,6 +22,8 @@ _ZERO = (0.0, 0.0, 0.0)
 
 #: Formulations of beams.
 FORMULATIONS = ("se3", "nurbs")
+#: What NURBS elements interpolate as rotations.
+INTERPOLATIONS = ("quaternions", "relative_rotation_vectors")
 #: Degree of curves through the nodes of a mesh.
 _DEGREE = 3
 
@@ -39,6 +41,10 @@ class Beam:
             None for others.
         formulation: Element formulation: "se3" for geometrically exact two-node elements on the
             cells of the group, "nurbs" for isogeometric elements.
+        interpolation: What isogeometric elements interpolate as rotations: the unit "quaternions"
+            of the control points, or their "relative_rotation_vectors" to one control point of
+            each element (Crisfield, Jelenic 1999); None for others. Both are objective. With the
+            vectors, sections jump a little between elements that share more than an end.
         orientation: Approximate direction of e2 in inertial axes: a vector, a function of points
             (n, 3) that returns vectors (n, 3), or None for rotation-minimising frames.
         damping: Stiffness-proportional damping, seconds.
@@ -54,6 +60,7 @@ class Beam:
     curve: NurbsCurve | None
     degree: int | None
     formulation: str
+    interpolation: str | None
     orientation: Orientation
     damping: float
     velocity: FloatArray
@@ -68,6 +75,7 @@ class Beam:
         curve: NurbsCurve | None = None,
         degree: int | None = None,
         formulation: str | None = None,
+        interpolation: str | None = None,
         orientation: Orientation = None,
         damping: float = 0.0,
         velocity: npt.ArrayLike = _ZERO,
@@ -76,7 +84,8 @@ class Beam:
         """Create a beam.
 
         Without a curve, the group has the beam's name when None. The formulation is "nurbs" where
-        a curve is given, else "se3" when None; the degree is 3 when None.
+        a curve is given, else "se3" when None; the degree is 3 and the interpolation that of
+        quaternions when None.
 
         Raises:
             TypeError: An argument has the wrong type.
@@ -94,11 +103,17 @@ class Beam:
             name=name,
             section=section,
             **{"group": group, "curve": curve, "degree": degree, "formulation": formulation},
+            interpolation=_interpolation(owner, formulation, interpolation),
             orientation=orientation,
             damping=_checks.number(owner, "damping", damping, nonnegative=True),
             velocity=_checks.vector(owner, "velocity", velocity),
             angular_velocity=_checks.vector(owner, "angular_velocity", angular_velocity),
         )
+
+    @property
+    def vectors(self) -> bool:
+        """Whether its elements interpolate relative rotation vectors."""
+        return self.interpolation == INTERPOLATIONS[1]
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -255,6 +270,24 @@ def _formulation(
             f"{owner}: the degree is that of the curve (NurbsCurve.elevate raises it), got {degree}"
         )
     return formulation, None
+
+
+def _interpolation(owner: str, formulation: str, given: str | None) -> str | None:
+    """Return the checked interpolation of a beam's rotations, None unless it is isogeometric."""
+    if formulation != "nurbs":
+        if given is not None:
+            raise ValueError(
+                f'{owner}: formulation "{formulation}" has no interpolation, got '
+                f"{_checks.show(given)}"
+            )
+        return None
+    if given is None:
+        return INTERPOLATIONS[0]
+    _checks.text(owner, "interpolation", given)
+    if given not in INTERPOLATIONS:
+        known = " or ".join(f'"{name}"' for name in INTERPOLATIONS)
+        raise ValueError(f"{owner}: interpolation must be {known}, got {_checks.show(given)}")
+    return given
 
 
 def _inertia_tensor(owner: str, value: npt.ArrayLike) -> FloatArray:

@@ -33,7 +33,7 @@ from flexfem.system.families import (
 )
 from flexfem.system.inner_forces import InnerForces
 from flexfem.system.interface import Interface
-from flexfem.system.line_loads import by_degree
+from flexfem.system.line_loads import by_kind
 from flexfem.system.node_loads import NodeForces, NodeMasses
 from flexfem.system.placed_loads import line_forces, node_forces
 from flexfem.system.placement import (
@@ -135,11 +135,11 @@ def _part(
     node_body = serial.bodies(kind, block.node_ids)
     forces, inside = node_forces(serial, kind, block), list[InnerForces]()
     if kind in (BEAMS, NURBS):
-        inside += by_degree(line_forces(serial, kind, block), node_body, block)
+        inside += by_kind(line_forces(serial, kind, block), node_body, block)
     elif isinstance(elements, (RotationFreeShells, DirectorShells)):
         forces += shell_forces(serial, block)
         inside += pressures(serial, elements.carriers, elements.body)
-        inside += by_degree(shell_couples(serial, block, elements.carriers), node_body, block)
+        inside += by_kind(shell_couples(serial, block, elements.carriers), node_body, block)
     return BlockPart(
         kind=kind,
         block=block,

@@ -22,7 +22,7 @@ _SPAN = 1e-5
 
 
 class ElementPlaces:
-    """Places in elements with equally many nodes, all of whose nodes are on this rank.
+    """Places in elements of one kind with equally many nodes, all of whose nodes are on this rank.
 
     Attributes:
         nodes: (n, k) local nodes.
@@ -110,11 +110,11 @@ def held_places(
     serial: Assembly, kind: int, block: FrameBlock, markers: Sequence[Observed]
 ) -> list[tuple[ElementPlaces, IntArray]]:
     """Markers inside elements that this rank holds, in groups, and which of them these are."""
-    found: dict[int, list[tuple[int, ElementPlace]]] = {}
+    found: dict[tuple[int, int], list[tuple[int, ElementPlace]]] = {}
     for which, marker in enumerate(markers):
         place = serial.place(marker)
         if place is not None and place.kind == kind and holds(block, place):
-            found.setdefault(len(place.nodes), []).append((which, place))
+            found.setdefault((len(place.nodes), place.element), []).append((which, place))
     groups = []
     for places in found.values():
         points = ElementPlaces.of([place for _, place in places], block)

@@ -105,9 +105,9 @@ def _owners_of_nodes(curves: NurbsLines, ranks: Sequence[IntArray]) -> IntArray:
 
 
 def _cells(curves: NurbsLines, chosen: Sequence[IntArray], block: FrameBlock) -> list[NurbsCells]:
-    """Elements of this rank by degree; every rank has the same degrees, maybe without elements."""
+    """Elements of this rank by kind; every rank has the same kinds, maybe without elements."""
     data = []
-    for _, group in groupby(curves.by_degree(), lambda b: curves.parts[b].nodes.shape[1]):
+    for (_, vectors), group in groupby(curves.by_kind(), curves.kind):
         beams = list(group)
         counts = [len(chosen[b]) for b in beams]
         nodes = np.concatenate([curves.nodes(b)[chosen[b]] for b in beams])
@@ -118,6 +118,7 @@ def _cells(curves: NurbsLines, chosen: Sequence[IntArray], block: FrameBlock) ->
                 section=np.repeat(curves.section[beams], counts),
                 shape=np.concatenate([curves.parts[b].shape[chosen[b]] for b in beams]),
                 damping=np.repeat([curves.beams[b].damping for b in beams], counts),
+                vectors=vectors,
             )
         )
     return data

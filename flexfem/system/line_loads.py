@@ -16,7 +16,7 @@ from flexfem.core.frame_block import FrameBlock
 from flexfem.system.element_places import ElementPlaces, place_arrays
 from flexfem.system.lines import ElementPlace
 
-__all__ = ["LineForce", "LineForces", "by_degree"]
+__all__ = ["LineForce", "LineForces", "by_kind"]
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class LineForce:
 
 
 class LineForces(ElementPlaces):
-    """Wrenches at places in elements of one degree, with the loads whose amplitudes scale them.
+    """Wrenches at places in elements of one kind, with the loads whose amplitudes scale them.
 
     Attributes:
         body: (n,) number of the beam of each.
@@ -81,11 +81,11 @@ class LineForces(ElementPlaces):
         return out
 
 
-def by_degree(
+def by_kind(
     forces: Sequence[LineForce], node_body: IntArray, block: FrameBlock
 ) -> list[LineForces]:
-    """Wrenches grouped by the number of nodes of their elements."""
-    groups: dict[int, list[LineForce]] = {}
+    """Wrenches grouped by the number of nodes of their elements and what these interpolate."""
+    groups: dict[tuple[int, int], list[LineForce]] = {}
     for force in forces:
-        groups.setdefault(len(force.place.nodes), []).append(force)
+        groups.setdefault((len(force.place.nodes), force.place.element), []).append(force)
     return [LineForces(groups[k], node_body, block) for k in sorted(groups)]

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.line_points import NURBS as NURBS_ELEMENT
+from flexfem.core.line_points import NURBS_VECTORS
 from flexfem.core.runs import starts
 from flexfem.materials.section import Section
 from flexfem.mesh.nurbs_elements import NurbsElements
@@ -52,7 +53,9 @@ class NurbsLines:
         """Data of a model with NURBS beams."""
         beams = model.beams_of("nurbs")
         curves = [model.curve(beam) for beam in beams]
-        frames = [control_frames(c, b.orientation) for c, b in zip(curves, beams, strict=True)]
+        frames = [
+            control_frames(c, b.orientation, b.vectors) for c, b in zip(curves, beams, strict=True)
+        ]
         numbers = np.array([model.beams.index(beam) for beam in beams], dtype=np.int64)
         parts = [curve.elements for curve in curves]
         nodes = [len(f) for f in frames]
@@ -87,9 +90,17 @@ class NurbsLines:
     def _by_name(self) -> dict[str, int]:
         return {beam.name: i for i, beam in enumerate(self.beams)}
 
-    def by_degree(self) -> list[int]:
+    def kind(self, beam: int) -> tuple[int, bool]:
+        """Nodes of a beam's elements, and whether these interpolate rotation vectors."""
+        return self.parts[beam].nodes.shape[1], self.beams[beam].vectors
+
+    def by_kind(self) -> list[int]:
         """Numbers of the beams in the order in which elements are grouped."""
-        return sorted(range(len(self.beams)), key=lambda b: self.parts[b].nodes.shape[1])
+        return sorted(range(len(self.beams)), key=self.kind)
+
+    def element(self, beam: int) -> int:
+        """How frames are interpolated along a beam, see ``core.line_points``."""
+        return NURBS_VECTORS if self.beams[beam].vectors else NURBS_ELEMENT
 
     def nodes(self, beam: int) -> IntArray:
         """(m, k) control points of a beam's elements, numbered among all."""
@@ -130,7 +141,7 @@ class NurbsLines:
             turns=None,
             starts=np.cumsum(parts.lengths) - parts.lengths,
             arc=parts.arc,
-            element=NURBS_ELEMENT,
+            element=self.element(beam),
         )
 
 

@@ -179,6 +179,7 @@ class OneNurbs(OneBeam):
     def __init__(
         self, points: np.ndarray, degree: int, section: Any, damping: float = 0.0,
         weights: np.ndarray | None = None, turns: np.ndarray | None = None, inertial: bool = True,
+        vectors: bool = False,
     ) -> None:  # fmt: skip
         """Create the beam.
 
@@ -190,6 +191,7 @@ class OneNurbs(OneBeam):
             weights: (n,) of the control points, all one when None.
             turns: (n, 3) rotation vectors of the control points' frames, all zero when None.
             inertial: as in the block.
+            vectors: as in ``NurbsCells``.
         """
         from math import comb
 
@@ -207,7 +209,7 @@ class OneNurbs(OneBeam):
         numbers = np.zeros(count, dtype=np.int64)
         cells = NurbsCells(
             nodes, numbers, numbers, weights[nodes][..., np.newaxis] * powers,
-            np.full(count, damping),
+            np.full(count, damping), vectors,
         )  # fmt: skip
         self.comm, self.most, self.gravity = MPI.COMM_SELF, MPI.MAX, np.zeros(3)
         self.create(points, turns, [cells], [section], inertial)

@@ -129,6 +129,14 @@ CONSTRUCTORS = [
         'Beam "beam": formulation "se3" has no curve, got NurbsCurve',
     ),
     (
+        lambda: Beam("beam", SECTION, interpolation="quaternions"),
+        'Beam "beam": formulation "se3" has no interpolation, got \'quaternions\'',
+    ),
+    (
+        lambda: Beam("beam", SECTION, curve=LINE, interpolation="vectors"),
+        'Beam "beam": interpolation must be "quaternions" or "relative_rotation_vectors", got',
+    ),
+    (
         lambda: Beam("beam", SECTION, degree=3),
         'Beam "beam": formulation "se3" has no degree, got 3',
     ),

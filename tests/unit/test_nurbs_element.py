@@ -45,14 +45,17 @@ LAW = ff.Section.general(
 )
 
 
-def _curved(one_nurbs, degree: int, section=SECTION, damping: float = 0.0, inertial=True, count=3):
+def _curved(
+    one_nurbs, degree: int, section=SECTION, damping: float = 0.0, inertial=True, count=3,
+    vectors=False,
+):  # fmt: skip
     """A curved and twisted beam with any weights; its frames do not follow the line."""
     n = count * degree + 1
     s = np.linspace(0.0, 2.0, n)
     points = np.stack([np.sin(s), 1.0 - np.cos(s), 0.3 * s**2], axis=1)
     weights = 1.0 + 0.4 * np.random.default_rng(3).random(n)
     turns = 0.1 + s[:, np.newaxis] * [0.2, 0.3, 0.5]
-    return one_nurbs(points, degree, section, damping, weights, turns, inertial)
+    return one_nurbs(points, degree, section, damping, weights, turns, inertial, vectors)
 
 
 # --- derivatives ---------------------------------------------------------------------------------
@@ -84,6 +87,13 @@ def test_tangent_and_action_are_the_derivative_of_the_residual(
 ):
     beam = _curved(one_nurbs, degree, damping=damping, inertial=inertial)
     _check_derivatives(beam, beam.shifts if moving else STILL, rng)
+
+
+@pytest.mark.parametrize("degree", [1, 3])
+@pytest.mark.parametrize("damping", [0.0, 0.03])
+def test_derivatives_with_relative_rotation_vectors(one_nurbs, degree, damping, rng):
+    beam = _curved(one_nurbs, degree, damping=damping, vectors=True)
+    _check_derivatives(beam, beam.shifts, rng)
 
 
 @pytest.mark.parametrize("degree", [1, 3])
@@ -124,9 +134,15 @@ def test_local_derivatives_are_those_of_translations_in_local_axes(one_nurbs, rn
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
-@pytest.mark.parametrize("section", [SECTION, LAW], ids=["linear", "law"])
-def test_internal_force_is_the_gradient_of_the_strain_energy(one_nurbs, degree, section, rng):
-    beam = _curved(one_nurbs, degree, section)
+@pytest.mark.parametrize(
+    ("section", "vectors"),
+    [(SECTION, False), (LAW, False), (SECTION, True)],
+    ids=["linear", "law", "vectors"],
+)
+def test_internal_force_is_the_gradient_of_the_strain_energy(
+    one_nurbs, degree, section, vectors, rng
+):
+    beam = _curved(one_nurbs, degree, section, vectors=vectors)
     beam.disturb(rng)
     beam.block.velocity[:], beam.block.acceleration[:] = 0.0, 0.0
     state, step, eps, energies = beam.state(), beam.random(rng, 1.0), 1e-5, []
@@ -203,9 +219,14 @@ def test_every_initial_shape_is_free_of_stress(one_nurbs, degree):
     assert beam.largest(beam.residual()) <= 1e-13
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3, 4])
-def test_superposed_rigid_motion_changes_neither_strain_nor_local_force(one_nurbs, degree, rng):
-    beam = _curved(one_nurbs, degree)
+@pytest.mark.parametrize(
+    ("degree", "vectors"),
+    [(1, False), (2, False), (3, False), (4, False), (1, True), (2, True), (3, True), (4, True)],
+)
+def test_superposed_rigid_motion_changes_neither_strain_nor_local_force(
+    one_nurbs, degree, vectors, rng
+):
+    beam = _curved(one_nurbs, degree, vectors=vectors)
     beam.disturb(rng)
     places = np.linspace(0.0, 1.0, 4)
     strain = beam.beams.resultants_at(beam.block.frames, places)[0]
@@ -220,9 +241,10 @@ def test_superposed_rigid_motion_changes_neither_strain_nor_local_force(one_nurb
     assert beam.energy() == pytest.approx(stored, rel=1e-13)
 
 
-def test_closed_path_returns_the_energy(one_nurbs, rng):
+@pytest.mark.parametrize("vectors", [False, True], ids=["quaternions", "vectors"])
+def test_closed_path_returns_the_energy(one_nurbs, vectors, rng):
     """The work along a closed path of all nodes, turning by up to a radian, is zero."""
-    beam = _curved(one_nurbs, 3)
+    beam = _curved(one_nurbs, 3, vectors=vectors)
     first, second, count, work, size = beam.random(rng, 0.3), beam.random(rng, 0.3), 48, 0.0, 0.0
     for t in 2.0 * np.pi * np.arange(count) / count:
         twist = np.sin(t) * first + np.sin(2.0 * t) * second + (1.0 - np.cos(t)) * second[::-1]
@@ -236,9 +258,10 @@ def test_closed_path_returns_the_energy(one_nurbs, rng):
     assert abs(work) <= 1e-10 * size
 
 
-def test_strains_are_those_of_the_interpolated_line(one_nurbs, rng):
+@pytest.mark.parametrize("vectors", [False, True], ids=["quaternions", "vectors"])
+def test_strains_are_those_of_the_interpolated_line(one_nurbs, vectors, rng):
     """gamma = R^T x', kappa = axial(R^T R'), from differences along the line of one element."""
-    beam = _curved(one_nurbs, 3, count=1)
+    beam = _curved(one_nurbs, 3, count=1, vectors=vectors)
     beam.disturb(rng)
     xi, eps = np.array([0.0, 0.3, 0.8]), 1e-5
     both = []
@@ -265,6 +288,8 @@ def _pose(beam, frames: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndar
     R = se3.rotation(frames[nodes])
     reference = R[len(nodes) // 2]
     theta = so3.log(reference.T @ R)
+    if group.data.vectors:
+        return N @ frames[nodes, :3], reference @ so3.exp(N @ theta)
     half = 0.5 * np.linalg.norm(theta, axis=1)
     # tan(t / 2) n of the sum of the quaternions (cos(t / 2), sin(t / 2) n)
     vector = 0.5 * N @ (np.sinc(half / np.pi)[:, np.newaxis] * theta)

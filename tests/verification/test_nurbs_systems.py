@@ -36,7 +36,7 @@ def _mixed() -> ff.Model:
     model.add(
         ff.Gravity((0.0, 0.0, -9.81)),
         ff.Beam("arc", SECTION, curve=ARC, damping=1e-4),
-        ff.Beam("line", SECTION, curve=line),
+        ff.Beam("line", SECTION, curve=line, interpolation="relative_rotation_vectors"),
         ff.Beam("se3", SECTION),
         ff.RigidBody("body", 0.3, (1e-3, 1e-3, 1e-3), position=(1.9, 0.0, 0.0)),
         ff.Rigid("clamp", clamp, ff.Marker("arc", "end")),
