@@ -38,7 +38,9 @@ _MODE_OPTIONS: tuple[Option, ...] = (
         minimum=0,
     ),
     *_STATE_OPTIONS,
-    Option("accuracy", float, 1e-10, "relative residual of eigenvalues", above=0, maximum=1e-2),
+    Option(
+        "accuracy", float, 1e-10, "relative residual of eigenvalues", minimum=1e-15, maximum=1e-2
+    ),
     Option(
         "amplitude",
         float,

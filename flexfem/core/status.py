@@ -15,4 +15,5 @@ class Status(Enum):
     INACCURATE = "the smallest step misses the error tolerance"
     EVENT = "an event cannot be followed"
     LEFT = "a slider leaves its carrier"
+    INSIDE_OUT = "a body is turned inside out"
     SINGULAR = "the iteration matrix is singular: redundant constraints or a singular position"

@@ -168,6 +168,11 @@ class BeamGroup:
         cell_twists(at, self.data.cells, self.turned, self._turns, frames, twists)
         return twists, (twists - self._twists[at]) / self.lengths[at, np.newaxis]
 
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """Lengths (m,) of the cells along the normal of the section, relative to the start."""
+        stretched: FloatArray = 1.0 + self._strain(frames)[1][:, 0]
+        return stretched
+
     def response(
         self, frames: FloatArray, at: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:

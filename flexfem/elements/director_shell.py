@@ -27,7 +27,7 @@ from flexfem.elements.director_law import (
     law_viscosity,
 )
 from flexfem.elements.director_loops import add_forces, strain_rates_into, strains_into
-from flexfem.elements.director_tables import MIDDLES, POINTS
+from flexfem.elements.director_tables import MIDDLES, POINTS, slopes
 from flexfem.elements.director_tangent import add_action, tangents_into
 
 __all__ = ["DirectorTriangles"]
@@ -125,6 +125,15 @@ class DirectorTriangles:
         """Mean strains (m, 8) of the triangles."""
         at_points, at_middles = self._strains(frames)
         return np.concatenate([at_points.mean(1), at_middles.mean(1)], 1)
+
+    def facing(self, frames: FloatArray) -> FloatArray:
+        """Areas (m, 3) seen along the directors amid the edges, relative to those at the start."""
+        base = np.einsum("pan,mnc->mpac", slopes(MIDDLES), frames[self.nodes[:, :6], :3])
+        turns = frames[self.nodes[:, 6:], 3:].reshape(-1, 3, 3, 3)
+        directors = np.einsum("mkab,mkb->mka", turns, self.directors)
+        seen = np.einsum("mkc,mkc->mk", np.cross(base[:, :, 0], base[:, :, 1]), directors)
+        found: FloatArray = seen / (6.0 * self._middles.areas)
+        return found
 
     def stresses(self, strains: FloatArray) -> FloatArray:
         """Forces n_11, n_22, n_12 (N/m), moments m_11, m_22, m_12 (N), shear forces (N/m).

@@ -218,6 +218,10 @@ class DirectorShells:
         both = strains[:, :6], self.triangles.stresses(strains)[:, :6]
         return both if chosen is None else (both[0][chosen], both[1][chosen])
 
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return self.triangles.facing(frames).min(axis=1, initial=np.inf)
+
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         return self.triangles.total_energies(frames)

@@ -94,6 +94,16 @@ class ElementFamily(Protocol):
         """
         ...
 
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """Least size (m,) of each cell relative to that at the start, where it can change its sign.
+
+        Of beams the length along the sections' normal, of shells with directors the area across
+        these, of bodies distances of interfaces. What is not above zero is turned inside out, which
+        solves equations with linear laws, but is no motion of a body. Shells without directors
+        measure lengths, which cannot: ones.
+        """
+        ...
+
     def energies(self, frames: FloatArray) -> FloatArray:
         """Strain energies (m,) of all cells, J."""
         ...

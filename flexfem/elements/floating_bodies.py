@@ -27,6 +27,9 @@ from flexfem.elements.floating_loops import (
 
 __all__ = ["FloatingBodies", "FloatingGroup"]
 
+#: Interfaces so much closer than others, by the squares of distances, are at one place.
+_COINCIDE = 1e-10
+
 
 @dataclass(frozen=True)
 class FloatingGroup:
@@ -68,6 +71,27 @@ class FloatingGroup:
                 _, strains = interface_strains(self.data, own)
                 own[: len(strains)] = strains
         return strained
+
+    def stretches(self, coordinates: FloatArray) -> FloatArray:
+        """Least distance (m,) of two interfaces along that at rest, relative to it.
+
+        Args:
+            coordinates: (m, n, 3), with derivatives.
+        """
+        k = len(self.data.rest)
+        moved = coordinates[:, : 6 * k, 0].reshape(-1, k, 6)[:, :, :3]
+        rest = self.data.rest
+        if not len(self.data.conditions):  # the frame is that of an interface
+            rest = np.concatenate([np.zeros((1, 3)), rest])
+            moved = np.concatenate([np.zeros((len(moved), 1, 3)), moved], axis=1)
+        first, second = np.triu_indices(len(rest), 1)
+        apart = rest[second] - rest[first]
+        squares = np.einsum("pc,pc->p", apart, apart)
+        apart_by = squares > _COINCIDE * squares.max(initial=0.0)
+        first, second, apart, squares = (a[apart_by] for a in (first, second, apart, squares))
+        change = np.einsum("mpc,pc->mp", moved[:, second] - moved[:, first], apart)
+        stretched: FloatArray = 1.0 + (change / squares).min(axis=1, initial=np.inf)
+        return stretched
 
 
 class FloatingBodies:
@@ -163,6 +187,14 @@ class FloatingBodies:
         """A body has none: zeros; its stresses are recovered from the coordinates."""
         count = len(self.body) if chosen is None else len(chosen)
         return np.zeros((count, 6)), np.zeros((count, 6))
+
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        still = np.zeros((len(frames), 6))
+        parts = [
+            group.stretches(group.coordinates(frames, still, still)[1]) for group in self.groups
+        ]
+        return np.concatenate([np.empty(0), *parts])
 
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.elements.family.ElementFamily`."""

@@ -178,6 +178,10 @@ class NurbsBeams:
             strain[to], resultant[to] = group.response(frames, cells[to] - part.start, places[to])
         return strain, resultant
 
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return np.concatenate([np.empty(0), *(g.stretches(frames) for g in self.groups)])
+
     def energies(self, frames: FloatArray) -> FloatArray:
         """Strain energies (m,) of all cells, J."""
         return np.concatenate([np.empty(0), *(g.energies(frames) for g in self.groups)])

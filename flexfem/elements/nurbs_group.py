@@ -226,6 +226,12 @@ class NurbsGroup:
         resultant, _ = self._material.response(strain.reshape(-1, 6), section)
         return strain, resultant.reshape(strain.shape)
 
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """Least stretch (m,) at the quadrature points, along the normal of the section."""
+        strain = unlaned(self._present(frames), len(self.data.nodes))
+        stretched: FloatArray = 1.0 + strain[:, :, 0].min(axis=1)
+        return stretched
+
     def energies(self, frames: FloatArray) -> FloatArray:
         """Strain energies (m,) of the elements, J."""
         strain = unlaned(self._present(frames), len(self.data.nodes))

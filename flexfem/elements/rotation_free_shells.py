@@ -258,6 +258,10 @@ class RotationFreeShells:
         both = np.concatenate([nothing, *strains]), np.concatenate([nothing, *stresses])
         return both if chosen is None else (both[0][chosen], both[1][chosen])
 
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return np.ones(len(self.body))
+
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         positions_into(frames, self._points)

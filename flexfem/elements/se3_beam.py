@@ -161,6 +161,13 @@ class SE3Beams:
         strain, resultant, _ = self._response(frames, chosen)
         return strain, resultant
 
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        found = np.empty(len(self.data.cells))
+        for rows, group in self.groups:
+            found[rows] = group.stretches(frames)
+        return found
+
     def energies(self, frames: FloatArray) -> FloatArray:
         """Strain energies (m,) of all cells, J."""
         return self._response(frames)[2]

@@ -24,7 +24,7 @@ from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.modes import doubts, modes_at
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results, conclude
-from flexfem.simulation.reasons import MODES, with_hint
+from flexfem.simulation.reasons import modes_hint, with_hint
 from flexfem.simulation.run_guard import agreed, guarded, refuse
 from flexfem.solvers.mode_shapes import Modes
 from flexfem.solvers.tracking import follow, whirl
@@ -161,8 +161,8 @@ def _step(point: OperatingPoint, options: CampbellOptions, speed: float, sweep: 
     if error := agreed(current(), point.system.comm):  # a function of the user's
         return f"{error} at the spin {speed:.6g} rad/s"
     if status is not Status.OK:
-        text = f"{status.value} at the spin {speed:.6g} rad/s"
-        return with_hint(text, MODES.get(status))
+        text = f"{point.failure(status)} at the spin {speed:.6g} rad/s"
+        return with_hint(text, modes_hint(status, speed))
     more = min(_MORE * options.modes, point.freedoms - options.modes)
     modes = modes_at(point, options, more)
     if len(modes) == 0:

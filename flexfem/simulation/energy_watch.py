@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A cheap watch over every motion: energy, turns in a step, drives that jump, what is not finite.
+"""A cheap watch over every motion: energy, turns, drives that jump, what is absurd or not finite.
 
 The work of loads and drives is summed up in every step, by few numbers; energies are summed over
 the model only at some of them, which are counted, not timed, so that runs and ranks agree.
@@ -14,6 +14,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.row import LawKind
 from flexfem.inspection.finding import owner_of
+from flexfem.simulation.inside_out import InsideOut
 from flexfem.system.assembly import Assembly
 from flexfem.system.drive_changes import DriveChanges
 from flexfem.system.energies import EnergyMeter, work_of_loads
@@ -78,6 +79,7 @@ class EnergyWatch:
         self._gained_at = self._lost_at = system.time
         self._turn: tuple[float, float, int, int] = (0.0, 0.0, 0, 0)
         self._bad: float | None = None
+        self._inverted: tuple[float, InsideOut] | None = None
         self._sample()
 
     def _may_lose(self) -> bool:
@@ -138,6 +140,8 @@ class EnergyWatch:
         if system.comm.size > 1:
             system.comm.Allreduce(MPI.IN_PLACE, shares)
         self._note_turns()
+        if self._inverted is None and (found := InsideOut.worst(system)):
+            self._inverted = (system.time, found)
         self._note(shares)
 
     def _note(self, shares: FloatArray) -> None:
@@ -176,7 +180,13 @@ class EnergyWatch:
 
     def texts(self) -> list[str]:
         """What the run should warn of, the same on every rank (collective)."""
-        return [*self._not_finite(), *self._turns(), *self._jumps(), *self._balance()]
+        return [
+            *self._not_finite(),
+            *self._inside_out(),
+            *self._turns(),
+            *self._jumps(),
+            *self._balance(),
+        ]
 
     def _not_finite(self) -> list[str]:
         if self._bad is None:
@@ -184,6 +194,16 @@ class EnergyWatch:
         return [
             f"positions, velocities or forces are not finite at t = {self._bad:.6g} s, if not "
             "before; results behind it are worthless"
+        ]
+
+    def _inside_out(self) -> list[str]:
+        every = [one for one in self._system.comm.allgather(self._inverted) if one is not None]
+        if not every:
+            return []
+        t, found = min(every)
+        return [
+            f"{found.text(self._serial)} at t = {t:.6g} s, if not before; results behind it are "
+            "worthless"
         ]
 
     def _turns(self) -> list[str]:

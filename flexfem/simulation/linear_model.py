@@ -21,7 +21,7 @@ from flexfem.model.model import Model
 from flexfem.model.probe import Probe
 from flexfem.simulation.modes import doubts
 from flexfem.simulation.operating_point import OperatingPoint
-from flexfem.simulation.reasons import MODES, with_hint
+from flexfem.simulation.reasons import modes_hint, with_hint
 from flexfem.solvers.mode_shapes import ComplexArray, find
 from flexfem.solvers.reduction import Reduction, reduce_equations
 from flexfem.system.probe_rates import probe_rates
@@ -115,7 +115,7 @@ def linearize(
             (),
             outputs,
             np.zeros(0),
-            with_hint(status.value, MODES.get(status)),
+            with_hint(point.failure(status), modes_hint(status, options.spin)),
         )
     shapes, reason = None, "ok"
     if options.modes > 0:

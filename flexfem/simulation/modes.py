@@ -24,7 +24,7 @@ from flexfem.io.summary import remove_summary
 from flexfem.model.model import Model
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results, conclude
-from flexfem.simulation.reasons import MODES, with_hint
+from flexfem.simulation.reasons import modes_hint, with_hint
 from flexfem.simulation.run_guard import agreed, guarded, refuse
 from flexfem.solvers.mode_shapes import Modes, find
 
@@ -91,7 +91,7 @@ def find_modes(
         if options.output is not None:
             remove_summary(options.output / "summary.json", comm)
         history = _write(point, options, found)
-        summary = point.summary(case, _reason(status, options, found))
+        summary = point.summary(case, _reason(point, status, options, found))
         return _ended(summary, options, results, comm, found, state, history)
 
 
@@ -163,10 +163,13 @@ def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
     )
 
 
-def _reason(status: Status, options: ModeOptions, found: Modes | None) -> str:
+def _reason(
+    point: OperatingPoint, status: Status, options: ModeOptions, found: Modes | None
+) -> str:  # fmt: skip
     if found is None:
         what = "steady rotation" if options.spin else "equilibrium"
-        return with_hint(f"{status.value} in the search for the {what}", MODES.get(status))
+        text = f"{point.failure(status)} in the search for the {what}"
+        return with_hint(text, modes_hint(status, options.spin))
     return doubts(found, options.modes, options.accuracy)
 
 

@@ -20,6 +20,7 @@ from flexfem.la.dropped import destroy_dropped
 from flexfem.model.model import Model
 from flexfem.simulation.cautions import Cautions
 from flexfem.simulation.checkpoints import SavedState
+from flexfem.simulation.inside_out import inside_out
 from flexfem.simulation.outcome import summary_of
 from flexfem.simulation.setup import set_up
 from flexfem.solvers.linearization import Linearization
@@ -44,6 +45,7 @@ class OperatingPoint:
         linearization: evaluated at the state after :meth:`settle`.
         freedoms: number of degrees of freedom.
         cautions: what the analysis warns of.
+        inverted: the body that the last solution turned inside out, empty if it turned none.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class OperatingPoint:
         self.options = options
         self._probes: ProbeRecorder | None = None
         self._settled: Rotation | None = None
+        self.inverted = ""
         self.system.set_time(0.0)
         self.rotation(0.0)
         self.linearization = Linearization(self.system)
@@ -93,14 +96,23 @@ class OperatingPoint:
         if spin != 0.0:
             check_steadiness(self.serial.model, self.system, rotation)
         self.cautions.say()
-        self._settled = None
+        self._settled, self.inverted = None, ""
         if spin == 0.0 and self.options.start == "rest":
             set_velocities(self.system, rotation)
             status = Status.OK if hold(self.linearization) else Status.SINGULAR
             self.system.constraints.forces[:] = self.linearization.multipliers
             return status
         self._settled = rotation
-        return find_equilibrium(self.linearization, rotation)
+        return find_equilibrium(self.linearization, rotation, self._upright)
+
+    def _upright(self) -> bool:
+        """Whether no body is turned inside out in the present state (collective)."""
+        self.inverted = inside_out(self.serial, self.system)
+        return not self.inverted
+
+    def failure(self, status: Status) -> str:
+        """Why there is no state to look at, in words."""
+        return self.inverted if status is Status.INSIDE_OUT else status.value
 
     @property
     def improve(self) -> Callable[[], bool] | None:

@@ -18,11 +18,11 @@ from flexfem.system.system import System
 __all__ = [
     "EQUATIONS",
     "ITERATED",
-    "MODES",
     "MOTION",
     "RELAXATION",
     "START",
     "STATICS",
+    "modes_hint",
     "moves_most",
     "not_finite",
     "with_hint",
@@ -65,16 +65,8 @@ STATICS: Mapping[Status, str] = {
     Status.DIVERGED: _LOAD,
     Status.SINGULAR: "hold what moves without stiffness by joints or springs, or stabilise; at a "
     "limit point take arc_length",
-}
-_STATE = (
-    "start rest takes the model as it is given; the analysis statics shows how far its loads can "
-    "grow, and a lower spin how fast it can turn"
-)
-#: The same where modes are to be found about a state.
-MODES: Mapping[Status, str] = {
-    Status.NOT_CONVERGED: _STATE,
-    Status.DIVERGED: _STATE,
-    Status.SINGULAR: "look for bodies without mass and for motions without stiffness",
+    Status.INSIDE_OUT: "linear laws yield to a finite force: take smaller loads, or a law that "
+    "resists any compression",
 }
 #: What to try where a relaxation has not come to rest, and where it diverged.
 RELAXATION = (
@@ -86,6 +78,21 @@ RELAXATION = (
 def with_hint(reason: str, hint: str | None) -> str:
     """A reason and what to try, on one line."""
     return f"{reason}; {hint}" if hint else reason
+
+
+def modes_hint(status: Status, spin: float) -> str:
+    """What to try where the state about which modes are wanted was not found.
+
+    Args:
+        status: why not.
+        spin: speed of the steady rotation, rad/s; only without one there is a choice of states.
+    """
+    if status is Status.SINGULAR:
+        return "look for bodies without mass and for motions without stiffness"
+    loads = "how far its loads can grow"
+    if spin:
+        return f"a lower spin shows how fast it can turn, the analysis statics {loads}"
+    return f"start rest takes the model as it is given; the analysis statics shows {loads}"
 
 
 def not_finite(serial: Assembly, times: Iterable[float]) -> str | None:

@@ -28,6 +28,7 @@ from flexfem.simulation.departures import Departures
 from flexfem.simulation.equilibrium import check_held, rest
 from flexfem.simulation.followed import Followed
 from flexfem.simulation.functions_alike import FunctionsAlike
+from flexfem.simulation.inside_out import inside_out
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.locked_shapes import locked_shapes
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
@@ -149,6 +150,7 @@ class _Run:
         if not options.stabilise:
             check_held(self._serial, self.equilibrium)
         self._departures = Departures(self.system, self._serial)
+        self._inverted = ""
         self._columns = partial(_columns, self._probes, self.equilibrium)
         self._neglected: dict[str, float] = {}
         if options.linear:
@@ -388,9 +390,13 @@ class _Run:
         return Status.OK
 
     def _checked(self, status: Status) -> Status:
-        """Status of a trial state, in which a slider may have left its carrier."""
-        left = status is Status.OK and self._departures.found()
-        return Status.LEFT if left else status
+        """Status of a trial state: a slider may have left its carrier, a body be inside out."""
+        if status is not Status.OK:
+            return status
+        if self._departures.found():
+            return Status.LEFT
+        self._inverted = inside_out(self._serial, self.system)
+        return Status.INSIDE_OUT if self._inverted else Status.OK
 
     def _accept(self, last: bool) -> None:
         self.path.accept()
@@ -473,7 +479,8 @@ class _Run:
         if culprit:
             return f"{culprit} after t = {t:.6g}"
         where = moves_most(self._serial, self.system) if status in ITERATED else ""
-        return with_hint(f"{status.value} at t = {t:.6g}{where}", STATICS.get(status))
+        text = self._inverted if status is Status.INSIDE_OUT else status.value
+        return with_hint(f"{text} at t = {t:.6g}{where}", STATICS.get(status))
 
     def _unreached(self) -> str:
         """The run came to ``t_end`` before the column had its value (collective)."""

@@ -144,11 +144,19 @@ def _solver(
     return solve
 
 
-def find_equilibrium(linearization: Linearization, rotation: Rotation) -> Status:
+def find_equilibrium(
+    linearization: Linearization, rotation: Rotation, upright: Callable[[], bool]
+) -> Status:
     """Move the system from its present state to the equilibrium (collective).
 
     Starts from the present configuration with all loads and the whole spin; where Newton's method
-    fails, loads and spin grow in steps, each half as large as the last failed one.
+    fails, or finds what no body can be, loads and spin grow in steps, each half as large as the
+    last failed one.
+
+    Args:
+        linearization: of the system.
+        rotation: the spin, zero at rest.
+        upright: whether no body is turned inside out in the present state (collective).
     """
     system = linearization.system
     frames = [part.block.frames.copy() for part in system.parts]
@@ -160,6 +168,8 @@ def find_equilibrium(linearization: Linearization, rotation: Rotation) -> Status
         goal = min(1.0, reached + step)
         system.gravity[:], system.factors[:] = goal * gravity, goal * factors
         status, found = _newton(linearization, rotation.at(goal), multipliers)
+        if status is Status.OK and not upright():
+            status = Status.INSIDE_OUT
         if status is Status.OK:
             reached, multipliers = goal, found
             frames = [part.block.frames.copy() for part in system.parts]
