@@ -204,6 +204,7 @@ _MODULES = {
     "PlanarFrame": "formalisms.frames",
     "SpatialFrame": "formalisms.frames",
     "FrameMotion": "formalisms.frame_motion",
+    "ElementMatrixStudy": "formalisms.matrix_study",
     "ElementMatrices": "formalisms.element_matrices",
     "InertiaIntegrals": "formalisms.element_matrices",
     "element_matrices": "formalisms.element_matrices",

@@ -24,12 +24,14 @@ from flexfem.formalisms.formalism import accelerations
 from flexfem.formalisms.mechanism import Mechanism
 from flexfem.formalisms.study import FormalismStudy
 from flexfem.simulation.formalism_motion import SchemedMotion
-from flexfem.simulation.paired_timing import REPEATS, least, ratio_range, timed_in_turns
+from flexfem.simulation.paired_timing import least, ratio_range, timed_in_turns
 
 __all__ = ["cost_rows", "energy_rows"]
 
 #: Cells of a loop whose time is measured: enough to forget how it is called.
 _CELLS = 200
+#: How often the steps of the table are repeated.
+_RUNS = 7
 #: The energies whose derivatives are the inertia of Lagrange's and of Gibbs and Appell's equations.
 _ENERGIES = ("kinetic", "of_accelerations")
 
@@ -152,7 +154,7 @@ def _steps(
     """
     found: dict[str, tuple[float, list[float]]] = {name: (float("nan"), []) for name in motions}
     failed: set[str] = set()
-    for _ in range(REPEATS):
+    for _ in range(_RUNS):
         before = {}
         for name, motion in motions.items():
             stepper = motion.stepper

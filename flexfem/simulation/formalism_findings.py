@@ -18,7 +18,7 @@ _HEADS = {
 
 def table_text(rows: Sequence[Row]) -> str:
     """The table for the screen, without the quartiles of ratios."""
-    shown = [name for name in rows[0] if "ratio" not in name]
+    shown = [name for name in rows[0] if not name.endswith(("ratio_low", "ratio_high"))]
     heads = [_HEADS.get(name, name) for name in shown]
     lines = [[_cell(row[name]) for name in shown] for row in rows]
     widths = [max(map(len, column)) for column in zip(heads, *lines, strict=True)]
@@ -91,7 +91,7 @@ def _comparison(title: str, pairs: Mapping[str, tuple[Row, Row]]) -> str:
             ratios[key] = own[name] / other[name]
             low, high = (own[f"{spread}_{e}"] if spread else ratios[key] for e in ("low", "high"))
             sides[key] = _side(min(low, ratios[key]), max(high, ratios[key]))
-        parts.append(f"{_span(ratios)} times the {words}{_where(sides)}")
+        parts.append(f"{_span(ratios)} times the {words}{_where(sides, timed=bool(spread))}")
     return f"{title} takes, relative to Lagrange, {', '.join(parts[:-1])} and {parts[-1]}."
 
 
@@ -112,7 +112,7 @@ def _of_energies(rows: Sequence[Row], labels: Sequence[str]) -> str:
             timed = [own["ratio_low"], own["ratio_high"]] if words == "time" else []
             bounds = [ratios[key], *timed]
             sides[key] = _side(min(bounds), max(bounds))
-        parts.append(f"{_span(ratios)} times the {words}{_where(sides)}")
+        parts.append(f"{_span(ratios)} times the {words}{_where(sides, timed=words == 'time')}")
     return (
         f"The energy of accelerations takes, relative to the kinetic energy, {parts[0]} and "
         f"{parts[1]} per evaluation on a cell."
@@ -129,16 +129,17 @@ def _span(ratios: Mapping[str, float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _where(sides: Mapping[str, int]) -> str:
-    """Where it is more, and where that is open, unless it is the same side everywhere."""
+def _where(sides: Mapping[str, int], *, timed: bool) -> str:
+    """Where it is more and where neither, unless it is the same side everywhere."""
+    neither = "not told apart" if timed else "the same"
     if set(sides.values()) in ({1}, {-1}):
         return ""
     if set(sides.values()) == {0}:
-        return " (no difference that counts)"
+        return f" ({neither})"
     more = [key for key, side in sides.items() if side > 0]
-    open_ = [key for key, side in sides.items() if side == 0]
+    even = [key for key, side in sides.items() if side == 0]
     parts = [f"more in {', '.join(more) or 'none'}"]
-    parts += [f"no difference that counts in {', '.join(open_)}"] if open_ else []
+    parts += [f"{neither} in {', '.join(even)}"] if even else []
     return f" ({'; '.join(parts)})"
 
 

@@ -5,6 +5,9 @@ Closed forms of the matrices; equations of motion that UFL derives from energies
 of these matrices.
 """
 
+import csv
+from dataclasses import replace
+
 from mpi4py import MPI
 
 import numpy as np
@@ -13,6 +16,7 @@ import pytest
 import flexfem as ff
 from flexfem.formalisms.equations import MechanismEquations
 from flexfem.formalisms.formalism import accelerations, consistent_start
+from flexfem.simulation.element_tables import tabulate_elements
 from tests.unit import elastic_bodies as eb
 from tests.unit.refusals import assert_on_page
 
@@ -229,6 +233,38 @@ def test_wrong_arguments_are_refused():
         with pytest.raises((ValueError, TypeError), match=message) as raised:
             make()
         assert_on_page(str(raised.value))
+
+
+@pytest.mark.serial
+def test_tables_hold_every_entry(tmp_path, capsys):
+    bodies = {("beam",): one_body("beam", False), ("bar",): one_body("beam", True)}
+    study = ff.ElementMatrixStudy(bodies, ("kind",), OMEGA, EPSILON)
+    options = {"dt": 1.0, "t_end": 1.0, "output": tmp_path}
+    outcome = tabulate_elements(study, ff.RunOptions(**options))
+    assert (outcome.status, outcome.summary["unknowns"]) == ("ok", 6 + 12)
+    printed = capsys.readouterr().out
+    assert "kind beam: 6 displacements\n  m\n" in printed
+    assert "k(omega)" in printed
+    rows = list(csv.DictReader((tmp_path / "matrices.csv").open()))
+    for (kind,), body in bodies.items():
+        found = ff.element_matrices(body, OMEGA, EPSILON, 0)
+        own = [row for row in rows if row["kind"] == kind]
+        assert len(own) == 5 * found.m.size + 2 * len(found.free) + found.m_origin.size
+        for title, values in (("k(omega)", found.k_omega), ("m_Oi", found.m_origin)):
+            written = np.zeros_like(values)
+            for row in own:
+                if row["matrix"] == title:
+                    written[int(row["row"]), int(row["column"])] = float(row["value"])
+            np.testing.assert_array_equal(written, values)
+        row = next(r for r in own if (r["matrix"], r["row"], r["column"]) == ("c", "0", "4"))
+        assert float(row["column_x"]) == found.points[4, 0]
+        assert int(row["column_component"]) == found.components[4]
+    with pytest.raises(ValueError, match="no motion to be resumed") as raised:
+        tabulate_elements(study, ff.RunOptions(**options, restart=tmp_path / "checkpoint.h5"))
+    assert_on_page(str(raised.value))
+    with pytest.raises(ValueError, match="bodies must hold at least one") as raised:
+        replace(study, bodies={}).validate()
+    assert_on_page(str(raised.value))
 
 
 @pytest.mark.three_ranks

@@ -141,7 +141,7 @@ def test_findings_say_what_the_figures_say():
     assert '"Hamilton takes the most operations" does not hold' in text
     assert '"Hamilton has the most unknowns" holds' in text
     # a ratio of times that repeats place on both sides of one is no finding
-    assert "1.00 times the time per step (no difference that counts)" in text
+    assert "1.00 times the time per step (not told apart)" in text
     assert "1.40 times the time per step." in text
     assert '"Hamilton takes the longest per step" is open' in text
     assert "Maggi" not in text
@@ -154,7 +154,7 @@ def test_findings_say_what_the_figures_say():
         for name, operations in (("kinetic", 100), ("of_accelerations", 250))
     ]  # fmt: skip
     text = said(rows, ["element"], energies)
-    assert "2.50 times the operations and 1.00 times the time (no difference that counts)" in text
+    assert "2.50 times the operations and 1.00 times the time (not told apart)" in text
 
 
 def test_times_are_taken_in_turns():
