@@ -18,7 +18,9 @@ Expected (after Das, Barut, Madenci 2010, geometry and drive are our choice): ri
 bring A back to (-0.5, 0, 0). These are so slender that they lag behind: at t = 4 s A_z is 0.088 m
 (beams 0.085), and when the drives stop, A is still 0.5 m above the plane and swings. Shells of both
 kinds and beams agree, see ``tests/verification/TABLE.md``.
-Run: ``python cases/circular_strips.py --mesh 61x5``.
+Run: ``python cases/circular_strips.py --mesh 61x5``. Figures of its results:
+``flexfem plot results/circular_strips --columns A_x,A_y,A_z`` or ``shell_bending,shell_membrane``;
+``flexfem render results/circular_strips --colour bending_energy --interval 2.5``.
 """
 
 import math

@@ -15,7 +15,12 @@ energy_gravity, energy_work, energy_dissipation, energy_balance`` and the strain
 Expected (data after Liu, Tian, Hu 2012; where it is held is our choice): within 1 s the energy
 balance stays below 1e-4 of the largest kinetic energy; meshes 23x15, 31x21 and 61x41 agree to
 2e-3 m at the tip. One factorisation serves the whole motion.
-Run: ``python cases/cylindrical_pendulum.py --mesh 31x21``.
+Run: ``python cases/cylindrical_pendulum.py --mesh 31x21``. Figures of its results:
+``flexfem plot results/cylindrical_pendulum --columns tip_y,tip_z`` or
+``shell_bending,shell_membrane``; ``flexfem render results/cylindrical_pendulum --interval 0.25
+--colour bending_energy``. The paper's table of meshes, unknowns and times: ``flexfem sweep
+cylindrical_pendulum --zip --vary mesh=23x15,25x17,31x21,13x9 --vary
+element=rotation_free,rotation_free,rotation_free,director --jobs 1 --every 1000000``.
 """
 
 import sys

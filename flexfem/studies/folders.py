@@ -23,6 +23,10 @@ _INTERRUPTED = "interrupted"
 _REFUSED = 2
 
 
+#: What a summary counts, in the last columns of the table.
+_COUNTS = ("unknowns", "steps", "newton_iterations", "factorizations", "wall_seconds")
+
+
 class RunFolder:
     """The folder of one run."""
 
@@ -76,10 +80,10 @@ class RunFolder:
         history = self._history() if reductions else {}
         for reduction in reductions:
             own[reduction.label] = reduction.of(history)
-        taken = {*self.run.parameters, *row, "run", "steps", "newton_iterations", "wall_seconds"}
+        taken = {*self.run.parameters, *row, "run", *_COUNTS}
         for name, value in own.items():
             row[f"result_{name}" if name in taken else name] = value
-        for name in ("steps", "newton_iterations", "wall_seconds"):
+        for name in _COUNTS:
             row[name] = summary.get(name)
         return row
 
@@ -142,8 +146,7 @@ class StudyFolder:
             for folder, own in zip(self.runs, results, strict=True)
         ]
         names = list(dict.fromkeys(name for row in rows for name in row))
-        last = ("steps", "newton_iterations", "wall_seconds")
-        names = [n for n in names if n not in last] + [n for n in last if n in names]
+        names = [n for n in names if n not in _COUNTS] + [n for n in _COUNTS if n in names]
         write_table(self.table, [{name: row.get(name) for name in names} for row in rows])
 
 

@@ -49,8 +49,8 @@ def sweep(
             print(parameters["dt"], results["status"], results["centre_x"])
 
     ``results`` has ``status`` ("ok", or why the run failed), the headline results of the case, the
-    reduced columns, ``steps``, ``newton_iterations`` and ``wall_seconds``. They come in the order
-    of the parameters, each as soon as it is there. A folder that holds some of the runs already,
+    reduced columns, ``unknowns``, ``steps``, ``newton_iterations``, ``factorizations`` and
+    ``wall_seconds``. They come in the order of the parameters, each as soon as it is there. A folder that holds some of the runs already,
     with the same options, is gone on with: what has ended well is not run again.
 
     Args:
