@@ -14,6 +14,7 @@ def built(name: str, **given: object) -> ff.Model:
     return case.model(**case.prepare(given)[0])
 
 
+@pytest.mark.serial
 def test_contacts_of_the_pile_are_counted() -> None:
     """Panels that lie closer than their thickness touch from the start, others do not."""
     case = load_case("solar_array")

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Strain energies of shells by kind: closed forms, and the total."""
 
+from collections.abc import Mapping
+
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
@@ -25,13 +29,20 @@ def strip(element: str, *, force: float = 0.0, across: float = 0.0) -> ff.Model:
     return model
 
 
+def solved(model: ff.Model, **options: object) -> Mapping[str, np.ndarray]:
+    """History of one load step, on all ranks."""
+    outcome = ff.solve_static(model, ff.StaticOptions(load_steps=1, quiet=True, **options))
+    found: Mapping[str, np.ndarray] = MPI.COMM_WORLD.bcast(dict(outcome.history))
+    return found
+
+
 @pytest.mark.parametrize("element", ff.SHELL_ELEMENTS)
 @pytest.mark.parametrize("kind", ["membrane", "bending"])
 def test_closed_forms(element: str, kind: str) -> None:
     """A strip stores n^2/(2 E h) per area when pulled, q^2 L^2/(6 D) per area when bent."""
     n, q = (1e3, 0.0) if kind == "membrane" else (0.0, 0.1)
     model = strip(element, force=n, across=q)
-    end = ff.solve_static(model, ff.StaticOptions(load_steps=1, quiet=True)).history
+    end = solved(model)
     bent = 2.0 * q**2 * LENGTH**2 / (E * THICK**3)
     stored = (0.5 * n**2 / (E * THICK) + bent) * LENGTH * WIDTH
     other = "bending" if kind == "membrane" else "membrane"
@@ -49,8 +60,7 @@ def test_fields_hold_the_energy(shared_tmp_path) -> None:
     """Areas times the fields of ParaView are the columns of the probe."""
     pv = pytest.importorskip("pyvista")
     model = strip("rotation_free", force=1e3, across=0.1)
-    options = ff.StaticOptions(load_steps=1, quiet=True, output=shared_tmp_path)
-    history = ff.solve_static(model, options).history
+    history = solved(model, output=shared_tmp_path)
     files = sorted((shared_tmp_path / "shells").glob("*.vtu"))
     last = sorted({file.name.split("_")[1] for file in files})[-1]
     total = np.zeros(2)
