@@ -50,8 +50,9 @@ def sweep(
 
     ``results`` has ``status`` ("ok", or why the run failed), the headline results of the case, the
     reduced columns, ``unknowns``, ``steps``, ``newton_iterations``, ``factorizations`` and
-    ``wall_seconds``. They come in the order of the parameters, each as soon as it is there. A folder that holds some of the runs already,
-    with the same options, is gone on with: what has ended well is not run again.
+    ``wall_seconds``. They come in the order of the parameters, each as soon as it is there. A
+    folder that holds some of the runs already, with the same options, is gone on with: what has
+    ended well is not run again.
 
     Args:
         case: name of a shipped case, or path of a case file.
