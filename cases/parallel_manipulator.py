@@ -43,11 +43,11 @@ orders of magnitude below transverse ones, redundant drives better than two, mod
 errors that grow with time, those of mode 1 the most. Here the largest ends' deflections are 0.826,
 0.485, 0.724 mm in modes 1, 2, 3 (fem; se3 and floating within 0.5 %), normal forces stretch by 24,
 11, 23 nm, 2.8e-5 of that, and ends come 1.7, 0.6, 1.3 um nearer by bending, 2e-3 of it; P ends off
-by 24.6, 1.0, 1.5 um and is off by 24.6, 16.4, 16.5 um at most. Rates of mode 3 are off the most.
-Only with ``--speed rising`` do the errors of all modes grow to the end, to 40, 30, 30 um. Within
-0.05 s deflections reach 87, 50, 85 mm, a third of the links' length. Rigid links follow the path up
-to the error of the integration, below 0.2 um with the default step. Steps take two iterations in
-both closures.
+by 24.3, 1.0, 1.1 um and is off by 24.3, 16.6, 16.7 um at most. Rates of mode 3 are off the most.
+Only with ``--speed rising`` do the errors of all modes grow to the end, to 42, 31, 31 um. Segments
+are 18 % too stiff. Within 0.05 s deflections reach 87, 50, 85 mm (se3), a third of the length.
+Rigid links follow the path up to the error of the integration, below 0.2 um with the default step.
+Steps take two iterations in both closures.
 Run: ``mpirun -n 2 python cases/parallel_manipulator.py --mode 2`` or, ten times as fast,
 ``python cases/parallel_manipulator.py --duration 0.05 --t-end 0.05 --dt 2.5e-5``.
 """
