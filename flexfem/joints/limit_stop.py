@@ -2,7 +2,7 @@
 """End stop."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, InitVar, dataclass
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from flexfem.core.row import Row, RowKind, Term, limit
 
 __all__ = ["LimitStop"]
 
-_COORDINATES = ("displacement", "angle", "distance")
+_MOTIONS = ("translation", "rotation", "distance")
+#: What these are called in other programs, and were here.
+_FORMER = {"displacement": "translation", "angle": "rotation"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,36 +28,44 @@ class LimitStop(Joint):
     and never pulls.
 
     Attributes:
-        coordinate: "displacement" of b from a along an axis fixed in a (m), "angle" by which b has
+        motion: "translation" of b from a along an axis fixed in a (m), "rotation" by which b has
             turned from a about it since the start (rad), or "distance" of the markers (m).
-        axis: for displacement and angle, inertial axes at the start.
+        axis: for translation and rotation, inertial axes at the start.
         lower, upper: limits; None for none on that side.
         stiffness: k, N/m or N m/rad.
         damping: c, N s/m or N m s/rad.
+        coordinate: refused, ``motion`` says it.
     """
 
-    coordinate: str = "displacement"
+    motion: str = "translation"
     axis: Sequence[float] | None = None
     lower: float | None = None
     upper: float | None = None
     stiffness: float = 0.0
     damping: float = 0.0
+    _: KW_ONLY
+    coordinate: InitVar[object] = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, coordinate: object) -> None:
         """Check all arguments.
 
         Raises:
             TypeError: an argument has the wrong type.
-            ValueError: an unknown coordinate, no or a zero axis, no limit or lower above upper,
+            ValueError: an unknown motion, no or a zero axis, no limit or lower above upper,
                 stiffness not positive, damping negative.
         """
         super().__post_init__()
-        if self.coordinate not in _COORDINATES:
+        if coordinate is not None:
+            motion = _FORMER.get(str(coordinate), "distance")
             raise ValueError(
-                f"{self.owner}: coordinate must be one of {', '.join(_COORDINATES)}, got "
-                f"{_checks.show(self.coordinate)}"
+                f'{self.owner}: coordinate={_checks.show(coordinate)} is written motion="{motion}"'
             )
-        if self.coordinate == "distance":
+        if self.motion not in _MOTIONS:
+            raise ValueError(
+                f"{self.owner}: motion must be one of {', '.join(_MOTIONS)}, got "
+                f"{_checks.show(self.motion)}"
+            )
+        if self.motion == "distance":
             if self.axis is not None:
                 raise ValueError(f"{self.owner}: a distance has no axis, got {self.axis}")
         else:
@@ -78,6 +88,6 @@ class LimitStop(Joint):
         if self.direction is None:
             distance(self.owner, poses)
             return (Row((Term(RowKind.DISTANCE),), 0.0, law),)
-        if self.coordinate == "angle":
+        if self.motion == "rotation":
             return (Row((turn_angle(self.direction, a, b),), 0.0, law),)
         return (displacement(np.asarray(self.direction), a, 0.0, law),)

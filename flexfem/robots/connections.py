@@ -105,8 +105,7 @@ def stop(it: Connection, stops: Stops) -> LimitStop:
     # angles count from the start, displacements do not
     zero = start if it.motion == "rotation" else 0.0
     return LimitStop(
-        f"{it.name}_stop", it.a, it.b, axis=it.axis,
-        coordinate="angle" if it.motion == "rotation" else "displacement",
+        f"{it.name}_stop", it.a, it.b, axis=it.axis, motion=it.motion,
         lower=limits.lower - zero, upper=limits.upper - zero,
         stiffness=stops[0], damping=stops[1],
     )  # fmt: skip

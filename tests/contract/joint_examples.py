@@ -162,12 +162,12 @@ EXAMPLES |= {
         ff.LimitStop, 1, {"axis": AXIS, "upper": -3.0, "stiffness": 70.0, "damping": 9.0}, APART,
         elastic=True,
     ),
-    "LimitStop-angle": Example(
-        ff.LimitStop, 1, {"coordinate": "angle", "axis": AXIS, "lower": 2.9, "stiffness": 70.0,
+    "LimitStop-rotation": Example(
+        ff.LimitStop, 1, {"motion": "rotation", "axis": AXIS, "lower": 2.9, "stiffness": 70.0,
                           "damping": 9.0}, APART, elastic=True,
     ),
     "LimitStop-distance": Example(
-        ff.LimitStop, 1, {"coordinate": "distance", "lower": 0.1, "upper": 0.2, "stiffness": 70.0,
+        ff.LimitStop, 1, {"motion": "distance", "lower": 0.1, "upper": 0.2, "stiffness": 70.0,
                           "damping": 9.0}, APART, elastic=True,
     ),
     "JointFriction": Example(

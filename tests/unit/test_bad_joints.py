@@ -87,14 +87,18 @@ ALONE = {
         lambda: ff.LimitStop("j", A, B, damping=-2.0, **STOP), "damping must not be negative"
     ),
     "LimitStop kind": (
-        lambda: ff.LimitStop("j", A, B, coordinate="turn", **STOP),
-        "coordinate must be one of displacement, angle, distance, got 'turn'",
+        lambda: ff.LimitStop("j", A, B, motion="turn", **STOP),
+        "motion must be one of translation, rotation, distance, got 'turn'",
+    ),
+    "LimitStop coordinate": (
+        lambda: ff.LimitStop("j", A, B, coordinate="angle", **STOP),
+        "coordinate='angle' is written motion=\"rotation\"",
     ),
     "LimitStop axis": (
         lambda: ff.LimitStop("j", A, B, upper=1.0, stiffness=1.0), "axis must hold 3 numbers"
     ),
     "LimitStop distance": (
-        lambda: ff.LimitStop("j", A, B, coordinate="distance", **STOP), "a distance has no axis"
+        lambda: ff.LimitStop("j", A, B, motion="distance", **STOP), "a distance has no axis"
     ),
     "JointFriction joint": (
         lambda: ff.JointFriction("j", "hinge", force=1.0), "joint must be a Joint, got 'hinge'"
@@ -170,7 +174,7 @@ IN_MODEL = {
         [ff.PrescribedDistance("j", A, B)], 'PrescribedDistance "j": the markers coincide'
     ),
     "stop without length": (
-        [ff.LimitStop("j", A, B, coordinate="distance", upper=1.0, stiffness=1.0)],
+        [ff.LimitStop("j", A, B, motion="distance", upper=1.0, stiffness=1.0)],
         'LimitStop "j": the markers coincide',
     ),
     "same node twice": (

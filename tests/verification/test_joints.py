@@ -219,14 +219,14 @@ def test_friction_between_two_bodies_brings_them_to_one_speed():
 
 @pytest.mark.serial  # one body: nothing to share between ranks
 @pytest.mark.parametrize("damping", [0.0, 15.0])
-@pytest.mark.parametrize("coordinate", ["displacement", "distance"])
-def test_limit_stop_returns_what_it_takes(damping, coordinate):
+@pytest.mark.parametrize("motion", ["translation", "distance"])
+def test_limit_stop_returns_what_it_takes(damping, motion):
     """Without damping the speed is turned round; with damping it loses, and never pulls."""
-    line = {"axis": X} if coordinate == "displacement" else {}
+    line = {"axis": X} if motion == "translation" else {}
     run = Run(
         body("block", X, velocity=-X),
         ff.Prismatic("guide", ff.Ground(), ff.Marker("block"), axis=X),
-        ff.LimitStop("stop", ff.Ground(), ff.Marker("block"), coordinate=coordinate, lower=0.9,
+        ff.LimitStop("stop", ff.Ground(), ff.Marker("block"), motion=motion, lower=0.9,
                      stiffness=2e4, damping=damping, **line), dt=2e-4,
     )  # fmt: skip
     force = run.go(0.2, lambda: run.wrench("stop", 1)[0])
@@ -242,11 +242,11 @@ def test_limit_stop_returns_what_it_takes(damping, coordinate):
 
 
 @pytest.mark.serial  # one body: nothing to share between ranks
-def test_limit_stop_on_an_angle():
+def test_limit_stop_of_a_rotation():
     run = Run(
         body("arm", np.zeros(3), angular_velocity=(0.0, 0.0, 2.0)),
         ff.Revolute("hinge", ff.Ground(), ff.Marker("arm"), axis=Z),
-        ff.LimitStop("stop", ff.Ground(), ff.Marker("arm"), coordinate="angle", axis=Z, upper=0.3,
+        ff.LimitStop("stop", ff.Ground(), ff.Marker("arm"), motion="rotation", axis=Z, upper=0.3,
                      stiffness=4e3), dt=2e-4,
     )  # fmt: skip
     run.go(0.25)

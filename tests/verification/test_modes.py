@@ -398,7 +398,7 @@ def test_mistakes_are_named_on_every_rank(what):
     ({"axis": "up"}, "axis must be x, y, z or three finite numbers with commas, got 'up'"),
     ({"centre": "1,2"}, "centre must be three finite numbers with commas, got '1,2'"),
     ({"spin": float("nan")}, "spin must be a finite number"),
-    ({"accuracy": 0.0}, "accuracy must be"),
+    ({"accuracy": 1e-300}, "accuracy must be a finite number >= 1e-15 and <= 0.01, got 1e-300"),
     ({"start": "moving"}, "start must be one of rest, equilibrium"),
 ])  # fmt: skip
 def test_options_are_checked(options, message):
