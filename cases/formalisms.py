@@ -111,10 +111,11 @@ def slider_crank(element: str, n: Numbers) -> ff.Mechanism:
     """Crank on a hinge, rod on the crank, end of the rod on the first axis."""
     short, long, rate = n["crank_length"], n["rod_length"], n["crank_speed"]
     first = math.radians(n["crank_angle"])
-    if abs(short * math.sin(first)) >= long:
+    height = abs(short * math.sin(first))
+    if height >= long:
         raise ValueError(
-            f"slider-crank: a rod of {long:g} m does not reach the axis from a crank of "
-            f"{short:g} m at {n['crank_angle']:g} degrees"
+            f"formalisms: --rod-length must be above {height:g} m, the height of the crank's pin, "
+            f"got {long:g}"
         )
     second = -math.asin(short * math.sin(first) / long)
     pin = np.array([short * math.cos(first), short * math.sin(first), 0.0])

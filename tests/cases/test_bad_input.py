@@ -175,7 +175,7 @@ COMMANDS = {
     "run connecting_rod --reduced nowhere/rod.h5": ("nowhere/rod.h5", "no such folder"),
     "run formalisms --formalism newton": ("--formalism", "'newton'", "maggi"),
     "run formalisms --elements 0": ("--elements", "'0'"),
-    "run formalisms --rod-length 0.2": ("slider-crank", "0.2 m", "60 degrees"),
+    "run formalisms --rod-length 0.2": ("--rod-length", "above 0.259808 m", "got 0.2"),
     "run heavytop": ("heavytop", "heavy_top"),
     "run own": ("'own'", "own.py"),
     "run unlike": ("'unlike'", "chain"),
