@@ -57,6 +57,7 @@ _MODULES = {
     "SurfaceMesh": "mesh.surface_mesh",
     "read_surface_mesh": "mesh.surface_mesh",
     "NurbsCurve": "mesh.nurbs",
+    "read_curves": "mesh.curve_files",
     "build_mesh": "mesh.library",
     "build_surface_mesh": "mesh.library",
     "BodyMesh": "mesh.body_mesh",
