@@ -15,28 +15,32 @@ drives, A1 and A2; with three ``--mode 2`` (least Euclidean norm of the forces a
 effector), ``--mode 3`` (least norm of the drives' powers) and ``--mode torque`` (least norm of the
 torques). Of the ``--flexible`` links ``--links`` makes
 
-se3: geometrically exact beams of ``--elements``;
-fem: the published discretisation, Euler-Bernoulli elements in a floating frame that is clamped to
-  the link's first node, with all their coordinates; linear, so that they do not get shorter as they
-  bend;
-floating: elements with shear in a floating frame, reduced to their ends and ``--modes``; they get
-  shorter as they bend but with ``--no-stiffening``;
-segments: ``--segments`` rigid ones with torsion springs between them.
+- ``se3``: geometrically exact beams of ``--elements``;
+- ``fem``: the published discretisation, Euler-Bernoulli elements in a floating frame that is
+  clamped to the link's first node, with all their coordinates; linear, so that they do not get
+  shorter as they bend;
+- ``floating``: elements with shear in a floating frame, reduced to their ends and ``--modes``; they
+  get shorter as they bend but with ``--no-stiffening``;
+- ``segments``: ``--segments`` rigid ones with torsion springs between them.
 
 Elbows are revolute joints and the chains meet in joints that hold two points together in the
 plane only, so that no constraint is redundant. ``--closure reduced`` integrates independent
 velocities without multipliers.
 
-History: position, velocity, acceleration and error (off the path) of P, ``P_x, P_y, P_vx, P_vy,
-P_ax, P_ay, error_x, error_y``, m, m/s, m/s^2; ``tau_1, tau_2, tau_3``, N m; of each link's first
-section angle from the X axis, rate and acceleration, rad, rad/s, rad/s^2, ``angle_1`` to
-``angle_6``, ``rate_1`` to ``rate_6``, ``acceleration_1`` to ``acceleration_6``, and what these are
-off those of rigid links with P on its path, ``angle_error_1`` to ``acceleration_error_6``. Of the
-ends of links 1, 3, 5 in the axes of the first section: ``transverse_1, transverse_3,
-transverse_5``, m; ``rotation_1, rotation_3, rotation_5``, rad; ``axial_1, axial_3, axial_5``, m,
-where the end is along the axis, shortening by bending (0.6 w^2/l) included; and ``elongation_1,
-elongation_3, elongation_5``, m, what normal forces stretch the axis by: the axial deflection of
-linear elements, which the source means (with ``--links fem`` both are the same).
+History: position, velocity, acceleration and error (off the path) of P, P_x, P_y, P_vx, P_vy, P_ax,
+P_ay, error_x, error_y, m, m/s, m/s^2; tau_1, tau_2, tau_3, N m; of each link's first section angle
+from the X axis, rate and acceleration, rad, rad/s, rad/s^2, angle_1, angle_2, angle_3, angle_4,
+angle_5, angle_6, rate_1, rate_2, rate_3, rate_4, rate_5, rate_6, acceleration_1, acceleration_2,
+acceleration_3, acceleration_4, acceleration_5, acceleration_6, and what these are off those of
+rigid links with P on its path, angle_error_1, angle_error_2, angle_error_3, angle_error_4,
+angle_error_5, angle_error_6, rate_error_1, rate_error_2, rate_error_3, rate_error_4, rate_error_5,
+rate_error_6, acceleration_error_1, acceleration_error_2, acceleration_error_3,
+acceleration_error_4, acceleration_error_5, acceleration_error_6. Of the ends of links 1, 3, 5 in
+the axes of the first section: transverse_1, transverse_3, transverse_5, m; rotation_1, rotation_3,
+rotation_5, rad; axial_1, axial_3, axial_5, m, where the end is along the axis, shortening by
+bending (0.6 w^2/l) included; and elongation_1, elongation_3, elongation_5, m, what normal forces
+stretch the axis by: the axial deflection of linear elements, which the source means (with ``--links
+fem`` both are the same).
 
 Expected (Liu et al., Math. Biosci. Eng. 20 (2023) 807, in words only): axial deflections three
 orders of magnitude below transverse ones, redundant drives better than two, mode 2 the smoothest,
