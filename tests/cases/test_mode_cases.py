@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import flexfem as ff
 from flexfem.cli import command
 from flexfem.io import read_history
 
@@ -54,11 +55,8 @@ def test_modes_are_animated_over_one_period(run: Callable[..., Any], tmp_path: P
         np.testing.assert_allclose(times, np.arange(4) / (4 * frequency), rtol=1e-6)
 
 
-ARM = """
-import sys
-import flexfem as ff
-
-def build():
+def _arm() -> ff.Model:
+    """A soft arm on a driven hub."""
     mesh = ff.LineMesh.straight({"arm": [(0, 0, 0), (1, 0, 0)]}, elements=4)
     hub, axis, model = ff.Marker("arm", "start"), (0, 0, 1), ff.Model("arm", mesh=mesh)
     model.add(
@@ -68,25 +66,21 @@ def build():
     )
     return model
 
-CASE = ff.Case(
-    name="arm", summary="a soft arm", build=build, analysis=ff.CAMPBELL, modes=2, spin_end=100.0,
-    speeds=5,
-)
-if __name__ == "__main__":
-    sys.exit(ff.main(CASE))
-"""
 
-
-def test_speeds_before_one_without_an_equilibrium(run: Callable[..., Any], tmp_path: Path) -> None:
+def test_speeds_before_one_without_an_equilibrium(
+    command_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A linear elastic arm bears up to pi/2 sqrt(E/rho)/L = 49.7 rad/s, the third speed is 50."""
-    (tmp_path / "arm.py").write_text(ARM)
-    output = tmp_path / "results"
-    ended = run(1, tmp_path / "arm.py", "--quiet", "--output", output)
-    status = json.loads((output / "summary.json").read_text())["status"]
+    case = ff.Case(
+        name="arm", summary="a soft arm", build=_arm, analysis=ff.CAMPBELL, modes=2,
+        spin_end=100.0, speeds=5,
+    )  # fmt: skip
+    code = ff.main(case, ["--quiet", "--output", "results"])
+    status = json.loads((command_folder / "results" / "summary.json").read_text())["status"]
     assert status.startswith("the Newton iteration did not converge at the spin 50 rad/s; ")
-    assert (ended.returncode, ended.stderr) == (1, f"failed: {status}\n")
+    assert (code, capsys.readouterr().err) == (1, f"failed: {status}\n")
     # a row of what has failed would be a third one
-    assert read_history(output / "history.csv")["t"].tolist() == [0.0, 25.0]
+    assert read_history(command_folder / "results" / "history.csv")["t"].tolist() == [0.0, 25.0]
 
 
 def test_diagram_is_drawn_from_files_alone(run: Callable[..., Any], tmp_path: Path) -> None:
