@@ -37,6 +37,9 @@ diagonals vibrate from 8.4 Hz on: D_z moves by 8.9 mm, polynomial 0.12, cycloid 
 mm; small swings decide when a latch closes, and other meshes change the last three by factors.
 Under gravity rigid members (``tests/data/deployable_truss.csv``) lock the second bay at 18.538 s
 and the first at 19.345 s, with ``--formulation rigid`` at 18.539 s and 19.345 s.
+Pictures: ``flexfem sweep deployable_truss --vary control=linear,polynomial,cycloid,cosine --plot
+D_x,D_z`` runs and compares the laws; of its folders ``flexfem plot`` with ``--after 20`` shows what
+is left; ``flexfem plot results/deployable_truss --columns D_x,D_z`` draws one run.
 Run: ``mpirun -n 2 python cases/deployable_truss.py --control cosine``.
 """
 

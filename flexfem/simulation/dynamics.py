@@ -131,6 +131,7 @@ class _Run:
             grid.h,
             probed=self._recorder.balances,
             fast="steps" in simulation.cautions.found,
+            undamped=options.rho_inf == 1.0,
         )
         simulation.follow = _weakly(self._follow)
         if options.adaptive:
@@ -143,6 +144,7 @@ class _Run:
                 self._first = self._elapsed()
             if status is not Status.OK:
                 self._look(signals)  # functions that differ between ranks may be why
+                watch.fail()
                 self._recorder.record_last(step, self._outputs())
                 self._save(step - 1)
                 break

@@ -37,14 +37,16 @@ _TURN = 0.5
 #: Energy, J, that is round-off.
 _NOTHING = 1e-12
 _SMALLER = "take a smaller dt, or smoother starts, drives and contacts"
+_DAMPED = "let rho_inf be below 1, which damps what the steps do not resolve, or "
 
 
 class EnergyWatch:
     """Watches the accepted states of one run, from its start or restart on."""
 
     def __init__(
-        self, system: System, serial: Assembly, h: float, *, probed: bool, fast: bool
-    ) -> None:
+        self, system: System, serial: Assembly, h: float, *, probed: bool, fast: bool,
+        undamped: bool = False,
+    ) -> None:  # fmt: skip
         """Read the state at the start (collective).
 
         Args:
@@ -53,9 +55,11 @@ class EnergyWatch:
             h: size of whole steps, s.
             probed: gains of energy are told by an energy probe of the whole model.
             fast: fast turns have been told at the start.
+            undamped: the integrator dissipates nothing.
         """
         self._system, self._serial, self._h = system, serial, h
         self._probed, self._fast = probed, fast
+        self._advice = f"{_DAMPED}{_SMALLER}" if undamped else _SMALLER
         model, rows = serial.model, system.constraints
         self._meter = EnergyMeter(system, model)
         self._drives = DriveChanges(rows, model_extent(serial))
@@ -125,8 +129,15 @@ class EnergyWatch:
         if last or often or self._count % _EVERY == 0 or np.isnan(self._base):
             self._sample()
 
-    def _sample(self) -> None:
-        """Look at all energies and at the fastest turn (collective)."""
+    def fail(self) -> None:
+        """Look a last time, at the last good state of a run that fails (collective)."""
+        self._sample(failed=True)
+
+    def _sample(self, *, failed: bool = False) -> None:
+        """Look at all energies and at the fastest turn (collective).
+
+        Forces of a step that has ``failed`` may be anything.
+        """
         system, rows = self._system, self._system.constraints
         kinetic, strain, gravity = self._meter.stored().tolist()
         if self._preload.any():
@@ -134,7 +145,7 @@ class EnergyWatch:
         work = self._done()
         if not self._varying and len(self._loads):
             work += work_of_loads(self._loads, self._meter.loads(), 0.0)
-        finite = np.isfinite(rows.forces).all()
+        finite = failed or np.isfinite(rows.forces).all()
         most = self._most_work if finite else np.nan
         shares = np.array([kinetic, strain, gravity, work, most, self._drives.work[1]])
         if system.comm.size > 1:
@@ -234,7 +245,7 @@ class EnergyWatch:
         if gained and not self._probed:
             return [
                 f"the integration has made up {self._most_gain:.3g} J beside energies of "
-                f"{largest:.3g} J at most; {_SMALLER} (EnergyProbe tells when)"
+                f"{largest:.3g} J at most; {self._advice} (EnergyProbe tells when)"
             ]
         if self._loss > _LOSS * largest and not self._losing:
             return [

@@ -34,6 +34,37 @@ def test_a_body_that_spins_too_fast_for_its_steps() -> None:
 
 
 @pytest.mark.serial
+def test_an_integrator_that_damps_nothing_is_named() -> None:
+    model = ff.Model("spin")
+    model.add(ff.RigidBody("top", 1.0, (1.0, 2.0, 2.5), angular_velocity=(10, 5000, 20)))
+    assert "let rho_inf be below 1" in warned(model, 1e-3, 1.0, rho_inf=1.0)[-1]
+
+
+@pytest.mark.serial
+def test_energies_are_looked_at_when_a_run_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    times: list[float] = []
+    sample = EnergyWatch._sample
+
+    def seen(watch: EnergyWatch, **how: bool) -> None:
+        times.append(watch._system.time)
+        sample(watch, **how)
+
+    monkeypatch.setattr(EnergyWatch, "_sample", seen)
+    model = ff.Model("leaving")
+    model.add(
+        ff.RigidBody("rail", 1.0, (1.0, 1.0, 1.0)),
+        ff.Rigid("hold", ff.Ground(), ff.Marker("rail")),
+        ff.RigidBody("bead", 1.0, (1.0, 1.0, 1.0), velocity=(1.0, 0.0, 0.0)),
+        ff.Sliding("slide", ff.Carrier("rail", [(-1, 0, 0), (0.105, 0, 0)]), ff.Marker("bead")),
+    )
+    outcome = ff.simulate(model, ff.RunOptions(dt=1e-2, t_end=1.0, quiet=True))
+    assert 'the slider leaves RigidBody "rail" of 1.105 m' in outcome.status
+    # it fails after ten steps, or after parts of the eleventh: between the eighth and the sixteenth
+    assert times[-1] == pytest.approx(outcome.history["t"][-1], abs=1e-12)
+    assert times[-1] > 0.095
+
+
+@pytest.mark.serial
 def test_a_body_that_comes_to_spin_too_fast() -> None:
     """A moment turns it faster and faster: 0.5 rad in a step are reached in the middle."""
     model = ff.Model("spin")

@@ -275,7 +275,7 @@ REFERENCE = Path(__file__).parents[1] / "data" / "sliding_beam.csv"
     [("nurbs", 32, 2e-3, 5e-3), ("se3", 32, 2e-3, 1e-2)],
 )
 def test_sliding_beam_against_its_reference(formulation, elements, mass, zeta):
-    model = load_case("sliding_beam").build(
+    model = load_case("sliding_beam").model(
         elements=elements, slider_elements=4, degree=3, formulation=formulation
     )
     history = _run(model, t_end=0.4, dt=2e-3, tolerance=1e-7, rho_inf=0.9).history
