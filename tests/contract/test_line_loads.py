@@ -25,15 +25,17 @@ MARKER = ff.Marker("beam", 0.43, (0.3, -0.5, 0.8), so3.exp(np.array([0.4, -1.1, 
 KINKED = ff.LineMesh(
     [(0, 0, 0), (1, 0, 0), (2, 1, 0), (2, 2, 1)], [[0, 1], [1, 2], [2, 3]], {"beam": [0, 1, 2]}
 )
-ELEMENTS = pytest.mark.parametrize("elements", ["nurbs", "se3"])
+ELEMENTS = pytest.mark.parametrize("elements", ["nurbs", "vectors", "se3"])
 
 
 def _system(
     load: ff.PointForce | ff.PointMoment | ff.LineLoad, elements: str = "nurbs"
 ) -> tuple[System, Assembly]:
-    curved = elements == "nurbs"
+    curved = elements != "se3"
+    rotations = "relative_rotation_vectors" if elements == "vectors" else None
     model = ff.Model("test", mesh=None if curved else KINKED)
-    model.add(ff.Beam("beam", SECTION, curve=CURVE if curved else None), load)
+    curve = CURVE if curved else None
+    model.add(ff.Beam("beam", SECTION, curve=curve, interpolation=rotations), load)
     model.validate()
     serial = Assembly(model)
     system = build(serial, MPI.COMM_SELF, split_above=1)
