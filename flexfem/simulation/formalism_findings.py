@@ -78,7 +78,7 @@ _QUANTITIES = {
     "microseconds_per_cell": ("time per evaluation", "cell_ratio"),
     "milliseconds_per_step": ("time per step", "step_ratio"),
 }  # fmt: skip
-#: Ratios nearer to one are none.
+#: Ratios of times that are nearer to one are none; counts are exact.
 _SAME = 0.03
 
 
@@ -90,7 +90,8 @@ def _comparison(title: str, pairs: Mapping[str, tuple[Row, Row]]) -> str:
         for key, (own, other) in pairs.items():
             ratios[key] = own[name] / other[name]
             low, high = (own[f"{spread}_{e}"] if spread else ratios[key] for e in ("low", "high"))
-            sides[key] = _side(min(low, ratios[key]), max(high, ratios[key]))
+            same = _SAME if spread else 0.0
+            sides[key] = _side(min(low, ratios[key]), max(high, ratios[key]), same)
         parts.append(f"{_span(ratios)} times the {words}{_where(sides, timed=bool(spread))}")
     return f"{title} takes, relative to Lagrange, {', '.join(parts[:-1])} and {parts[-1]}."
 
@@ -111,7 +112,7 @@ def _of_energies(rows: Sequence[Row], labels: Sequence[str]) -> str:
             own = group["of_accelerations"]
             timed = [own["ratio_low"], own["ratio_high"]] if words == "time" else []
             bounds = [ratios[key], *timed]
-            sides[key] = _side(min(bounds), max(bounds))
+            sides[key] = _side(min(bounds), max(bounds), _SAME if timed else 0.0)
         parts.append(f"{_span(ratios)} times the {words}{_where(sides, timed=words == 'time')}")
     return (
         f"The energy of accelerations takes, relative to the kinetic energy, {parts[0]} and "
@@ -119,9 +120,9 @@ def _of_energies(rows: Sequence[Row], labels: Sequence[str]) -> str:
     )
 
 
-def _side(low: float, high: float) -> int:
+def _side(low: float, high: float, same: float) -> int:
     """1 for more, -1 for less, 0 where ratios between these bounds do not tell."""
-    return 1 if low > 1.0 + _SAME else -1 if high < 1.0 - _SAME else 0
+    return 1 if low > 1.0 + same else -1 if high < 1.0 - same else 0
 
 
 def _span(ratios: Mapping[str, float]) -> str:
@@ -138,8 +139,9 @@ def _where(sides: Mapping[str, int], *, timed: bool) -> str:
         return f" ({neither})"
     more = [key for key, side in sides.items() if side > 0]
     even = [key for key, side in sides.items() if side == 0]
-    parts = [f"more in {', '.join(more) or 'none'}"]
+    parts = [f"more in {', '.join(more)}"] if more else []
     parts += [f"{neither} in {', '.join(even)}"] if even else []
+    parts += ["less elsewhere"] if -1 in sides.values() else []
     return f" ({'; '.join(parts)})"
 
 
