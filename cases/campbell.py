@@ -14,7 +14,7 @@ against it, 0 plane). Modes are ``forward_1``, ``backward_1``, ..., and ``mode_1
 
 Expected (shaft of Bauchau et al. 2016): with ``--place 0.5 --radius 0.24`` the first bending
 frequency is 56.87 rad/s (9.051 Hz), at any speed but for 0.1 %; 40 elements give 56.95 rad/s.
-Figure: ``python postprocess/plot_campbell.py results/campbell``. Run: ``python cases/campbell.py``.
+Figure: ``flexfem plot results/campbell --campbell``. Run: ``python cases/campbell.py``.
 """
 
 import math

@@ -25,7 +25,7 @@ of the length, on the beam rod 0.688 %, at 0.2993 s; their difference stays belo
 has then turned by 19.28 rad and passed 155 rad/s. Mean axes give 0.697 %, the frame of the small
 end 0.720 %, without stiffening it is 0.800 %: the rod's own inertia pulls it straight.
 Run: ``mpirun -n 2 python cases/connecting_rod.py --size 0.005 --reduced rod.h5``, once more with
-``--rod beam --output results/beam``; ``postprocess/render.py --colour von_mises`` shows the stress.
+``--rod beam --output results/beam``; ``flexfem render --colour von_mises`` shows the stress.
 """
 
 import math

@@ -36,8 +36,8 @@ The meshed sphere bears the weight, too (within 0.01 % on 21x21 nodes), but its 
 sheet as well, 14 % of the thickness deep at most; the sheet finds other folds, with a potential
 energy that is 1 % lower, and half a turn maps the outline onto itself within 1 % only.
 Run: ``python cases/draping.py --mesh 61x61``, then ``flexfem render results/draping --view z
---colour bending_energy --no-animation`` for the shape, and ``python postprocess/outline.py
-results/draping``: outline seen from above, and folds.
+--colour bending_energy --no-animation`` for the shape, and ``flexfem plot results/draping
+--outline``: outline seen from above, and folds.
 """
 
 import math

@@ -11,7 +11,7 @@ History: ``down``, ``right``: displacement of the loaded point; ``force``: the l
 Expected: P = 18543.7 at the limit point, where ``down`` is 49.0 (solution of the rod's differential
 equations; Lee et al. without shear and extension: 18532). Run:
 ``mpirun -n 2 python cases/lee_frame.py``, then
-``python postprocess/plot_history.py results/lee_frame --columns force --x down``.
+``flexfem plot results/lee_frame --columns force --x down``.
 """
 
 import sys

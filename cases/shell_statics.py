@@ -45,7 +45,7 @@ Expected at t = 1 (Sze, Liu, Lo, Finite Elem. Anal. Des. 40 (2004) 1551-1569): c
 3.286; annulus 13.891, 17.528; hemisphere 4.067, 8.178; pullout 2.768, 4.551, 3.269; pinched
 83.102, 34.272; limit loads of the roof near 0.742 and 0.169, A = 29.374 at t = 1.0835. Run:
 ``mpirun -n 2 python cases/shell_statics.py --benchmark hemisphere``, then
-``python postprocess/render.py results/shell_statics --colour displacement``.
+``flexfem render results/shell_statics --colour displacement``.
 """
 
 import re

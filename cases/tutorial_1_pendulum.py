@@ -12,7 +12,7 @@ what the integration has lost (negative) or made up.
 Expected: the rod bends by up to 0.106 m on its way, and the bob gets as low as -1.0006 m, since the
 rod also stretches. The energies add up to 1e-4 J.
 Run: ``python cases/tutorial_1_pendulum.py``, then
-``python postprocess/render.py results/tutorial_1_pendulum``.
+``flexfem render results/tutorial_1_pendulum``.
 """
 
 import sys

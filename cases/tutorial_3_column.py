@@ -15,7 +15,7 @@ are searched; the straight column is unstable beyond t = 1. Without imperfection
 leaves the straight column at the bifurcation, t = 1.0005. ``--buckling-modes 1`` finds this load
 from the linearised equations.
 Run: ``python cases/tutorial_3_column.py``, then
-``python postprocess/plot_history.py results/tutorial_3_column --columns t --x aside``.
+``flexfem plot results/tutorial_3_column --columns t --x aside``.
 """
 
 import math

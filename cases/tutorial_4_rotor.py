@@ -15,7 +15,7 @@ Expected: at rest the bending modes of both planes have 7.74 Hz and 72.4 Hz (a r
 without mass: 7.93 Hz and 78.8 Hz), torsion 24.05 Hz. With the speed forward whirls rise and
 backward ones fall; at 400 rad/s the first have 9.52 Hz and 5.86 Hz.
 Run: ``python cases/tutorial_4_rotor.py``, then
-``python postprocess/plot_campbell.py results/tutorial_4_rotor``. Shapes at rest:
+``flexfem plot results/tutorial_4_rotor --campbell``. Shapes at rest:
 ``python cases/tutorial_4_rotor.py --analysis modes``.
 """
 

@@ -11,7 +11,7 @@ History: ``corner_x``, ``corner_y``, ``corner_z`` (m) of a free corner; ``touch_
 Expected: the sheet meets the cylinder after 0.1 s, folds over it, and swings there. Nodes sink in
 by less than a tenth of the thickness.
 Run: ``python cases/tutorial_5_sheet.py``, then
-``python postprocess/render.py results/tutorial_5_sheet``.
+``flexfem render results/tutorial_5_sheet``.
 """
 
 import sys

@@ -13,7 +13,7 @@ it is behind the drive; ``torque_fx``, ``torque_fy``, ``torque_fz`` (N), ``torqu
 Expected: the arm bends back while it is sped up, forward while it is slowed down, and vibrates in
 its first mode at the end.
 Run: ``python cases/tutorial_6_solid_arm.py``, then
-``python postprocess/render.py results/tutorial_6_solid_arm --colour von_mises``.
+``flexfem render results/tutorial_6_solid_arm --colour von_mises``.
 """
 
 import math

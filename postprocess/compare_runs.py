@@ -13,6 +13,12 @@ folder unless named:
 Where runs diverge, the axes can be those of the others; the time is noted where a run leaves them:
 
     python postprocess/compare_runs.py results/consistent results/conventional results/beam --clip
+
+Panels may stand side by side, have another column than the time on their horizontal axis, or show
+the path of a point with columns P_x, P_y, P_z:
+
+    python postprocess/compare_runs.py results/mode_1 results/mode_2 --across 2 --columns t,u2
+    python postprocess/compare_runs.py results/mode_1 results/mode_2 --path P --planes xy
 """
 
 from __future__ import annotations
@@ -28,7 +34,7 @@ mpl.use("Agg")  # before pyplot, which would look for a display
 
 import matplotlib.pyplot as plt
 import numpy as np
-from plot_history import PlotError, choose, read_table
+from plot_history import PlotError, choose, planes_of, read_table
 
 Table = dict[str, np.ndarray]
 
@@ -57,18 +63,19 @@ def load(folders: list[Path], after: float) -> dict[str, Table]:
     return tables
 
 
-def dress(panel: Any, column: str) -> None:
-    """Label and grid of the panel of a column."""
+def dress(panel: Any, x: str, column: str) -> None:
+    """Labels and grid of the panel of a column."""
+    panel.set_xlabel("t (s)" if x == "t" else x)
     panel.set_ylabel(column)
     panel.grid(color="#d9dee4", linewidth=0.7)
     panel.spines[["top", "right"]].set_visible(False)
     panel.margins(x=0.01)
 
 
-def columns_of_all(tables: dict[str, Table], columns: str | None) -> list[str]:
-    """Columns asked for, by default those of the first run; all runs must have them."""
+def columns_of_all(tables: dict[str, Table], columns: str | None, x: str) -> list[str]:
+    """Columns asked for, by default those of the first run; all runs must have them and x."""
     for label, table in tables.items():
-        columns = ",".join(choose(table, columns, "t", Path(label) / "history.csv"))
+        columns = ",".join(choose(table, columns, x, Path(label) / "history.csv"))
     assert columns is not None  # there is a run
     return columns.split(",")
 
@@ -121,32 +128,58 @@ def clip(panel: Any, tables: dict[str, Table], column: str) -> None:
     panel.set_ylim(low, high)
 
 
-def plot(tables: dict[str, Table], columns: list[str], path: Path, clipped: bool) -> None:
-    """Write the picture of runs that all have these columns."""
+def plot(
+    tables: dict[str, Table], pairs: list[tuple[str, str]], path: Path, clipped: bool, across: int
+) -> None:
+    """Write the picture: a panel for each pair of columns (across, up) that all runs have."""
+    across = min(across, len(pairs))
+    down = -(-len(pairs) // across)
     figure, axes = plt.subplots(
-        len(columns),
-        1,
-        sharex=True,
+        down,
+        across,
         squeeze=False,
-        figsize=(9.0, 0.8 + 2.8 * len(columns)),
+        figsize=(9.0 if across == 1 else 1.5 + 4.5 * across, 0.8 + 2.8 * down),
         layout="constrained",
     )
-    for panel, column in zip(axes[:, 0], columns, strict=True):
+    panels = axes.reshape(-1)
+    for panel, (x, column) in zip(panels, pairs, strict=False):
         for i, (label, table) in enumerate(tables.items()):
             style = _STYLES[i % len(_STYLES)]
-            panel.plot(table["t"], table[column], linestyle=style, linewidth=1.4, label=label)
-        dress(panel, column)
+            panel.plot(table[x], table[column], linestyle=style, linewidth=1.4, label=label)
+        dress(panel, x, column)
         if clipped:
             clip(panel, tables, column)
-    axes[0, 0].legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    axes[-1, 0].set_xlabel("t (s)")
+    for panel in panels[len(pairs) :]:
+        panel.set_axis_off()
+    axes[0, -1].legend(
+        *axes[0, 0].get_legend_handles_labels(),
+        frameon=False,
+        loc="center left",
+        bbox_to_anchor=(1.0, 0.5),
+    )
+    figure.savefig(path, dpi=140)
+    plt.close(figure)
+
+
+def plot_paths(tables: dict[str, Table], planes: list[list[str]], path: Path) -> None:
+    """Write the picture of a point's paths in some planes, of equal scale on both axes."""
+    figure, axes = plt.subplots(
+        1, len(planes), squeeze=False, figsize=(2.0 + 4.6 * len(planes), 4.6), layout="constrained"
+    )
+    for panel, (x, column) in zip(axes[0], planes, strict=True):
+        for i, (label, table) in enumerate(tables.items()):
+            style = _STYLES[i % len(_STYLES)]
+            panel.plot(table[x], table[column], linestyle=style, linewidth=1.4, label=label)
+        dress(panel, x, column)
+        panel.set_aspect("equal", adjustable="datalim")
+    axes[0, -1].legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.savefig(path, dpi=140)
     plt.close(figure)
 
 
 def make(
     folders: list[Path], columns: str | None, after: float = -np.inf, output: Path | None = None,
-    clipped: bool = False,
+    clipped: bool = False, x: str = "t", across: int = 1,
 ) -> Path:  # fmt: skip
     """Plot several runs; returns the picture.
 
@@ -158,10 +191,26 @@ def make(
     """
     target = output or folders[0] / "comparison.png"
     tables = load(folders, after)
-    chosen = columns_of_all(tables, columns)
+    chosen = columns_of_all(tables, columns, x)
     if clipped and columns is None:
         chosen = without_round_off(tables, chosen)
-    plot(tables, chosen, target, clipped)
+    plot(tables, [(x, column) for column in chosen], target, clipped, across)
+    return target
+
+
+def make_paths(
+    folders: list[Path], point: str, planes: str, after: float, output: Path | None
+) -> Path:
+    """Plot the paths of a point in several runs; returns the picture.
+
+    Raises:
+        ValueError: Options or tables cannot be used.
+        OSError: A file cannot be read or written.
+    """
+    target, tables = output or folders[0] / "comparison.png", load(folders, after)
+    for label, table in tables.items():
+        chosen = planes_of(table, point, planes, Path(label) / "history.csv")
+    plot_paths(tables, chosen, target)
     return target
 
 
@@ -177,9 +226,20 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--output", type=Path, metavar="FILE", help="default: comparison.png in the first folder"
     )
+    parser.add_argument("--x", metavar="A", default="t", help="horizontal axis (default: t)")
+    parser.add_argument("--across", type=int, default=1, metavar="N", help="panels side by side")
+    parser.add_argument("--path", metavar="POINT", help="paths of POINT_x, POINT_y, POINT_z")
+    parser.add_argument("--planes", metavar="AB,CD", default="xy", help="planes of the paths")
     options = parser.parse_args(argv)
+    folders, after, output = options.folders, options.after, options.output
     try:
-        print(make(options.folders, options.columns, options.after, options.output, options.clip))
+        if options.path is None:
+            made = make(
+                folders, options.columns, after, output, options.clip, options.x, options.across
+            )
+        else:
+            made = make_paths(folders, options.path, options.planes, after, output)
+        print(made)
     except (OSError, ValueError) as exc:
         print(f"compare_runs.py: {exc}", file=sys.stderr)
         return 2

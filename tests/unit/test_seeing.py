@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from flexfem.cli import command
+from flexfem.cli.postprocessing import script
 from flexfem.io import BeamFields, BeamWriter, JointFields, JointWriter
 from flexfem.io.paraview_state import write_paraview_state
 
@@ -113,11 +114,48 @@ def test_plot_of_one_run_and_of_several(
         [a, "--columns", "t", "--x", "tip_x"],
         [a, "--path", "tip", "--planes", "xy"],
         [a, b, "--columns", "tip_x,tip_y", "--after", "0.1"],
+        [a, b, "--columns", "t,tip_y", "--x", "tip_x", "--across", "2"],
+        [a, b, "--path", "tip", "--planes", "xy"],
     ):
         assert command(["plot", *argv, "--output", out]) == 0
         assert capsys.readouterr().out.strip() == out
         assert Path(out).read_bytes()[:4] == b"\x89PNG"
         Path(out).unlink()
+
+
+def write_sheet(folder: Path, triangles: np.ndarray) -> None:
+    """A round sheet of 4 folds in 24 sectors about its middle."""
+    pv = pytest.importorskip("pyvista")
+    angles = np.arange(24) * np.pi / 12.0
+    radii = 1.0 + 0.2 * np.cos(4.0 * angles)
+    x = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), 0.1 * radii])
+    cells = np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
+    points = np.vstack([x, np.zeros(3)])
+    grid = pv.UnstructuredGrid(cells, np.full(len(triangles), 5), points)
+    folder.mkdir()
+    grid.save(folder / "sheet.vtu")
+    (folder / "shells.pvd").write_text(
+        '<VTKFile><Collection><DataSet timestep="0" file="sheet.vtu"/></Collection></VTKFile>'
+    )
+
+
+def test_outline_counts_folds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    nodes = np.arange(24)
+    sectors = np.column_stack([nodes, (nodes + 1) % 24, np.full(24, 24)])
+    write_sheet(tmp_path / "sheet", sectors)
+    picture, table = tmp_path / "sheet/outline.png", tmp_path / "sheet/outline.csv"
+    assert command(["plot", str(picture.parent), "--outline"]) == 0
+    assert capsys.readouterr().out.split() == [str(picture), str(table)]
+    edge = np.loadtxt(table, delimiter=",", skiprows=1)
+    told = script("outline").numbers(edge).split()
+    # the middle node is not of the outline; half and quarter turns map it onto itself
+    assert len(edge) == 24
+    assert told[:2] == ["folds", "4,"]
+    assert [float(word.strip(",")) for word in (told[-4], told[-2], told[-1])] == [0.0, 0.0, 0.0]
+    write_sheet(tmp_path / "two", sectors[::2])  # twelve sheets that meet in a point
+    assert command(["plot", str(tmp_path / "two"), "--outline"]) == 2
+    assert "must have one boundary" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -134,7 +172,11 @@ def test_plot_of_one_run_and_of_several(
         (["plot", "{}/nowhere"], "no history table"),
         (["plot", "{}", "--columns", "tip_q"], "no column 'tip_q'"),
         (["plot", "{}", "--campbell"], "no modes over the speed"),
-        (["plot", "{}", "{}/other", "--path", "tip"], "--path: takes one RESULTS_DIR, got 2"),
+        (["plot", "{}", "{}/other", "--path", "tip"], "no column 'tip_z'"),
+        (["plot", "{}", "{}/other", "--outline"], "--outline: takes one RESULTS_DIR, got 2"),
+        (["plot", "{}", "--outline"], "no series of shells"),
+        (["plot", "{}", "--time", "0.1"], "--time: goes with --outline"),
+        (["plot", "{}", "{}/other", "--clip", "--path", "tip"], "--clip: columns are clipped"),
         (["plot", "{}", "--after", "1"], "--after: takes several RESULTS_DIR"),
     ],
 )

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexfem.cli.postprocessing import print_files, script
-from flexfem.cli.usage import Parser, UsageError, join_negative_values
+from flexfem.cli.usage import Parser, UsageError, join_negative_values, reader
+from flexfem.options import Option
 
 SUMMARY = "plot histories of runs: flexfem plot RESULTS_DIR... [options]"
 _DESCRIPTION = """\
@@ -14,11 +15,9 @@ One folder: its columns over time, history.png; components of one quantity share
 folders: a panel per column with a line per run, comparison.png in the first folder.
 """
 #: Options of one run only, with their values when not given.
-_OF_ONE = {
-    "x": "t", "path": None, "planes": "xy,xz", "campbell": False, "axes": "fixed", "orders": 3,
-}  # fmt: skip
+_OF_ONE = {"campbell": False, "axes": "fixed", "orders": 3, "outline": False, "time": None}
 #: Options of several runs.
-_OF_SEVERAL = {"after": None, "clip": False}
+_OF_SEVERAL = {"after": None, "clip": False, "across": 1}
 
 
 def execute(argv: Sequence[str], prog: str) -> int:
@@ -33,19 +32,28 @@ def execute(argv: Sequence[str], prog: str) -> int:
         for name, default in _OF_SEVERAL.items():
             if getattr(options, name) != default:
                 raise UsageError(f"argument --{name}: takes several RESULTS_DIR, got 1")
-    return print_files(lambda: [_plot(folders, options)])
+    if options.time is not None and not options.outline:
+        raise UsageError("argument --time: goes with --outline")
+    if options.clip and (options.x != "t" or options.path is not None):
+        raise UsageError("argument --clip: columns are clipped over t, without --x and --path")
+    return print_files(lambda: _plot(folders, options))
 
 
-def _plot(folders: list[Path], options: argparse.Namespace) -> Path:
-    if len(folders) > 1:
-        after = float("-inf") if options.after is None else options.after
-        found = script("compare_runs").make(
-            folders, options.columns, after, options.output, options.clip
-        )
-    else:
+def _plot(folders: list[Path], options: argparse.Namespace) -> list[Path]:
+    if options.outline:
+        return list(script("outline").make(folders[0], options.time, options.output))
+    if len(folders) == 1:
         name = "plot_campbell" if options.campbell else "plot_history"
-        found = script(name).make(folders[0], options)
-    return Path(found)
+        return [script(name).make(folders[0], options)]
+    compare, after = script("compare_runs"), options.after
+    after = float("-inf") if after is None else after
+    if options.path is not None:
+        return [compare.make_paths(folders, options.path, options.planes, after, options.output)]
+    return [
+        compare.make(
+            folders, options.columns, after, options.output, options.clip, options.x, options.across
+        )
+    ]
 
 
 def _parser(prog: str) -> Parser:
@@ -53,17 +61,16 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("folders", type=Path, nargs="+", metavar="RESULTS_DIR")
     parser.add_argument("--columns", metavar="A,B", help="columns to plot (default: all)")
     parser.add_argument("--output", type=Path, metavar="FILE", help="the picture")
+    parser.add_argument(
+        "--x", metavar="A", default="t", help="column on the horizontal axis (default: t)"
+    )
+    parser.add_argument(
+        "--path", metavar="POINT", help="path of POINT_x, POINT_y, POINT_z; of one run path.png"
+    )
+    parser.add_argument(
+        "--planes", metavar="AB,CD", default="xy,xz", help="its planes (default: %(default)s)"
+    )
     one = parser.add_argument_group("one run")
-    one.add_argument(
-        "--x", metavar="A", default=_OF_ONE["x"], help="column on the horizontal axis (default: t)"
-    )
-    one.add_argument("--path", metavar="POINT", help="path of POINT_x, POINT_y, POINT_z, path.png")
-    one.add_argument(
-        "--planes",
-        metavar="AB,CD",
-        default=_OF_ONE["planes"],
-        help="planes of the path (default: %(default)s)",
-    )
     one.add_argument(
         "--campbell", action="store_true", help="Campbell diagram of modes over speed, campbell.png"
     )
@@ -78,10 +85,19 @@ def _parser(prog: str) -> Parser:
         metavar="N",
         help="its engine orders (default: 3)",
     )
+    one.add_argument(
+        "--outline", action="store_true",
+        help="sheet of shells and its outline from above, with its folds, outline.png and .csv",
+    )  # fmt: skip
+    one.add_argument("--time", type=float, metavar="T", help="of the outline [s] (default: last)")
     several = parser.add_argument_group("several runs")
     several.add_argument("--after", type=float, metavar="T", help="only from t = T on [s]")
     several.add_argument(
         "--clip", action="store_true",
         help="axes of the runs that do not diverge, with the time at which the others leave them",
+    )  # fmt: skip
+    several.add_argument(
+        "--across", type=reader(Option("across", int, 1, "", minimum=1)), default=1, metavar="N",
+        help="panels side by side (default: 1)",
     )  # fmt: skip
     return parser
