@@ -304,8 +304,8 @@ def abort(code: int) -> None:
     if MPI.COMM_WORLD.size > 1:
         sys.stdout.flush()
         sys.stderr.flush()
-        told, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nothing, 2)
+        told = os.dup(2)
+        os.dup2(os.memfd_create("aborted"), 2)
         MPI.COMM_WORLD.Abort(code)
         os.dup2(told, 2)  # the request to end may take its time
 
