@@ -9,12 +9,13 @@ centre of the channel is ``--eccentricity`` away from its axis along a3, so that
 of the plane (u3) and twists. No gravity.
 
 Theories (``--theory``):
-  consistent    assumed modes with the stretch of the axis as coordinate: stiffens with the spin
-  premature     assumed modes with displacements that are linear from the start: no stiffening
-  conventional  the same of early codes, which move mass points on the axis: no moments of inertia
-                of sections, no eccentric mass centres; without stiffening it diverges
-  beam          geometrically exact beam elements with a prescribed root
-  floating      bodies in floating frames with geometric stiffening, ``--bodies`` in each segment
+
+- ``consistent``: assumed modes with the stretch of the axis as coordinate: stiffens with the spin
+- ``premature``: assumed modes with displacements that are linear from the start: no stiffening
+- ``conventional``: the same of early codes, which move mass points on the axis: no moments of
+  inertia of sections, no eccentric mass centres; without stiffening it diverges
+- ``beam``: geometrically exact beam elements with a prescribed root
+- ``floating``: bodies in floating frames with geometric stiffening, ``--bodies`` in each segment
 
 ``--leave-out`` takes effects out of the assumed modes: stiffening, extension, in_plane,
 out_of_plane, torsion, warping, shear_2 and shear_3 (shear), torsional_inertia, rotary_inertia_2 and

@@ -69,9 +69,9 @@ def outboard_link(eccentricity: float | None = None, **given: float) -> BeamProp
     Args:
         eccentricity: of the channel's mass centre along a3, m; None for 0.01875.
         given: other values than the published ones, by the names of ``LINK_OPTIONS``:
-            "box_length", "channel_length" (m), "youngs_modulus", "shear_modulus" (N/m^2), "density"
-            (kg/m^3), and "area" and all other properties of sections with "box_" or "channel_"
-            before.
+            ``box_length``, ``channel_length`` (m), ``youngs_modulus``, ``shear_modulus`` (N/m^2),
+            ``density`` (kg/m^3), and ``area`` and all other properties of sections with ``box_``
+            or ``channel_`` before.
 
     Raises:
         TypeError: an argument has no such name, or is no number.

@@ -73,7 +73,8 @@ def _fail(path: Path, reason: str) -> NoReturn:
 
 def _statements(path: Path, text: str) -> Iterator[str]:
     """Yield what is between semicolons, without comments."""
-    parts, start, at = [], 0, 0
+    parts: list[str] = []
+    start = at = 0
     while found := _SPECIAL.search(text, at):
         if found[0] == ";":
             yield "".join([*parts, text[start : found.start()]])
