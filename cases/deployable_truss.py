@@ -347,7 +347,7 @@ CASE = ff.Case(
     },
     dt=5e-3,
     t_end=30.0,
-    smoke={"control": "linear", "bays": 1, "elements": 1, "t_end": 0.02},
+    smoke={"control": "linear", "bays": 1, "elements": 1, "dt": 5e-3, "t_end": 0.02},
     results=results,
 )  # fmt: skip
 
