@@ -79,7 +79,7 @@ class FloatingGroup:
             coordinates: (m, n, 3), with derivatives.
         """
         k = len(self.data.rest)
-        moved = coordinates[:, : 6 * k, 0].reshape(-1, k, 6)[:, :, :3]
+        moved = coordinates[:, : 6 * k, 0].reshape(len(coordinates), k, 6)[:, :, :3]
         rest = self.data.rest
         if not len(self.data.conditions):  # the frame is that of an interface
             rest = np.concatenate([np.zeros((1, 3)), rest])

@@ -85,4 +85,4 @@ def test_critical_points_are_reported(folders: dict[int, Path]) -> None:
         assert [point["kind"] for point in points] == kinds
         assert [point["unstable"] for point in points] == [[0, 1], [1, 2]]
         assert 0.92 < points[1]["t"] < 1.0
-        assert set(points[0]) == {"kind", "t", "unstable", "down", "right"}
+        assert set(points[0]) == {"kind", "t", "unstable", "down", "right", "force"}

@@ -184,11 +184,11 @@ def sheet() -> ff.Model:
 
 MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "slider_crank": (
-        lambda: load_case("slider_crank").CASE.model(elements=3),
+        lambda: load_case("slider_crank").model(elements=3),
         {"dt": 1e-3, "t_end": 0.054, "rho_inf": 0.8},
     ),
     "flying_spaghetti": (
-        lambda: load_case("flying_spaghetti").CASE.model(elements=6),
+        lambda: load_case("flying_spaghetti").model(elements=6),
         {"dt": 0.1, "t_end": 3.6, "split_above": 1},
     ),
     "driven": (driven, {"dt": 2e-3, "t_end": 0.072}),

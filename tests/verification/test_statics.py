@@ -236,7 +236,7 @@ def test_mode_pictures_are_written(shared_tmp_path: Path) -> None:
 
 
 def chain() -> ff.Model:
-    return load_case("chain").CASE.model(links=2, elements=3)
+    return load_case("chain").model(links=2, elements=3)
 
 
 @pytest.mark.three_ranks
