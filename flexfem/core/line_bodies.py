@@ -17,12 +17,10 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.relative_frames import (
-    act,
-    first,
     relative_frame,
     rotation_into,
-    second,
     write_columns,
+    write_second,
 )
 from flexfem.lie._blocks import triple
 from flexfem.lie.compiled import inlined, kernel
@@ -227,32 +225,6 @@ def _by_coordinates(
 
 
 @kernel
-def _add_interface(
-    X: FloatArray, g: FloatArray, units: FloatArray, force: FloatArray, at: int, out: FloatArray
-) -> None:
-    """Add the second derivatives of an interface's coordinates, times forces (6,) on them.
-
-    ``at`` is the first column of its node.
-    """
-    nothing, twist, change = np.zeros(6), np.zeros(6), np.empty(12)
-    for i in range(12):
-        row = i if i < 6 else at + i - 6
-        twist[i % 6] = 1.0
-        for j in range(12):
-            change[:] = 0.0
-            if i < 6:
-                act(units[j], nothing, twist, 0.0, 1.0, change)
-            else:
-                act(units[j], twist, nothing, 0.0, 1.0, change)
-            value = 0.0
-            for a in range(3):
-                turned = second(X, g, units[i], units[j], a) + first(X, g, change, a)
-                value += force[a] * change[a] + force[3 + a] * turned
-            out[row, j if j < 6 else at + j - 6] += value
-        twist[i % 6] = 0.0
-
-
-@kernel
 def add_body_second(
     frames: FloatArray, shape: FloatArray, xi: float, w: FloatArray, out: FloatArray
 ) -> None:
@@ -261,7 +233,7 @@ def add_body_second(
     X, g, y = np.empty((k, 12)), np.empty((k, 4)), np.empty(n)
     V, B, P, M = np.empty((3, 7)), np.empty((2, n, 7)), np.empty(12), np.empty((6, n + 1))
     units, Y = np.empty((k, 12, 12)), np.empty((n + 1, 6 * k + 1))
-    A, D = np.empty((6, n + 1)), np.empty((n + 1, n + 1))
+    A, D, change = np.empty((6, n + 1)), np.empty((n + 1, n + 1)), np.empty((12, 12))
     _coordinates(frames, n, X, g, y)
     _evaluate(shape, xi, y, V, B)
     _frame(V, P)
@@ -275,4 +247,9 @@ def add_body_second(
         for i in range(6):
             for m in range(6):
                 force[i] += M[m, 6 * c + i] * w[m]
-        _add_interface(X[c], g[c], units[c], force, 6 * (1 + c), out)
+        write_second(X[c], g[c], units[c], force, change)
+        own = slice(6 * (1 + c), 6 * (2 + c))
+        out[:6, :6] += change[:6, :6]
+        out[:6, own] += change[:6, 6:]
+        out[own, :6] += change[6:, :6]
+        out[own, own] += change[6:, 6:]

@@ -23,6 +23,7 @@ __all__ = [
     "second",
     "third",
     "write_columns",
+    "write_second",
 ]
 
 #: Where closed forms of the derivatives of g lose digits, and terms of its series up to there.
@@ -202,3 +203,34 @@ def write_columns(X: FloatArray, g: FloatArray, units: FloatArray, columns: Floa
         for i in range(3):
             columns[i, j] = units[j, i]
             columns[3 + i, j] = first(X, g, units[j], i)
+
+
+@kernel
+def write_second(
+    X: FloatArray, g: FloatArray, units: FloatArray, force: FloatArray, out: FloatArray
+) -> None:
+    """Second derivatives of an interface's coordinates, times forces on them.
+
+    Args:
+        X: (12,) relative frame.
+        g: (4,) factors of its rotation.
+        units: (12, 12) derivatives of X, see :func:`write_columns`.
+        force: (6,) on the coordinates.
+        out: (12, 12) gets the change of the forces on frame and interface as these move.
+    """
+    none, twist, x = np.zeros(6), np.zeros(6), np.empty(12)
+    for i in range(12):
+        twist[i % 6] = 1.0
+        for j in range(12):
+            x[:] = 0.0
+            if i < 6:
+                act(units[j], none, twist, 0.0, 1.0, x)
+            else:
+                act(units[j], twist, none, 0.0, 1.0, x)
+            total = 0.0
+            for m in range(3):
+                total += force[m] * x[m]
+                turned = first(X, g, x, m) + second(X, g, units[i], units[j], m)
+                total += force[3 + m] * turned
+            out[i, j] = total
+        twist[i % 6] = 0.0

@@ -18,6 +18,7 @@ from flexfem.core.relative_frames import (
     second,
     third,
     write_columns,
+    write_second,
 )
 from flexfem.elements.floating_inertia import (
     BodyData,
@@ -172,32 +173,6 @@ def _put_changes(
 
 
 @kernel
-def _put_bent(
-    X: FloatArray, g: FloatArray, units: FloatArray, force: FloatArray, out: FloatArray
-) -> None:
-    """Change (12, 12) of the forces on frame and interface as their directions change.
-
-    ``force`` (6,) acts on the interface's coordinates.
-    """
-    none, twist, x = np.zeros(6), np.zeros(6), np.empty(12)
-    for i in range(12):
-        twist[i % 6] = 1.0
-        for j in range(12):
-            x[:] = 0.0
-            if i < 6:
-                act(units[j], none, twist, 0.0, 1.0, x)
-            else:
-                act(units[j], twist, none, 0.0, 1.0, x)
-            total = 0.0
-            for m in range(3):
-                total += force[m] * x[m]
-                turned = first(X, g, x, m) + second(X, g, units[i], units[j], m)
-                total += force[3 + m] * turned
-            out[i, j] = total
-        twist[i % 6] = 0.0
-
-
-@kernel
 def _put_interface(
     first_row: int, column: int, columns: FloatArray, changes: FloatArray, own_frame: bool,
     to_nodes: FloatArray, places: FloatArray, rates: FloatArray, jerks: FloatArray,
@@ -325,7 +300,7 @@ def tangents_into(
             _put_interface(
                 6 * c, column, columns[c], changes, not free, to_nodes, places, rates, jerks
             )
-            _put_bent(X[0, c], g[c], units[c], force[6 + 6 * c : 12 + 6 * c], bent)
+            write_second(X[0, c], g[c], units[c], force[6 + 6 * c : 12 + 6 * c], bent)
             for j in range(12):
                 for i in range(12):
                     row, at = i if i < 6 else column + i - 6, j if j < 6 else column + j - 6

@@ -38,15 +38,13 @@ def copy_case(source: Path, target: Path) -> list[Path]:
         pieces = re.split(rf"\b{before}{source.stem}\b", text)  # in the commands of its text
         text = f"{before}{new}".join(pieces)
     changed, meshes = _for_user(text, target.stem)
+    library = shipped_files("meshes")
+    contents = {target: changed}
+    for mesh, name in meshes.items():
+        contents[target.with_name(name)] = library[mesh].read_text(encoding="utf-8")
     written: list[Path] = []
     try:
-        for file, content in {
-            target: changed,
-            **{
-                target.with_name(name): shipped_files("meshes")[mesh].read_text(encoding="utf-8")
-                for mesh, name in meshes.items()
-            },
-        }.items():
+        for file, content in contents.items():
             with file.open("x", encoding="utf-8") as stream:  # never over a file of the user's
                 written.append(file)
                 stream.write(content)
