@@ -21,7 +21,7 @@ from flexfem.io.summary import remove_summary
 from flexfem.launch import StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.interruption import Agreement, interruption
-from flexfem.simulation.modes import doubts, modes_at
+from flexfem.simulation.modes import checks, doubts, modes_at
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.outcome import Outcome, Results, conclude
 from flexfem.simulation.reasons import modes_hint, with_hint
@@ -95,7 +95,10 @@ def sweep_spin(
             history = {"t": np.array(sweep.speeds)} | dict(
                 zip(columns, table.T.copy(), strict=True)
             )
-        outcome = conclude(point.summary(case, sweep.reason), history, results, options, comm)
+        summary = point.summary(case, sweep.reason)
+        if sweep.speeds:
+            summary["checks"] = checks([modes.first(options.modes) for modes in sweep.modes])
+        outcome = conclude(summary, history, results, options, comm)
         if signal:
             raise interruption(signal, sweep.reason, outcome=outcome)
         return outcome

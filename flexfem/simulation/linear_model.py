@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 
@@ -19,10 +19,10 @@ from flexfem.io.state_space import write_arrays
 from flexfem.model.measured import ShellStrainProbe, StrainProbe
 from flexfem.model.model import Model
 from flexfem.model.probe import Probe
-from flexfem.simulation.modes import doubts
+from flexfem.simulation.modes import doubts, settled_modes
 from flexfem.simulation.operating_point import OperatingPoint
 from flexfem.simulation.reasons import modes_hint, with_hint
-from flexfem.solvers.mode_shapes import ComplexArray, find
+from flexfem.solvers.mode_shapes import ComplexArray
 from flexfem.solvers.reduction import Reduction, reduce_equations
 from flexfem.system.probe_rates import probe_rates
 from flexfem.system.strain_rates import strain_rates
@@ -53,6 +53,8 @@ class LinearModel:
         y0: (p,) outputs in the state about which the model is linearised.
         status: "ok"; or why there is no such state, all arrays are empty then; or what is
             wrong with the modes, with a warning, and the arrays have the motions of those found.
+        state_error: by how much, relative, one more step towards the equilibrium changes the modes
+            of the reduction; None without modes and about the state as it is given.
     """
 
     A: FloatArray
@@ -63,6 +65,7 @@ class LinearModel:
     outputs: tuple[str, ...]
     y0: FloatArray
     status: str = "ok"
+    state_error: float | None = None
 
     def __repr__(self) -> str:
         """Status, size and names."""
@@ -117,15 +120,16 @@ def linearize(
             np.zeros(0),
             with_hint(point.failure(status), modes_hint(status, options.spin)),
         )
-    shapes, reason = None, "ok"
+    shapes, reason, error = None, "ok", None
     if options.modes > 0:
-        found = find(point.linearization, options.modes, 0.0, _ACCURACY)
+        found = settled_modes(point, options.modes, 0.0, _ACCURACY)
         shapes, reason = found.shapes, doubts(found, options.modes)
+        error = found.state_error
         if reason != "ok" and point.system.comm.rank == 0:
             warnings.warn(f"linearize: {reason}", RuntimeWarning, stacklevel=2)
     reduction = reduce_equations(point.linearization, len(model.loads), shapes)
     matrices = _rates(model, point, reduction.basis)
-    linear = _assemble(model, reduction, outputs, *matrices, reason)
+    linear = replace(_assemble(model, reduction, outputs, *matrices, reason), state_error=error)
     if options.output is not None:
         arrays = {name: getattr(linear, name) for name in ("A", "B", "C", "D", "y0")}
         names = {"inputs": np.array(linear.inputs), "outputs": np.array(linear.outputs)}
@@ -142,7 +146,8 @@ def _rates(
     values, by_q, by_rate = probe_rates(*given)
     both = np.concatenate([values, strains])
     probes = [p for p in model.probes if isinstance(p, _LINEAR)]
-    markers = np.repeat([isinstance(p, Probe) for p in probes], [len(p.columns) for p in probes])
+    of_markers = [isinstance(p, Probe) for p in probes for _ in p.columns]
+    markers = np.array(of_markers, dtype=np.bool_)
     order = np.empty(len(both), dtype=np.int64)
     order[markers], order[~markers] = np.split(np.arange(len(both)), [len(values)])
     by_rate = np.vstack([by_rate, np.zeros_like(by_shape)])

@@ -3,11 +3,12 @@
 
 import numpy as np
 
-from flexfem._types import FloatArray
-from flexfem.inspection.checks.locking import stiffened
+from flexfem._types import FloatArray, IntArray
+from flexfem.elements.nurbs_beam import NurbsBeams
+from flexfem.inspection.checks.locking import excess, percent, stiffened
 from flexfem.inspection.finding import owner_of
 from flexfem.system.assembly import Assembly
-from flexfem.system.placement import NURBS
+from flexfem.system.nurbs_lines import NurbsLines
 from flexfem.system.system import System
 
 __all__ = ["locked_shapes"]
@@ -15,22 +16,28 @@ __all__ = ["locked_shapes"]
 
 def locked_shapes(serial: Assembly, system: System) -> list[str]:
     """A line for each beam that is too stiff as it is bent now, on every rank (collective)."""
-    if serial.curves is None:
+    curves = serial.curves
+    if curves is None:
         return []
-    points = _control_points(system, len(serial.curves.frames))
     return [
         f"{owner_of(beam)}: as it is bent at the end, its smooth elements lock: it is too stiff "
-        f"there, by about {100.0 * min(share, 1.0):.1g} %; take its curve with_continuity(0), more "
+        f"there, by about {percent(share)} %; take its curve with_continuity(0), more "
         "elements or a higher degree"
-        for beam, share in stiffened(serial.curves, points, bent=0.0)
+        for beam, share in stiffened(curves, system.comm.allreduce(_own_excess(curves, system)))
     ]
 
 
-def _control_points(system: System, count: int) -> FloatArray:
-    """Present places (n, 3) of the control points of all curves, beam after beam (collective)."""
-    points = np.zeros((count, 3))
+def _own_excess(curves: NurbsLines, system: System) -> FloatArray:
+    """Energies of every beam (n, 2) in the elements of this rank."""
+    points = np.zeros((len(curves.frames), 3))
+    cells: list[IntArray] = [np.empty(0, dtype=np.int64) for _ in curves.beams]
     for part in system.parts:
-        if part.kind == NURBS:
-            own = slice(part.block.owned)
-            points[part.block.node_ids[own]] = part.block.frames[own, :3]
-    return np.asarray(system.comm.allreduce(points))
+        if not isinstance(part.elements, NurbsBeams):
+            continue
+        ids = np.asarray(part.block.node_ids)
+        points[ids] = part.block.frames[:, :3]
+        groups = part.elements.connectivity
+        first = np.concatenate([ids[group[:, 0]] for group in groups])  # each begins at another
+        for beam, (parts, start) in enumerate(zip(curves.parts, curves.first_node, strict=False)):
+            cells[beam] = np.flatnonzero(np.isin(parts.nodes[:, 0] + start, first))
+    return excess(curves, points, 0.0, cells)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from flexfem.simulation.reasons import modes_hint, with_hint
 from flexfem.simulation.run_guard import agreed, guarded, refuse
 from flexfem.solvers.mode_shapes import Modes, find
 
-__all__ = ["ModesOutcome", "checks", "doubts", "find_modes", "modes_at"]
+__all__ = ["ModesOutcome", "checks", "doubts", "find_modes", "modes_at", "settled_modes"]
 
 #: Accuracies below this are close to rounding; above the other no mode is known.
 _FINE, _COARSE = 1e-12, 1e-2
@@ -101,7 +101,7 @@ def _ended(
 ) -> ModesOutcome:  # fmt: skip
     """Write the summary (collective)."""
     if found is not None:
-        summary["checks"], summary["state"] = checks(found), state
+        summary["checks"], summary["state"] = checks([found]), state
         summary["results"] = {
             f"frequency_{k + 1}": f for k, f in enumerate(found.frequencies.tolist())
         }
@@ -121,9 +121,16 @@ def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Mode
         more: modes beyond those asked for.
 
     """
-    target, count = 2.0 * np.pi * options.target, options.modes + more
+    count = options.modes + more
+    return settled_modes(point, count, 2.0 * np.pi * options.target, options.accuracy)
+
+
+def settled_modes(
+    point: OperatingPoint, count: int, target: float, accuracy: float
+) -> Modes:  # fmt: skip
+    """The same of any analysis: so many modes nearest to a target in rad/s (collective)."""
     for _ in range(_SETTLINGS):
-        found = find(point.linearization, count, target, options.accuracy, point.improve)
+        found = find(point.linearization, count, target, accuracy, point.improve)
         if not found.unsettled:
             break
     return found
@@ -151,7 +158,7 @@ def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
     if not found.doubtful.any():
         return "ok" if not found.unsettled else with_hint(
             f"the error of the equilibrium moves modes by up to {found.state_error:.1e}",
-            "ask for fewer modes, or a larger accuracy",
+            f"ask for fewer modes{'' if accuracy is None else ', or a larger accuracy'}",
         )  # fmt: skip
     worst = float(found.residuals.max())
     text = f"{int(found.doubtful.sum())} of {asked} modes have residuals up to {worst:.1e}"
@@ -173,14 +180,16 @@ def _reason(
     return doubts(found, options.modes, options.accuracy)
 
 
-def checks(found: Modes) -> dict[str, Any]:
-    """What the summary says of how modes were checked."""
+def checks(found: Sequence[Modes]) -> dict[str, Any]:
+    """What the summary says of how modes were checked, the worst of one or more states."""
+    counted = all(modes.missing is not None for modes in found)
+    errors = [modes.state_error for modes in found if modes.state_error is not None]
     return {
-        "largest_residual": float(found.residuals.max(initial=0.0)),
-        "state_error": found.state_error,
-        "missing": found.missing,
-        "not_counted": found.uncounted or None,
-        "zero_below": found.zero_below / (2.0 * np.pi),
+        "largest_residual": max(float(modes.residuals.max(initial=0.0)) for modes in found),
+        "state_error": max(errors, default=None),
+        "missing": sum(modes.missing or 0 for modes in found) if counted else None,
+        "not_counted": next((modes.uncounted for modes in found if modes.uncounted), None),
+        "zero_below": max(modes.zero_below for modes in found) / (2.0 * np.pi),
     }
 
 

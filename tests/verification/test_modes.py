@@ -238,6 +238,11 @@ def test_whirls_are_followed_through_zero_frequency_in_turning_axes(sign):
     options = ff.CampbellOptions(modes=4, spin_end=sign * 60.0, speeds=7, quiet=True)
     outcome = ff.sweep_spin(model, options)
     assert outcome.status == "ok"
+    # of seven speeds together: where a frequency passes zero, rounding is all that can be reached,
+    # and told; none is missing
+    checks = outcome.summary["checks"]
+    assert options.accuracy < checks["largest_residual"] < 1e-6
+    assert (checks["missing"], checks["not_counted"]) == (0, None)
     if not outcome.history:
         return
     expected = []

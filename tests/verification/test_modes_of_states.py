@@ -3,6 +3,7 @@
 
 import importlib
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -119,6 +120,8 @@ def test_errors_of_equilibria_are_found_and_mended(monkeypatch):
     assert exact.status == "ok"
     # quadratic convergence to 1e-8 leaves rounding
     assert exact.summary["checks"]["state_error"] < 1e-12
+    linear = ff.LinearOptions(modes=3, spin=4.0, split_above=1, quiet=True)
+    assert ff.linearize(model, linear).state_error < 1e-12
     monkeypatch.setattr(steady_rotation, "_CONVERGED", 1e-2)
     mended = ff.find_modes(model, options)
     assert mended.status == "ok"
@@ -133,6 +136,12 @@ def test_errors_of_equilibria_are_found_and_mended(monkeypatch):
     true = np.abs(rough.modes.eigenvalues.imag / exact.modes.eigenvalues.imag - 1.0).max()
     # of first order and with the error of the shape: never below, and no more than some times above
     assert 1e-6 < true <= told <= 10.0 * true
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # rank 0 says it, too
+        reduced = ff.linearize(model, linear)
+    assert reduced.status.startswith("the error of the equilibrium moves modes by up to ")
+    assert reduced.status.endswith("ask for fewer modes")  # there is no accuracy to be changed
+    assert 0.1 * told < reduced.state_error < 10.0 * told  # three of its modes are those
     assert ff.find_modes(model, ff.ModeOptions(modes=3, quiet=True)).modes.state_error is None
 
 

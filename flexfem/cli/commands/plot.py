@@ -18,6 +18,15 @@ folders: a panel per column with a line per run, comparison.png in the first fol
 _OF_ONE = {"campbell": False, "axes": "fixed", "orders": 3, "outline": False, "time": None}
 #: Options of several runs.
 _OF_SEVERAL = {"after": None, "clip": False, "across": 1}
+#: Other options with their values when not given.
+_OF_ALL = {"columns": None, "x": "t", "path": None, "planes": "xy,xz"}
+#: What an option goes with, and what changes nothing beside one.
+_WITH = {"planes": "path", "axes": "campbell", "orders": "campbell", "time": "outline"}
+_INSTEAD = {
+    "outline": ("campbell", "columns", "x", "path"),
+    "campbell": ("columns", "x", "path"),
+    "path": ("columns", "x", "across", "clip"),
+}
 
 
 def execute(argv: Sequence[str], prog: str) -> int:
@@ -32,11 +41,26 @@ def execute(argv: Sequence[str], prog: str) -> int:
         for name, default in _OF_SEVERAL.items():
             if getattr(options, name) != default:
                 raise UsageError(f"argument --{name}: takes several RESULTS_DIR, got 1")
-    if options.time is not None and not options.outline:
-        raise UsageError("argument --time: goes with --outline")
-    if options.clip and (options.x != "t" or options.path is not None):
-        raise UsageError("argument --clip: columns are clipped over t, without --x and --path")
+    _fit_together(options)
     return print_files(lambda: _plot(folders, options))
+
+
+def _fit_together(options: argparse.Namespace) -> None:
+    """Refuse options that would change nothing."""
+    given = {
+        name
+        for name, default in (_OF_ONE | _OF_SEVERAL | _OF_ALL).items()
+        if getattr(options, name) != default
+    }
+    for name, other in _WITH.items():
+        if name in given and other not in given:
+            raise UsageError(f"argument --{name}: goes with --{other}")
+    for name, others in _INSTEAD.items():
+        for other in others:
+            if name in given and other in given:
+                raise UsageError(f"argument --{other}: changes nothing with --{name}")
+    if {"clip", "x"} <= given:
+        raise UsageError("argument --clip: columns are clipped over t, without --x")
 
 
 def _plot(folders: list[Path], options: argparse.Namespace) -> list[Path]:
@@ -62,13 +86,16 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--columns", metavar="A,B", help="columns to plot (default: all)")
     parser.add_argument("--output", type=Path, metavar="FILE", help="the picture")
     parser.add_argument(
-        "--x", metavar="A", default="t", help="column on the horizontal axis (default: t)"
+        "--x", metavar="A", default=_OF_ALL["x"], help="column on the horizontal axis (default: t)"
     )
     parser.add_argument(
         "--path", metavar="POINT", help="path of POINT_x, POINT_y, POINT_z; of one run path.png"
     )
     parser.add_argument(
-        "--planes", metavar="AB,CD", default="xy,xz", help="its planes (default: %(default)s)"
+        "--planes",
+        metavar="AB,CD",
+        default=_OF_ALL["planes"],
+        help="its planes (default: %(default)s)",
     )
     one = parser.add_argument_group("one run")
     one.add_argument(
