@@ -20,12 +20,12 @@ import flexfem as ff
 
 
 def build(
-    *, elements: int, axial_stiffness: float, shear_stiffness: float, bending_stiffness: float,
-    torsional_stiffness: float, line_mass: float, line_inertia: float, force: float,
-    moment_y: float, moment_z: float, duration: float,
+    *, elements: int, base: float, height: float, axial_stiffness: float, shear_stiffness: float,
+    bending_stiffness: float, torsional_stiffness: float, line_mass: float, line_inertia: float,
+    force: float, moment_y: float, moment_z: float, duration: float,
 ) -> ff.Model:  # fmt: skip
     """Model with ``elements`` beam elements."""
-    mesh = ff.build_mesh("flying_spaghetti", elements=elements)
+    mesh = ff.build_mesh("flying_spaghetti", elements=elements, base=base, height=height)
     shear, bending = (shear_stiffness,) * 2, (bending_stiffness,) * 2
     section = ff.Section.general(
         stiffness=(axial_stiffness, *shear, torsional_stiffness, *bending),
@@ -51,6 +51,8 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.Option("elements", int, 40, "beam elements", minimum=1),
+        ff.Option("base", float, 6.0, "distance of the lower end from the Y axis", above=0.0),
+        ff.Option("height", float, 8.0, "of the upper end", above=0.0),
         ff.Option("axial_stiffness", float, 1e4, "EA", above=0.0),
         ff.Option("shear_stiffness", float, 1e4, "GA2 and GA3", above=0.0),
         ff.Option("bending_stiffness", float, 500.0, "EI2 and EI3", above=0.0),

@@ -2,7 +2,8 @@
 """Statics of thin shells with large rotations: benchmarks of Sze, Liu and Lo (2004).
 
 ``--benchmark`` chooses one, ``--mesh 60x10`` the cells along its two parameters; each cell is cut
-into two triangles. Any consistent units; the load factor t is 1 under the largest load.
+into two triangles. Any consistent units; the load factor t is 1 under the largest load. The numbers
+below are options, which a benchmark that has no such number refuses.
 
 - cantilever: strip 10 x 1, thickness 0.1, E = 1.2e6, nu = 0, force 4 across its end.
   A: deflection of the end, B: its shift towards the clamp.
@@ -62,11 +63,41 @@ Points = npt.NDArray[np.float64]
 Surface = Callable[[Points], Points]
 #: Element and strains of its membrane.
 Kind = tuple[str, str]
+Numbers = Mapping[str, float]
+
+#: Numbers of the benchmarks: the options of these names, which bring them along as defaults.
+NUMBERS: dict[str, Numbers] = {
+    "cantilever": {
+        "length": 10.0, "width": 1.0, "thickness": 0.1, "youngs_modulus": 1.2e6,
+        "poisson_ratio": 0.0, "load": 4.0,
+    },
+    "annulus": {
+        "radius": 10.0, "inner_radius": 6.0, "thickness": 0.03, "youngs_modulus": 21e6,
+        "poisson_ratio": 0.0, "load": 0.8,
+    },
+    "hemisphere": {
+        "radius": 10.0, "hole": 18.0, "thickness": 0.04, "youngs_modulus": 6.825e7,
+        "poisson_ratio": 0.3, "load": 400.0,
+    },
+    "pullout": {
+        "radius": 4.953, "length": 10.35, "thickness": 0.094, "youngs_modulus": 10.5e6,
+        "poisson_ratio": 0.3125, "load": 4e4,
+    },
+    "pinched": {
+        "radius": 100.0, "length": 200.0, "thickness": 1.0, "youngs_modulus": 3e4,
+        "poisson_ratio": 0.3, "displacement": 90.0,
+    },
+    "roof": {
+        "radius": 2540.0, "width": 508.0, "length": 508.0, "thickness": 12.7,
+        "youngs_modulus": 3102.75, "poisson_ratio": 0.3, "load": 3000.0,
+    },
+}  # fmt: skip
+NUMBERS["thin_roof"] = {**NUMBERS["roof"], "thickness": 6.35}
 
 
 def shell(
     name: str, cells: tuple[int, int], ranges: tuple[tuple[float, float], tuple[float, float]],
-    surface: Surface | None, thickness: float, elasticity: tuple[float, float], element: Kind,
+    surface: Surface | None, n: Numbers, element: Kind,
     edges: Mapping[str, str], fixed: Mapping[str, str] | None = None,
     growth: tuple[float, float] = (1.0, 1.0),
 ) -> ff.Model:  # fmt: skip
@@ -76,7 +107,8 @@ def shell(
     """
     u, v = (graded(*r, n, g) for r, n, g in zip(ranges, cells, growth, strict=True))
     mesh = ff.SurfaceMesh.grid("shell", u, v, surface)
-    section = ff.ShellSection.isotropic(thickness, ff.Material(*elasticity, density=1.0))
+    material = ff.Material(n["youngs_modulus"], n["poisson_ratio"], density=1.0)
+    section = ff.ShellSection.isotropic(n["thickness"], material)
     model = ff.Model(name, surface=mesh)
     rules = {f"shell_{side}": rule for side, rule in edges.items()}
     more = {f"shell_{side}": axes for side, axes in (fixed or {}).items()}
@@ -122,44 +154,51 @@ def cylinder(radius: float) -> Surface:
     return surface
 
 
-def cantilever(cells: tuple[int, int], element: Kind) -> ff.Model:
+def cantilever(cells: tuple[int, int], element: Kind, n: Numbers) -> ff.Model:
     """Strip under a force across its end."""
-    model = shell("cantilever", cells, ((0.0, 10.0), (0.0, 1.0)), None, 0.1, (1.2e6, 0.0), element,
+    model = shell("cantilever", cells, ((0.0, n["length"]), (0.0, n["width"])), None, n, element,
                   {"left": "clamped"})  # fmt: skip
-    model.add(ff.EdgeLoad("load", "shell", "shell_right", (0.0, 0.0, 4.0)))
+    model.add(ff.EdgeLoad("load", "shell", "shell_right", (0.0, 0.0, n["load"] / n["width"])))
     watch(model, "A", "bottom_right", (0.0, 0.0, 1.0))
     watch(model, "B", "bottom_right", (-1.0, 0.0, 0.0))
     return model
 
 
-def annulus(cells: tuple[int, int], element: Kind) -> ff.Model:
+def annulus(cells: tuple[int, int], element: Kind, n: Numbers) -> ff.Model:
     """Slit ring, lifted at one side of the slit."""
 
     def surface(p: Points) -> Points:
         angle, radius = p.T
         return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle])
 
-    model = shell("annulus", cells, ((0.0, 2.0 * pi), (6.0, 10.0)), surface, 0.03, (21e6, 0.0),
-                  element, {"left": "clamped"})  # fmt: skip
-    model.add(ff.EdgeLoad("load", "shell", "shell_right", (0.0, 0.0, 0.8)))
+    if n["inner_radius"] >= n["radius"]:
+        raise ValueError(
+            f"shell_statics: inner-radius must be below the radius {n['radius']:g}, "
+            f"got {n['inner_radius']:g}"
+        )
+    ranges = (0.0, 2.0 * pi), (n["inner_radius"], n["radius"])
+    model = shell("annulus", cells, ranges, surface, n, element, {"left": "clamped"})
+    model.add(ff.EdgeLoad("load", "shell", "shell_right", (0.0, 0.0, n["load"])))
     watch(model, "A", "bottom_right", (0.0, 0.0, 1.0))
     watch(model, "B", "top_right", (0.0, 0.0, 1.0))
     return model
 
 
-def hemisphere(cells: tuple[int, int], element: Kind) -> ff.Model:
+def hemisphere(cells: tuple[int, int], element: Kind, n: Numbers) -> ff.Model:
     """Quarter of a hemisphere with a hole under radial forces."""
 
     def surface(p: Points) -> Points:
         f, t = p.T
-        return 10.0 * np.column_stack([np.cos(t) * np.cos(f), np.cos(t) * np.sin(f), np.sin(t)])
+        unit = np.column_stack([np.cos(t) * np.cos(f), np.cos(t) * np.sin(f), np.sin(t)])
+        return np.asarray(n["radius"] * unit)
 
-    model = shell("hemisphere", cells, ((0.0, pi / 2), (0.0, 0.4 * pi)), surface, 0.04,
-                  (6.825e7, 0.3), element, {"left": "symmetric y", "right": "symmetric x"},
-                  {"bottom_left": "z"})  # fmt: skip
+    ranges = (0.0, pi / 2), (0.0, np.radians(90.0 - n["hole"]))
+    edges = {"left": "symmetric y", "right": "symmetric x"}
+    model = shell("hemisphere", cells, ranges, surface, n, element, edges, {"bottom_left": "z"})
+    half = 0.5 * n["load"]  # of each force, on a quarter
     model.add(
-        ff.PointForce("pull", corner("bottom_left"), (200.0, 0.0, 0.0)),
-        ff.PointForce("push", corner("bottom_right"), (0.0, -200.0, 0.0)),
+        ff.PointForce("pull", corner("bottom_left"), (half, 0.0, 0.0)),
+        ff.PointForce("push", corner("bottom_right"), (0.0, -half, 0.0)),
     )
     watch(model, "A", "bottom_left", (1.0, 0.0, 0.0))
     watch(model, "B", "bottom_right", (0.0, -1.0, 0.0))
@@ -170,25 +209,26 @@ def hemisphere(cells: tuple[int, int], element: Kind) -> ff.Model:
 EIGHTH = {"left": "symmetric x", "right": "symmetric z", "bottom": "symmetric y"}
 
 
-def pullout(cells: tuple[int, int], element: Kind) -> ff.Model:
+def pullout(cells: tuple[int, int], element: Kind, n: Numbers) -> ff.Model:
     """Eighth of a cylinder with open ends, pulled apart."""
-    model = shell("pullout", cells, ((0.0, pi / 2), (0.0, 5.175)), cylinder(4.953), 0.094,
-                  (10.5e6, 0.3125), element, EIGHTH)  # fmt: skip
-    model.add(ff.PointForce("load", corner("bottom_left"), (0.0, 0.0, 1e4)))
+    ranges = (0.0, pi / 2), (0.0, 0.5 * n["length"])
+    model = shell("pullout", cells, ranges, cylinder(n["radius"]), n, element, EIGHTH)
+    model.add(ff.PointForce("load", corner("bottom_left"), (0.0, 0.0, 0.25 * n["load"])))
     watch(model, "A", "bottom_left", (0.0, 0.0, 1.0))
     watch(model, "B", "bottom_right", (-1.0, 0.0, 0.0))
     watch(model, "C", "top_right", (-1.0, 0.0, 0.0))
     return model
 
 
-def pinched(cells: tuple[int, int], element: Kind) -> ff.Model:
-    """Eighth of a cylinder with diaphragms, pinched by a displacement up to 90."""
+def pinched(cells: tuple[int, int], element: Kind, n: Numbers) -> ff.Model:
+    """Eighth of a cylinder with diaphragms, pinched by a displacement."""
     # the fold's sharp corner runs along the bottom, towards its right end
-    model = shell("pinched", cells, ((0.0, pi / 2), (0.0, 100.0)), cylinder(100.0), 1.0,
-                  (3e4, 0.3), element, EIGHTH, {"top": "xz"}, growth=(0.3, 4.0))  # fmt: skip
+    ranges, largest = ((0.0, pi / 2), (0.0, 0.5 * n["length"])), n["displacement"]
+    model = shell("pinched", cells, ranges, cylinder(n["radius"]), n, element, EIGHTH,
+                  {"top": "xz"}, growth=(0.3, 4.0))  # fmt: skip
     model.add(
         ff.PrescribedTranslation(
-            "push", ff.Ground(), corner("bottom_left"), lambda t: -90.0 * t * (2.0 - t),
+            "push", ff.Ground(), corner("bottom_left"), lambda t: -largest * t * (2.0 - t),
             axis=(0.0, 0.0, 1.0),
         ),
         ff.ReactionProbe("force", "push"),
@@ -198,39 +238,60 @@ def pinched(cells: tuple[int, int], element: Kind) -> ff.Model:
     return model
 
 
-def roof(cells: tuple[int, int], element: Kind, thickness: float = 12.7) -> ff.Model:
+def roof(cells: tuple[int, int], element: Kind, n: Numbers) -> ff.Model:
     """Quarter of a hinged cylindrical roof."""
     edges = {"left": "symmetric x", "right": "hinged", "bottom": "symmetric y"}
-    model = shell("roof", cells, ((0.0, 0.1), (0.0, 254.0)), cylinder(2540.0), thickness,
-                  (3102.75, 0.3), element, edges)  # fmt: skip
-    model.add(ff.PointForce("load", corner("bottom_left"), (0.0, 0.0, -750.0)))
+    ranges = (0.0, 0.5 * n["width"] / n["radius"]), (0.0, 0.5 * n["length"])
+    model = shell("roof", cells, ranges, cylinder(n["radius"]), n, element, edges)
+    model.add(ff.PointForce("load", corner("bottom_left"), (0.0, 0.0, -0.25 * n["load"])))
     watch(model, "A", "bottom_left", (0.0, 0.0, -1.0))
     return model
 
 
-def thin_roof(cells: tuple[int, int], element: Kind) -> ff.Model:
-    """The roof with half the thickness."""
-    return roof(cells, element, 6.35)
-
-
-BENCHMARKS: dict[str, Callable[[tuple[int, int], Kind], ff.Model]] = {
+BENCHMARKS: dict[str, Callable[[tuple[int, int], Kind, Numbers], ff.Model]] = {
     "cantilever": cantilever,
     "annulus": annulus,
     "hemisphere": hemisphere,
     "pullout": pullout,
     "pinched": pinched,
     "roof": roof,
-    "thin_roof": thin_roof,
+    "thin_roof": roof,
 }
 _PATH = {"arc_length": 0.05, "stabilise": False, "stop_column": "A"}
 
 
-def build(*, benchmark: str, mesh: str, element: str, membrane: str = "constant") -> ff.Model:
-    """Model of a benchmark on a mesh such as "60x10"."""
+def build(*, benchmark: str, mesh: str, element: str, membrane: str, **numbers: float) -> ff.Model:
+    """Model of a benchmark on a mesh such as "60x10"; ``numbers`` are those of its kind."""
     found = re.fullmatch(r"([1-9]\d*)x([1-9]\d*)", mesh)
     if found is None:
         raise ValueError(f"shell_statics: mesh must be two numbers of cells like 60x10, got {mesh}")
-    return BENCHMARKS[benchmark]((int(found[1]), int(found[2])), (element, membrane))
+    for name, value in numbers.items():
+        option, known = name.replace("_", "-"), name in NUMBERS[benchmark]
+        if value and not known:
+            raise ValueError(f"shell_statics: {benchmark} has no {option}, but {value:g} is given")
+        if not value and known and name != "poisson_ratio":
+            raise ValueError(f"shell_statics: {option} of {benchmark} must be above 0, got 0")
+    return BENCHMARKS[benchmark]((int(found[1]), int(found[2])), (element, membrane), numbers)
+
+
+#: What the numbers are, their unit and their largest value.
+KINDS = {
+    "radius": ("of the shell, the outer one of the annulus", "", None),
+    "inner_radius": ("of the annulus", "", None),
+    "length": ("along the axis of a cylinder or the strip", "", None),
+    "width": ("of the strip, of the roof along its arc", "", None),
+    "hole": ("from the pole of the hemisphere to its edge", "deg", 89.0),
+    "thickness": ("of the shell", "", None),
+    "youngs_modulus": ("of the material", "", None),
+    "poisson_ratio": ("of the material", "", 0.5),
+    "load": ("at t = 1: force, of the annulus per length", "", None),
+    "displacement": ("at t = 1, of the pinched cylinder", "", None),
+}
+
+
+def _numbers(benchmark: str) -> dict[str, float]:
+    """Defaults of a benchmark; 0 for what it does not have."""
+    return {name: NUMBERS[benchmark].get(name, 0.0) for name in KINDS}
 
 
 CASE = ff.Case(
@@ -245,15 +306,21 @@ CASE = ff.Case(
         ff.Option(
             "membrane", str, "constant", "strains of the membrane", choices=("constant", "smoothed")
         ),
+        *(
+            ff.Option(name, float, NUMBERS["annulus"].get(name, 0.0), what, unit=unit, minimum=0.0,
+                      maximum=largest)
+            for name, (what, unit, largest) in KINDS.items()
+        ),
     ),
     analysis=ff.STATICS,
     stabilise=True,
     presets={
         "benchmark": {
-            "cantilever": {"mesh": "32x2", "load_steps": 5},
-            "hemisphere": {"mesh": "24x24"},
-            "pullout": {"mesh": "36x24", "load_steps": 20},
+            "cantilever": {"mesh": "32x2", "load_steps": 5, **_numbers("cantilever")},
+            "hemisphere": {"mesh": "24x24", **_numbers("hemisphere")},
+            "pullout": {"mesh": "36x24", "load_steps": 20, **_numbers("pullout")},
             "pinched": {
+                **_numbers("pinched"),
                 "mesh": "64x16",
                 "element": "director",
                 "load_steps": 36,
@@ -261,13 +328,13 @@ CASE = ff.Case(
                 "stop_column": "force_fz",
                 "stop_value": -3e3,
             },
-            "roof": {"mesh": "16x16", "stop_value": 30.0, **_PATH},
-            "thin_roof": {"mesh": "16x16", "stop_value": 30.0, **_PATH},
+            "roof": {"mesh": "16x16", "stop_value": 30.0, **_PATH, **_numbers("roof")},
+            "thin_roof": {"mesh": "16x16", "stop_value": 30.0, **_PATH, **_numbers("thin_roof")},
         }
     },
     smoke={"benchmark": "cantilever", "mesh": "6x1", "load_steps": 2, "t_end": 0.2},
     results=lambda history: {name: float(history[name][-1]) for name in "ABC" if name in history},
-)
+)  # fmt: skip
 
 if __name__ == "__main__":
     sys.exit(ff.main(CASE))

@@ -7,10 +7,10 @@ run along X: by hinges, or with ``--hinges clamped`` as if they were folded of o
 folds then spring back to the angles that they have in the pile. Folded they lie on one another with
 a pitch of 10 mm along Z (``--pitch``). The bottom side of panel 1 is hinged to the container. The
 top side of the last one hangs on a rigid beam of 1 kg, and this on a tensioning spring (200 N/m and
-5 N s/m) whose other end the mast lifts along Z: the speed rises within 2 s (``--ramp``) to 0.1 m/s
-(``--speed``) by a fifth-order polynomial, stays, and falls the same way, so that the flat blanket
-has the tension ``--tension`` at the end, and is held there. An odd number of panels ends on the
-other side, and leans. No gravity.
+5 N s/m) whose other end, of 0.1 kg, the mast lifts along Z: the speed rises within 2 s (``--ramp``)
+to 0.1 m/s (``--speed``) by a fifth-order polynomial, stays, and falls the same way, so that the
+flat blanket has the tension ``--tension`` at the end, and is held there. An odd number of panels
+ends on the other side, and leans. No gravity.
 
 Two guide wires of steel (2 mm, E = 210e9 N/m^2, nu = 0.25, rho = 7850 kg/m^3) stand at y = 0, 0.3 m
 from the sides of the panels, clamped 0.2 m below the container and pulled up by 10 N
@@ -62,7 +62,6 @@ import numpy.typing as npt
 
 import flexfem as ff
 
-BEYOND = 0.2
 Z = (0.0, 0.0, 1.0)
 HINGES = {"free": ff.HingeLine, "clamped": ff.ClampedLine}
 Points = npt.NDArray[np.float64]
@@ -86,6 +85,8 @@ class Numbers:
     spring: float
     damper: float
     beam_mass: float
+    mast_mass: float
+    wire_overhang: float
     wire_tension: float
     wire_inset: float
     wire_diameter: float
@@ -176,9 +177,10 @@ def add_wires(model: ff.Model, panels: int, elements: int, numbers: Numbers) -> 
     """Guide wires with the grommets that slide on them."""
     material = ff.Material(numbers.wire_modulus, numbers.wire_poisson_ratio, numbers.wire_density)
     section = ff.Section.circle(numbers.wire_diameter, material)
-    top, pull = panels * numbers.width + BEYOND, ff.SmoothStep(0.0, numbers.ramp)
+    beyond = numbers.wire_overhang
+    top, pull = panels * numbers.width + beyond, ff.SmoothStep(0.0, numbers.ramp)
     for side, x in numbers.wires.items():
-        wire, ends = f"wire_{side}", ((x, 0.0, -BEYOND), (x, 0.0, top))
+        wire, ends = f"wire_{side}", ((x, 0.0, -beyond), (x, 0.0, top))
         curve = ff.NurbsCurve.line(*ends, elements=elements)
         start, end = ff.Marker(wire, "start"), ff.Marker(wire, "end")
         force = (0.0, 0.0, numbers.wire_tension)
@@ -204,7 +206,7 @@ def add_mast(model: ff.Model, panels: int, numbers: Numbers) -> None:
     way = flat - panels * numbers.pitch + numbers.tension / numbers.spring
     lift = Lift(way, numbers.speed, numbers.ramp)
     shape = ff.Cylinder(0.01, numbers.length)
-    for name, mass in (("beam", numbers.beam_mass), ("mast", 0.1 * numbers.beam_mass)):
+    for name, mass in (("beam", numbers.beam_mass), ("mast", numbers.mast_mass)):
         model.add(
             ff.RigidBody(name, mass, (mass, 0.01 * mass, mass), position=top.position, shape=shape),
             ff.Prismatic(f"{name}_guide", top, ff.Marker(name), axis=Z),
@@ -334,8 +336,10 @@ CASE = ff.Case(
         ff.Option("spring", float, 200.0, "that tensions", unit="N/m", above=0.0),
         ff.Option("damper", float, 5.0, "beside the spring", unit="N s/m", minimum=0.0),
         ff.Option("beam_mass", float, 1.0, "of the beam on top", unit="kg", above=0.0),
+        ff.Option("mast_mass", float, 0.1, "of what the drive moves", unit="kg", above=0.0),
         ff.Option("wire_elements", int, 40, "elements of a guide wire", minimum=1),
         ff.Option("wire_tension", float, 10.0, "force at its top", unit="N", minimum=0.0),
+        ff.Option("wire_overhang", float, 0.2, "beyond the blanket", unit="m", above=0.0),
         ff.Option("wire_inset", float, 0.3, "from the short sides", unit="m", above=0.0),
         ff.Option("wire_diameter", float, 2e-3, "of a guide wire", unit="m", above=0.0),
         ff.Option("wire_modulus", float, 210e9, "Young's, of the wires", unit="Pa", above=0.0),

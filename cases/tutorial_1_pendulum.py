@@ -22,20 +22,23 @@ import numpy as np
 import flexfem as ff
 
 
-def build(*, elements: int, stiffness: float) -> ff.Model:
-    """Model with ``elements`` elements along the rod, of a material with this Young's modulus."""
+def build(
+    *, elements: int, length: float, diameter: float, youngs_modulus: float, density: float,
+    mass: float, gravity: float,
+) -> ff.Model:  # fmt: skip
+    """Model with ``elements`` elements along the rod and a bob of this mass."""
     # a line of the mesh, and what the rod is made of
-    mesh = ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]}, elements)
-    rubber = ff.Material(youngs_modulus=stiffness, poisson_ratio=0.49, density=1100.0)
+    mesh = ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), (length, 0.0, 0.0)]}, elements)
+    rubber = ff.Material(youngs_modulus, poisson_ratio=0.49, density=density)
 
     # markers are the places where things attach
     hinge, middle, end = (ff.Marker("rod", place) for place in ("start", 0.5, "end"))
 
     model = ff.Model("tutorial_1_pendulum", mesh=mesh)
     model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
-        ff.Beam("rod", ff.Section.circle(0.02, rubber), orientation=(0.0, 1.0, 0.0)),
-        ff.PointMass("bob", 0.2, end),
+        ff.Gravity((0.0, 0.0, -gravity)),
+        ff.Beam("rod", ff.Section.circle(diameter, rubber), orientation=(0.0, 1.0, 0.0)),
+        ff.PointMass("bob", mass, end),
         ff.Revolute("hinge", ff.Ground(), hinge, axis=(0.0, 1.0, 0.0)),
     )
 
@@ -64,7 +67,12 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.Option("elements", int, 16, "beam elements of the rod", minimum=2),
-        ff.Option("stiffness", float, 5e7, "Young's modulus", unit="N/m^2", above=0.0),
+        ff.Option("length", float, 1.0, "of the rod", unit="m", above=0.0),
+        ff.Option("diameter", float, 0.02, "of the rod", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 5e7, "of the rod", unit="N/m^2", above=0.0),
+        ff.Option("density", float, 1100.0, "of the rod", unit="kg/m^3", above=0.0),
+        ff.Option("mass", float, 0.2, "of the bob", unit="kg", above=0.0),
+        ff.Option("gravity", float, 9.81, "along -Z", unit="m/s^2"),
     ),
     dt=2e-3,
     t_end=2.0,

@@ -21,18 +21,22 @@ import sys
 
 import flexfem as ff
 
-A, B, C, D = (0.0, 0.0, 0.0), (0.0, 0.1, 0.0), (0.35, 0.3, 0.0), (0.4, 0.0, 0.0)
+A, C, D = (0.0, 0.0, 0.0), (0.35, 0.3, 0.0), (0.4, 0.0, 0.0)
 Z = (0.0, 0.0, 1.0)
 
 
-def build(*, elements: int, period: float) -> ff.Model:
+def build(
+    *, elements: int, crank: float, width: float, height: float, youngs_modulus: float,
+    density: float, period: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements a bar that goes round once."""
+    B = (0.0, crank, 0.0)
     bars = {"crank": (A, B), "coupler": (B, C), "rocker": (C, D)}
     model = ff.Model("tutorial_2_four_bar", mesh=ff.LineMesh.straight(bars, elements))
 
     # every bar has nodes of its own, also where two of them meet: joints join them
-    steel = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
-    section = ff.Section.rectangle(0.01, 0.004, steel)
+    steel = ff.Material(youngs_modulus, poisson_ratio=0.3, density=density)
+    section = ff.Section.rectangle(width, height, steel)
     model.add(*(ff.Beam(name, section, orientation=Z) for name in bars))
 
     start = {name: ff.Marker(name, "start") for name in bars}
@@ -71,6 +75,11 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.Option("elements", int, 4, "beam elements of each bar", minimum=1),
+        ff.Option("crank", float, 0.1, "its length", unit="m", above=0.0, maximum=0.2),
+        ff.Option("width", float, 0.01, "of the bars, along Z", unit="m", above=0.0),
+        ff.Option("height", float, 0.004, "of the bars, in their plane", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 2.1e11, "of the bars", unit="N/m^2", above=0.0),
+        ff.Option("density", float, 7850.0, "of the bars", unit="kg/m^3", above=0.0),
         ff.Option("period", float, 0.5, "duration of the turn", unit="s", above=0.0),
     ),
     dt=1e-3,

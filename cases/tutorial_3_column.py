@@ -20,24 +20,26 @@ Run: ``python cases/tutorial_3_column.py``, then
 
 import math
 import sys
+from functools import partial
 
 import flexfem as ff
 
-HEIGHT, WIDTH, THICKNESS = 1.0, 0.02, 0.002
-STEEL = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 
-
-def build(*, elements: int, imperfection: float) -> ff.Model:
+def build(
+    *, elements: int, length: float, width: float, thickness: float, youngs_modulus: float,
+    imperfection: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements and a side force of this part of Euler's load."""
-    mesh = ff.LineMesh.straight({"column": [(0.0, 0.0, 0.0), (0.0, 0.0, HEIGHT)]}, elements)
-    bending = STEEL.youngs_modulus * WIDTH * THICKNESS**3 / 12.0
-    euler = math.pi**2 * bending / (4.0 * HEIGHT**2)
+    mesh = ff.LineMesh.straight({"column": [(0.0, 0.0, 0.0), (0.0, 0.0, length)]}, elements)
+    steel = ff.Material(youngs_modulus, poisson_ratio=0.3, density=7850.0)
+    bending = youngs_modulus * width * thickness**3 / 12.0
+    euler = math.pi**2 * bending / (4.0 * length**2)
 
     foot, head = ff.Marker("column", "start"), ff.Marker("column", "end")
     model = ff.Model("tutorial_3_column", mesh=mesh)
     model.add(
         # width along e2, thickness along e3: it bends about Y
-        ff.Beam("column", ff.Section.rectangle(WIDTH, THICKNESS, STEEL), orientation=(0, 1, 0)),
+        ff.Beam("column", ff.Section.rectangle(width, thickness, steel), orientation=(0, 1, 0)),
         ff.Rigid("clamp", ff.Ground(), foot),
         ff.PrescribedDisplacement("guide", ff.Ground(), head, axis=(0.0, 1.0, 0.0)),
         # loads without an amplitude grow in proportion to the load factor
@@ -47,15 +49,15 @@ def build(*, elements: int, imperfection: float) -> ff.Model:
         model.add(
             ff.PointForce("nudge", head, (imperfection * euler, 0.0, 0.0), amplitude=lambda t: 1.0)
         )
-    model.add(ff.Probe("head", head, ("down", "aside", "tilt"), _way))
+    model.add(ff.Probe("head", head, ("down", "aside", "tilt"), partial(_way, length)))
     return model
 
 
-def _way(t: float, head: ff.MarkerState) -> tuple[float, float, float]:
+def _way(length: float, t: float, head: ff.MarkerState) -> tuple[float, float, float]:
     """Way of the head and the angle of its tangent from the vertical."""
     x, _, z = head.position
     tangent = head.rotation[:, 2]  # markers have the inertial axes at the start
-    return HEIGHT - z, x, math.atan2(tangent[0], tangent[2])
+    return length - z, x, math.atan2(tangent[0], tangent[2])
 
 
 CASE = ff.Case(
@@ -65,6 +67,10 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.Option("elements", int, 20, "beam elements of the column", minimum=2),
+        ff.Option("length", float, 1.0, "of the column", unit="m", above=0.0),
+        ff.Option("width", float, 0.02, "of its section", unit="m", above=0.0),
+        ff.Option("thickness", float, 0.002, "of its section", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 2.1e11, "of the column", unit="N/m^2", above=0.0),
         ff.Option(
             "imperfection", float, 1e-3, "side force, part of Euler's load", minimum=0, maximum=1
         ),

@@ -23,22 +23,24 @@ import sys
 
 import flexfem as ff
 
-LENGTH, MASS = 0.5, 2.0
 AXIS = (0.0, 0.0, 1.0)
 
 
-def build(*, elements: int, radius: float) -> ff.Model:
+def build(
+    *, elements: int, length: float, diameter: float, youngs_modulus: float, density: float,
+    radius: float, mass: float,
+) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements along the shaft and a thin disk of this radius."""
-    mesh = ff.LineMesh.straight({"shaft": [(0.0, 0.0, 0.0), (0.0, 0.0, LENGTH)]}, elements)
-    steel = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+    mesh = ff.LineMesh.straight({"shaft": [(0.0, 0.0, 0.0), (0.0, 0.0, length)]}, elements)
+    steel = ff.Material(youngs_modulus, poisson_ratio=0.3, density=density)
     start, end = ff.Marker("shaft", "start"), ff.Marker("shaft", "end")
-    about, across = MASS * radius**2 / 2.0, MASS * radius**2 / 4.0
+    about, across = mass * radius**2 / 2.0, mass * radius**2 / 4.0
 
     model = ff.Model("tutorial_4_rotor", mesh=mesh)
     model.add(
-        ff.Beam("shaft", ff.Section.circle(0.012, steel), orientation=(1.0, 0.0, 0.0)),
+        ff.Beam("shaft", ff.Section.circle(diameter, steel), orientation=(1.0, 0.0, 0.0)),
         ff.RigidBody(
-            "disk", MASS, (across, across, about), position=(0.0, 0.0, LENGTH),
+            "disk", mass, (across, across, about), position=(0.0, 0.0, length),
             shape=ff.Cylinder(radius=radius, length=0.01, axis=AXIS),
         ),
         ff.Rigid("fit", end, ff.Marker("disk")),
@@ -56,7 +58,12 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.Option("elements", int, 16, "beam elements of the shaft", minimum=2),
-        ff.Option("radius", float, 0.12, "radius of the disk", unit="m", above=0.0),
+        ff.Option("length", float, 0.5, "of the shaft", unit="m", above=0.0),
+        ff.Option("diameter", float, 0.012, "of the shaft", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 2.1e11, "of the shaft", unit="N/m^2", above=0.0),
+        ff.Option("density", float, 7850.0, "of the shaft", unit="kg/m^3", above=0.0),
+        ff.Option("radius", float, 0.12, "of the disk", unit="m", above=0.0),
+        ff.Option("mass", float, 2.0, "of the disk", unit="kg", above=0.0),
     ),
     analysis=ff.CAMPBELL,
     modes=6,

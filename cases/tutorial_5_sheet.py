@@ -2,7 +2,8 @@
 """Tutorial 5: a shell that falls on an obstacle.
 
 A rubber sheet of 0.4 x 0.2 m (thickness 2 mm, E = 5e6 N/m^2, nu = 0.45, rho = 1100 kg/m^3) is
-clamped along one short edge and falls from the horizontal on a rigid cylinder of 40 mm radius.
+clamped along one short edge and falls from the horizontal on a rigid cylinder of 40 mm radius below
+its middle, whose axis is twice the radius deep.
 
 History: ``corner_x``, ``corner_y``, ``corner_z`` (m) of a free corner; ``touch_penetration`` (m),
 ``touch_fx``, ``touch_fy``, ``touch_fz`` (N), the force of the cylinder on the sheet, and
@@ -19,25 +20,28 @@ import sys
 import flexfem as ff
 
 
-def build(*, mesh: str, element: str, friction: float) -> ff.Model:
+def build(
+    *, mesh: str, element: str, length: float, width: float, thickness: float,
+    youngs_modulus: float, density: float, radius: float, friction: float, gravity: float,
+) -> ff.Model:  # fmt: skip
     """Model with so many nodes along and across the sheet."""
     along, across = ff.grid_nodes(mesh)
-    surface = ff.SurfaceMesh.rectangle("sheet", (0.4, 0.2), (along - 1, across - 1))
-    rubber = ff.Material(youngs_modulus=5e6, poisson_ratio=0.45, density=1100.0)
+    surface = ff.SurfaceMesh.rectangle("sheet", (length, width), (along - 1, across - 1))
+    rubber = ff.Material(youngs_modulus, poisson_ratio=0.45, density=density)
 
     model = ff.Model("tutorial_5_sheet", surface=surface)
     model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Gravity((0.0, 0.0, -gravity)),
         ff.Shell(
-            "sheet", ff.ShellSection.isotropic(0.002, rubber), element=element, damping=2e-3,
+            "sheet", ff.ShellSection.isotropic(thickness, rubber), element=element, damping=2e-3,
             edges={"sheet_left": "clamped"},
         ),
     )  # fmt: skip
 
     # a cylinder around the z axis of its place, which is turned to lie along Y
     lying = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
-    place = ff.Ground((0.2, 0.1, -0.08), lying)
-    roller = ff.RigidCylinder(place, radius=0.04)
+    place = ff.Ground((0.5 * length, 0.5 * width, -2.0 * radius), lying)
+    roller = ff.RigidCylinder(place, radius=radius)
     model.add(
         ff.Contact("landing", "sheet", surfaces=roller, friction=friction),
         ff.ContactProbe("touch", "landing"),
@@ -54,7 +58,14 @@ CASE = ff.Case(
     options=(
         ff.GridOption("mesh", "17x9", "nodes along and across the sheet"),
         ff.Option("element", str, "rotation_free", "kind of shell", choices=ff.SHELL_ELEMENTS),
+        ff.Option("length", float, 0.4, "of the sheet", unit="m", above=0.0),
+        ff.Option("width", float, 0.2, "of the sheet", unit="m", above=0.0),
+        ff.Option("thickness", float, 0.002, "of the sheet", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 5e6, "of the sheet", unit="N/m^2", above=0.0),
+        ff.Option("density", float, 1100.0, "of the sheet", unit="kg/m^3", above=0.0),
+        ff.Option("radius", float, 0.04, "of the cylinder", unit="m", above=0.0),
         ff.Option("friction", float, 0.3, "between sheet and cylinder", minimum=0.0),
+        ff.Option("gravity", float, 9.81, "along -Z", unit="m/s^2"),
     ),
     dt=1e-3,
     t_end=0.6,

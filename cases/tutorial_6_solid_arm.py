@@ -22,20 +22,23 @@ from pathlib import Path
 
 import flexfem as ff
 
-LENGTH = 0.6
 Z = (0.0, 0.0, 1.0)
 
 
-def build(*, size: float, internal_modes: int, time: float, reduced: str) -> ff.Model:
+def build(
+    *, size: float, internal_modes: int, length: float, width: float, youngs_modulus: float,
+    density: float, mass: float, angle: float, time: float, reduced: str,
+) -> ff.Model:  # fmt: skip
     """Model of a mesh with edges of this size, turned within so many seconds."""
-    arm = _arm(size, internal_modes, reduced)
+    aluminium = ff.Material(youngs_modulus, poisson_ratio=0.33, density=density)
+    arm = _arm(aluminium, length, width, size, internal_modes, reduced)
     big, small = ff.Marker("arm", "big_end"), ff.Marker("arm", "small_end")
-    drive = ff.SmoothStep(0.0, time, 0.0, 0.5 * math.pi)
+    drive = ff.SmoothStep(0.0, time, 0.0, math.radians(angle))
 
     model = ff.Model("tutorial_6_solid_arm")
     model.add(
         ff.FloatingBody("arm", arm),
-        ff.PointMass("load", 1.0, small),
+        ff.PointMass("load", mass, small),
         ff.Revolute("pin", ff.Ground(), big, axis=Z),
         ff.PrescribedAngle("motor", ff.Ground(), big, axis=Z, angle=drive),
         ff.PositionProbe("tip", small),
@@ -50,13 +53,14 @@ def build(*, size: float, internal_modes: int, time: float, reduced: str) -> ff.
     return model
 
 
-def _arm(size: float, modes: int, file: str) -> ff.ReducedBody:
+def _arm(
+    aluminium: ff.Material, length: float, width: float, size: float, modes: int, file: str
+) -> ff.ReducedBody:
     """The arm's mesh, its elasticity, and its reduction to two interfaces and some modes."""
     if file and Path(file).exists():
         return ff.load_reduced_body(file)
-    mesh = ff.build_body_mesh("connecting_rod", length=LENGTH, width=0.015, size=size)
-    aluminium = ff.Material(youngs_modulus=7e10, poisson_ratio=0.33, density=2700.0)
-    eyes = {"big_end": (0.0, 0.0, 0.0), "small_end": (LENGTH, 0.0, 0.0)}
+    mesh = ff.build_body_mesh("connecting_rod", length=length, width=width, size=size)
+    eyes = {"big_end": (0.0, 0.0, 0.0), "small_end": (length, 0.0, 0.0)}
     body = ff.reduce_body(
         ff.solid_body(mesh.mesh, aluminium, name="arm"),
         {name: mesh.facets(name) for name in eyes},
@@ -76,6 +80,12 @@ CASE = ff.Case(
     options=(
         ff.Option("size", float, 0.012, "edges of the tetrahedra", unit="m", above=0.0),
         ff.Option("internal_modes", int, 6, "modes besides the motions of the eyes", minimum=0),
+        ff.Option("length", float, 0.6, "from eye to eye", unit="m", above=0.0),
+        ff.Option("width", float, 0.015, "of the shank, in the plane", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 7e10, "of the arm", unit="N/m^2", above=0.0),
+        ff.Option("density", float, 2700.0, "of the arm", unit="kg/m^3", above=0.0),
+        ff.Option("mass", float, 1.0, "of the load", unit="kg", above=0.0),
+        ff.Option("angle", float, 90.0, "of the turn", unit="deg"),
         ff.Option("time", float, 0.5, "duration of the turn", unit="s", above=0.0),
         ff.Option("reduced", str, "", "file of the reduced arm: read if there, else written"),
     ),

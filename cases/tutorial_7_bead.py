@@ -18,21 +18,22 @@ import sys
 
 import flexfem as ff
 
-RADIUS, HEIGHT = 0.3, 0.8
 
-
-def build(*, shape: str, elements: int, diameter: float, friction: float) -> ff.Model:
+def build(
+    *, shape: str, elements: int, radius: float, height: float, diameter: float,
+    youngs_modulus: float, density: float, mass: float, friction: float, gravity: float,
+) -> ff.Model:  # fmt: skip
     """Model with a wire of this shape and so many cubic elements."""
-    wire = _wire(shape, elements)
-    steel = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+    wire = _wire(shape, elements, radius, height)
+    steel = ff.Material(youngs_modulus, poisson_ratio=0.3, density=density)
     slide = ff.Sliding("slide", ff.Carrier("wire"), ff.Marker("bead"))
     slider = ff.SlidingMarker("slide")
 
     model = ff.Model("tutorial_7_bead")
     model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Gravity((0.0, 0.0, -gravity)),
         ff.Beam("wire", ff.Section.circle(diameter, steel), curve=wire),
-        ff.RigidBody("bead", 0.5, (2e-4, 2e-4, 2e-4),
+        ff.RigidBody("bead", mass, (4e-4 * mass,) * 3,
                      position=wire.position(wire.parameter_at(0.02)), shape=ff.Sphere(0.03)),
         ff.Rigid("top", ff.Ground(wire.position(0.0)), ff.Marker("wire", "start")),
         ff.Rigid("foot", ff.Ground(wire.position(1.0)), ff.Marker("wire", "end")),
@@ -50,15 +51,15 @@ def build(*, shape: str, elements: int, diameter: float, friction: float) -> ff.
     return model
 
 
-def _wire(shape: str, elements: int) -> ff.NurbsCurve:
+def _wire(shape: str, elements: int, radius: float, height: float) -> ff.NurbsCurve:
     """Curve from the top to the foot."""
-    top = (RADIUS, 0.0, HEIGHT)
+    top = (radius, 0.0, height)
     if shape == "line":
-        return ff.NurbsCurve.line(top, (-RADIUS, 0.0, 0.0), degree=3, elements=elements)
+        return ff.NurbsCurve.line(top, (-radius, 0.0, 0.0), degree=3, elements=elements)
     angle = 3.0 * math.pi
-    pitch = -HEIGHT / (angle / (2.0 * math.pi))
+    pitch = -height / (angle / (2.0 * math.pi))
     return ff.NurbsCurve.helix(
-        (0.0, 0.0, HEIGHT), top, (0.0, 0.0, 1.0), angle, pitch, elements=elements
+        (0.0, 0.0, height), top, (0.0, 0.0, 1.0), angle, pitch, elements=elements
     )
 
 
@@ -70,8 +71,14 @@ CASE = ff.Case(
     options=(
         ff.Option("shape", str, "helix", "of the wire", choices=("helix", "line")),
         ff.Option("elements", int, 32, "cubic elements of the wire", minimum=2),
+        ff.Option("radius", float, 0.3, "of the helix", unit="m", above=0.0),
+        ff.Option("height", float, 0.8, "of its top", unit="m", above=0.0),
         ff.Option("diameter", float, 0.012, "of the wire", unit="m", above=0.0),
+        ff.Option("youngs_modulus", float, 2.1e11, "of the wire", unit="N/m^2", above=0.0),
+        ff.Option("density", float, 7850.0, "of the wire", unit="kg/m^3", above=0.0),
+        ff.Option("mass", float, 0.5, "of the bead", unit="kg", above=0.0),
         ff.Option("friction", float, 0.1, "Coulomb's coefficient", minimum=0.0),
+        ff.Option("gravity", float, 9.81, "along -Z", unit="m/s^2", above=0.0),
     ),
     dt=2e-3,
     t_end=4.0,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Straight beam from (6, 0, 0) to (0, 8, 0), metres (Simo, Vu-Quoc 1988).
+"""Straight beam from (base, 0, 0) to (0, height, 0) (Simo, Vu-Quoc 1988: 6 and 8).
 
-Line: beam. Points: lower (6, 0, 0) and upper (0, 8, 0).
+Line: beam. Points: lower and upper, its ends.
 
     python meshes/flying_spaghetti.py --elements 40 --output flying_spaghetti.msh
 """
@@ -11,10 +11,10 @@ import gmsh
 from flexfem.mesh.library import run_script
 
 
-def build(*, elements: int = 40) -> None:
+def build(*, elements: int = 40, base: float = 6.0, height: float = 8.0) -> None:
     """Build the beam with `elements` cells."""
     geo = gmsh.model.geo
-    lower, upper = geo.addPoint(6.0, 0.0, 0.0), geo.addPoint(0.0, 8.0, 0.0)
+    lower, upper = geo.addPoint(base, 0.0, 0.0), geo.addPoint(0.0, height, 0.0)
     beam = geo.addLine(lower, upper)
     geo.mesh.setTransfiniteCurve(beam, elements + 1)
     geo.addPhysicalGroup(1, [beam], name="beam")

@@ -34,7 +34,8 @@ def copy_case(source: Path, target: Path) -> list[Path]:
     if target.suffix != ".py" or not target.stem.isidentifier():
         raise ValueError(f"'{target}' must be a Python file, its name of letters, digits and _")
     text = source.read_text(encoding="utf-8").replace(f"cases/{source.name}", str(target))
-    for before, new in {"run ": str(target), "results/": target.stem}.items():
+    commands = {"run ": str(target), "sweep ": str(target), "results/": target.stem}
+    for before, new in commands.items():
         pieces = re.split(rf"\b{before}{source.stem}\b", text)  # in the commands of its text
         text = f"{before}{new}".join(pieces)
     changed, meshes = _for_user(text, target.stem)

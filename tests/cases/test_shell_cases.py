@@ -95,3 +95,52 @@ def test_numbers_reach_the_models() -> None:
     assert strips.surface is not None
     assert strips.surface.areas.sum() == pytest.approx(3.0 * np.pi * 0.2, rel=0.01)
     assert strips["strip_1"].section.mass == pytest.approx(1.0)
+
+
+@pytest.mark.serial
+def test_numbers_of_the_benchmarks() -> None:
+    """Each benchmark brings its own along, and takes others."""
+    model = built("shell_statics", benchmark="hemisphere", mesh="4x4", load=600.0, radius=5.0)
+    assert model.surface is not None
+    assert np.linalg.norm(model.surface.points, axis=1) == pytest.approx(5.0)
+    assert tuple(model["pull"].force) == (300.0, 0.0, 0.0)  # half of it, on the quarter
+    assert model["shell"].section.thickness == 0.04
+    roof = built("shell_statics", benchmark="thin_roof", mesh="4x4", width=254.0)
+    assert roof.surface is not None
+    assert roof.surface.points[:, 0].max() == pytest.approx(2540.0 * np.sin(0.05))
+    assert roof["shell"].section.thickness == 6.35
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"benchmark": "roof", "inner_radius": 3.0}, "roof has no inner-radius, but 3 is given"),
+        ({"inner_radius": 12.0}, "inner-radius must be below the radius 10, got 12"),
+        ({"benchmark": "pinched", "displacement": 0.0}, "displacement of pinched must be above 0"),
+    ],
+)
+def test_numbers_that_a_benchmark_refuses(given: dict[str, object], message: str) -> None:
+    """Nothing that is given is left out unsaid."""
+    with pytest.raises(ValueError, match=message):
+        built("shell_statics", mesh="4x4", **given)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("name", "given", "far"),
+    [
+        ("tutorial_1_pendulum", {"length": 2.0}, (2.0, 0.0, 0.0)),
+        ("tutorial_2_four_bar", {"crank": 0.15}, (0.4, 0.3, 0.0)),
+        ("tutorial_3_column", {"length": 2.0}, (0.0, 0.0, 2.0)),
+        ("tutorial_4_rotor", {"length": 0.4}, (0.0, 0.0, 0.4)),
+        ("flying_spaghetti", {"base": 3.0, "height": 4.0}, (3.0, 4.0, 0.0)),
+    ],
+)
+def test_lengths_reach_the_lines(
+    name: str, given: dict[str, float], far: tuple[float, float, float]
+) -> None:
+    """Beams are as long as their options say."""
+    mesh = built(name, elements=2, **given).mesh
+    assert mesh is not None
+    assert mesh.points.max(axis=0) == pytest.approx(far)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Copies of cases run by their own files; nothing of the user's is replaced."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,8 @@ def test_every_case(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str
     text = file.read_text()
     assert all(f'mesh("{mesh}"' not in text for mesh in shipped_files("meshes"))
     assert f"cases/{name}.py" not in text
+    # commands of its text run the copy: a sweep of the shipped case would leave changes out
+    assert re.search(rf"(run|sweep) {name}\b|results/{name}\b", text) is None
 
 
 def test_copy_follows_its_mesh(tmp_path: Path) -> None:

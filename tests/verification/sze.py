@@ -90,7 +90,7 @@ def solve(
     Raises:
         RuntimeError: it does not get there.
     """
-    model = load_case("shell_statics").build(
+    model = load_case("shell_statics").model(
         benchmark=benchmark, mesh=mesh, element=element, membrane=membrane
     )
     known = BENCHMARKS[benchmark]

@@ -42,7 +42,7 @@ def test_smoothed_membranes_bend_without_stretching():
     "membrane", ["constant", pytest.param("smoothed", marks=pytest.mark.three_ranks)]
 )
 def test_split_shell_finds_the_same_equilibrium(membrane):
-    model = load_case("shell_statics").build(
+    model = load_case("shell_statics").model(
         benchmark="hemisphere", mesh="6x6", element="rotation_free", membrane=membrane
     )
     options = ff.StaticOptions(load_steps=3, stabilise=True, quiet=True, split_above=1)
@@ -75,7 +75,7 @@ def test_start_in_equilibrium_stays_there():
 @pytest.mark.serial
 def test_displacement_prescribed_up_to_a_force():
     """The pinched cylinder, up to an eighth of its load."""
-    model = load_case("shell_statics").build(benchmark="pinched", mesh="20x6", element="director")
+    model = load_case("shell_statics").model(benchmark="pinched", mesh="20x6", element="director")
     options = ff.StaticOptions(
         load_steps=3, t_end=0.225, stop_column="force_fz", stop_value=-360.0, quiet=True
     )

@@ -77,8 +77,9 @@ def _pinched_gently() -> Result:
     """The same cylinder under a small force, with smaller cells towards it."""
     case = load_module(shipped_files("cases")["shell_statics"], "verification")
     model = case.shell(
-        "gentle", (64, 64), ((0.0, 0.5 * pi), (0.0, 100.0)), case.cylinder(100.0), 1.0, (3e4, 0.3),
-        ("rotation_free", "constant"), case.EIGHTH, {"top": "xz"}, growth=(6.0, 6.0),
+        "gentle", (64, 64), ((0.0, 0.5 * pi), (0.0, 100.0)), case.cylinder(100.0),
+        case.NUMBERS["pinched"], ("rotation_free", "constant"), case.EIGHTH, {"top": "xz"},
+        growth=(6.0, 6.0),
     )  # fmt: skip
     loaded, force = "bottom_left", 1e-3
     model.add(ff.PointForce("load", case.corner(loaded), (0.0, 0.0, -0.25 * force)))
