@@ -107,7 +107,7 @@ class BeamGroup:
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
         add_residual(
-            self._residual.batch, self._residual.offsets, gravity,
+            self._residual.address, self._residual.offsets, gravity,
             *(self._assumed_data(block) if self.assumed_forces else self.cell_data),
             block.frames, block.velocity, block.acceleration, scale, block.residual,
         )  # fmt: skip

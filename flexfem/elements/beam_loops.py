@@ -5,8 +5,8 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_kernels import step_rates_into
-from flexfem.la.batch import LANES
-from flexfem.la.kernel import tabulate, tabulate_batch
+from flexfem.la.kernel import tabulate
+from flexfem.la.lanes import LANES
 from flexfem.lie.compiled import inlined, kernel
 
 __all__ = ["add_action", "add_residual", "add_tangent", "law_values", "linear_resultants"]
@@ -138,7 +138,7 @@ def add_residual(
                 law[lane] = sections[c]
                 _put_laws(data, lane, offsets, laws, law[lane])
         force[:] = 0.0
-        tabulate_batch(address, force, data, gravity, points)
+        tabulate(address, force, data, gravity, points)
         for lane in range(min(LANES, count - first)):
             c = first + lane
             _add_force(cells, c, turned[c], turns, c * turned[c], force, lane, scale, residual)

@@ -17,8 +17,8 @@ from flexfem.elements.nurbs_motion import add_element_motion
 from flexfem.elements.nurbs_tables import gauss, lanes, masses, points, unlaned
 from flexfem.elements.nurbs_tangent import tangent_into
 from flexfem.forms.nurbs_beam import nurbs_forms, strain_form
-from flexfem.la.batch import LANES
 from flexfem.la.kernel import Kernel, compile_kernel
+from flexfem.la.lanes import LANES
 
 __all__ = ["NurbsCells", "NurbsGroup", "NurbsKernels"]
 
@@ -116,7 +116,7 @@ class NurbsGroup:
         strains = np.empty((*tables.shape[:2], 12, LANES))
         kernel = self._kernels.strain
         point_strains(
-            kernel.batch, kernel.offsets, self.data.vectors, cells, tables, starts, frames,
+            kernel.address, kernel.offsets, self.data.vectors, cells, tables, starts, frames,
             velocity, strains,
         )  # fmt: skip
         return strains
@@ -161,7 +161,7 @@ class NurbsGroup:
         """What the loops over quadrature points take of the elements."""
         data = self.data
         return (
-            kernel.batch, kernel.offsets, data.vectors, data.nodes, self._tables,
+            kernel.address, kernel.offsets, data.vectors, data.nodes, self._tables,
             self._weights, starts, data.damping, data.section, self._material.data,
         )  # fmt: skip
 

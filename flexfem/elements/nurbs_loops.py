@@ -20,8 +20,8 @@ from flexfem.elements.nurbs_maps import (
     rates_into,
     twists_into,
 )
-from flexfem.la.batch import LANES
-from flexfem.la.kernel import tabulate_batch
+from flexfem.la.kernel import tabulate
+from flexfem.la.lanes import LANES
 from flexfem.lie.compiled import inlined, kernel
 
 __all__ = [
@@ -176,7 +176,7 @@ def add_residual(
         for q in range(tables.shape[1]):
             put_points(offsets, tables[batch, q], starts[batch, q], places, rates, data)
             force[:] = 0.0
-            tabulate_batch(address, force, data, nothing, points)
+            tabulate(address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
         forces_into(vectors, relative, places, dual, forces)
         _add_forces(cells, first, forces, scale, residual)
@@ -223,7 +223,7 @@ def add_action(
             if offsets[RATE_CHANGE] >= 0:
                 interpolate(tables[batch, q], rate_changes, offsets[RATE_CHANGE], data)
             force[:] = 0.0
-            tabulate_batch(address, force, data, nothing, points)
+            tabulate(address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
             collect(tables[batch, q], weights[batch, q], force, 11, dual_change)
         forces_into(vectors, relative, places, dual_change, forces)
@@ -250,4 +250,4 @@ def point_strains(
         for q in range(tables.shape[1]):
             put_points(offsets, tables[batch, q], starts[batch, q], places, rates, data)
             strains[batch, q] = 0.0
-            tabulate_batch(address, strains[batch, q], data, nothing, points)
+            tabulate(address, strains[batch, q], data, nothing, points)

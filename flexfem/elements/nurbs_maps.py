@@ -24,7 +24,7 @@ from flexfem.elements.nurbs_vector_maps import (
     put_vector_rate_changes,
     put_vector_rates,
 )
-from flexfem.la.batch import LANES
+from flexfem.la.lanes import LANES
 from flexfem.lie._blocks import cross, dot
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel

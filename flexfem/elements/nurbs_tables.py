@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
-from flexfem.la.batch import LANES
+from flexfem.la.lanes import LANES
 from flexfem.mesh.nurbs_basis import power_table, rational
 
 __all__ = ["Masses", "Points", "gauss", "lanes", "masses", "points", "shape_functions", "unlaned"]

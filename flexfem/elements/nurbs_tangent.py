@@ -21,8 +21,8 @@ from flexfem.elements.nurbs_maps import (
     rates_into,
     twists_into,
 )
-from flexfem.la.batch import LANES
-from flexfem.la.kernel import tabulate_batch
+from flexfem.la.kernel import tabulate
+from flexfem.la.lanes import LANES
 from flexfem.lie.compiled import inlined, kernel
 
 __all__ = ["tangent_into"]
@@ -244,7 +244,7 @@ def tangent_into(
         for q in range(tables.shape[1]):
             put_points(offsets, tables[batch, q], starts[batch, q], places, rates, data)
             force[:] = 0.0
-            tabulate_batch(address, force, data, nothing, points)
+            tabulate(address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
             _add_point(tables[batch, q], weights[batch, q], force, _BY_UNKNOWNS, K)
             if viscous:

@@ -13,7 +13,7 @@ its place, the scalar part of a quaternion, is zero here.
 """
 
 from flexfem._types import FloatArray
-from flexfem.la.batch import LANES
+from flexfem.la.lanes import LANES
 from flexfem.lie._blocks import cross, dot
 from flexfem.lie._coefficients import Triple, inverse_coefficient, inverse_derivatives
 from flexfem.lie.compiled import inlined, kernel

@@ -6,8 +6,11 @@ by address from numba code (:func:`tabulate`). The address is an ordinary argume
 that numba can cache the loop on disk.
 """
 
+import hashlib
 import os
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 from mpi4py import MPI
@@ -19,10 +22,10 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from flexfem.la.batch import compile_batch
 from flexfem.la.jit import compile_options
+from flexfem.la.lanes import LANES
 
-__all__ = ["Kernel", "cell_form", "compile_kernel", "tabulate", "tabulate_batch"]
+__all__ = ["Kernel", "cell_form", "compile_kernel", "tabulate"]
 
 #: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums. The
 #: variable is for clusters whose nodes differ, and for those who compile more than they compute.
@@ -30,8 +33,8 @@ _COMPILE_ARGUMENTS = [
     *os.environ.get("FLEXFEM_CFLAGS", "-O3 -march=native -fno-math-errno").split(),
     "-g0",
 ]
-#: Of a kernel for one cell of which loops take the variant for several: only its text is needed.
-_QUICKLY = ["-O0", "-g0"]
+#: FFCx's language backend of kernels that treat several cells.
+_BATCH = "flexfem.la.batch"
 
 
 @dataclass(frozen=True)
@@ -39,17 +42,14 @@ class Kernel:
     """A compiled cell kernel.
 
     Attributes:
-        address: address of the function ``tabulate_tensor_float64``; not optimised where there is a
-            batch.
+        address: address of the function ``tabulate_tensor_float64``.
         offsets: where each coefficient of the form starts in the packed coefficients of one cell,
             -1 for a coefficient that the kernel does not use; one more entry holds the length.
-        batch: address of the variant for several cells at once, 0 if it was not asked for.
-        owner: keeps the loaded modules alive.
+        owner: keeps the loaded module alive.
     """
 
     address: int
     offsets: npt.NDArray[np.int64]
-    batch: int
     owner: Any
 
 
@@ -59,12 +59,22 @@ def cell_form(comm: MPI.Intracomm, form: ufl.Form, *, batched: bool = False) -> 
     Args:
         comm: communicator whose first rank compiles.
         form: form with one cell integral.
-        batched: loops take the variant for several cells.
+        batched: see :func:`compile_kernel`.
     """
     from dolfinx.fem import compile_form
 
-    arguments = _QUICKLY if batched else _COMPILE_ARGUMENTS
-    return compile_form(comm, form, **compile_options(comm, arguments))
+    options = compile_options(comm, [*_COMPILE_ARGUMENTS, *(_batch_arguments() if batched else ())])
+    if batched:
+        options["form_compiler_options"]["language"] = _BATCH
+    return compile_form(comm, form, **options)
+
+
+@cache
+def _batch_arguments() -> tuple[str, ...]:
+    """C compiler arguments of batched kernels; FFCx's cache sees changes of its backend by them."""
+    text = files("flexfem.la").joinpath("batch.py").read_bytes()
+    revision = hashlib.blake2b(text, digest_size=4).hexdigest()
+    return "-fopenmp-simd", f"-DFLEXFEM_LANES={LANES}", f"-DFLEXFEM_BATCH=0x{revision}"
 
 
 def compile_kernel(
@@ -80,7 +90,8 @@ def compile_kernel(
         comm: communicator whose first rank compiles.
         form: form with one cell integral.
         coefficients: the order in which offsets are reported.
-        batched: compile the variant of ``flexfem.la.batch`` as well.
+        batched: one call treats ``LANES`` cells. The data of lane l of entry k of the coefficients
+            and of the tensor are at ``k LANES + l``; constants and coordinates are common to all.
     """
     compiled = cell_form(comm, form, batched=batched)
     ufcx, ffi = compiled.ufcx_form, compiled.module.ffi
@@ -93,10 +104,7 @@ def compile_kernel(
         total += coefficient.ufl_element().dim
     offsets[-1] = total
     kernel = ufcx.form_integrals[0].tabulate_tensor_float64
-    batch, owner = 0, None
-    if batched:
-        batch, owner = compile_batch(comm, compiled.module, _COMPILE_ARGUMENTS)
-    return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, batch, (compiled, owner))
+    return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, compiled)
 
 
 @intrinsic
@@ -112,31 +120,11 @@ def tabulate(typingctx, address, tensor, coefficients, constants, coordinates): 
             ir.VoidType(), [double, double, double, double, integer, byte, byte]
         )
         pointer = builder.inttoptr(arguments[0], function.as_pointer())
-        data = _data(context, builder, sig, arguments)
+        data = [
+            context.make_array(kind)(context, builder, value).data
+            for kind, value in zip(sig.args[1:], arguments[1:], strict=True)
+        ]
         builder.call(pointer, [*data, integer(None), byte(None), byte(None)])
         return context.get_dummy_value()
 
     return signature, codegen
-
-
-@intrinsic
-def tabulate_batch(typingctx, address, tensor, coefficients, constants, coordinates):  # type: ignore
-    """Call a batched kernel; see ``flexfem.la.batch.compile_batch`` for the layout."""
-    signature = types.void(address, tensor, coefficients, constants, coordinates)
-
-    def codegen(context, builder, sig, arguments):  # type: ignore
-        double = ir.DoubleType().as_pointer()
-        function = ir.FunctionType(ir.VoidType(), [double] * 4)
-        pointer = builder.inttoptr(arguments[0], function.as_pointer())
-        builder.call(pointer, _data(context, builder, sig, arguments))
-        return context.get_dummy_value()
-
-    return signature, codegen
-
-
-def _data(context, builder, sig, arguments):  # type: ignore
-    """Pointers to the data of the array arguments after the address."""
-    return [
-        context.make_array(kind)(context, builder, value).data
-        for kind, value in zip(sig.args[1:], arguments[1:], strict=True)
-    ]

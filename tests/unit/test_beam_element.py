@@ -223,8 +223,7 @@ def _dolfinx(beam, points, table, start, damping):
         constants = {c: dolfinx.fem.Constant(mesh, v) for c, v in values.items()}
         used = {c: f for c, f in fields.items() if c in form.coefficients()}
         spaces = [space] * len(form.arguments())
-        # as the beams have it compiled already
-        compiled = cell_form(comm, form, batched=form is forms.residual)
+        compiled = cell_form(comm, form)
         ready = dolfinx.fem.create_form(compiled, spaces, mesh, {}, used, constants)
         results.append(comm.allreduce(_dense(dolfinx, ready, space, nodes, n)))
     return results

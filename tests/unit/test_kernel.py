@@ -8,37 +8,33 @@ import numba
 import numpy as np
 import pytest
 import ufl
+from ffcx.codegeneration import lnodes
 
 from flexfem.forms.beam import beam_forms
 from flexfem.forms.beam_law import constant_field, interval_mesh
-from flexfem.la.batch import LANES, _lane_by_lane
-from flexfem.la.kernel import compile_kernel, tabulate, tabulate_batch
+from flexfem.la.batch import BatchFormatter
+from flexfem.la.kernel import compile_kernel, tabulate
+from flexfem.la.lanes import LANES
 
 
 @numba.njit
-def _scalar(address, tensor, data, constants, points):
+def _call(address, tensor, data, constants, points):
     tabulate(address, tensor, data, constants, points)
-
-
-@numba.njit
-def _batch(address, tensor, data, constants, points):
-    tabulate_batch(address, tensor, data, constants, points)
 
 
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("damped", [False, True])
 def test_batched_kernel_treats_every_lane_as_the_kernel_of_one_cell(damped):
     forms = beam_forms(damped)
-    kernel = compile_kernel(
-        MPI.COMM_WORLD, forms.residual, tuple(forms.coefficients.values()), batched=True
-    )
+    given = MPI.COMM_WORLD, forms.residual, tuple(forms.coefficients.values())
+    kernel, batched = compile_kernel(*given), compile_kernel(*given, batched=True)
     data = np.random.default_rng(7).normal(size=(kernel.offsets[-1], LANES))
     gravity, points = np.array([0.1, 0.2, -9.81]), np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
     together = np.ones((12, LANES))
-    _batch(kernel.batch, together, data, gravity, points)
+    _call(batched.address, together, data, gravity, points)
     for lane in range(LANES):
         alone = np.ones(12)  # kernels add to what is there
-        _scalar(kernel.address, alone, data[:, lane].copy(), gravity, points)
+        _call(kernel.address, alone, data[:, lane].copy(), gravity, points)
         # the same operations in the same order, but for contractions to fused products: an index
         # moved to a wrong lane changes every digit
         np.testing.assert_allclose(together[:, lane], alone, rtol=1e-10, atol=1e-10)
@@ -53,7 +49,7 @@ def test_batched_kernels_may_branch():
     form = value / ufl.CellVolume(mesh) * ufl.TestFunction(space) * ufl.dx(mesh, degree=0)
     kernel = compile_kernel(MPI.COMM_WORLD, form, (f,), batched=True)
     data, found = np.linspace(-1.0, 1.0, LANES).reshape(1, LANES), np.zeros((2, LANES))
-    _batch(kernel.batch, found, data, np.zeros(1), np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]))
+    _call(kernel.address, found, data, np.zeros(1), np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]))
     # one branch for all lanes gives some the wrong factor
     expected = 0.5 * np.where(data > 0.0, data, -3.0 * data)
     np.testing.assert_allclose(found, np.tile(expected, (2, 1)), rtol=1e-14)
@@ -61,8 +57,10 @@ def test_batched_kernels_may_branch():
 
 @pytest.mark.serial
 def test_code_of_another_shape_is_refused():
-    body = "void tabulate_tensor_x(double* A, const double* w)\n{{\n{}\n}}\n"
-    moved = _lane_by_lane(body.format("A[0] += w[(i) * 3 + 1];"))
-    assert moved.strip() == f"A[(0) * {LANES} + lane] += w[((i) * 3 + 1) * {LANES} + lane];"
+    tensor, data = (lnodes.Symbol(name, dtype=lnodes.DataType.SCALAR) for name in "Aw")
+    index = lnodes.Symbol("i", dtype=lnodes.DataType.INT)
+    code = BatchFormatter(np.float64)(lnodes.AssignAdd(tensor[0], data[index * 3 + 1]))
+    assert code == f"A[(0) * {LANES} + lane] += w[(i * 3 + 1) * {LANES} + lane];\n"
+    pointer = lnodes.Symbol("v", dtype=lnodes.DataType.SCALAR)
     with pytest.raises(ValueError, match="FFCx"):
-        _lane_by_lane(body.format("const double* v = w + 3;"))
+        BatchFormatter(np.float64)(lnodes.VariableDecl(pointer, data + 3))
