@@ -18,6 +18,8 @@ INTEGRATORS = {
         "flexfem.integrators.independent_coordinates:IndependentCoordinates"
     ),
 }
+#: Those whose iteration matrix is that of the elements, from which stresses can be left out.
+_WITH_STRESSES = ("generalized_alpha", "stabilized_index2")
 MAX_STEPS = 1e9  # more steps than anyone waits for: dt or t_end was mistyped
 
 # dt and t_end have no default, each case sets its own.
@@ -45,8 +47,9 @@ _RUN_OPTIONS = (
         "iteration_matrix",
         str,
         "auto",
-        "keep one factorisation (frozen), renew it every iteration (updated) or when needed (auto)",
-        choices=("auto", "frozen", "updated"),
+        "keep one factorisation (frozen), renew it each iteration (updated) or when needed (auto); "
+        "material: each iteration without geometric stiffness, to study what that is for",
+        choices=("auto", "frozen", "updated", "material"),
     ),
     Option(
         "tolerance",
@@ -108,7 +111,8 @@ class RunOptions(Settings):
         t_end: End of the simulated time, s.
         integrator: Name of the scheme, one of ``INTEGRATORS``.
         rho_inf: Spectral radius of the scheme at infinite frequency, in [0, 1].
-        iteration_matrix: "auto", "frozen" or "updated".
+        iteration_matrix: "auto", "frozen", "updated" or "material": every iteration with a fresh
+            matrix without the geometric stiffness of beams and shells.
         tolerance: Newton steps of positions (m), rotations (rad) and multipliers times
             ``beta h^2`` must fall below it.
         redundant_constraints: "refuse" names joints that hold the same motion twice; "least_norm"
@@ -154,6 +158,11 @@ class RunOptions(Settings):
         super().__post_init__()
         if self.dt > self.t_end:
             raise ValueError(f"RunOptions: dt {self.dt:g} s exceeds t_end {self.t_end:g} s")
+        if self.iteration_matrix == "material" and self.integrator not in _WITH_STRESSES:
+            raise ValueError(
+                f"RunOptions: iteration_matrix 'material' needs the integrator "
+                f"{' or '.join(_WITH_STRESSES)}, got {self.integrator!r}"
+            )
         if self.t_end > MAX_STEPS * self.dt:
             raise ValueError(
                 f"RunOptions: dt {self.dt:g} s up to t_end {self.t_end:g} s takes more than "

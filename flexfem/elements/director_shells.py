@@ -69,6 +69,7 @@ class DirectorShells:
     law_owner: str | None = None
     chained = False
     thin = True
+    stressed = True
     tensile = False
 
     def __init__(self, cells: DirectorCells, block: FrameBlock) -> None:
@@ -197,6 +198,10 @@ class DirectorShells:
     def assume_forces(self, assumed: bool) -> None:
         """Let the residual take the stresses of those strains, too, or not."""
         self.assumed_forces = assumed
+
+    def leave_out_stresses(self) -> None:
+        """Let the tangent take no stresses."""
+        self.assumed = np.zeros_like(self.triangles.starts)
 
     def exact(self) -> None:
         """Let the tangent take the present stresses again."""

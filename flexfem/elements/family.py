@@ -23,6 +23,7 @@ class ElementFamily(Protocol):
         chained: nodes follow one another along lines, on which elements join neighbours only.
         thin: they bend so much more easily than they stretch that steps of motion iterate with
             continued stresses, see :meth:`assume`.
+        stressed: the tangent has parts from stresses, which :meth:`leave_out_stresses` leaves out.
         tensile: :meth:`values` are to leave out compression of membranes, where the family can. It
             comes and goes, and where it makes a matrix nearly singular, factors that are kept would
             be useless soon.
@@ -31,6 +32,7 @@ class ElementFamily(Protocol):
     law_owner: str | None
     chained: bool
     thin: bool
+    stressed: bool
     tensile: bool
 
     @property
@@ -75,6 +77,10 @@ class ElementFamily(Protocol):
 
     def assume_forces(self, assumed: bool) -> None:
         """Let the residual take those stresses, too, or not."""
+        ...
+
+    def leave_out_stresses(self) -> None:
+        """Let the tangent take no stresses: no geometric stiffness, laws at rest."""
         ...
 
     def exact(self) -> None:

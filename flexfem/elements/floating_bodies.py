@@ -107,6 +107,7 @@ class FloatingBodies:
     law_owner: str | None = None
     chained = False
     thin = False
+    stressed = False
     tensile = False
 
     def __init__(self, groups: Sequence[FloatingGroup]) -> None:
@@ -174,6 +175,9 @@ class FloatingBodies:
 
     def assume_forces(self, assumed: bool) -> None:
         """Nothing, see :meth:`assume`."""
+
+    def leave_out_stresses(self) -> None:
+        """Nothing: stresses have no part of their own in the matrices."""
 
     def exact(self) -> None:
         """Nothing, see :meth:`assume`."""

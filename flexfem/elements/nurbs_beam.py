@@ -37,6 +37,7 @@ class NurbsBeams:
 
     chained = True
     thin = False
+    stressed = True
     tensile = False
 
     def __init__(
@@ -130,6 +131,11 @@ class NurbsBeams:
         """Let the residual take those stresses, too, or not."""
         for group in self.groups:
             group.assumed_forces = assumed
+
+    def leave_out_stresses(self) -> None:
+        """Let the tangent take no stresses."""
+        for group in self.groups:
+            group.leave_out_stresses()
 
     def exact(self) -> None:
         """Let the tangent take the present stresses again."""

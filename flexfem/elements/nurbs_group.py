@@ -143,6 +143,10 @@ class NurbsGroup:
         strains = self._point_strains(frames, steps)
         self.assumed = strains[:, :, :6] + strains[:, :, 6:]
 
+    def leave_out_stresses(self) -> None:
+        """Let the tangent take no strains, and so no stresses."""
+        self.assumed = np.zeros_like(self._starts)
+
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
         starts = self._assumed_starts(block.frames) if self.assumed_forces else self._starts

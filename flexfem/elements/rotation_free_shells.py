@@ -71,6 +71,7 @@ class RotationFreeShells:
     law_owner: str | None = None
     chained = False
     thin = True
+    stressed = True
     tensile = False
 
     def __init__(self, groups: Sequence[ShellCells], block: FrameBlock) -> None:
@@ -223,6 +224,10 @@ class RotationFreeShells:
     def assume_forces(self, assumed: bool) -> None:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         self._assumed_forces = assumed
+
+    def leave_out_stresses(self) -> None:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        self._assumed = [np.zeros((len(group.triangles.starts), 6)) for group in self.groups]
 
     def exact(self) -> None:
         """See :class:`flexfem.elements.family.ElementFamily`."""

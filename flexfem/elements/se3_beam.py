@@ -42,6 +42,7 @@ class SE3Beams:
 
     chained = True
     thin = False
+    stressed = True
     tensile = False
 
     def __init__(
@@ -133,6 +134,11 @@ class SE3Beams:
         """Let the residual take those stresses, too, or not."""
         for _, group in self.groups:
             group.assumed_forces = assumed
+
+    def leave_out_stresses(self) -> None:
+        """Let the tangent take no stresses."""
+        for _, group in self.groups:
+            group.assumed = np.zeros((len(group.data.cells), 6))
 
     def exact(self) -> None:
         """Let the tangent take the present stresses again."""

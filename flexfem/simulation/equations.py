@@ -112,6 +112,11 @@ def simulate_equations(
             raise InputError(
                 f"{name} {getattr(options, name)!r}: equations in coordinates know only {only!r}"
             )
+    if options.iteration_matrix == "material":
+        raise InputError(
+            "iteration_matrix 'material': equations in coordinates know only 'auto', 'frozen' and "
+            "'updated'"
+        )
     begin = time.perf_counter()
     comm = comm or MPI.COMM_WORLD
     with guarded(options, comm) as faults:

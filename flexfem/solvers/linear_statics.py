@@ -42,7 +42,7 @@ class LinearSolution:
         for part, steps in zip(equilibrium.system.parts, self.steps, strict=True):
             part.block.owned_step[:] = steps
         equilibrium.move(factor, self.multipliers, 0.0)
-        equilibrium.exact()
+        equilibrium.system.exact()
         equilibrium.react()
         equilibrium.system.interface.update()
 

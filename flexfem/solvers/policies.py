@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """When the iteration matrix is assembled and factorised.
 
-``updated`` takes a fresh matrix in every iteration. ``frozen`` keeps the factors of the bodies for
-each step size. ``auto`` does the same, but refreshes them where the iteration contracts slowly.
-Both fall back to the fresh matrix for a step on which they fail; what then fails is left to the
-driver, which halves the step.
+``updated`` takes a fresh matrix in every iteration, ``material`` the same without geometric
+stiffness. ``frozen`` keeps the factors of the bodies for each step size. ``auto`` does the same,
+but refreshes them where the iteration contracts slowly. All fall back to the exact fresh matrix for
+a step on which they fail; what then fails is left to the driver, which halves the step.
 """
 
 from collections.abc import Callable
 from typing import Protocol
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.state import State
 from flexfem.core.status import Status
@@ -18,7 +19,14 @@ from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, Solv
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.system import Shifts, System
 
-__all__ = ["AutoPolicy", "FrozenPolicy", "Policy", "UpdatedPolicy", "create_policy"]
+__all__ = [
+    "AutoPolicy",
+    "FrozenPolicy",
+    "MaterialPolicy",
+    "Policy",
+    "UpdatedPolicy",
+    "create_policy",
+]
 
 #: Contraction above which ``auto`` renews the factors, unless the step solved the linearised
 #: equations as it was: what contracts slowly then is Newton's method itself, where contacts open
@@ -97,6 +105,45 @@ class UpdatedPolicy:
 
     def restore(self, state: State) -> None:
         """Nothing is remembered."""
+
+
+class MaterialPolicy(UpdatedPolicy):
+    """A fresh matrix without geometric stiffness in every iteration, to study what that is for.
+
+    Newton's method converges linearly then; the exact matrix is the fallback.
+    """
+
+    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
+        """Refuse systems whose matrices have no geometric stiffness.
+
+        Raises:
+            InputError: there are no beams and no shells.
+        """
+        super().__init__(system, options, tangent)
+        if not any(part.elements is not None and part.elements.stressed for part in system.parts):
+            raise InputError(
+                "iteration_matrix 'material' leaves out the geometric stiffness of beams and "
+                "shells, of which there are none"
+            )
+
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
+        """See :class:`Policy`."""
+        status = iterate(
+            self._system, shifts, self._step, self._options, None, equations, self._tangent.again
+        )
+        if status is Status.OK:
+            return status
+        self._system.counters.fallbacks += 1
+        restart()
+        return super().solve(shifts, restart, equations)
+
+    def _step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
+        self._system.leave_out_stresses()
+        result = self._tangent.step(shifts)
+        self._system.exact()
+        return result
 
 
 class FrozenPolicy:
@@ -179,9 +226,10 @@ class AutoPolicy(FrozenPolicy):
 def create_policy(
     name: str, system: System, options: NewtonOptions, tangent: TangentSolver
 ) -> Policy:
-    """Policy of the given name: "updated", "frozen" or "auto"."""
+    """Policy of the given name: "updated", "material", "frozen" or "auto"."""
     kinds: dict[str, type[UpdatedPolicy] | type[FrozenPolicy]] = {
         "updated": UpdatedPolicy,
+        "material": MaterialPolicy,
         "frozen": FrozenPolicy,
         "auto": AutoPolicy,
     }

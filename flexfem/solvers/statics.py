@@ -237,7 +237,7 @@ class Equilibrium:
 
     def put_back(self, state: Snapshot) -> None:
         """Set the blocks and the multipliers to those of a state."""
-        self.exact()
+        self.system.exact()
         for part, frames in zip(self.system.parts, state.frames, strict=True):
             part.block.frames0[:] = frames
             part.block.reset()
@@ -265,14 +265,8 @@ class Equilibrium:
     def iterate(self, linear_step: LinearStep) -> Status:
         """Iterate until steps are below the tolerance or round-off (collective)."""
         status = self._iterate(linear_step)
-        self.exact()
+        self.system.exact()
         return status
-
-    def exact(self) -> None:
-        """Let the tangent be exact again, as it need not be within an iteration."""
-        for part in self.system.parts:
-            if part.elements is not None:
-                part.elements.exact()
 
     def _iterate(self, linear_step: LinearStep) -> Status:
         system, limits, held, previous = self.system, self.limits, self._held, inf

@@ -267,6 +267,18 @@ class System:
                 part.block.spread_step()
                 part.elements.assume(part.block.frames, factor * part.block.step)
 
+    def leave_out_stresses(self) -> None:
+        """Let tangents of elements take no stresses, until :meth:`exact`."""
+        for part in self.parts:
+            if part.elements is not None:
+                part.elements.leave_out_stresses()
+
+    def exact(self) -> None:
+        """Let tangents of elements take the present stresses again."""
+        for part in self.parts:
+            if part.elements is not None:
+                part.elements.exact()
+
     def evaluate(self, shifts: Shifts) -> None:
         """Residuals of blocks and constraints at the trial state (collective)."""
         self.counters.residual_evaluations += 1
@@ -349,9 +361,9 @@ class System:
 
     def _remember(self) -> None:
         """Let elements, contacts and rows take note of the accepted state."""
+        self.exact()
         for part in self.parts:
             if part.elements is not None:
-                part.elements.exact()
                 part.elements.accept(part.block)
         for contacts in self.contacts:
             contacts.accept()
@@ -374,9 +386,8 @@ class System:
 
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""
+        self.exact()
         for part in self.parts:
-            if part.elements is not None:
-                part.elements.exact()
             part.block.reset()
 
     def numberings(self) -> dict[str, Numbering]:

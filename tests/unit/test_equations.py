@@ -219,6 +219,7 @@ def test_failure_keeps_what_was_computed(shared_tmp_path: Path) -> None:
         ({"integrator": "energy_momentum"}, "integrator 'energy_momentum'"),
         ({"adaptive": True}, "adaptive True"),
         ({"start": "equilibrium"}, "start 'equilibrium'"),
+        ({"iteration_matrix": "material"}, "iteration_matrix 'material'"),
     ],
 )
 def test_options_without_meaning_are_refused(options: Any, message: str) -> None:

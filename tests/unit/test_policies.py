@@ -17,7 +17,7 @@ from flexfem.mesh.line_mesh import LineMesh
 from flexfem.simulation.dynamics import simulate
 from flexfem.simulation.stepping import Simulation
 
-POLICIES = ("updated", "frozen", "auto")
+POLICIES = ("updated", "material", "frozen", "auto")
 STEEL = ff.Material(2.1e9, 0.3, 7850.0)
 
 
@@ -71,7 +71,7 @@ def runs():
     return outcomes
 
 
-@pytest.mark.parametrize("policy", ["frozen", "auto"])
+@pytest.mark.parametrize("policy", POLICIES[1:])
 def test_policies_agree(runs, policy):
     """Elastic rows, dampers and followers included: the matrix must not change the answer."""
     reference, outcome = runs["updated"], runs[policy]
