@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Small distributed matrices as arrays."""
+"""Small dense matrices."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -8,7 +8,10 @@ import numpy as np
 
 from flexfem._types import FloatArray
 
-__all__ = ["gather_rows"]
+__all__ = ["SMALLEST_PIVOT", "gather_rows", "inverted"]
+
+#: A smaller pivot, relative to the largest entry, is one of a singular matrix.
+SMALLEST_PIVOT = 1e-14
 
 
 def gather_rows(matrix: PETSc.Mat) -> FloatArray:
@@ -22,3 +25,13 @@ def gather_rows(matrix: PETSc.Mat) -> FloatArray:
     comm = matrix.comm.tompi4py()
     comm.Allreduce(MPI.IN_PLACE, full, op=MPI.SUM)
     return full
+
+
+def inverted(matrices: FloatArray) -> tuple[FloatArray, bool]:
+    """Inverses of square matrices (k, n, n), zeros if one is singular, and whether none is."""
+    try:
+        inverses = np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        return np.zeros_like(matrices), False
+    sizes = np.abs(matrices).max(axis=(1, 2)) * np.abs(inverses).max(axis=(1, 2))
+    return inverses, bool((sizes < 1.0 / SMALLEST_PIVOT).all())

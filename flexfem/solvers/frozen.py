@@ -27,11 +27,11 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.row import LawKind
 from flexfem.core.runs import starts
 from flexfem.core.state import State
+from flexfem.la.dense import inverted
 from flexfem.solvers.frozen_bodies import Bodies, FlexibleBodies, KeptFactor
 from flexfem.solvers.interface_system import InterfaceSystem
 from flexfem.solvers.minimal_residual import minimal_residual
 from flexfem.solvers.schur_kernels import (
-    invert_blocks,
     multiply_blocks,
     rigid_responses,
     row_products,
@@ -491,8 +491,7 @@ class FrozenSolver:
         if len(part.forces.nodes):
             forces = self.system.mechanics.forces(self.system, part, shifts)
             np.add.at(blocks, part.forces.nodes, forces)
-        self._inverses = np.empty_like(blocks)
-        regular: bool = invert_blocks(blocks, self._inverses)
+        self._inverses, regular = inverted(blocks)
         rigid_responses(
             self._inverses, group.columns, group.column_start, group.response_start,
             group.compliance_start, group.responses, group.compliances,

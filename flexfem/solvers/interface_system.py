@@ -11,12 +11,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.la.dense import SMALLEST_PIVOT
 from flexfem.lie.compiled import kernel
 from flexfem.solvers.banded import band_factor, band_solve
 from flexfem.solvers.fronts import Fronts
-from flexfem.solvers.schur_kernels import lu_factor, lu_solve
 
 __all__ = ["InterfaceSystem"]
 
@@ -155,7 +156,7 @@ class InterfaceSystem:
         self._buffer = np.zeros(shared_size**2 + 1)
         self._matrix = self._buffer[:-1].reshape(shared_size, shared_size)
         self._vector = np.zeros(shared_size)
-        self._pivots = np.zeros(shared_size, dtype=np.int64)
+        self._pivots = np.zeros(shared_size, dtype=np.int32)
 
     def factor(self, values: FloatArray, regular: bool = True) -> bool:
         """Factorise (collective); False on all ranks when the system is singular on one.
@@ -171,7 +172,12 @@ class InterfaceSystem:
         self._matrix[self._grid] = self._own.complement
         self._buffer[-1] = 0.0 if regular else 1.0
         self._comm.Allreduce(MPI.IN_PLACE, self._buffer, op=MPI.SUM)
-        return bool(lu_factor(self._matrix, self._pivots)) and self._buffer[-1] == 0.0
+        if not self._sharing or self._buffer[-1] > 0.0:
+            return bool(self._buffer[-1] == 0.0)
+        largest = np.abs(self._matrix).max(initial=0.0)
+        # LAPACK's order is the transposed one, so that it works in place
+        _, self._pivots, _ = dgetrf(self._matrix.T, overwrite_a=True)
+        return bool((np.abs(np.diagonal(self._matrix)) > SMALLEST_PIVOT * largest).all())
 
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective if shared)."""
@@ -180,6 +186,6 @@ class InterfaceSystem:
             self._vector[:] = 0.0
             self._vector[self._shared] = right[self._count :]
             self._comm.Allreduce(MPI.IN_PLACE, self._vector, op=MPI.SUM)
-            lu_solve(self._matrix, self._pivots, self._vector)
+            dgetrs(self._matrix.T, self._pivots, self._vector, trans=1, overwrite_b=True)
             right[self._count :] = self._vector[self._shared]
         self._own.complete(right)

@@ -12,10 +12,7 @@ from flexfem.lie.compiled import kernel
 
 __all__ = [
     "interface_response",
-    "invert_blocks",
     "largest_entry",
-    "lu_factor",
-    "lu_solve",
     "multiply_blocks",
     "rigid_responses",
     "row_products",
@@ -118,69 +115,6 @@ def row_products(
                 for k in range(6):
                     total += step_jacobian[t, side, k] * y[slot, k]
                 out[row_of_term[t]] -= total
-
-
-@kernel
-def lu_factor(A: FloatArray, pivots: IntArray) -> bool:
-    """Factorise a dense matrix in place with row pivoting; False when it is singular."""
-    n = A.shape[0]
-    largest = 0.0
-    for i in range(n):
-        for j in range(n):
-            largest = max(largest, abs(A[i, j]))
-    for k in range(n):
-        p = k
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[p, k]):
-                p = i
-        pivots[k] = p
-        if not abs(A[p, k]) > 1e-14 * largest:
-            return False
-        if p != k:
-            for j in range(n):
-                A[k, j], A[p, j] = A[p, j], A[k, j]
-        inverse = 1.0 / A[k, k]
-        for i in range(k + 1, n):
-            factor = A[i, k] * inverse
-            A[i, k] = factor
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    A[i, j] -= factor * A[k, j]
-    return True
-
-
-@kernel
-def lu_solve(A: FloatArray, pivots: IntArray, x: FloatArray) -> None:
-    """Solve with the factors of ``lu_factor`` in place."""
-    n = A.shape[0]
-    for k in range(n):
-        p = pivots[k]
-        if p != k:
-            x[k], x[p] = x[p], x[k]
-    for i in range(n):
-        for j in range(i):
-            x[i] -= A[i, j] * x[j]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            x[i] -= A[i, j] * x[j]
-        x[i] /= A[i, i]
-
-
-@kernel
-def invert_blocks(blocks: FloatArray, inverses: FloatArray) -> bool:
-    """Inverses of 6x6 matrices; False when one is singular."""
-    A, pivots = np.empty((6, 6)), np.empty(6, dtype=np.int64)
-    x = np.empty(6)
-    for k in range(blocks.shape[0]):
-        A[:] = blocks[k]
-        if not lu_factor(A, pivots):
-            return False
-        for j in range(6):
-            x[:] = 0.0
-            x[j] = 1.0
-            lu_solve(A, pivots, x)
-            inverses[k, :, j] = x
-    return True
 
 
 @kernel

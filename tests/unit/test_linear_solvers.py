@@ -6,6 +6,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from flexfem.la.dense import inverted
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix, direct_solver, factorise
 from flexfem.solvers.fronts import Fronts
@@ -134,6 +135,27 @@ def test_interface_system_reports_a_singular_matrix():
     system = InterfaceSystem(COMM, i, j, 3, np.zeros(0, dtype=np.int64), 0)
     assert not system.factor(np.array([1.0, 0.0, 2.0]))
     assert system.factor(np.array([1.0, 3.0, 2.0]))
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-15, np.nan])
+def test_interface_system_reports_singular_shared_rows(scale):
+    every = np.indices((2, 2)).reshape(2, -1)
+    system = InterfaceSystem(COMM, *every.astype(np.int64), 0, np.arange(2), 2)
+    # two rows that are the same but for round-off: solved with, they would give any number
+    assert not system.factor(np.array([1.0, 2.0, 1.0, 2.0 + scale]))
+    assert system.factor(np.array([1.0, 2.0, 1.0, 2.1]))
+
+
+@pytest.mark.serial
+def test_inverses_of_small_matrices(rng):
+    matrices = rng.normal(size=(5, 6, 6))
+    inverses, regular = inverted(matrices)
+    assert regular
+    # round-off; the inverse of a neighbour differs by order 1
+    np.testing.assert_allclose(inverses @ matrices, np.tile(np.eye(6), (5, 1, 1)), atol=1e-11)
+    for value in (0.0, np.nan, 1e-15):
+        matrices[3] = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, value])
+        assert not inverted(matrices)[1]
 
 
 @pytest.mark.parametrize("left", [0, 3], ids=["all", "some"])
