@@ -3,6 +3,7 @@
 
 import importlib
 import pkgutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -303,3 +304,57 @@ def test_redundant_joints_are_named():
     # an answer would have arbitrary multipliers
     with pytest.raises(ValueError, match=r'"one".*"two".*redundant'):
         Simulation(model, RunOptions(dt=1e-3, t_end=1.0))
+
+
+@pytest.mark.parametrize("name", ["Bushing", "Bushing-full"])
+def test_bushing_forces(name, rng):
+    """Force and moment ``K q + C q'`` in the axes of marker a, after a small turn."""
+    example, joint = EXAMPLES[name], Placed(EXAMPLES[name], rng)
+    K, C = (np.diag(m) if np.ndim(m) == 1 else m for m in map(np.array, example.arguments.values()))
+    axes, start = joint.poses[0].rotation, se3.compose(joint.start[1], joint.offsets[1])
+    q, rate = rng.normal(size=(2, 6))
+    q[3:] *= 1e-4
+    turned = so3.exp(axes @ q[3:]) @ se3.rotation(start)
+    moved = se3.frame(se3.position(start) + axes @ q[:3], turned)
+    joint.face.frames[1] = se3.compose(moved, se3.inverse(joint.offsets[1]))
+    to_node, arm = se3.rotation(joint.face.frames[1]).T @ axes, joint.offsets[1, :3]
+
+    def motion(twist):
+        """Local twist of the node behind marker b that moves as the given one in axes of a."""
+        omega = to_node @ twist[3:]
+        return np.concatenate([to_node @ twist[:3] - np.cross(omega, arm), omega])
+
+    joint.face.velocities[1] = motion(rate)
+    joint.rows.multipliers[:] = 0.0
+    forces = joint.evaluate() / (joint.rows.compliance * DYNAMICS[1])
+    gradient = forces @ joint.dense(joint.rows.force_jacobian)[:, 1]
+    found = np.array([gradient @ motion(e) for e in np.eye(6)])
+    expected = K @ q + C @ rate
+    # products of turn and spin are 1e-4; two per cent of the damping 1e-2
+    np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("radius", [0.3, 2.0])
+def test_friction_of_a_hinge_has_the_lever_arm_of_its_radius(radius, rng):
+    """Moment ``mu r N tanh(w / w_0) + c w``, N from the forces of the hinge."""
+    mu, w0, c, spin = 0.4, 0.8, 0.3, 0.5
+    example = replace(EXAMPLES["JointFriction-revolute"], make=lambda: ff.JointFriction(
+        "joint", ff.Revolute("hinge", ff.Ground(), ff.Ground(), axis=UNIT), coefficient=mu,
+        radius=radius, velocity=w0, viscous=c))  # fmt: skip
+    joint = Placed(example, rng)
+    rows, law = joint.rows, ~joint.rows.rigid
+    R, arm = se3.rotation(joint.face.frames[1]), joint.offsets[1, :3]
+    omega = R.T @ (spin * UNIT)
+    joint.face.velocities[1] = np.r_[-np.cross(omega, arm), omega]
+    push = 3.0 * np.eye(3)[0]  # force of the hinge: the first three rows hold its point
+    scale = DYNAMICS[1]
+    rows.multipliers[:] = 0.0
+    place = np.flatnonzero(rows.kinds[rows.term_start[:-1]] == RowKind.INERTIAL)
+    assert len(place) == 3
+    rows.multipliers[place] = scale * push
+    for _ in range(50):  # its tangent is that of the law only where force and rate agree
+        rows.multipliers += np.where(law, joint.evaluate() / rows.compliance.clip(1e-9), 0.0)
+    joint.evaluate()
+    expected = mu * radius * 3.0 * np.tanh(spin / w0) + c * spin
+    # without the radius 0.3 of it, or twice as much
+    assert rows.multipliers[law] / scale == pytest.approx([expected], rel=1e-9)

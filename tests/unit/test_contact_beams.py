@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.contact.describe import _INERTIA
+from flexfem.system.assembly import Assembly
+from flexfem.system.build import build
 from tests.unit.contact_motion import ball, check_tangents, moved, same_on_ranks, sheet
 
 THICK, RADIUS = 1e-3, 2e-3
@@ -124,3 +127,24 @@ def test_energy_momentum_refuses_contact():
     model.add(ff.Contact("floor", "rod", surfaces=ff.RigidPlane(ff.Ground())))
     with pytest.raises(ValueError, match='Contact "floor": the integrator energy_momentum'):
         moved(model, 0, integrator="energy_momentum", rho_inf=1.0)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("radius", [1e-3, 4e-3])
+def test_stiffness_through_a_round_beam(radius):
+    """E by the diameter: the axial stiffness over the section's area and its mean thickness."""
+    young, density = 3e9, 1200.0
+    model = ff.Model("rest", mesh=line(2, 0.1, 0.1))
+    model.add(ff.Beam("rod", ff.Section.circle(2 * radius, ff.Material(young, 0.3, density))))
+    model.add(ff.Contact("floor", "rod", surfaces=ff.RigidPlane(ff.Ground())))
+    model.validate()
+    [contact] = build(Assembly(model), MPI.COMM_WORLD, split_above=20).contacts
+    surfaces = contact.groups[0].surfaces
+    # at rest; half of it, or one that depends on another power of the radius, is no round-off
+    assert surfaces.stiffness(0.0) == pytest.approx(young / (2.0 * radius), rel=1e-12)
+    # the mass by length and diameter, under a quick motion of the matrix
+    quick = surfaces.stiffness(1e3) / surfaces.stiffness(2e3)
+    assert quick == pytest.approx(0.5, rel=1e-12)
+    assert surfaces.stiffness(1e3) / 1e3 == pytest.approx(
+        density * 0.25 * np.pi * 2.0 * radius * _INERTIA, rel=1e-12
+    )

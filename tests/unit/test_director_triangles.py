@@ -10,6 +10,8 @@ import pytest
 import ufl
 from scipy.spatial.transform import Rotation
 
+from flexfem.core.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
+from flexfem.elements.director_inertia import add_motion
 from flexfem.elements.director_shell import DirectorTriangles
 from flexfem.forms.director_shell import DirectorFields, director_energy
 from tests.unit.director_triangles import (
@@ -231,3 +233,39 @@ def test_masses_and_rods_of_a_flat_plate():
     np.testing.assert_allclose(square, 3 * 2**5 / 5, rtol=1e-12)
     rods = made.rods(np.full(len(nodes), 0.6)).sum((0, 1))
     np.testing.assert_allclose(rods, np.diag([1.2, 1.2, 0.0]), atol=1e-14)
+
+
+def test_motion_of_a_thick_plate_is_that_of_a_solid():
+    """Energy and momenta of a box that flies and spins; its directors carry a third of them."""
+    sides, density = np.array([2.0, 1.0, 1.5]), 4.0
+    parameters, triangles = rectangle((3, 2), "perturbed", sides[:2])
+    places, nodes, _ = quadratic(parameters, triangles)
+    places = places - [0.5 * sides[0], 0.5 * sides[1], 0.0]
+    made = DirectorTriangles.build(
+        nodes, upright(places), np.tile([0.0, 0, 1], (len(nodes), 3, 1)), isotropic(0.1), np.eye(2)
+    )
+    turn, centre = Rotation.from_rotvec([0.4, -0.7, 1.1]).as_matrix(), np.array([0.3, 2.0, -1.0])
+    velocity, spin = np.array([1.0, -2.0, 0.5]), np.array([3.0, 1.0, -2.0])
+    frames = rigidly(upright(places), turn, centre)
+    speeds = velocity + np.cross(spin, frames[:, :3] - centre)
+    local = np.concatenate([speeds @ turn, np.tile(turn.T @ spin, (len(frames), 1))], 1)
+    count, thickness = len(nodes), sides[2]
+    masses = made.masses(np.full(count, density * thickness))
+    rods = made.rods(np.full(count, density * thickness**3 / 12.0))
+    cells = np.concatenate([nodes[:, :6], nodes[:, 6:]], 1) if nodes.shape[1] == 9 else made.nodes
+    found = np.zeros(11)
+    add_motion(cells, masses, rods, np.ones(count, dtype=bool), frames, local, found)
+    mass = density * sides.prod()
+    # a box, less what turning about their own axes would give the directors
+    moments = mass / 12.0 * np.array([
+        sides[1] ** 2 + sides[2] ** 2, sides[0] ** 2 + sides[2] ** 2, sides[0] ** 2 + sides[1] ** 2
+    ])  # fmt: skip
+    angular = turn @ (moments * (turn.T @ spin))
+    energy = 0.5 * mass * velocity @ velocity + 0.5 * spin @ angular
+    # round-off: all integrands are quadratic; one per cent of the directors' part is 4e-3
+    assert found[KINETIC] == pytest.approx(energy, rel=1e-12)
+    assert found[MASS] == pytest.approx(mass, rel=1e-13)
+    np.testing.assert_allclose(found[FIRST : FIRST + 3], mass * centre, rtol=1e-12)
+    np.testing.assert_allclose(found[LINEAR : LINEAR + 3], mass * velocity, rtol=1e-12)
+    about_origin = angular + mass * np.cross(centre, velocity)
+    np.testing.assert_allclose(found[ANGULAR : ANGULAR + 3], about_origin, rtol=1e-12)

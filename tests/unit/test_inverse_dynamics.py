@@ -10,6 +10,7 @@ import pytest
 import flexfem as ff
 from flexfem.cli import load_case
 from flexfem.kinematics.differences import stencil
+from flexfem.lie import so3
 
 Z = (0.0, 0.0, 1.0)
 G = 9.81
@@ -361,3 +362,39 @@ def test_what_has_no_solution_is_told():
     found = ask(model, motions, drives, t)
     with pytest.raises(ValueError, match='there is no actuator "roll", they are yaw, pitch'):
         found.amplitude("roll", 1)
+
+
+@pytest.mark.serial
+def test_forces_on_a_body_that_turns_about_a_turning_axis():
+    """Three forces along fixed axes on points of a body, by Euler's equations about its pin."""
+    J, mass, arms = np.diag([0.3, 0.5, 0.4]), 2.0, np.array([[0, 0.6, 0], [0, 0, 0.5], [0.7, 0, 0]])
+    pushes = np.array([[0, 0, 1.0], [1.0, 0, 0], [0, 1.0, 0]])
+
+    def rotation(t):
+        return (0.8 * np.sin(5.0 * t), 0.5 * t, 3.0 * t**2)
+
+    model = ff.Model("gimbal")
+    model.add(
+        ff.RigidBody("top", mass, np.diag(J)), ff.Spherical("pin", ff.Ground(), ff.Marker("top"))
+    )
+    turn = ff.PrescribedRotation("turn", ff.Ground(), ff.Marker("top"), rotation=rotation)
+    forces = [
+        ff.Actuator(f"push_{i}", ff.Ground(), ff.Marker("top", offset=arm), axis=push,
+                    motion="translation")
+        for i, (arm, push) in enumerate(zip(arms, pushes, strict=True))
+    ]  # fmt: skip
+    times = np.linspace(0.0, 0.4, 5)
+    found = ff.inverse_dynamics(model, [turn], forces, times, difference=5e-3).forces
+    h, places = 1e-3, np.arange(-3, 4)
+    first = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60.0 / h
+    for t, force in zip(times, found, strict=True):
+        R = np.array([so3.exp(np.array(rotation(t + k * h))) for k in places])
+        momenta = []  # about the pin, inertial axes
+        for k in places:
+            near = np.array([so3.exp(np.array(rotation(t + (k + j) * h))) for j in places])
+            spin = near[3].T @ np.tensordot(first, near, 1)
+            momenta.append(near[3] @ J @ [spin[2, 1], spin[0, 2], spin[1, 0]])
+        levers = np.cross(arms @ R[3].T, pushes).T
+        expected = np.linalg.solve(levers, np.tensordot(first, momenta, 1))
+        # differences of drives are good to 1e-8; half of the rows' turning is per cents
+        np.testing.assert_allclose(force, expected, atol=1e-6 * np.abs(found).max())

@@ -22,6 +22,7 @@ from flexfem.io import (
     VtuSeries,
     body_surface,
 )
+from flexfem.io.shell_fields import ShellFields, ShellWriter
 from flexfem.io.surfaces import Surface, cylinder, frames_along, sphere
 
 COMM = MPI.COMM_WORLD
@@ -224,6 +225,49 @@ def test_series_goes_on_after_a_restart(shared_tmp_path: Path) -> None:
         series.close()
     assert [t for t, _ in pvd(shared_tmp_path / "s.pvd")] == pytest.approx([0.0, 0.1, 0.2, 0.35])
     assert not list((shared_tmp_path / "s").glob("s_000004*"))
+
+
+@pytest.mark.parametrize(("resume", "kept"), [(0.0, 1), (0.5, 2), (0.75, 2), (1.0, 3)])
+def test_series_is_cut_behind_the_instant_of_the_restart(
+    resume: float, kept: int, shared_tmp_path: Path
+) -> None:
+    x, cells = segment(COMM.rank)
+    for moment, times in ((None, (0.0, 0.5, 1.0)), (resume, (2.0,))):
+        series = VtuSeries(shared_tmp_path, "s", COMM, resume=moment)
+        for step, t in enumerate(times):
+            series.write(t, step + 10 * (moment is not None), x, cells, "line")
+        series.close()
+    assert [t for t, _ in pvd(shared_tmp_path / "s.pvd")] == [*[0.0, 0.5, 1.0][:kept], 2.0]
+
+
+#: What writers call the entries of an array, in the order of the laws of sections.
+NAMES = {
+    ("beams", "strain"): "gamma1 gamma2 gamma3 kappa1 kappa2 kappa3",
+    ("beams", "resultant"): "N Q2 Q3 T M2 M3",
+    ("shells", "strain"): "eps11 eps22 gamma12 kappa11 kappa22 2kappa12",
+    ("shells", "resultant"): "n11 n22 n12 m11 m22 m12",
+}
+
+
+@pytest.mark.serial
+def test_entries_of_strains_and_resultants_have_their_names(tmp_path: Path) -> None:
+    square = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
+    writer = BeamWriter(tmp_path, COMM, [square])
+    writer.write(0.0, 0, beam())
+    writer.close()
+    x, six = np.eye(3), np.arange(6.0).reshape(1, 6)
+    triangle, body = np.array([[0, 1, 2]]), np.zeros(1, dtype=np.int64)
+    shells = ShellWriter(tmp_path, COMM)
+    shells.write(
+        0.0, 0, ShellFields(x, x, x, triangle, body, six, six, np.ones(1), np.zeros((1, 3)))
+    )
+    shells.close()
+    for (series, array), names in NAMES.items():
+        data = read(tmp_path / pvd(tmp_path / f"{series}.pvd")[0][1])
+        written = data.GetCellData().GetArray(array)
+        assert [written.GetComponentName(i) for i in range(6)] == names.split(), (series, array)
+        assert np.array_equal(data.cell_data[array][0], np.arange(6.0) * (1 + (
+            series == "beams" and array == "resultant")))  # fmt: skip
 
 
 def test_a_mistake_on_one_rank_is_raised_on_all(shared_tmp_path: Path) -> None:

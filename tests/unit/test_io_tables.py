@@ -73,6 +73,21 @@ def test_history_goes_on_after_a_restart(shared_tmp_path: Path) -> None:
         HistoryWriter(path, ["psi"], COMM, resume=0.3)
 
 
+@pytest.mark.parametrize(("resume", "kept"), [(0.0, 1), (0.5, 2), (0.75, 2), (1.0, 3), (9.0, 3)])
+def test_history_is_cut_behind_the_instant_of_the_restart(
+    resume: float, kept: int, shared_tmp_path: Path
+) -> None:
+    """The row of the restart itself stays, that of the start too."""
+    path = shared_tmp_path / "history.csv"
+    for moment, rows in ((None, (0.0, 0.5, 1.0)), (resume, ())):
+        writer = HistoryWriter(path, ["phi"], COMM, resume=moment)
+        for t in rows:
+            writer.write(t, [t])
+        writer.close()
+        COMM.barrier()
+    assert read_history(path)["t"].tolist() == [0.0, 0.5, 1.0][:kept]
+
+
 def test_history_of_a_killed_run_is_readable(shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "history.csv"
     if COMM.rank == 0:

@@ -85,3 +85,16 @@ def test_steps_grow_with_the_root_of_the_condition() -> None:
     # plain gradient steps: 1.4e3 and 1.4e5
     assert counts[0] < 300
     assert counts[1] < 3000
+
+
+@pytest.mark.parametrize("stiffness", [1e-3, 1e-4])
+def test_viscous_damping_is_critical(stiffness: float) -> None:
+    """Steps of the vibration at hand take ``exp(-sqrt(stiffness))`` each, both roots alike."""
+    damping = DAMPINGS["viscous"]()
+    damping.learn(stiffness)
+    keep, smooth, push = damping.factors(Motion(energy=1.0, uphill=-1.0))
+    assert smooth == 0.0
+    rates = -np.log(np.abs(np.roots([1.0, push * stiffness - 1.0 - keep, keep])))
+    # steps of the size of the period add 3 %; half of the damping takes half, twice of it both
+    # less and more
+    np.testing.assert_allclose(rates, stiffness**0.5, rtol=0.04)

@@ -16,6 +16,7 @@ import flexfem as ff
 from flexfem.cli import load_case
 from flexfem.io import read_history
 from flexfem.mesh.line_mesh import LineMesh
+from flexfem.simulation.stepping import Simulation
 
 COMM = MPI.COMM_WORLD
 POLICIES = ("auto", "frozen", "updated")
@@ -486,3 +487,27 @@ def test_iteration_matrix_and_tolerance_may_change(shared_tmp_path: Path) -> Non
         assert ff.simulate(driven(), again).status == "ok"
     COMM.barrier()
     assert read_history(shared_tmp_path / "history.csv")["t"][-1] == pytest.approx(0.036)
+
+
+@pytest.mark.parametrize(("name", "steps"), [("bouncing", 16), ("driven", 8), ("sliding", 3)])
+def test_a_state_that_is_put_back_is_the_same(name: str, steps: int) -> None:
+    """Of all that steps depend on: events that have happened, step sizes, kept factors, rows."""
+    first = Simulation(MODELS[name][0](), options(name))
+    for _ in range(steps):
+        assert first.advance(MODELS[name][1]["dt"]).value == "ok"
+    state = first.state()
+    other = Simulation(MODELS[name][0](), options(name))
+    other.restore(state)
+    found = other.state()
+    if name == "bouncing":  # the catch, which happens once
+        assert not state.values["events"][2].all()
+    assert found.values.keys() == state.values.keys()
+    for key, values in state.values.items():
+        # what is forgotten is at its start: another number, not one that is rounded differently
+        np.testing.assert_allclose(found.values[key], values, rtol=1e-12, err_msg=key)
+    assert found.rows.keys() == state.rows.keys()
+    for group, arrays in state.rows.items():
+        for key, values in arrays.items():
+            np.testing.assert_allclose(
+                found.rows[group][key], values, rtol=1e-12, atol=1e-15, err_msg=f"{group}/{key}"
+            )

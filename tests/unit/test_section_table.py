@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.io import section_table
 
 pytestmark = pytest.mark.serial
 
@@ -170,3 +171,47 @@ def test_other_mistakes(file, tmp_path) -> None:
         ff.read_materials(file("name,E,nu,rho\na,1e9,0.7,1000\n"))
     with pytest.raises(ValueError, match='column "rho" is missing'):
         ff.read_materials(file("name,E,nu\na,1e9,0.3\n"))
+
+
+#: What a number in a unit is in SI units, by the column it may stand in.
+UNITS = {
+    "E": {"Pa": 1.0, "MPa": 1e6, "N/mm^2": 1e6, "GPa": 1e9},
+    # a tonne in a cubic millimetre, of 1e-9 m^3
+    "rho": {"kg/m^3": 1.0, "g/cm^3": 1e3, "t/mm^3": 1e12},
+    "diameter": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "A": {"m^2": 1.0, "cm^2": 0.01**2, "mm^2": 0.001**2},
+    "J": {"m^4": 1.0, "cm^4": 0.01**4, "mm^4": 0.001**4},
+}
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"), [(column, unit) for column, units in UNITS.items() for unit in units]
+)
+def test_units(column, unit, file) -> None:
+    """A number in every unit is the same number in the SI unit times its factor."""
+    found = []
+    for name, value in ((unit, "3"), (next(iter(UNITS[column])), repr(3.0 * UNITS[column][unit]))):
+        head = {"E": "1", "nu": "0.3", "rho": "1"}
+        if column in head:
+            titles = [f"{key} [{name}]" if key == column else key for key in head]
+            row = ["one", *(value if key == column else number for key, number in head.items())]
+            text = ",".join(["name", *titles]) + "\n" + ",".join(row) + "\n"
+            found.append(vars(ff.read_materials(file(text))["one"]))
+            continue
+        steel = {"steel": ff.Material(210e9, 0.3, 7850.0)}
+        if column == "diameter":
+            text = f"name,kind,material,diameter [{name}]\none,circle,steel,{value}\n"
+        else:
+            sizes = {key: value if key == column else "1" for key in ("A", "I2", "I3", "J")}
+            titles = [f"{key} [{name}]" if key == column else key for key in sizes]
+            text = ",".join(["name", "kind", "material", *titles, "k2", "k3"]) + "\n"
+            text += ",".join(["one", "constants", "steel", *sizes.values(), "1", "1"]) + "\n"
+        found.append({"K": ff.read_sections(file(text), steel)["one"].stiffness.tolist()})
+    for key, expected in found[1].items():
+        # round-off; a wrong power of ten is none
+        np.testing.assert_allclose(found[0][key], expected, rtol=1e-14)
+
+
+def test_all_units_of_the_tables_are_tested() -> None:
+    known = {unit for units in UNITS.values() for unit in units}
+    assert {unit for units in section_table._UNITS.values() for unit in units} == known

@@ -323,3 +323,42 @@ def test_error_control_follows_the_tolerance_of_a_flexible_body():
     # accelerations of unresolved vibrations taken at their face value ask for ten times the steps
     assert errors[2] <= 1e-3
     assert steps[2] <= 1000
+
+
+def _block_on_a_spring() -> ff.Model:
+    model, block = ff.Model("block"), ff.Marker("block")
+    model.add(
+        ff.RigidBody("block", 2.0, (0.1, 0.2, 0.3), position=(1.3, 0.0, 0.0)),
+        ff.Prismatic("guide", ff.Ground(), block, axis=(1, 0, 0)),
+        ff.SpringDamper("spring", ff.Ground(), block, stiffness=18.0, rest_length=1.0),
+    )
+    return model
+
+
+@pytest.mark.serial  # one body: nothing to share between ranks
+@pytest.mark.parametrize("rho_inf", [1.0, 0.6])
+@pytest.mark.parametrize(
+    "integrator",
+    ["generalized_alpha", "stabilized_index2", "energy_momentum", "independent_coordinates"],
+)
+def test_estimated_errors_are_those_of_a_step(integrator, rho_inf):
+    """Of a vibration with 3 rad/s, whose true motion from any state is known; two step sizes."""
+    w, errors = 3.0, []
+    for count in (26, 52):
+        h = np.pi / (2.0 * w) / count  # to where the rate of the acceleration is largest
+        options = RunOptions(
+            dt=h, t_end=1.0, integrator=integrator, rho_inf=rho_inf, tolerance=1e-13,
+            adaptive=True, error_tolerance=0.1,
+        )  # fmt: skip
+        simulation = Simulation(_block_on_a_spring(), options)
+        block = simulation.system.parts[0].block
+        for _ in range(count):
+            x, v = block.frames[0, 0] - 1.0, block.velocity[0, 0]
+            assert simulation.advance(h) is Status.OK
+        true = 1.0 + x * np.cos(w * h) + v / w * np.sin(w * h) - block.frames[0, 0]
+        errors.append((simulation._error, abs(true)))
+    estimated, true = np.transpose(errors)
+    # the estimate is of a time a step earlier; a wrong constant is off by 10 % and more
+    np.testing.assert_allclose(estimated, true, rtol=0.05)
+    # third order: one more or less is a factor of two
+    np.testing.assert_allclose(estimated[0] / estimated[1], 8.0, rtol=0.1)

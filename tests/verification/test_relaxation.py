@@ -272,3 +272,22 @@ def test_loads_that_are_not_finite_end_the_run() -> None:
     )
     outcome = ff.relax(model, ff.RelaxationOptions(quiet=True))
     assert outcome.status == 'PointForce "bad": the amplitude is not finite after 0 iterations'
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("length", [1.0, 10.0])
+def test_moments_count_by_the_size_of_the_model(length: float) -> None:
+    """Beside loads of which nothing is balanced yet the residual is one, in any unit of length."""
+    points = np.linspace(0.0, length, 3)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    model = ff.Model("beam", mesh=ff.LineMesh(points, [[0, 1], [1, 2]], {"beam": [0, 1]}))
+    section = ff.Section.general((1e5, 1e5, 1e5, 80.0, 100.0, 120.0), (1.0,) * 6)
+    model.add(
+        ff.Beam("beam", section, orientation=(0.0, 1.0, 0.0)),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("beam", "start")),
+        ff.PointMoment("moment", ff.Marker("beam", "end"), (0.0, 1.0, 0.0)),
+        ff.PointForce("force", ff.Marker("beam", "end"), (0.0, 0.0, 1.0)),
+    )
+    options = ff.RelaxationOptions(max_iterations=1, record_every=1, quiet=True)
+    history = ff.relax(model, options).history
+    # with moments as they are, or times the size, 10 or 100 where the length is not one
+    assert history["residual"][0] == pytest.approx(1.0, rel=1e-12)
