@@ -20,7 +20,8 @@ bring A back to (-0.5, 0, 0). These are so slender that they lag behind: at t = 
 kinds and beams agree, see ``tests/verification/TABLE.md``.
 Run: ``python cases/circular_strips.py --mesh 61x5``. Figures of its results:
 ``flexfem plot results/circular_strips --columns A_x,A_y,A_z`` or ``shell_bending,shell_membrane``;
-``flexfem render results/circular_strips --colour bending_energy --interval 2.5``.
+``flexfem render results/circular_strips --colour bending_energy
+--range 0,2 --time 1.2,2.5,6.5,10``.
 """
 
 import math

@@ -17,8 +17,9 @@ balance stays below 1e-4 of the largest kinetic energy; meshes 23x15, 31x21 and 
 2e-3 m at the tip. One factorisation serves the whole motion.
 Run: ``python cases/cylindrical_pendulum.py --mesh 31x21``. Figures of its results:
 ``flexfem plot results/cylindrical_pendulum --columns tip_y,tip_z`` or
-``shell_bending,shell_membrane``; ``flexfem render results/cylindrical_pendulum --interval 0.25
---colour bending_energy``. The paper's table of meshes, unknowns and times, in ``sweep.csv``:
+``shell_bending,shell_membrane``; ``flexfem render results/cylindrical_pendulum --colour
+bending_energy --range 0,10 --time 0.25,0.5,0.75,1``. The paper's table of meshes, unknowns and
+times, in ``sweep.csv``:
 ``flexfem sweep cylindrical_pendulum --vary mesh=23x15,25x17,31x21 --jobs 1 --every 1000000``, with
 unknowns of both segments, 2070, 2550, 3906 (the paper counts one).
 """

@@ -35,9 +35,9 @@ the thickness, so that no node is inside the sphere; half a turn maps the outlin
 The meshed sphere bears the weight, too (within 0.01 % on 21x21 nodes), but its nodes press on the
 sheet as well, 14 % of the thickness deep at most; the sheet finds other folds, with a potential
 energy that is 1 % lower, and half a turn maps the outline onto itself within 1 % only.
-Run: ``python cases/draping.py --mesh 61x61``, then ``flexfem render results/draping --view z
---colour bending_energy --no-animation`` for the shape, and ``flexfem plot results/draping
---outline``: outline seen from above, and folds.
+Run: ``python cases/draping.py --mesh 61x61``, then ``flexfem render results/draping --colour
+bending_energy --range 0,0.1 --time last`` for the shape, with ``--view z`` from above, and
+``flexfem plot results/draping --outline``: outline seen from above, and folds.
 """
 
 import math

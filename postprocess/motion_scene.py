@@ -17,6 +17,7 @@ UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
 UNITS |= dict.fromkeys(("axial_stress", "shear_stress", "von_mises", "stress"), "Pa")
 UNITS |= {"deformation": "m"}
+UNITS |= dict.fromkeys(("membrane_energy", "bending_energy", "shear_energy"), "J/m^2")
 UNITS |= {"angular_velocity": "rad/s"} | dict.fromkeys(("kappa1", "kappa2", "kappa3"), "1/m")
 INK = "#303841"
 # From blue to red without the near-black and near-white ends that hide shading.

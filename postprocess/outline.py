@@ -81,7 +81,8 @@ def numbers(edge: np.ndarray) -> str:
     mirrored = [distance(plane, sign * plane[:, ::-1]) / mean for sign in (1, -1)]
     return (
         f"folds {folds(radius)}, mean radius {mean:.5f} m, height {np.ptp(edge[:, 2]):.5f} m\n"
-        f"turned by 180 degrees {turned:.4f}, mirrored {mirrored[0]:.4f} {mirrored[1]:.4f}"
+        f"off itself, over that radius: after half a turn {turned:.4f}, "
+        f"mirrored {mirrored[0]:.4f} and {mirrored[1]:.4f}"
     )
 
 
@@ -92,9 +93,12 @@ def draw(grid: Any, triangles: np.ndarray, edge: np.ndarray, path: Path) -> None
     left.plot_trisurf(*np.asarray(grid.points).T, triangles=triangles, color="#8fb3d9")
     left.set_box_aspect(np.maximum(np.ptp(grid.points, axis=0), 1e-9))
     left.view_init(25, -50)
+    left.locator_params(nbins=4)
+    left.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     right = figure.add_subplot(122)
     right.plot(*np.vstack([edge, edge[:1]])[:, :2].T, color="#303841")
     right.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    right.locator_params(nbins=5)
     figure.suptitle(numbers(edge))
     figure.savefig(path, dpi=110)
     plt.close(figure)

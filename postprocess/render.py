@@ -9,7 +9,8 @@ mode:
     python postprocess/render.py results/slider_crank --colour M3 --size 1600x900
 
 Superposed in motion.png are a few instants, or with --interval 0.1 one every 0.1 s; the film is
-motion.gif or motion.mp4. With --time there is one picture of one instant, still.png.
+motion.gif or motion.mp4. With --time there is one picture of one instant, still.png, or of several
+side by side, instants.png.
 """
 
 from __future__ import annotations
@@ -67,7 +68,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="F",
         help="displacements since the start times F, for small ones",
     )
-    parser.add_argument("--time", type=finite, metavar="T", help="only still.png at t = T [s]")
+    parser.add_argument(
+        "--time",
+        type=times,
+        metavar="T",
+        help='only still.png at t = T [s], a number or "last", or T1,T2,... side by side in '
+        "instants.png, each of --size",
+    )
+    parser.add_argument(
+        "--range",
+        type=interval,
+        metavar="A,B",
+        help="values that the first and the last colour stand for (default: the extreme ones)",
+    )
     parser.add_argument("--from", dest="start", type=finite, metavar="T", help="from t = T on [s]")
     parser.add_argument("--to", dest="end", type=finite, metavar="T", help="up to t = T [s]")
     parser.add_argument(
@@ -115,6 +128,20 @@ def finite(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"'{text}' is not a finite number")
     return value
+
+
+def times(text: str) -> list[float]:
+    """Parse times, the last one as infinity."""
+    return [math.inf if part.strip() == "last" else finite(part) for part in text.split(",")]
+
+
+def interval(text: str) -> tuple[float, float]:
+    """Parse A,B with A below B."""
+    low, _, high = text.partition(",")
+    found = finite(low), finite(high)
+    if not found[0] < found[1]:
+        raise argparse.ArgumentTypeError(f"'{text}' is not A,B with A below B")
+    return found
 
 
 def factor(text: str) -> float:
@@ -167,7 +194,7 @@ def make_folder(folder: Path, options: argparse.Namespace) -> list[Path]:
 
     instants = read_series(folder, arrows=options.arrows is not None)
     if options.time is not None:
-        shown = frames = [nearest(instants, options.time)]
+        shown = frames = [nearest(instants, time) for time in options.time]
     else:
         instants = between(instants, options.start, options.end)
         every = options.every or -(-len(instants) // MAX_FRAMES)
@@ -178,6 +205,7 @@ def make_folder(folder: Path, options: argparse.Namespace) -> list[Path]:
     surveyed = [*shown, *frames]
     field = options.colour or default_field(surveyed)
     cloud, limits = survey(surveyed, field, options.scale_deformation)
+    limits = options.range or limits
     scale, deformation = 0.0, options.scale_deformation
     if options.arrows:
         cloud, scale = arrow_reach(surveyed, options.arrows, cloud, deformation)
@@ -187,7 +215,11 @@ def make_folder(folder: Path, options: argparse.Namespace) -> list[Path]:
     )  # fmt: skip
     target = options.output or folder
     target.mkdir(parents=True, exist_ok=True)
-    made = [target / ("motion.png" if options.time is None else "still.png")]
+    if options.time is not None:
+        still = target / ("still.png" if len(shown) == 1 else "instants.png")
+        stills(shown, scene, still)
+        return [still]
+    made = [target / "motion.png"]
     picture(shown, scene, made[0])
     if not options.no_animation and len(frames) > 1:
         made.append(target / f"motion.{options.format}")
@@ -220,6 +252,27 @@ def picture(instants: list[Instant], scene: Scene, path: Path) -> None:
     fit_camera(plotter, scene)
     plotter.screenshot(str(path))
     plotter.close()
+
+
+def stills(instants: list[Instant], scene: Scene, path: Path) -> None:
+    """Instants side by side, in rows of about as many as there are rows."""
+    import imageio.v3 as imageio
+    import numpy as np
+    from motion_scene import decorate, draw, fit_camera, new_plotter
+
+    across = math.ceil(math.sqrt(len(instants)))
+    pictures = []
+    for instant in instants:
+        plotter = new_plotter(scene)
+        coloured = draw(plotter, instant, scene, "", 1.0)
+        decorate(plotter, instant, scene, coloured)
+        fit_camera(plotter, scene)
+        pictures.append(plotter.screenshot(None, return_img=True))
+        plotter.close()
+    blank = np.broadcast_to(pictures[0][:1, :1], pictures[0].shape)
+    pictures += [blank] * (-len(pictures) % across)
+    rows = [np.hstack(pictures[i : i + across]) for i in range(0, len(pictures), across)]
+    imageio.imwrite(path, np.vstack(rows))
 
 
 def animation(instants: list[Instant], scene: Scene, path: Path) -> None:

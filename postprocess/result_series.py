@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +103,9 @@ def between(instants: list[Instant], start: float | None, end: float | None) -> 
 
 
 def nearest(instants: list[Instant], time: float) -> Instant:
-    """The one at a time, or next to it; not one from outside the motion."""
+    """The one at a time, or next to it, at infinity the last; not one from outside the motion."""
+    if time == math.inf:
+        return instants[-1]
     between(instants, time, None), between(instants, None, time)
     return min(instants, key=lambda one: abs(one.time - time))
 

@@ -147,20 +147,23 @@ def traced(cause: BaseException | None, argv: Sequence[str]) -> str:
 
 
 def join_negative_values(argv: Sequence[str]) -> list[str]:
-    """Write ``--x -1e-3`` as ``--x=-1e-3``, which argparse would take for two options."""
+    """Write ``--x -1e-3`` as ``--x=-1e-3``, which argparse would take for two options.
+
+    So are lists of numbers, ``--view -1,0,0``.
+    """
     joined: list[str] = []
     for argument in argv:
         follows_option = bool(joined) and joined[-1].startswith("--") and "=" not in joined[-1]
-        if follows_option and argument.startswith("-") and _is_number(argument):
+        if follows_option and argument.startswith("-") and _are_numbers(argument):
             joined[-1] += "=" + argument
         else:
             joined.append(argument)
     return joined
 
 
-def _is_number(text: str) -> bool:
+def _are_numbers(text: str) -> bool:
     try:
-        float(text)
+        [float(part) for part in text.split(",")]
     except ValueError:
         return False
     return True

@@ -104,6 +104,27 @@ def test_render_shows_what_options_ask_for(results: Path, tmp_path: Path) -> Non
     assert np.mean(silhouettes[0] != swung) > 0.005
 
 
+def test_render_puts_instants_side_by_side(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In rows, each as it is alone; colours stand for the values that are given."""
+    pytest.importorskip("pyvista")
+    argv = ["render", str(results), *SMALL, "--output", str(tmp_path)]
+    assert command([*argv, "--time", "0,0.2,last"]) == 0
+    assert capsys.readouterr().out.split() == [str(tmp_path / "instants.png")]
+    both = pixels(tmp_path / "instants.png")
+    assert both.shape == (320, 480, 3)
+    assert np.array_equal(both[:160, 240:], both[160:, :240])  # at 0.2 s the run ends
+    assert np.ptp(both[160:, 240:], axis=(0, 1)).max() == 0  # an empty place
+    assert not np.array_equal(both[:160, :240], both[:160, 240:])
+    for name in ("1e6,2e6", "-2e6,-1e6"):  # all in the first colour, blue, or the last, red
+        assert command([*argv, "--time", "last", "--range", name]) == 0
+        picture = pixels(tmp_path / "still.png")[20:, :190]
+        more = picture[..., 0] - picture[..., 2]
+        warm, cold = (more > 60).sum(), (more < -60).sum()
+        assert bool(warm > cold) is name.startswith("-")
+
+
 def test_plot_of_one_run_and_of_several(
     results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -167,6 +188,8 @@ def test_outline_counts_folds(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (["render", "{}", "--from", "0.3"], "nothing from t = 0.3 to 0.2 s"),
         (["render", "{}", "--arrows", "moment"], "no moment at joints"),
         (["render", "{}", "--view", "top"], "'top' is none of x, y, z"),
+        (["render", "{}", "--range", "2,1"], "'2,1' is not A,B with A below B"),
+        (["render", "{}", "--time", "0,3"], "nothing from t = 3 to 0.2 s"),
         (["render", "{}", "--size", "9"], "'9' is not WIDTHxHEIGHT"),
         (["render"], "RESULTS_DIR"),
         (["plot", "{}/nowhere"], "no history table"),

@@ -9,8 +9,8 @@ from flexfem.cli.usage import Parser, join_negative_values
 SUMMARY = "draw the motion in result folders: flexfem render RESULTS_DIR [options]"
 _DESCRIPTION = """\
 Draws motion.png, a few superposed instants, and a film, motion.gif or motion.mp4, into each result
-folder, or the one instant still.png with --time. The folder of a mode, such as
-results/blade/mode_01, is one, too.
+folder, or with --time one instant, still.png, or several side by side, instants.png. The folder of
+a mode, such as results/blade/mode_01, is one, too.
 """
 
 
