@@ -155,6 +155,12 @@ class Carriers:
         spread_means(*self._between, forces)
         self.add_back(forces)
 
+    def largest(self, values: FloatArray) -> FloatArray:
+        """Largest values (n + d,) of all ranks at the points here, 0 elsewhere (collective)."""
+        most = np.empty_like(values)
+        self._comm.Allreduce(values, most, op=MPI.MAX)
+        return np.where(self.home == self._comm.rank, most, 0.0)
+
     def add_loads(self, kind: int, forces: FloatArray, scale: float) -> None:
         """Add gathered forces (n + d, 3), which have been scaled, to a block's residual."""
         one = self.by_kind[kind]

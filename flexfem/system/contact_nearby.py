@@ -51,7 +51,8 @@ def stiffness_nearby(
             most[slaves.nodes[row]] = slaves.stiffness[row]
             corners = made.masters.triangles[rows.values]
             np.maximum.at(most, corners, slaves.stiffness[row][:, np.newaxis])
-            total[:, 0] += most
+            # slaves of several ranks are near a corner: the stiffest counts once, not on each rank
+            total[:, 0] += carriers.largest(most)
     carriers.gather(total)
     return _at_nodes(total[:, 0], carriers, frames, wrenches, kind)
 
