@@ -21,6 +21,8 @@ __all__ = ["number_in", "open_file", "read_bytes", "read_text"]
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
 #: Bytes that are read at once of files whose size the system does not know.
 _CHUNK = 1 << 20
+#: Bytes in which a file must begin as one of its kind.
+_HEAD = 4096
 #: Nothing in any unit is larger, and products of some such numbers can be computed still.
 _HUGE = 1e60
 #: A number in decimal digits. Python's float() takes 1_0 for 10 and the digits of all scripts.
@@ -52,13 +54,17 @@ def open_file(owner: str, path: str | PathLike[str]) -> BufferedReader:
     raise InputError(f"{owner}: {kind}")
 
 
-def read_bytes(owner: str, path: str | PathLike[str], limit: int) -> bytes:
+def read_bytes(
+    owner: str, path: str | PathLike[str], limit: int, begins: re.Pattern[bytes] | None = None
+) -> bytes:
     """Contents of a plain file.
 
     Args:
         owner: what messages begin with.
         path: the file.
         limit: of its size in bytes.
+        begins: how it must begin; of any other file only the first bytes are returned, for the
+            caller to refuse, however large it is.
 
     Raises:
         InputError: it cannot be opened or read, or is larger.
@@ -66,6 +72,10 @@ def read_bytes(owner: str, path: str | PathLike[str], limit: int) -> bytes:
     with open_file(owner, path) as file:
         size = os.fstat(file.fileno()).st_size
         try:
+            if begins is not None:
+                if not begins.match(head := file.read(_HEAD)):
+                    return head
+                file.seek(0)
             chunks = [] if size > limit else [file.read(size + 1)]
             read = sum(map(len, chunks))
             while chunks and chunks[-1] and size < read <= limit:  # the system did not know

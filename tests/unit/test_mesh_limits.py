@@ -2,6 +2,7 @@
 """Mesh files that ask for more than they hold: memory, time, other files, points that are none."""
 
 import base64
+import cProfile
 import os
 import resource
 import zlib
@@ -145,6 +146,40 @@ def test_a_file_gets_no_more_than_it_holds(kind, tmp_path) -> None:
             ff.read_mesh(tmp_path / name)
     assert len(str(caught.value).splitlines()) == 1
     assert len(str(caught.value)) < 400
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("a.msh", "does not begin with"), ("a.vtk", "does not begin with"), ("a.vtu", "well-formed")],
+)
+def test_of_what_is_no_mesh_only_the_beginning_is_read(name, message, tmp_path) -> None:
+    """A hole of 8 GB, which takes no room on the disk, was read to its end."""
+    with (tmp_path / name).open("wb") as file:
+        file.truncate(8_000_000_000)
+    with little_memory(), pytest.raises(ValueError, match=f"{message}|declarations of XML"):
+        ff.read_mesh(tmp_path / name)
+
+
+def many_instances(count: int) -> str:
+    """A bar that is placed many times."""
+    rows = "".join(f"*INSTANCE, NAME=I{i}, PART=P\n{i}, 0, 0\n" for i in range(count))
+    return f"*PART, NAME=P\n{BAR}*END PART\n*ASSEMBLY, NAME=A\n{rows}*END ASSEMBLY\n"
+
+
+@pytest.mark.serial
+def test_time_grows_with_the_size_of_a_file(tmp_path) -> None:
+    """Calls of functions, which are counted for they do not depend on the machine."""
+    calls = []
+    for count in (100, 400):
+        (tmp_path / "a.inp").write_text(many_instances(count))
+        profile = cProfile.Profile()
+        profile.enable()
+        ff.read_mesh(tmp_path / "a.inp")
+        profile.disable()
+        calls.append(sum(entry.callcount for entry in profile.getstats()))
+    # a look at all instances for each of them: 8 times, hours for a file of 10 MB
+    assert calls[1] < 5.0 * calls[0]
 
 
 @pytest.mark.three_ranks

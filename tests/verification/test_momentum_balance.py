@@ -73,8 +73,12 @@ def _rate(x: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _push(t: float) -> float:
-    """Size of the load (1, 0, 2) N."""
-    return 5.0 * np.sin(40.0 * t)
+    """Size of the load (1, 0, 2) N.
+
+    It begins so smoothly that it does not set off the bar's vibration along its axis, of 6400 rad/s:
+    with a kink at the start, the balance is of second order below steps of 0.1 ms only.
+    """
+    return 5.0 * np.sin(40.0 * t) ** 3
 
 
 def _history(model: ff.Model, dt: float, t_end: float, comm: MPI.Intracomm = COMM, **more):
@@ -155,7 +159,8 @@ def test_mixed_mechanism(element):
     for probe, (coarse, fine) in errors.items() if COMM.rank == 0 else ():
         # a joint, side, arm or load left out: 1e-1 to 1
         assert coarse < 5e-3, probe
-        assert fine < 0.5 * coarse, probe
+        # measured 0.24 to 0.29; of first order: 0.5
+        assert fine < 0.33 * coarse, probe
 
 
 @pytest.mark.three_ranks

@@ -45,8 +45,9 @@ class _Reader:
         self.model = Deck(path, allowance)
         self.deck = self.model
         self.parts: dict[str, Deck] = {}
-        self.instances: list[tuple[str, Deck]] = []
+        self.instances: dict[str, tuple[str, Deck]] = {}  # by their names in lower case
         self.move: Move | None = None  # of the instance that is being defined
+        self.defined = ""  # its name in lower case
 
     def take(self, statement: Statement) -> None:
         """Take what a statement says."""
@@ -77,7 +78,7 @@ class _Reader:
     def finished(self) -> MeshFile:
         """Return all that was read."""
         self._end_instance()
-        collect(self.model, self.instances)
+        collect(self.model, list(self.instances.values()))
         return self.model.mesh_file()
 
     # --- parts ---------------------------------------------------------------------------------
@@ -97,7 +98,7 @@ class _Reader:
         part = self.parts.get(self._option(statement, "PART").lower())
         if part is None:
             self.fail(statement, f'instance "{name}" is of a part that is not in the file')
-        if any(name.lower() == known.lower() for known, _ in self.instances):
+        if name.lower() in self.instances:
             self.fail(statement, f'instance "{name}" is there twice')
         try:
             self.move = placement(
@@ -107,13 +108,14 @@ class _Reader:
             self.fail(statement, str(error))
         self.allowance.take(6 * MEMBER * part.size, "the instances of its parts")
         self.deck = part.copy()
-        self.instances.append((name, self.deck))
+        self.instances[name.lower()] = name, self.deck
+        self.defined = name.lower()
 
     def _end_instance(self) -> None:
         """Put what an instance has, its part's and its own, where it is placed."""
         if self.move is None:
             return
-        name, deck = self.instances[-1]
+        name, deck = self.instances[self.defined]
         for (_, number), position in deck.nodes.items():
             self.model.nodes[name, number] = self.move(position)
         for (_, number), (kind, nodes) in deck.elements.items():
@@ -220,8 +222,8 @@ class _Reader:
 
     def _instance_name(self, statement: Statement, name: str, line: int | None = None) -> str:
         """Return the name of an instance as it was defined."""
-        same = [known for known, _ in self.instances if known.lower() == name.strip('"').lower()]
-        if not same:
+        same = self.instances.get(name.strip('"').lower())
+        if same is None:
             self.fail(statement, f'there is no instance "{name}" up to here', line)
         return same[0]
 
@@ -231,10 +233,10 @@ class _Reader:
         """Return the members of a set defined before, also one of an instance: "instance.set"."""
         found: list[Key | Run] | None = getattr(self.deck, kind).get(name)
         instance, _, inner = name.rpartition(".")
-        for place, part in self.instances:
-            if found is None and place.lower() == instance.lower():
-                members = getattr(part, kind).get(inner)
-                found = None if members is None else list(in_instance(place, members))
+        if found is None and instance.lower() in self.instances:
+            place, part = self.instances[instance.lower()]
+            members = getattr(part, kind).get(inner)
+            found = None if members is None else list(in_instance(place, members))
         if found is None:
             what = kind.replace("_", " ")[:-1]
             self.fail(statement, f'there is no {what} "{name}" up to here', line)

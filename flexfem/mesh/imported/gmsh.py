@@ -40,7 +40,7 @@ def read(path: Path) -> MeshFile:
         ValueError: It cannot be read.
     """
     owner = f'mesh file "{path}"'
-    file = _File(owner, read_bytes(f"{owner} cannot be read", path, LARGEST))
+    file = _File(owner, read_bytes(f"{owner} cannot be read", path, LARGEST, _BEGIN))
     return _Mesh(path, file.contents, file.names).file()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.imported.gmsh_types import ELEMENTS
-from flexfem.mesh.imported.numbers import Numbers, whole
+from flexfem.mesh.imported.numbers import Numbers
 
 __all__ = ["FORMATS", "Block", "Contents", "Entity", "Section"]
 
@@ -186,10 +186,10 @@ def _entity_block(kind: int, entity: Entity, nodes: IntArray, physical: IntArray
 
 
 def _nodes_40(numbers: Numbers, contents: Contents) -> None:
-    blocks, said = whole(numbers, "size", "size")
+    blocks, said = numbers.whole("size", "size")
     found = 0
     for _ in range(blocks):
-        _, dimension, parametric, count = whole(numbers, "int", "int", "int", "size")
+        _, dimension, parametric, count = numbers.whole("int", "int", "int", "size")
         extra = dimension if parametric else 0
         tags, points = numbers.records(count, ("int", 1), ("double", 3 + _extra(numbers, extra)))
         contents.nodes.append(tags[:, 0])
@@ -199,10 +199,10 @@ def _nodes_40(numbers: Numbers, contents: Contents) -> None:
 
 
 def _elements_40(numbers: Numbers, contents: Contents) -> None:
-    blocks, said = whole(numbers, "size", "size")
+    blocks, said = numbers.whole("size", "size")
     found = 0
     for _ in range(blocks):
-        entity, dimension, kind, count = whole(numbers, "int", "int", "int", "size")
+        entity, dimension, kind, count = numbers.whole("int", "int", "int", "size")
         (rows,) = numbers.records(count, ("int", 1 + _nodes_of_type(numbers, kind)))
         contents.blocks.append(Block(kind, (dimension, entity), rows[:, 1:]))
         found += count
@@ -210,10 +210,10 @@ def _elements_40(numbers: Numbers, contents: Contents) -> None:
 
 
 def _nodes_41(numbers: Numbers, contents: Contents) -> None:
-    blocks, said, _, _ = whole(numbers, "size", "size", "size", "size")
+    blocks, said, _, _ = numbers.whole("size", "size", "size", "size")
     found = 0
     for _ in range(blocks):
-        dimension, _, parametric, count = whole(numbers, "int", "int", "int", "size")
+        dimension, _, parametric, count = numbers.whole("int", "int", "int", "size")
         extra = dimension if parametric else 0
         (tags,) = numbers.records(count, ("size", 1))
         (points,) = numbers.records(count, ("double", 3 + _extra(numbers, extra)))
@@ -224,10 +224,10 @@ def _nodes_41(numbers: Numbers, contents: Contents) -> None:
 
 
 def _elements_41(numbers: Numbers, contents: Contents) -> None:
-    blocks, said, _, _ = whole(numbers, "size", "size", "size", "size")
+    blocks, said, _, _ = numbers.whole("size", "size", "size", "size")
     found = 0
     for _ in range(blocks):
-        dimension, entity, kind, count = whole(numbers, "int", "int", "int", "size")
+        dimension, entity, kind, count = numbers.whole("int", "int", "int", "size")
         (rows,) = numbers.records(count, ("size", 1 + _nodes_of_type(numbers, kind)))
         contents.blocks.append(Block(kind, (dimension, entity), rows[:, 1:]))
         found += count
@@ -250,13 +250,13 @@ def _entities(numbers: Numbers, contents: Contents, point: int, parts: bool = Fa
         parts: Whether the entities are parts of others.
     """
     if parts:
-        _, ghosts = whole(numbers, "size", "size")
+        _, ghosts = numbers.whole("size", "size")
         numbers.records(ghosts, ("int", 2))
-    for dimension, count in enumerate(whole(numbers, "size", "size", "size", "size")):
+    for dimension, count in enumerate(numbers.whole("size", "size", "size", "size")):
         for _ in range(count):
-            (tag,) = whole(numbers, "int")
+            (tag,) = numbers.whole("int")
             if parts:
-                _, _, among = whole(numbers, "int", "int", "size")
+                _, _, among = numbers.whole("int", "int", "size")
                 numbers.records(among, ("int", 1))
             _, physicals = numbers.records(
                 1, ("double", point if dimension == 0 else 6), ("size", 1)
@@ -264,7 +264,7 @@ def _entities(numbers: Numbers, contents: Contents, point: int, parts: bool = Fa
             (groups,) = numbers.records(int(physicals[0, 0]), ("int", 1))
             contents.groups[dimension, tag] = np.abs(groups[:, 0]).tolist()
             if dimension > 0:
-                (bounds,) = whole(numbers, "size")
+                (bounds,) = numbers.whole("size")
                 numbers.records(bounds, ("int", 1))
 
 

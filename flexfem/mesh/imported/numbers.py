@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Numbers in a section of a file, as text or binary, never more than the file holds."""
 
+import struct
 import warnings
 from typing import Any, NoReturn, Protocol
 
@@ -11,7 +12,7 @@ from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.mesh.imported.limits import decoded
 
-__all__ = ["BinaryNumbers", "Numbers", "TextNumbers", "whole"]
+__all__ = ["BinaryNumbers", "Numbers", "TextNumbers"]
 
 #: Kind of the numbers ("int", "size" or "double"), and how many of them.
 type Field = tuple[str, int]
@@ -34,6 +35,14 @@ class Numbers(Protocol):
         """
         ...
 
+    def whole(self, *kinds: str) -> list[int]:
+        """Return the next whole numbers of some kinds.
+
+        Raises:
+            ValueError: There are not so many.
+        """
+        ...
+
     def counted(self) -> int:
         """Return a number that format 2 writes as text always.
 
@@ -49,11 +58,6 @@ class Numbers(Protocol):
     def skip(self, count: int) -> None:
         """Take so many of those as used."""
         ...
-
-
-def whole(numbers: Numbers, *kinds: str) -> list[int]:
-    """Return the next whole numbers of some kinds."""
-    return [int(column[0, 0]) for column in numbers.records(1, *((kind, 1) for kind in kinds))]
 
 
 class TextNumbers:
@@ -79,9 +83,13 @@ class TextNumbers:
             for (kind, _), part in zip(fields, parts, strict=True)
         ]
 
+    def whole(self, *kinds: str) -> list[int]:
+        """See `Numbers`."""
+        return self._whole(self._take(1, len(kinds))).tolist()
+
     def counted(self) -> int:
         """See `Numbers`."""
-        return whole(self, "int")[0]
+        return self.whole("int")[0]
 
     def rest(self) -> IntArray:
         """See `Numbers`."""
@@ -143,6 +151,7 @@ class BinaryNumbers:
         self.owner = owner
         self.position = start
         self._content = content
+        self._order, self._codes = order, {"int": "i", "size": "q" if sizes == 8 else "i"}
         self._types = {"int": f"{order}i4", "size": f"{order}i{sizes}", "double": f"{order}f8"}
 
     def records(self, count: int, *fields: Field) -> list[npt.NDArray[Any]]:
@@ -154,6 +163,14 @@ class BinaryNumbers:
         rows = np.frombuffer(self._content, kind, count, self.position)
         self.position += count * kind.itemsize
         return [_native(rows[str(i)], k) for i, (k, _) in enumerate(fields)]
+
+    def whole(self, *kinds: str) -> list[int]:
+        """See `Numbers`."""
+        one = struct.Struct(self._order + "".join(self._codes[kind] for kind in kinds))
+        if self.position + one.size > len(self._content):
+            _too_many(self.owner, 1)
+        self.position += one.size
+        return list(one.unpack_from(self._content, self.position - one.size))
 
     def counted(self) -> int:
         """See `Numbers`."""

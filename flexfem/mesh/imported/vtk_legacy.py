@@ -25,6 +25,7 @@ _TYPES = {
 # Components of data that have a fixed number of them
 _COMPONENTS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1}
 _GRIDS = ("UNSTRUCTURED_GRID", "STRUCTURED_POINTS", "STRUCTURED_GRID", "RECTILINEAR_GRID")
+_BEGIN = re.compile(b"# vtk DataFile Version")
 _TOKENS = re.compile(rb"(?:\s*+\S++){1000}")
 
 
@@ -43,8 +44,8 @@ class _File:
     def __init__(self, path: Path) -> None:
         self.owner = f'mesh file "{path}" cannot be read'
         self.allowance = Allowance(path)
-        self.content, self.position = read_bytes(self.owner, path, LARGEST), 0
-        if not self.content.startswith(b"# vtk DataFile Version"):
+        self.content, self.position = read_bytes(self.owner, path, LARGEST, _BEGIN), 0
+        if not _BEGIN.match(self.content):
             self._fail("it does not begin with # vtk DataFile Version")
         self._line()
         self._line()

@@ -27,6 +27,7 @@ _TYPES = {
     "Float32": "f4", "Float64": "f8", "Int8": "i1", "Int16": "i2", "Int32": "i4", "Int64": "i8",
     "UInt8": "u1", "UInt16": "u2", "UInt32": "u4", "UInt64": "u8",
 }  # fmt: skip
+_BEGIN = re.compile(rb"(\xef\xbb\xbf)?\s*<")
 _APPENDED = re.compile(rb"<AppendedData\b[^>]*>")
 
 
@@ -44,7 +45,7 @@ class _File:
 
     def __init__(self, path: Path) -> None:
         self.owner = f'mesh file "{path}" cannot be read'
-        content = read_bytes(self.owner, path, LARGEST)
+        content = read_bytes(self.owner, path, LARGEST, _BEGIN)
         self.allowance = Allowance(path)
         self.appended, self.raw = b"", False
         self.root = self._parsed(content)
