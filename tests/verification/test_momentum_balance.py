@@ -75,7 +75,7 @@ def _rate(x: np.ndarray, t: np.ndarray) -> np.ndarray:
 def _push(t: float) -> float:
     """Size of the load (1, 0, 2) N.
 
-    It begins so smoothly that it does not set off the bar's vibration along its axis, of 6400 rad/s:
+    It begins so smoothly that it does not set off the bar's vibration of 6400 rad/s along its axis:
     with a kink at the start, the balance is of second order below steps of 0.1 ms only.
     """
     return 5.0 * np.sin(40.0 * t) ** 3

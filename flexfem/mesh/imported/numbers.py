@@ -85,7 +85,7 @@ class TextNumbers:
 
     def whole(self, *kinds: str) -> list[int]:
         """See `Numbers`."""
-        return self._whole(self._take(1, len(kinds))).tolist()
+        return [int(number) for number in self._whole(self._take(1, len(kinds)))]
 
     def counted(self) -> int:
         """See `Numbers`."""
