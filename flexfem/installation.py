@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexfem import launch
+from flexfem._packages import InstallationError, missing, one_line, require
 
 __all__ = ["DOLFINX", "InstallationError", "check_packages", "load_dolfinx", "require"]
 
@@ -29,32 +30,6 @@ _SOURCES = (
 _PACKAGES = ("scipy", "numba", "h5py", "tqdm", "threadpoolctl")
 
 
-class InstallationError(ImportError):
-    """A package that flexfem needs is missing, or of a kind that it cannot work with.
-
-    All ranks find the same. The message is one line that says what to install.
-    """
-
-
-def require(name: str) -> ModuleType:
-    """Import a package that flexfem needs.
-
-    Raises:
-        InstallationError: it is missing, or a shared library that it needs is.
-    """
-    try:
-        return import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name != name.split(".")[0]:
-            raise InstallationError(f"{name} cannot be imported: {_line(error)}") from error
-        raise _missing(error.name) from error
-    except (ImportError, OSError, RuntimeError) as error:
-        raise InstallationError(
-            f"{name} cannot be imported: {_line(error)} (a shared library that it needs is "
-            "missing or of another version)"
-        ) from error
-
-
 @cache
 def check_packages() -> None:
     """Check what is needed besides DOLFINx itself: Python packages, UFL and Basix.
@@ -64,7 +39,7 @@ def check_packages() -> None:
     """
     for name in _PACKAGES:
         if find_spec(name) is None:
-            raise _missing(name)
+            raise missing(name)
     for name in ("ufl", "basix"):
         if find_spec(name) is None:
             raise InstallationError(f"DOLFINx is not installed (there is no {name}): {_SOURCES}")
@@ -83,7 +58,7 @@ def load_dolfinx() -> None:
         try:
             import_module("dolfinx_solver")
         except Exception as error:  # it has several of its own, and says what to uninstall
-            raise InstallationError(f"dolfinx_solver: {_line(error)}") from error
+            raise InstallationError(f"dolfinx_solver: {one_line(error)}") from error
     for name in ("mpi4py", "dolfinx"):
         if find_spec(name) is None:
             raise InstallationError(f"DOLFINx is not installed (there is no {name}): {_SOURCES}")
@@ -159,17 +134,6 @@ def _check_mpi(mpi: Any) -> None:
         )
 
 
-def _missing(name: str) -> InstallationError:
-    return InstallationError(
-        f"{name} is not installed, which flexfem needs: pip install {name}, or its package of "
-        "conda-forge or Debian"
-    )
-
-
 def _place(module: Any) -> str:
     """Folder that a module was found in."""
     return str(getattr(module, "__file__", "an unknown place")).rpartition("/")[0]
-
-
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())

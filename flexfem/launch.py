@@ -14,6 +14,8 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, NamedTuple, NoReturn, Self
 
+from flexfem._packages import require
+
 # MPICH and derivatives, PMIx launchers, Open MPI.
 _RANK_VARIABLES = ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK")
 _SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE")
@@ -170,8 +172,6 @@ def first_failure(own: Failure) -> Failure:
     """
     if not launched_in_parallel():
         return own
-    from flexfem.installation import require
-
     comm = require("mpi4py.MPI").COMM_WORLD
     others = [rank for rank in range(comm.size) if rank != comm.rank]
     sent = [comm.isend(own, other, tag=_SAID) for other in others]

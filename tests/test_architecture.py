@@ -2,7 +2,8 @@
 """Who may import whom."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ LAYERS = [
         "_faults",
         "_checks",
         "_files",
+        "_packages",
         "_trust",
         "_memory",
         "resources",
@@ -119,6 +121,43 @@ def test_only_io_opens_files(path: Path) -> None:
     )
     names = {ast.unparse(call).split(".")[-1] for call in calls}
     assert not names & {"open", "write_text", "write_bytes", "savetxt", "savez", "tofile", "File"}
+
+
+# Modules that know one another: the equations of a step are exchanged while it runs, and the
+# stabilisation of load steps works on the state of the equilibrium that holds it.
+KNOTS = [
+    {"flexfem.system.mechanics", "flexfem.system.system"},
+    {"flexfem.solvers.held_steps", "flexfem.solvers.statics"},
+]
+
+
+def dotted(path: Path) -> str:
+    """Name of a module, that of the package for an ``__init__``."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def imported_modules(path: Path, modules: Mapping[str, Path]) -> set[str]:
+    """Modules of the package that one imports, also inside functions and for type checkers."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            for name in node.names:
+                found |= {f"{node.module}.{name.name}", str(node.module)}
+        elif isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+    return found & modules.keys()
+
+
+@pytest.mark.serial
+def test_modules_import_each_other_in_one_direction() -> None:
+    """No cycles, neither between packages nor inside one; type checkers' imports count."""
+    modules = {dotted(path): path for path in FILES}
+    files = {name for name, path in modules.items() if path.name != "__init__.py"}
+    graph = {name: imported_modules(modules[name], modules) & files for name in sorted(files)}
+    for knot in KNOTS:
+        for name in knot:
+            graph[name] -= knot
+    TopologicalSorter(graph).prepare()  # its error names the modules of a cycle
 
 
 @pytest.mark.serial

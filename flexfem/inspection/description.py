@@ -11,18 +11,17 @@ from flexfem.inspection.body_facts import BodyFacts, MassFacts, total
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.joint_facts import JointFacts
 from flexfem.inspection.mesh_facts import MeshFacts, matrix_entries
-from flexfem.inspection.mobility import Mobility, mobility
+from flexfem.inspection.mobility import mobility
+from flexfem.inspection.model_facts import ModelFacts
+from flexfem.inspection.text import description_text
 from flexfem.model.model import Model
 from flexfem.system.memory import memory_of_run
 
 __all__ = ["Description", "describe", "description_of"]
 
-#: Bytes of an entry of a sparse matrix: a number and its column.
-_BYTES = 12
-
 
 @dataclass(frozen=True)
-class Description:
+class Description(ModelFacts):
     """A model in numbers; its text is a table.
 
     Attributes:
@@ -37,25 +36,8 @@ class Description:
         memory: bytes that a motion on one rank takes, about; contact left out.
     """
 
-    model: Model
-    bodies: list[BodyFacts]
-    total: MassFacts
-    joints: list[JointFacts]
-    mobility: Mobility
-    meshes: list[MeshFacts]
-    extent: float
-    entries: int
-    memory: float
-
-    @property
-    def matrix_bytes(self) -> int:
-        """Memory of the matrix of a step, about; factors take some times as much."""
-        return _BYTES * self.entries
-
     def __str__(self) -> str:
         """Return the table."""
-        from flexfem.inspection.text import description_text
-
         return description_text(self)
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:

@@ -13,11 +13,11 @@ from flexfem._types import FloatArray
 from flexfem.inspection.body_facts import KINDS, BodyFacts, MassFacts
 from flexfem.inspection.finding import Finding, listed, owner_of
 from flexfem.inspection.joint_facts import ROLES, JointFacts
+from flexfem.inspection.model_facts import ModelFacts
 from flexfem.model.bodies import Beam
 
 if TYPE_CHECKING:
     from flexfem.core.load import Load
-    from flexfem.inspection.description import Description
     from flexfem.model.contact import Contact
 
 __all__ = ["description_text", "findings_text"]
@@ -35,7 +35,7 @@ _HEADINGS = {
 }
 
 
-def description_text(description: Description) -> str:
+def description_text(description: ModelFacts) -> str:
     """The table of a summary."""
     model = description.model
     lines = [repr(model)]
@@ -62,7 +62,7 @@ def findings_text(findings: Sequence[Finding]) -> str:
     return "\n".join(lines)
 
 
-def _bodies(description: Description) -> list[str]:
+def _bodies(description: ModelFacts) -> list[str]:
     """A table of the bodies, then all together."""
     facts = description.bodies
     counts = [(name, sum(one.kind == name for one in facts)) for name in KINDS.values()]
@@ -146,7 +146,7 @@ def _touching(contact: Contact) -> str:
     return f"{listed(contact.slaves)} - {listed(others)}"
 
 
-def _freedoms(description: Description) -> list[str]:
+def _freedoms(description: ModelFacts) -> list[str]:
     """Counts of freedoms and constraints."""
     counts = description.mobility
     held = f", {counts.held} of them held" if counts.held else ""
@@ -170,7 +170,7 @@ def _freedoms(description: Description) -> list[str]:
     ]
 
 
-def _sizes(description: Description) -> list[str]:
+def _sizes(description: ModelFacts) -> list[str]:
     """Lengths of elements, slenderness, the matrix."""
     rows = [["characteristic length", f"{_number(description.extent)} m"]]
     meshes = description.meshes

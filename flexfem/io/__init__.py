@@ -5,7 +5,8 @@ Everything here takes plain NumPy arrays and an mpi4py communicator; nothing kno
 solvers or integrators.
 """
 
-from flexfem.io.beam_fields import BeamFields, BeamWriter
+from flexfem.io.beam_fields import BeamFields
+from flexfem.io.beam_writer import BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.history import HistoryWriter, read_history
 from flexfem.io.progress import Progress

@@ -5,16 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.io.beam_fields import BeamFields
 from flexfem.io.polygons import between, cut
 from flexfem.materials.section_wall import SectionWall
-
-if TYPE_CHECKING:
-    from flexfem.io.beam_fields import BeamFields
 
 __all__ = ["BeamSkin", "SkinSection"]
 

@@ -15,7 +15,8 @@ from flexfem.elements.director_shells import DirectorShells
 from flexfem.elements.floating_bodies import FloatingBodies
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.elements.se3_beam import SE3Beams
-from flexfem.io.beam_fields import BeamFields, BeamWriter
+from flexfem.io.beam_fields import BeamFields
+from flexfem.io.beam_writer import BeamWriter
 from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
 from flexfem.io.contact_surfaces import ContactSurfaceWriter
 from flexfem.io.curve_fields import CurveSampler

@@ -18,7 +18,7 @@ from flexfem.loads.point_load import PointLoad
 from flexfem.system.assembly import Assembly
 from flexfem.system.constraints import Constraints
 from flexfem.system.node_table import NodeTable
-from flexfem.system.row_table import PlacedJoint
+from flexfem.system.placed_joint import PlacedJoint
 
 __all__ = ["PlacedLoads", "RigidMechanism", "marker_key", "place_joint", "place_loads"]
 

@@ -1,20 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact between shells, and of shells with rigid surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from flexfem import _checks
 from flexfem.model.bodies import Beam
 from flexfem.model.probe import AnyProbe, check_columns
 from flexfem.model.rigid_surface import RigidSurface
 from flexfem.model.shell import Shell
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
+from flexfem.model.structure import Structure
 
 __all__ = ["Contact", "ContactProbe"]
 
@@ -110,7 +105,7 @@ class Contact:
             two_pass=two_pass, skin=skin, radius=radius,
         )  # fmt: skip
 
-    def check(self, model: Model) -> None:
+    def check(self, model: Structure) -> None:
         """Check the names of shells and beams, and what carries the surfaces.
 
         Raises:
@@ -184,7 +179,7 @@ class ContactProbe(AnyProbe):
         check_columns(owner, columns)
         _checks.assign(self, columns=columns)
 
-    def check(self, model: Model) -> None:
+    def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         if not isinstance(model.get(self.contact), Contact):
             raise ValueError(

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Controllers: what closes loops from probes to actuators and loads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from flexfem import _checks
 from flexfem.control.law import Law, SampledLaw
@@ -13,9 +10,7 @@ from flexfem.core.load import Load
 from flexfem.joints.actuator import Actuator
 from flexfem.model.measured import ReactionProbe
 from flexfem.model.probe import AnyProbe, check_columns, strings
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
+from flexfem.model.structure import Structure
 
 __all__ = ["Controller"]
 
@@ -96,7 +91,7 @@ class Controller:
         """Whether its outputs are held between samples."""
         return self.sample_time is not None or isinstance(self.law, SampledLaw)
 
-    def measured(self, model: Model) -> tuple[tuple[AnyProbe, int], ...]:
+    def measured(self, model: Structure) -> tuple[tuple[AnyProbe, int], ...]:
         """Probe and column number of every measurement.
 
         Raises:
@@ -107,17 +102,17 @@ class Controller:
         for wanted in self.inputs:
             fits = [
                 (probe, k)
-                for probe in model.probes
+                for probe in model.of(AnyProbe)
                 for k, column in enumerate(probe.columns)
                 if probe.name == wanted
             ] or [
                 (probe, probe.columns.index(wanted))
-                for probe in model.probes
+                for probe in model.of(AnyProbe)
                 if wanted in probe.columns
             ]
             owner = f'{type(self).__name__} "{self.name}"'
             if not fits:
-                known = [column for probe in model.probes for column in probe.columns]
+                known = [column for probe in model.of(AnyProbe) for column in probe.columns]
                 raise ValueError(
                     f'{owner}: {model!r} has no probe or column "{wanted}", its columns are '
                     f"{_checks.show(', '.join(known), 200)}"
@@ -131,7 +126,7 @@ class Controller:
             found += fits
         return tuple(found)
 
-    def check(self, model: Model) -> None:
+    def check(self, model: Structure) -> None:
         """Check inputs and outputs.
 
         Raises:
@@ -155,7 +150,7 @@ class Controller:
                 raise ValueError(
                     f'{owner}: {type(thing).__name__} "{output}" has an amplitude of its own'
                 )
-            users = [c for c in model.controllers if output in c.outputs]
+            users = [c for c in model.of(Controller) if output in c.outputs]
             if users[0] is not self:
                 first = f'{type(users[0]).__name__} "{users[0].name}"'
                 raise ValueError(f'{owner}: output "{output}" is driven by {first} already')

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Checks of the loads of a model: that they act on bodies that can carry them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from flexfem import _checks
@@ -12,11 +8,8 @@ from flexfem.core.load import Load
 from flexfem.loads.line_load import LineLoad
 from flexfem.loads.shell_load import ShellLoad
 from flexfem.model.bodies import Beam
-from flexfem.model.resolve import beam_length
 from flexfem.model.shell import Shell
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
+from flexfem.model.structure import Structure
 
 __all__ = ["check_load"]
 
@@ -28,7 +21,7 @@ _ROUNDING = 1e-9
 _PLACES = {"length": "which is {:.6g} m long", "fraction": "whose fractions are 0 to 1"}
 
 
-def check_load(model: Model, load: Load) -> None:
+def check_load(model: Structure, load: Load) -> None:
     """Check where a load acts.
 
     Raises:
@@ -55,12 +48,12 @@ def check_load(model: Model, load: Load) -> None:
             load.check(model.surface, body.body)
 
 
-def _check_functions(model: Model, load: LineLoad) -> None:
+def _check_functions(model: Structure, load: LineLoad) -> None:
     """Check what the functions of a load return at some places, and where they are broken."""
     beam = model[load.body]
     length = 1.0
     if load.coordinate == "length" and not load.uniform:
-        length = beam_length(model, beam)
+        length = model.beam_length(beam)
     for place in length * np.linspace(0.0, 1.0, _SAMPLES):
         load.at(float(place))
     outside = (load.breakpoints < -_ROUNDING * length) | (

@@ -3,7 +3,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +15,7 @@ from flexfem.model.floating_body import FloatingBody
 from flexfem.model.probe import AnyProbe, check_columns, strings
 from flexfem.model.resolve import beam_cell
 from flexfem.model.shell import Shell
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
+from flexfem.model.structure import Structure
 
 __all__ = [
     "ElongationProbe",
@@ -71,7 +68,7 @@ class _BodiesProbe(AnyProbe):
                 raise ValueError(f"{owner}: bodies must hold at least one name, or be None for all")
             _checks.assign(self, bodies=names)
 
-    def check(self, model: "Model") -> None:
+    def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         for name in self.bodies or ():
             if not isinstance(model.get(name), (Beam, FloatingBody, RigidBody, Shell)):
@@ -166,7 +163,7 @@ class ReactionProbe(AnyProbe):
                 f'{owner}: axes must be "inertial", "a" or "b", got {_checks.show(self.axes)}'
             )
 
-    def check(self, model: "Model") -> None:
+    def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         if not isinstance(model.get(self.joint), Joint):
             raise ValueError(f'ReactionProbe "{self.name}": {model!r} has no joint "{self.joint}"')
@@ -210,7 +207,7 @@ class StrainProbe(AnyProbe):
         if not 0.0 <= fraction <= 1.0:
             raise ValueError(f"{owner}: fraction must lie in [0, 1], got {self.fraction}")
 
-    def check(self, model: "Model") -> None:
+    def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         beam = model.get(self.beam)
         if isinstance(beam, Shell):
@@ -222,7 +219,7 @@ class StrainProbe(AnyProbe):
         if beam.formulation == "se3":
             self.nodes(model)
 
-    def nodes(self, model: "Model") -> tuple[int, int]:
+    def nodes(self, model: Structure) -> tuple[int, int]:
         """Return the mesh nodes at both ends of the element of an SE(3) beam.
 
         Raises:
@@ -256,7 +253,7 @@ class ShellEnergyProbe(_BodiesProbe):
         super().__post_init__()
         _assign_columns(self, ("membrane", "bending", "shear"))
 
-    def check(self, model: "Model") -> None:
+    def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         owner = f'ShellEnergyProbe "{self.name}"'
         for name in self.bodies or ():
@@ -303,7 +300,7 @@ class ElongationProbe(AnyProbe):
                 raise ValueError(f"{owner}: ends must be two names, got {_checks.show(self.ends)}")
         _checks.assign(self, columns=(self.name,), ends=ends)
 
-    def check(self, model: "Model") -> None:
+    def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         owner, body = f'ElongationProbe "{self.name}"', model.get(self.body)
         if isinstance(body, FloatingBody):
@@ -365,13 +362,13 @@ class ShellStrainProbe(AnyProbe):
         _checks.text(owner, "shell", self.shell)
         _checks.assign(self, position=_checks.vector(owner, "position", self.position))
 
-    def check(self, model: "Model") -> None:
+    def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         owner, shell = f'ShellStrainProbe "{self.name}"', model.get(self.shell)
         if not isinstance(shell, Shell):
             raise ValueError(f'{owner}: {model!r} has no shell "{self.shell}"')
 
-    def nodes(self, model: "Model") -> IntArray:
+    def nodes(self, model: Structure) -> IntArray:
         """Return the mesh nodes (3,) of the triangle."""
         mesh, body = model.surface, model[self.shell].body
         assert mesh is not None  # checked by validate()

@@ -3,27 +3,21 @@
 
 from typing import Any, overload
 
-import numpy as np
-
 from flexfem import _checks
-from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
-from flexfem.core.marker import Carrier, Marker, Observed, ShellLine, SurfaceMarker
-from flexfem.core.node_row import NodeRow
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
 from flexfem.model.floating_body import FloatingBody
-from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
-from flexfem.model.resolve import beam_place, curve_place, group_curve, node_row, shell_node
 from flexfem.model.shell import Shell
+from flexfem.model.structure import Structure
+from flexfem.model.table import model_table
 from flexfem.model.validate import validate
 
 # Kinds of named things and the lists they are kept in
@@ -42,7 +36,7 @@ _LISTS: tuple[tuple[type, str], ...] = (
 )
 
 
-class Model:
+class Model(Structure):
     """Declarative description of a multibody system, the same on all ranks.
 
     Attributes:
@@ -77,27 +71,11 @@ class Model:
             TypeError: An argument has the wrong type.
             ValueError: The name is empty.
         """
-        self.name = _checks.text("Model", "name", name)
-        if mesh is not None:
-            _checks.instance(repr(self), "mesh", mesh, LineMesh)
-        if surface is not None:
-            _checks.instance(repr(self), "surface", surface, SurfaceMesh)
-        self.mesh, self.surface = mesh, surface
-        self.gravity: Gravity | None = None
-        self.beams: list[Beam] = []
-        self.shells: list[Shell] = []
-        self.rigid_bodies: list[RigidBody] = []
-        self.floating_bodies: list[FloatingBody] = []
-        self.point_masses: list[PointMass] = []
-        self.joints: list[Joint] = []
-        self.loads: list[Load] = []
+        super().__init__(name, mesh, surface)
         self.contacts: list[Contact] = []
         self.events: list[Event] = []
-        self.released: list[str] = []
         self.probes: list[AnyProbe] = []
         self.controllers: list[Controller] = []
-        self._named: dict[str, Any] = {}
-        self._curves: dict[str, NurbsCurve] = {}
 
     @overload
     def add[Thing](self, thing: Thing, /) -> Thing: ...
@@ -154,31 +132,6 @@ class Model:
         """
         self.released += [_checks.text(repr(self), "release", name) for name in joints]
 
-    def __getitem__(self, name: str) -> Any:
-        """Return the object of the given name.
-
-        Raises:
-            ValueError: There is none.
-        """
-        if name not in self._named:
-            known = _checks.show(", ".join(self._named), 200)
-            raise ValueError(f'{self!r}: there is no "{name}"; it has {known}')
-        return self._named[name]
-
-    @property
-    def things(self) -> tuple[Any, ...]:
-        """All named objects in the order they were added."""
-        return tuple(self._named.values())
-
-    @property
-    def bodies(self) -> tuple[Beam | Shell | RigidBody | FloatingBody, ...]:
-        """All bodies, kind by kind; point masses are none."""
-        return (*self.beams, *self.shells, *self.rigid_bodies, *self.floating_bodies)
-
-    def get(self, name: str) -> Any | None:
-        """Return the object of the given name, or None."""
-        return self._named.get(name)
-
     def validate(self) -> None:
         """Check that everything fits together.
 
@@ -188,101 +141,6 @@ class Model:
         """
         validate(self)
 
-    def marker_place(self, marker: Observed) -> Place | None:
-        """Return where a marker is on a flexible body; None on rigid bodies and the ground.
-
-        Raises:
-            ValueError: The marker's body or point does not exist.
-        """
-        if not isinstance(marker, Marker) or isinstance(
-            marker, (Carrier, ShellLine, SurfaceMarker)
-        ):
-            return None
-        body = self.get(marker.body)
-        if isinstance(body, RigidBody):
-            if marker.point is not None:
-                raise ValueError(
-                    f'Marker on "{marker.body}": a rigid body has no point "{marker.point}"; '
-                    "give an offset"
-                )
-            return None
-        if isinstance(body, FloatingBody):
-            return Place(body.node(marker))
-        if isinstance(body, Shell):
-            assert self.surface is not None  # checked by validate()
-            return Place(shell_node(self.surface, body, marker))
-        if not isinstance(body, Beam):
-            raise ValueError(f'Marker on "{marker.body}": {self!r} has no such body')
-        if body.formulation == "nurbs":
-            return curve_place(self, body, marker)
-        return beam_place(self._mesh(), body, marker)
-
-    def node_row(self, line: ShellLine) -> NodeRow:
-        """Return the nodes along a line of a shell.
-
-        Raises:
-            ValueError: The model has no such shell, the mesh no such line, or it is not on it.
-        """
-        shell = self.get(line.body)
-        if not isinstance(shell, Shell) or self.surface is None:
-            raise ValueError(f'ShellLine: {self!r} has no shell "{line.body}"')
-        return node_row(self.surface, shell, line)
-
-    def beams_of(self, formulation: str) -> list[Beam]:
-        """Return the beams of a formulation in their order."""
-        return [beam for beam in self.beams if beam.formulation == formulation]
-
-    def beam_cells(self, beam: Beam) -> IntArray:
-        """Return the mesh's cells along a group as row numbers, ascending; none along a curve.
-
-        Raises:
-            ValueError: The model has no mesh or the mesh no such group of lines.
-        """
-        if beam.group is None:
-            return np.empty(0, dtype=np.int64)
-        mesh = self._mesh()
-        mesh.group_cells(beam.group)
-        return mesh.line_groups[beam.group]
-
-    def curve(self, beam: Beam) -> NurbsCurve:
-        """Return the curve of a beam with the formulation "nurbs".
-
-        Raises:
-            ValueError: The group of the beam is not in the mesh, branches or falls apart, or has
-                too few nodes for the degree.
-        """
-        if beam.curve is not None:
-            return beam.curve
-        if beam.name not in self._curves:
-            self._curves[beam.name] = group_curve(self._mesh(), beam)
-        return self._curves[beam.name]
-
-    def weights(self) -> IntArray:
-        """Return the numbers of elements of the beams, in their order.
-
-        Raises:
-            ValueError: The model has no mesh or the mesh no such group of lines.
-        """
-        counts = [
-            len(self.curve(beam).elements.nodes)
-            if beam.formulation == "nurbs"
-            else len(self.beam_cells(beam))
-            for beam in self.beams
-        ]
-        return np.array(counts, dtype=np.int64)
-
-    def _mesh(self) -> LineMesh:
-        """Return the mesh."""
-        if self.mesh is None:
-            raise ValueError(f"{self!r}: it has beams but no mesh, give Model(mesh=...)")
-        return self.mesh
-
-    def __repr__(self) -> str:
-        """Return class and quoted name."""
-        return f'Model "{self.name}"'
-
     def __str__(self) -> str:
         """Return a compact table of what the model holds."""
-        from flexfem.model.table import model_table
-
         return model_table(self)

@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,7 @@ from flexfem import _checks
 from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray
 from flexfem.core.marker import OBSERVED, Observed
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
+from flexfem.model.structure import Structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +64,7 @@ class AnyProbe:
     unwrap: tuple[str, ...] = ()
     markers: tuple[Observed, ...] = ()
 
-    def check(self, model: "Model") -> None:
+    def check(self, model: Structure) -> None:
         """Check what the probe refers to by name.
 
         Raises:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Where markers on beams and shells are."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from flexfem import _checks
@@ -18,10 +16,6 @@ from flexfem.model.bodies import Beam
 from flexfem.model.line_bending import line_slopes, line_stiffness
 from flexfem.model.place import Place, place_at_fraction, place_in
 from flexfem.model.shell import Shell
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
-
 
 #: A fraction so near to a node, as a part of an element, means it: one written with few digits.
 _AT_NODE = 1e-4
@@ -55,22 +49,6 @@ def _named_node(mesh: LineMesh, beam: Beam, owner: str, point: str) -> int:
     if nodes[0] == nodes[-1]:
         raise ValueError(f'{owner}: point "{point}": the line is closed and has no ends')
     return int(nodes[0 if point == "start" else -1])
-
-
-def beam_length(model: "Model", beam: Beam) -> float:
-    """Return the arc length of a beam, m.
-
-    Raises:
-        ValueError: Its line branches or falls apart.
-    """
-    if beam.formulation == "nurbs":
-        return model.curve(beam).length
-    assert model.mesh is not None
-    assert beam.group is not None
-    nodes = model.mesh.order(beam.group)
-    if nodes is None:
-        raise ValueError(f'Beam "{beam.name}": group "{beam.group}" branches or falls apart')
-    return float(arc_length(model.mesh.points[nodes])[-1])
 
 
 def shell_node(mesh: SurfaceMesh, shell: Shell, marker: Marker) -> int:
@@ -112,26 +90,25 @@ def _near_node(
     return node
 
 
-def curve_place(model: "Model", beam: Beam, marker: Marker) -> Place:
+def curve_place(mesh: LineMesh | None, curve: NurbsCurve, beam: Beam, marker: Marker) -> Place:
     """Return the place of a marker on a beam along a curve.
 
     Raises:
         ValueError: No point, a point group that is not on the beam, or one on a beam without mesh.
     """
     owner, point = f'Marker on "{beam.name}"', _point(beam, marker)
-    curve = model.curve(beam)
     if not isinstance(point, str):
         return place_at_fraction(curve, point)
     parts = curve.elements
     last = len(parts.nodes) - 1
     if point in LINE_ENDS:
         return place_in(parts, 0, 0.0) if point == "start" else place_in(parts, last, 1.0)
-    if beam.group is None or model.mesh is None:
+    if beam.group is None or mesh is None:
         raise ValueError(
             f'{owner}: a beam along a curve has "start", "end" and fractions, got point "{point}"'
         )
-    node = _group_node(model.mesh, beam, point)
-    order = _ordered(model.mesh, beam, owner, point)
+    node = _group_node(mesh, beam, point)
+    order = _ordered(mesh, beam, owner, point)
     at = int(np.flatnonzero(order == node)[0])
     return place_in(parts, at, 0.0) if at <= last else place_in(parts, last, 1.0)
 

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid surfaces that shells and beams touch: fixed in space, or moving with a body."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +11,7 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.mesh.surface_topology import connected_parts, vector_areas
 from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.floating_body import FloatingBody
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
+from flexfem.model.structure import Structure
 
 __all__ = ["RigidCylinder", "RigidMesh", "RigidPlane", "RigidSphere", "RigidSurface"]
 
@@ -53,7 +48,7 @@ class RigidSurface:
                 f"{kind}: place must be a Ground or a plain Marker, got {type(self.place).__name__}"
             )
 
-    def check(self, model: Model, owner: str) -> None:
+    def check(self, model: Structure, owner: str) -> None:
         """Check what carries the surface.
 
         Raises:

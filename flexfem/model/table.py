@@ -1,24 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A model as text."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flexfem.model.controller import Controller
+from flexfem.model.probe import AnyProbe
 from flexfem.model.shell import Shell
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
+from flexfem.model.structure import Structure
 
 # Rows shown of each kind before the rest is counted only
 _MAX_ROWS = 8
 
 
-def model_table(model: Model) -> str:
+def model_table(model: Structure) -> str:
     """Return a compact table of what a model holds: one line per object, long lists shortened."""
     lines = [repr(model)]
     if model.mesh is not None:
@@ -35,14 +32,14 @@ def model_table(model: Model) -> str:
         ("point masses", model.point_masses),
         ("joints", model.joints),
         ("loads", model.loads),
-        ("probes", model.probes),
-        ("controllers", model.controllers),
+        ("probes", model.of(AnyProbe)),
+        ("controllers", model.of(Controller)),
     ):
         lines.extend(_rows(model, title, things))
     return "\n".join(lines)
 
 
-def _rows(model: Model, title: str, things: Iterable[Any]) -> list[str]:
+def _rows(model: Structure, title: str, things: Iterable[Any]) -> list[str]:
     """Return heading and rows of one kind of object, nothing when there are none."""
     items = list(things)
     if not items:
@@ -60,7 +57,7 @@ def _rows(model: Model, title: str, things: Iterable[Any]) -> list[str]:
     return [line.rstrip() for line in lines]
 
 
-def _details(model: Model, thing: Any) -> str:
+def _details(model: Structure, thing: Any) -> str:
     """Return the most telling values of an object."""
     if isinstance(thing, Shell):
         return _shell(model, thing)
@@ -78,7 +75,7 @@ def _details(model: Model, thing: Any) -> str:
     return ", ".join(str(place) for place in (*thing.markers, *thing.beams, *thing.shells))
 
 
-def _shell(model: Model, shell: Shell) -> str:
+def _shell(model: Structure, shell: Shell) -> str:
     """Return what a shell is made of."""
     rows = () if model.surface is None else model.surface.bodies.get(shell.body, ())
     section = shell.section
@@ -89,7 +86,7 @@ def _shell(model: Model, shell: Shell) -> str:
     )
 
 
-def _line(model: Model, beam: Any) -> str:
+def _line(model: Structure, beam: Any) -> str:
     """Return what a beam runs along."""
     if beam.curve is not None:
         return f"curve of degree {beam.curve.degree}, {len(beam.curve.elements.nodes)} elements"

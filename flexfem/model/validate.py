@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Checks of a whole model: that names refer to something and that the parts fit together."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +20,7 @@ from flexfem.core.marker import (
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
 from flexfem.model.floating_body import FloatingBody
@@ -29,12 +28,10 @@ from flexfem.model.load_checks import check_load
 from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
 from flexfem.model.shell import Shell
-
-if TYPE_CHECKING:
-    from flexfem.model.model import Model
+from flexfem.model.structure import Structure
 
 
-def validate(model: Model) -> None:
+def validate(model: Structure) -> None:
     """Check a model.
 
     Raises:
@@ -55,7 +52,7 @@ def validate(model: Model) -> None:
             raise ValueError(f'{_owner(joint)}: {model!r} has no joint "{joint.partner.name}"')
     for load in model.loads:
         check_load(model, load)
-    for event in model.events:
+    for event in model.of(Event):
         for name in event.joints:
             _check_joint(model, _owner(event), name)
         for name in event.awaits:
@@ -63,16 +60,16 @@ def validate(model: Model) -> None:
                 raise ValueError(f'{_owner(event)}: stops after "{name}", which is no event')
     for name in model.released:
         _check_joint(model, f"{model!r}: release", name)
-    for contact in model.contacts:
+    for contact in model.of(Contact):
         contact.check(model)
-    for probe in model.probes:
+    for probe in model.of(AnyProbe):
         probe.check(model)
-    for controller in model.controllers:
+    for controller in model.of(Controller):
         controller.check(model)
     _check_columns(model)
 
 
-def _check_joint(model: Model, owner: str, name: str) -> None:
+def _check_joint(model: Structure, owner: str, name: str) -> None:
     """Check that there is a joint of a name, which may be open or closed."""
     if not isinstance(model.get(name), Joint):
         raise ValueError(f'{owner}: {model!r} has no joint "{name}"')
@@ -82,7 +79,7 @@ def _owner(thing: Any) -> str:
     return f'{type(thing).__name__} "{thing.name}"'
 
 
-def _check_beams(model: Model) -> None:
+def _check_beams(model: Structure) -> None:
     """Check groups and orientations of all beams."""
     mesh, users = model.mesh, dict[str, Beam]()
     for beam in model.beams:
@@ -100,7 +97,7 @@ def _check_beams(model: Model) -> None:
         _check_ownership(model, mesh)
 
 
-def _check_shells(model: Model) -> None:
+def _check_shells(model: Structure) -> None:
     """Check that every body of the surface mesh is that of one shell."""
     if model.surface is None:
         raise ValueError(f"{model!r} has shells but no mesh, give Model(surface=...)")
@@ -128,7 +125,7 @@ def _check_shells(model: Model) -> None:
             raise ValueError(f'{model!r}: body "{body}" of the surface mesh belongs to no shell')
 
 
-def _check_group(model: Model, beam: Beam, users: dict[str, Beam]) -> None:
+def _check_group(model: Structure, beam: Beam, users: dict[str, Beam]) -> None:
     """Check that the group of a beam is in the mesh and its own."""
     assert beam.group is not None
     if model.mesh is None:
@@ -139,7 +136,7 @@ def _check_group(model: Model, beam: Beam, users: dict[str, Beam]) -> None:
     model.mesh.group_cells(beam.group)
 
 
-def _check_ownership(model: Model, mesh: LineMesh) -> None:
+def _check_ownership(model: Structure, mesh: LineMesh) -> None:
     """Check that every cell belongs to one beam and that beams share no nodes."""
     rows = np.concatenate([model.beam_cells(beam) for beam in model.beams])
     beams = np.repeat(
@@ -174,7 +171,7 @@ def _check_ownership(model: Model, mesh: LineMesh) -> None:
         )
 
 
-def _marked(model: Model) -> Iterator[tuple[Any, Observed]]:
+def _marked(model: Structure) -> Iterator[tuple[Any, Observed]]:
     """Yield every marker in the model with the object that has it."""
     for joint in model.joints:
         for marker in joint.markers:
@@ -184,15 +181,15 @@ def _marked(model: Model) -> Iterator[tuple[Any, Observed]]:
     for load in model.loads:
         for marker in load.markers:
             yield load, marker
-    for probe in model.probes:
+    for probe in model.of(AnyProbe):
         for place in probe.markers:
             yield probe, place
-    for event in model.events:
+    for event in model.of(Event):
         for place in event.markers:
             yield event, place
 
 
-def _check_markers(model: Model) -> dict[int, Place | None]:
+def _check_markers(model: Structure) -> dict[int, Place | None]:
     """Check that all markers exist, and return their places by the markers' identities."""
     nodes: dict[int, Place | None] = {}
     for thing, marker in _marked(model):
@@ -205,7 +202,7 @@ def _check_markers(model: Model) -> dict[int, Place | None]:
     return nodes
 
 
-def _check_line(model: Model, thing: Any, marker: Observed) -> None:
+def _check_line(model: Structure, thing: Any, marker: Observed) -> None:
     """Check lines: that a carrier is a beam, the joint of a slider one, a row that of a shell."""
     if isinstance(marker, SlidingMarker):
         joint = model.get(marker.joint)
@@ -225,7 +222,7 @@ def _check_line(model: Model, thing: Any, marker: Observed) -> None:
         _check_surface(model, marker)
 
 
-def _check_carrier(model: Model, carrier: Carrier) -> None:
+def _check_carrier(model: Structure, carrier: Carrier) -> None:
     """Check that a carrier is a line of its body."""
     body, owner = model.get(carrier.body), f'Carrier on "{carrier.body}"'
     if isinstance(body, Beam):
@@ -247,7 +244,7 @@ def _check_carrier(model: Model, carrier: Carrier) -> None:
         raise ValueError(f'{model!r} has no beam or body with lines "{carrier.body}"')
 
 
-def _check_surface(model: Model, marker: SurfaceMarker) -> None:
+def _check_surface(model: Structure, marker: SurfaceMarker) -> None:
     """Check that the nodes of a place are those of a triangle of its shell."""
     shell = model.get(marker.body)
     if not isinstance(shell, Shell) or model.surface is None:
@@ -279,10 +276,10 @@ def _check_ends(joint: Joint, pair: tuple[int, int], nodes: dict[int, Place | No
         raise ValueError(f"{_owner(joint)}: {both} are fixed to {place}")
 
 
-def _check_columns(model: Model) -> None:
+def _check_columns(model: Structure) -> None:
     """Check that all columns of the history have different names."""
     users: dict[str, Any] = {}
-    recorded: list[AnyProbe | Controller] = [*model.probes, *model.controllers]
+    recorded: list[AnyProbe | Controller] = [*model.of(AnyProbe), *model.of(Controller)]
     for probe in recorded:
         for column in probe.columns:
             if column in users:

@@ -14,6 +14,7 @@ from flexfem.core.state import State
 from flexfem.system.action_kernels import add_turning_forces
 from flexfem.system.interface import Interface
 from flexfem.system.numbered_rows import NumberedRows
+from flexfem.system.placed_joint import PlacedJoint
 from flexfem.system.row_hessians import (
     add_dampers,
     add_hessians,
@@ -29,7 +30,6 @@ from flexfem.system.row_kernels import (
     sums_of_terms,
     update_angles,
 )
-from flexfem.system.row_table import PlacedJoint
 
 __all__ = ["Constraints"]
 

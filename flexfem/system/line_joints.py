@@ -6,11 +6,7 @@ terms of the table of rows, two nodes a term. Which nodes these are changes whil
 from element to element.
 """
 
-from __future__ import annotations
-
-import weakref
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,9 +24,7 @@ from flexfem.system.line_kernels import (
     update_line_angles,
 )
 from flexfem.system.lines import Line
-
-if TYPE_CHECKING:
-    from flexfem.system.row_table import RowTable
+from flexfem.system.placed_joint import RowLayout
 
 __all__ = ["LineJoints"]
 
@@ -46,9 +40,9 @@ class LineJoints:
         version: counts how often a slider has passed from one element to another.
     """
 
-    def __init__(self, table: RowTable, rows: Sequence[Sequence[Row]]) -> None:
+    def __init__(self, table: RowLayout, rows: Sequence[Sequence[Row]]) -> None:
         """Collect lines, markers and rows; ``rows`` are those of all joints of the table."""
-        self._table: RowTable = weakref.proxy(table)  # which holds this object
+        self._table = table
         self.joints = [i for i, joint in enumerate(table.joints) if joint.on_lines]
         self.sums = np.zeros(int(table.start[-1]))
         self.version = 0

@@ -9,7 +9,8 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.state import Numbering
-from flexfem.system.row_table import PlacedJoint, RowTable
+from flexfem.system.placed_joint import PlacedJoint
+from flexfem.system.row_table import RowTable
 
 __all__ = ["NumberedRows"]
 

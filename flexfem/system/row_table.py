@@ -2,68 +2,17 @@
 """Rows and terms of joints as arrays, as the compiled loops read them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.core.joint import Joint
-from flexfem.core.pose import Pose
 from flexfem.core.row import LawKind, Row, RowKind
 from flexfem.core.runs import starts
 from flexfem.system.line_joints import LineJoints
-from flexfem.system.lines import RailPoint
+from flexfem.system.placed_joint import PlacedJoint, RowLayout
 from flexfem.system.row_kernels import ON_LINES
 
-__all__ = ["PlacedJoint", "RowTable"]
-
-
-@dataclass(frozen=True)
-class PlacedJoint:
-    """A joint that this rank evaluates.
-
-    Attributes:
-        joint: its declaration.
-        index: number of the joint in the model.
-        poses: poses of its markers at the start.
-        slots: interface slots of the nodes that carry its markers, -1 for ground, -2 on lines.
-        offsets: (n, 12) markers relative to their nodes or sections (absolute for ground).
-        points: where its markers are on lines, None for the others.
-        owned: this rank owns its multipliers.
-        shared: another rank evaluates it too.
-    """
-
-    joint: Joint
-    index: int
-    poses: tuple[Pose, ...]
-    slots: tuple[int, ...]
-    offsets: FloatArray
-    points: tuple[RailPoint | None, ...]
-    owned: bool
-    shared: bool
-
-    @property
-    def on_lines(self) -> bool:
-        """A marker lies on a line."""
-        return any(point is not None for point in self.points)
-
-    @property
-    def widths(self) -> list[int]:
-        """Number of nodes that each marker depends on."""
-        return [
-            int(slot >= 0) if point is None else point.rail.slots.shape[1]
-            for slot, point in zip(self.slots, self.points, strict=True)
-        ]
-
-    @property
-    def pairs(self) -> int:
-        """Number of pairs of nodes for second derivatives, where it has markers on lines."""
-        count = sum(self.widths)
-        return count * (count - 1) // 2
-
-    def rows(self, t: float) -> tuple[Row, ...]:
-        """Rows at time t."""
-        return self.joint.rows(self.poses, t)
+__all__ = ["RowTable"]
 
 
 class RowTable:
@@ -111,7 +60,11 @@ class RowTable:
         self.directions = np.zeros((terms, 3, 3))
         self.factors, self.angles = np.zeros(terms), np.zeros(terms)
         self.kinds[line_rows[self.row_of_term]] = ON_LINES
-        self.lines = LineJoints(self, listed)
+        layout = RowLayout(
+            self.joints, self.start, self.marker_start, self.marker_slot, self.marker_offset,
+            self.targets, self.term_start, self.term_slots, self.pair_slots,
+        )  # fmt: skip
+        self.lines = LineJoints(layout, listed)
         for i, part in enumerate(listed):
             self.write(i, part)
         self._normals(rows)

@@ -16,7 +16,7 @@ from flexfem.core.pose import Pose
 from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.lie import se3, so3
 from flexfem.system.constraints import Constraints
-from flexfem.system.row_table import PlacedJoint
+from flexfem.system.placed_joint import PlacedJoint
 
 AXIS = np.array([0.6, -0.3, 0.8])
 UNIT = AXIS / np.linalg.norm(AXIS)

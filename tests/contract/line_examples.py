@@ -17,7 +17,7 @@ from flexfem.lie import se3, so3
 from flexfem.system.constraints import Constraints
 from flexfem.system.line_data import ON_LINE
 from flexfem.system.lines import Line, Rail, RailPoint
-from flexfem.system.row_table import PlacedJoint
+from flexfem.system.placed_joint import PlacedJoint
 from tests.contract.joint_examples import Placed, interface
 
 #: Quadratic B-spline with knots 0 0 0 1 2 2 2: shape functions of both elements in powers of xi.

@@ -15,7 +15,7 @@ from flexfem.lie import se3, so3
 from flexfem.system.constraints import Constraints
 from flexfem.system.line_data import ON_LINE
 from flexfem.system.lines import Rail, RailPoint
-from flexfem.system.row_table import PlacedJoint
+from flexfem.system.placed_joint import PlacedJoint
 from flexfem.system.surface_places import SurfacePlace, carrier_frame
 from tests.contract.joint_examples import UNIT, Placed, interface
 

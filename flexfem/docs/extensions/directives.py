@@ -20,6 +20,7 @@ from flexfem.analyses.analysis import Analysis
 from flexfem.case import Case
 from flexfem.cli import command, commands
 from flexfem.docs.extensions.topics import cases_of, names_of
+from flexfem.model.structure import Structure
 from flexfem.options import Option
 
 #: Columns of printed help.
@@ -66,21 +67,28 @@ class PublicNames(FromPackage):
 def _documented(name: str) -> str:
     value = getattr(flexfem, name)
     if inspect.isclass(value):
-        more = "".join(f"\n   .. automethod:: flexfem.{name}.{one}\n" for one in _made_by(value))
+        more = "".join(
+            f"\n   .. {kind}:: flexfem.{name}.{one}\n" for one, kind in _inherited(value)
+        )
         return f".. autoclass:: flexfem.{name}\n   :members:\n{more}"
     if callable(value):
         return f".. autofunction:: flexfem.{name}\n"
     return _constant(name, value)
 
 
-def _made_by(value: type) -> list[str]:
-    """Constructors that a class has from others of the package; its own are described anyway."""
+def _inherited(value: type) -> list[tuple[str, str]]:
+    """What a class has from others of the package, and the directives that describe it.
+
+    These are constructors, and of a model its mechanical part.
+    """
     return [
-        one
+        (one, "autoproperty" if isinstance(what, property) else "automethod")
         for base in value.__mro__[1:]
         if base.__module__.startswith("flexfem")
         for one, what in vars(base).items()
-        if isinstance(what, classmethod) and not one.startswith("_") and one not in vars(value)
+        if not one.startswith("_")
+        and one not in vars(value)
+        and (isinstance(what, classmethod) or base is Structure)
     ]
 
 
