@@ -107,6 +107,32 @@ def switched(end: float) -> ff.Model:
     return model
 
 
+def shaken(frequency: float, *, told: bool = False, drive: bool = False) -> ff.Model:
+    """A rotor that a moment or a drive swings, or that its drive switches now and then."""
+
+    def swing(t: float) -> float:
+        return 1e-3 * np.sin(2.0 * np.pi * frequency * t)
+
+    model = switched(0.9)
+    if drive:
+        ends = ff.Ground(), ff.Marker("rotor")
+        model.add(ff.PrescribedAngle("shaker", *ends, axis=Z, angle=swing))
+        return model
+    amplitude = ff.TimeFunction(swing, np.arange(1.0, 2000.0) / 2000.0) if told else swing
+    model.add(ff.PointMoment("push", ff.Marker("rotor"), Z, amplitude=amplitude))
+    return model
+
+
+def bursts(width: float) -> ff.Model:
+    """A rotor that is pushed five times, by a function that does not tell when."""
+    model = switched(0.9)
+    often = ff.PointMoment(
+        "push", ff.Marker("rotor"), Z, amplitude=lambda t: float((5.0 * t) % 1.0 < width)
+    )
+    model.add(often)
+    return model
+
+
 def turned(angle: float) -> ff.Model:
     """A body whose drive prescribes a rotation at the start."""
     model = ff.Model()
@@ -321,6 +347,21 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "switch": (
         "drives", "jumps by 1 rad in the step to t = 0.501 s", lambda: switched(0.5009),
         lambda: switched(0.51), MOTION,
+    ),
+    "aliased load": (
+        "unresolved", 'PointMoment "push": within a step it is', lambda: shaken(990.0),
+        lambda: shaken(250.0), MOTION,
+    ),
+    "aliased drive": (
+        "unresolved", 'PrescribedAngle "shaker": within a step it is',
+        lambda: shaken(400.0, drive=True), lambda: shaken(200.0, drive=True), MOTION,
+    ),
+    "aliased, or told": (
+        "unresolved", "which are all that the motion sees", lambda: shaken(1000.0),
+        lambda: shaken(1000.0, told=True), MOTION,
+    ),
+    "pulses": (
+        "unresolved", "within a step it is", lambda: shaken(500.0), lambda: bursts(0.1), MOTION
     ),
     "nothing acts": ("loads", "no gravity", lambda: still(False), lambda: still(True), None),
     "statics": (
