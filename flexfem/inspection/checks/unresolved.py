@@ -20,6 +20,8 @@ _LOOKS, _WITHIN = 60, 0.382
 _OFF, _SHARE = 0.2, 0.25
 #: Part of the values themselves that is rounding.
 _ROUNDING = 1e-9
+#: Larger values are no numbers to compute with.
+_HUGE = 1e100
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
@@ -54,6 +56,8 @@ def _between(
     try:
         values = np.array([[float(function(t)) for t in row] for row in times.tolist()])  # type: ignore[arg-type]
     except FAILURES:  # of several values, of more than time, or wrong: the run says so
+        return
+    if not np.abs(values).max() < _HUGE:  # nor what is not finite
         return
     change = float(np.ptp(values))
     line = values[:, 0] + _WITHIN * (values[:, 2] - values[:, 0])
