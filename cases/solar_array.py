@@ -2,15 +2,15 @@
 """Deployment of a solar array blanket: panels folded in zigzag, pulled up along guide wires.
 
 Panels of 0.45 x 2.4 m, 0.8 mm thick, E = 8e9 N/m^2, nu = 0.3, rho = 2314.8 kg/m^3 and a damping of
-1e-3 s times their stiffness (``--damping``) are joined to one another along their long sides, which
-run along X: by hinges, or with ``--hinges clamped`` as if they were folded of one sheet, whose
-folds then spring back to the angles that they have in the pile. Folded they lie on one another with
-a pitch of 10 mm along Z (``--pitch``). The bottom side of panel 1 is hinged to the container. The
-top side of the last one hangs on a rigid beam of 1 kg, and this on a tensioning spring (200 N/m and
-5 N s/m) whose other end, of 0.1 kg, the mast lifts along Z: the speed rises within 2 s (``--ramp``)
-to 0.1 m/s (``--speed``) by a fifth-order polynomial, stays, and falls the same way, so that the
-flat blanket has the tension ``--tension`` at the end, and is held there. An odd number of panels
-ends on the other side, and leans. No gravity.
+1e-3 s times their stiffness (``--panel-damping``) are joined to one another along their long sides,
+which run along X: by hinges, or with ``--hinges clamped`` as if they were folded of one sheet,
+whose folds then spring back to the angles that they have in the pile. Folded they lie on one
+another with a pitch of 10 mm along Z (``--pitch``). The bottom side of panel 1 is hinged to the
+container. The top side of the last one hangs on a rigid beam of 1 kg, and this on a tensioning
+spring (200 N/m and 5 N s/m) whose other end, of 0.1 kg, the mast lifts along Z: the speed rises
+within 2 s (``--ramp``) to 0.1 m/s (``--speed``) by a fifth-order polynomial, stays, and falls the
+same way, so that the flat blanket has the tension ``--tension`` at the end, and is held there. An
+odd number of panels ends on the other side, and leans. No gravity.
 
 Two guide wires of steel (2 mm, E = 210e9 N/m^2, nu = 0.25, rho = 7850 kg/m^3) stand at y = 0, 0.3 m
 from the sides of the panels, clamped 0.2 m below the container and pulled up by 10 N
@@ -48,7 +48,8 @@ folds, and 6.4 N.
 Run: ``mpirun -n 2 python cases/solar_array.py --panels 4 --t-end 30``. Figures of its results:
 ``flexfem plot results/solar_array --columns panel_1_vz,panel_2_vz,panel_3_vz,panel_4_vz`` or
 ``grommet_2_y``, or ``panels_bending,panels_membrane``, or ``contact_closed``; pictures:
-``flexfem render results/solar_array --colour bending_energy --interval 6``.
+``flexfem render results/solar_array --colour bending_energy --range 0,0.01
+--time 0,6,12,18,24,30``.
 """
 
 import math
@@ -77,7 +78,7 @@ class Numbers:
     youngs_modulus: float
     poisson_ratio: float
     density: float
-    damping: float
+    panel_damping: float
     pitch: float
     tension: float
     speed: float
@@ -234,7 +235,9 @@ def build(
     model = ff.Model("solar_array", surface=surface)
     for name in names:
         edges = {"panel_1_bottom": "hinged"} if name == "panel_1" else {}
-        model.add(ff.Shell(name, section, element=element, edges=edges, damping=numbers.damping))
+        model.add(
+            ff.Shell(name, section, element=element, edges=edges, damping=numbers.panel_damping)
+        )
     for i, (lower, upper) in enumerate(pairwise(names)):
         line = ff.ShellLine(lower, f"{lower}_top"), ff.ShellLine(upper, f"{upper}_bottom")
         model.add(HINGES[hinges](f"hinge_{i + 1}", *line))
@@ -327,7 +330,7 @@ CASE = ff.Case(
         ff.Option("poisson_ratio", float, 0.3, "of the panels", minimum=0.0, maximum=0.5),
         ff.Option("density", float, 2314.8, "of the panels", unit="kg/m^3", above=0.0),
         ff.Option(
-            "damping", float, 1e-3, "of the panels, times their stiffness", unit="s", minimum=0.0
+            "panel_damping", float, 1e-3, "times the stiffness of the panels", unit="s", minimum=0.0
         ),
         ff.Option("pitch", float, 0.01, "distance of folded panels", unit="m", above=0.0),
         ff.Option("tension", float, 20.0, "of the deployed blanket", unit="N", minimum=0.0),

@@ -3,8 +3,8 @@
 
 An arm of tetrahedra, 0.6 m from eye to eye with a shank of 30 x 15 mm (aluminium, E = 7e10 N/m^2,
 nu = 0.33, rho = 2700 kg/m^3), is reduced to the motions of its eyes and some modes. It turns on a
-pin in the big eye, driven to 90 degrees within ``--time`` seconds, and carries 1 kg in the small
-one.
+pin in the big eye, driven to 90 degrees within ``--duration`` seconds, and carries 1 kg in the
+small one.
 
 History: ``tip_x``, ``tip_y``, ``tip_z`` (m) of the small eye; ``lag`` (rad), the angle by which
 it is behind the drive; ``torque_fx``, ``torque_fy``, ``torque_fz`` (N), ``torque_mx``,
@@ -27,13 +27,13 @@ Z = (0.0, 0.0, 1.0)
 
 def build(
     *, size: float, internal_modes: int, length: float, width: float, youngs_modulus: float,
-    density: float, mass: float, angle: float, time: float, reduced: str,
+    density: float, mass: float, angle: float, duration: float, reduced: str,
 ) -> ff.Model:  # fmt: skip
     """Model of a mesh with edges of this size, turned within so many seconds."""
     aluminium = ff.Material(youngs_modulus, poisson_ratio=0.33, density=density)
     arm = _arm(aluminium, length, width, size, internal_modes, reduced)
     big, small = ff.Marker("arm", "big_end"), ff.Marker("arm", "small_end")
-    drive = ff.SmoothStep(0.0, time, 0.0, math.radians(angle))
+    drive = ff.SmoothStep(0.0, duration, 0.0, math.radians(angle))
 
     model = ff.Model("tutorial_6_solid_arm")
     model.add(
@@ -86,7 +86,7 @@ CASE = ff.Case(
         ff.Option("density", float, 2700.0, "of the arm", unit="kg/m^3", above=0.0),
         ff.Option("mass", float, 1.0, "of the load", unit="kg", above=0.0),
         ff.Option("angle", float, 90.0, "of the turn", unit="deg"),
-        ff.Option("time", float, 0.5, "duration of the turn", unit="s", above=0.0),
+        ff.Option("duration", float, 0.5, "duration of the turn", unit="s", above=0.0),
         ff.Option("reduced", str, "", "file of the reduced arm: read if there, else written"),
     ),
     dt=1e-3,

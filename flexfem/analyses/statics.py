@@ -15,7 +15,7 @@ _OPTIONS = (
     ),
     Option("t_end", float, 1.0, "load factor at the end", above=0),
     Option(
-        "gravity",
+        "gravity_load",
         str,
         "proportional",
         "gravity grows with the load factor, or is there from the start (constant)",
@@ -118,7 +118,7 @@ class StaticOptions(Settings):
     Args:
         load_steps: Equal steps from 0 to ``t_end``.
         t_end: Load factor at the end.
-        gravity: "proportional" to t, or "constant".
+        gravity_load: "proportional" to t, or "constant".
         tolerance: Newton steps must fall below it: displacements relative to the size of the
             model, rotations in rad.
         max_iterations: Iterations after which a step is cut.
@@ -153,11 +153,11 @@ class StaticOptions(Settings):
 
     OPTIONS = _OPTIONS
     PATHS = ("output", "restart")
-    RESTART_AGREES = ("gravity", "stabilise")
+    RESTART_AGREES = ("gravity_load", "stabilise")
 
     load_steps: int = _DEFAULTS["load_steps"]
     t_end: float = _DEFAULTS["t_end"]
-    gravity: str = _DEFAULTS["gravity"]
+    gravity_load: str = _DEFAULTS["gravity_load"]
     tolerance: float = _DEFAULTS["tolerance"]
     max_iterations: int = _DEFAULTS["max_iterations"]
     linear: bool = _DEFAULTS["linear"]

@@ -144,7 +144,7 @@ class _Run:
         self.equilibrium = rest(
             self._serial, self.system, TangentSolver(self.system),
             Limits(options.tolerance, options.max_iterations),
-            span=options.t_end, grow=True, gravity_grows=options.gravity == "proportional",
+            span=options.t_end, grow=True, gravity_grows=options.gravity_load == "proportional",
             stabilise=options.stabilise,
         )  # fmt: skip
         if not options.stabilise:

@@ -6,6 +6,8 @@ import pytest
 
 import flexfem as ff
 from flexfem.cli import load_case
+from flexfem.cli.case_line import read_options
+from flexfem.resources import shipped_files
 
 
 def built(name: str, **given: object) -> ff.Model:
@@ -144,3 +146,17 @@ def test_lengths_reach_the_lines(
     mesh = built(name, elements=2, **given).mesh
     assert mesh is not None
     assert mesh.points.max(axis=0) == pytest.approx(far)
+
+
+@pytest.mark.serial
+def test_names_of_numbers_are_free_for_other_analyses() -> None:
+    """A case whose gravity is an option can be brought to rest under it, for example."""
+    weighed = 0
+    for name in shipped_files("cases"):
+        case = load_case(name)
+        if any(option.name == "gravity" for option in case.options):
+            read_options(case, ["--analysis", "statics"])
+            weighed += 1
+    assert weighed >= 10
+    read_options(load_case("solar_array"), ["--analysis", "relaxation"])
+    read_options(load_case("tutorial_6_solid_arm"), ["--analysis", "modes"])

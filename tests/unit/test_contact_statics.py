@@ -78,13 +78,13 @@ def test_free_sheet_sinks_onto_a_plane(element):
 def test_free_sheet_is_refused_by_name(element, gravity, gap):
     """Nothing holds it at the start, also if gravity acts there."""
     with pytest.raises(ValueError, match='Shell "sheet": can move without any stiffness'):
-        rest(lying(element, gap), gravity=gravity, stabilise=False)
+        rest(lying(element, gap), gravity_load=gravity, stabilise=False)
 
 
 @ELEMENTS
 def test_sheet_hangs_over_a_ball(element):
     """It touches with the node at its middle, the smallest of contacts."""
-    found = rest(lying(element, 1e-4, ball=0.1, pinned=True), gravity="constant")
+    found = rest(lying(element, 1e-4, ball=0.1, pinned=True), gravity_load="constant")
     h = found.history
     # 8 and 10; directors take 52 where steps do not end at what begins to touch
     assert found.summary["newton_iterations"] < 25

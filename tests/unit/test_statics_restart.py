@@ -48,14 +48,14 @@ def _run(model: ff.Model, **options: Any) -> ff.Outcome:
 
 @pytest.mark.parametrize("gravity", ["proportional", "constant"])
 def test_the_rest_is_as_if_nothing_had_been(shared_tmp_path: Path, gravity: str) -> None:
-    whole = _run(bars(), gravity=gravity, buckling_modes=1)
+    whole = _run(bars(), gravity_load=gravity, buckling_modes=1)
     folder = shared_tmp_path / gravity
-    _run(bars(), gravity=gravity, t_end=0.5, load_steps=4, output=folder, checkpoint_every=3)
+    _run(bars(), gravity_load=gravity, t_end=0.5, load_steps=4, output=folder, checkpoint_every=3)
     assert sorted(p.name for p in folder.glob("*.h5")) == [
         "checkpoint_000003.h5", "checkpoint_000004.h5",
     ]  # fmt: skip
     file = folder / "checkpoint_000003.h5"
-    rest = _run(bars(), gravity=gravity, output=folder, restart=file, buckling_modes=1)
+    rest = _run(bars(), gravity_load=gravity, output=folder, restart=file, buckling_modes=1)
     assert rest.summary["restarted_at_step"] == 3
     assert rest.summary["steps"] == whole.summary["steps"] == 8
     # linearised at the first equilibrium and the last one, not at the checkpoint
@@ -94,8 +94,10 @@ def test_an_interruption_leaves_a_checkpoint(shared_tmp_path: Path) -> None:
         assert rest.history["tip_y"][-1] == pytest.approx(whole.history["tip_y"][-1], rel=1e-6)
     with pytest.raises(ValueError, match=r"is at t = 0.375 already, t_end = 0.3 leaves nothing"):
         _run(bars(), t_end=0.3, restart=file)
-    with pytest.raises(ValueError, match=r"was written with gravity = proportional, not constant"):
-        _run(bars(), gravity="constant", restart=file)
+    with pytest.raises(
+        ValueError, match=r"was written with gravity_load = proportional, not constant"
+    ):
+        _run(bars(), gravity_load="constant", restart=file)
 
 
 @pytest.mark.serial

@@ -245,7 +245,7 @@ def test_statics_on_a_slope(formulation):
         spring = ff.SpringDamper("spring", ff.Ground(), ff.Marker("bead"), stiffness=stiffness)
         return _bead(_straight(formulation), ALONG, spring, tied=True)
 
-    options = ff.StaticOptions(load_steps=4, gravity="proportional", quiet=True)
+    options = ff.StaticOptions(load_steps=4, gravity_load="proportional", quiet=True)
     held = ff.solve_static(hung(20.0), options)
     assert held.status == "ok"
     # the wire gives way; the weight without the sine would be 0.15 m off

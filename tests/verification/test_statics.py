@@ -179,7 +179,7 @@ def test_gravity(gravity: str) -> None:
     """Small deflections: rho A g L^4/(8 EI), at every load step or in proportion."""
     model = cantilever(elements=16)
     model.add(ff.Gravity((0.0, 0.0, -0.08)))
-    outcome = solve(model, load_steps=2, gravity=gravity)
+    outcome = solve(model, load_steps=2, gravity_load=gravity)
     if outcome.history:
         expected = -0.08 / (8.0 * SECTION[4])
         shares = (0.0, 0.5, 1.0) if gravity == "proportional" else (1.0, 1.0, 1.0)

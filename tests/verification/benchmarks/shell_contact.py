@@ -29,7 +29,7 @@ def lying_sheet(element: str) -> list[Result]:
         ),
         ff.ContactProbe("contact", "floor"),
     )  # fmt: skip
-    options = ff.StaticOptions(gravity="constant", load_steps=1, quiet=True)
+    options = ff.StaticOptions(gravity_load="constant", load_steps=1, quiet=True)
     history = ff.solve_static(model, options).history
     case, words = f"sheet on a plane, {element}", "8 x 5 cells"
     # equilibrium, to the tolerance of the iteration; half of a thickness, or areas of nodes that do
