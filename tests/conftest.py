@@ -24,6 +24,8 @@ with contextlib.suppress(ImportError):
 PATIENCE = 60.0
 #: Whether a test failed on this rank, and the communicator on which ranks meet after each.
 FAILED, MEETING = pytest.StashKey[bool](), pytest.StashKey[Any]()
+#: Modules after the last test, and whether objects of the present file are hidden from the search.
+MODULES, HIDDEN = pytest.StashKey[int](), pytest.StashKey[bool]()
 LAUNCHED = any(name in os.environ for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
 
 
@@ -85,8 +87,8 @@ def pytest_runtest_teardown(
 ) -> Generator[None, None, None]:
     """Destructors of PETSc and DOLFINx objects are collective: run them on all ranks together.
 
-    What has survived once, imported modules above all, is not searched again within a file: that
-    took most of the time. What a file's fixtures held is let go at its end: MPI has about two
+    What has survived once, imported modules above all, is not searched again: that took most of
+    the time. What a file's fixtures hold is searched at its end, and let go: MPI has about two
     thousand communicators, and PETSc's objects hold some.
     """
     comm = _communicator() if LAUNCHED else None  # tests of one process may replace MPI
@@ -94,12 +96,17 @@ def pytest_runtest_teardown(
         return (yield)
     wait_for_others(item, comm)
     yield
-    if nextitem is None or nextitem.path != item.path:
+    stash, last = item.session.stash, nextitem is None or nextitem.path != item.path
+    if last and stash.get(HIDDEN, False):
         gc.unfreeze()
     gc.collect()
     if petsc := sys.modules.get("petsc4py.PETSc"):
         petsc.garbage_cleanup(comm)
-    gc.freeze()
+    # modules are hidden from the search when they are new, with the fixtures that are there
+    if last or stash.get(MODULES, 0) != len(sys.modules):
+        gc.freeze()
+        stash[HIDDEN] = not last
+    stash[MODULES] = len(sys.modules)
     comm.Barrier()
 
 

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Factors of a distributed matrix that are kept over many solves."""
 
+from collections.abc import Callable
+
 from petsc4py import PETSc
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.la.whole import WholeMatrix, taken_whole
 
 __all__ = ["Factor"]
 
@@ -20,7 +23,7 @@ class Factor:
 
     When no rank couples to another (bodies are whole), every rank factorises its own part. With
     PETSc's blocked LU a solve of small bodies streams the factors once and sends nothing; MUMPS
-    factorises large ones, and those that are distributed.
+    factorises large ones, and those that are distributed; small ones of these on every rank.
     """
 
     def __init__(
@@ -38,6 +41,11 @@ class Factor:
         self._pc = PETSc.PC()
         self.size = matrix.getLocalSize()[0]
         self._matrix = matrix.getDiagonalBlock() if local else matrix
+        self._comm = self._matrix.comm
+        self._whole: WholeMatrix | None = None
+        if taken_whole(self._matrix):
+            self._whole = WholeMatrix(self._matrix)
+            self._matrix = self._whole.update(self._matrix)
         self._pc.create(comm=self._matrix.comm)
         self._pc.setType(PETSc.PC.Type.LU)
         if local and (chained or largest <= _LARGE):
@@ -56,7 +64,7 @@ class Factor:
     def entries(self) -> int:
         """Numbers stored on this rank, which a solve reads; all of them on rank 0 with MUMPS."""
         if self._factor.getType() == "mumps":
-            return int(self._factor.getMumpsInfog(29)) if self._matrix.comm.rank == 0 else 0
+            return int(self._factor.getMumpsInfog(29)) if self._comm.rank == 0 else 0
         return int(self._factor.getInfo()["nz_used"])
 
     def solve(self, rhs: FloatArray, solution: FloatArray) -> None:
@@ -64,15 +72,19 @@ class Factor:
 
         Arrays are kept as long as the factors: pass the same ones again.
         """
-        if self.size == 0 and self._matrix.comm.size == 1:
-            return
-        self._factor.solve(self._vec(rhs), self._vec(solution))
+        self._apply(self._factor.solve, rhs, solution)
 
     def solve_transpose(self, rhs: FloatArray, solution: FloatArray) -> None:
         """Solve with the transposed matrix; arguments as for :meth:`solve`."""
-        if self.size == 0 and self._matrix.comm.size == 1:
-            return
-        self._factor.solveTranspose(self._vec(rhs), self._vec(solution))
+        self._apply(self._factor.solveTranspose, rhs, solution)
+
+    def _apply(
+        self, solve: Callable[[PETSc.Vec, PETSc.Vec], None], rhs: FloatArray, solution: FloatArray
+    ) -> None:
+        if self._whole is not None:
+            solution.ravel()[: self.size] = self._whole.solve(solve, rhs.ravel()[: self.size])
+        elif self.size or self._comm.size > 1:
+            solve(self._vec(rhs), self._vec(solution))
 
     def _vec(self, array: FloatArray) -> PETSc.Vec:
         """PETSc vector over the memory of an array."""
@@ -80,6 +92,6 @@ class Factor:
         if key not in self._arrays:
             flat = array.ravel()[: self.size]
             assert np.shares_memory(flat, array) or self.size == 0
-            vec = PETSc.Vec().createWithArray(flat, comm=self._matrix.comm)
+            vec = PETSc.Vec().createWithArray(flat, comm=self._comm)
             self._arrays[key] = (vec, array)
         return self._arrays[key][0]

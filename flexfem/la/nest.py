@@ -15,15 +15,9 @@ from flexfem._types import FloatArray, IntArray
 __all__ = [
     "CoordinateMatrix",
     "block_indices",
-    "counting_factorisation",
     "create_nest_matrix",
     "create_nest_vector",
-    "direct_solver",
-    "factorise",
 ]
-
-#: MUMPS' ICNTL(14), memory beyond its estimate in percent, and what it is given after the default.
-_MEMORY, _ROOM = 14, (100, 500)
 
 
 class CoordinateMatrix:
@@ -72,50 +66,3 @@ def create_nest_matrix(blocks: Sequence[Sequence[Any]], comm: MPI.Intracomm) -> 
 def create_nest_vector(sizes: Sequence[tuple[int, int]], comm: MPI.Intracomm) -> PETSc.Vec:
     """VECNEST of vectors with the given (local, global) sizes."""
     return PETSc.Vec().createNest([PETSc.Vec().createMPI(size, comm=comm) for size in sizes])
-
-
-def direct_solver(mat: PETSc.Mat, prefix: str) -> PETSc.KSP:
-    """LU by MUMPS behind the given options prefix."""
-    ksp = PETSc.KSP().create(comm=mat.comm)
-    ksp.setOptionsPrefix(prefix)
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
-    pc.setType(PETSc.PC.Type.LU)
-    pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-    ksp.setOperators(mat)
-    ksp.setFromOptions()
-    return ksp
-
-
-def counting_factorisation(mat: PETSc.Mat, *, symmetric: bool) -> PETSc.PC:
-    """Factorisation by MUMPS, not yet done, that tells of pivots and determinant (collective)."""
-    pc = PETSc.PC().create(comm=mat.comm)
-    pc.setType(PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU)
-    pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-    pc.setOperators(mat)
-    pc.setFactorSetUpSolverType()
-    factor = pc.getFactorMatrix()
-    factor.setMumpsIcntl(13, 1)  # no root front by ScaLAPACK, which would hide pivots
-    factor.setMumpsIcntl(33, 1)  # the determinant
-    return pc
-
-
-def factorise(ksp: PETSc.KSP, mat: PETSc.Mat) -> bool:
-    """Factorise a matrix by a direct solver; False when it is singular (collective).
-
-    Where pivoting needs more memory than MUMPS has estimated, it is given more, which it keeps.
-    """
-    pc = ksp.getPC()
-    for room in (None, *_ROOM):
-        ksp.setOperators(mat)
-        if room is not None:
-            pc.setFactorSetUpSolverType()
-            pc.getFactorMatrix().setMumpsIcntl(_MEMORY, room)
-        ksp.setUp()
-        reason = pc.getFailedReason()
-        if reason == PETSc.PC.FailedReason.NOERROR:
-            return True
-        ksp.reset()  # MUMPS never factorises again with the data of a failure
-        if reason != PETSc.PC.FailedReason.FACTOR_OUTMEMORY:
-            return False
-    return False

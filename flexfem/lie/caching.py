@@ -54,9 +54,13 @@ def _imported(path: Path, package: Path) -> list[Path]:
 
 
 @cache
-def _stamp(file: str) -> str:
-    """That of a module as it was when this process first asked: all its loops have the same."""
-    return source_stamp(Path(file))
+def _stamp(file: str) -> str | None:
+    """That of a module as it was when this process first asked: all its loops have the same.
+
+    None for a module of another program.
+    """
+    path = Path(file).resolve()
+    return source_stamp(path) if path.is_relative_to(_PACKAGE) else None
 
 
 class _Kept:
@@ -87,9 +91,8 @@ class _Kept:
 
     def get_source_stamp(self) -> Any:
         """See :func:`source_stamp`; that of numba for loops of other programs."""
-        if Path(self._py_file).resolve().is_relative_to(_PACKAGE):
-            return _stamp(self._py_file)
-        return super().get_source_stamp()  # type: ignore[misc]
+        own = _stamp(self._py_file)
+        return super().get_source_stamp() if own is None else own  # type: ignore[misc]
 
 
 class ProvidedLocator(_Kept, UserProvidedCacheLocator):

@@ -38,7 +38,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from flexfem.la.nest import counting_factorisation
+from flexfem.la.direct import CountingFactors
 from flexfem.solvers.mode_errors import ZERO, ComplexArray, Solution
 from flexfem.solvers.pencil import Pencil
 from flexfem.solvers.shifted_inverse import real_form
@@ -168,10 +168,8 @@ def gyroscopic_count(pencil: Pencil, omega: float) -> int | None:
 
 def _negative(pencil: Pencil, matrix: PETSc.Mat, times: int) -> int | None:
     """Negative pivots of a matrix that has every eigenvalue some times, less the conditions."""
-    pc = counting_factorisation(matrix, symmetric=True)
-    pc.setUp()
-    if pc.getFailedReason() != 0:
+    factors = CountingFactors(matrix, symmetric=True)
+    if not factors.factor(matrix):
         return None
-    # INFOG(12) is the number of negative pivots
-    pairs, odd = divmod(int(pc.getFactorMatrix().getMumpsInfog(12)), times)
+    pairs, odd = divmod(factors.negative_pivots, times)
     return None if odd else pairs - pencil.linearization.system.constraints.size_global

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from flexfem.la.nest import direct_solver, factorise
+from flexfem.la.direct import DirectSolver
 from flexfem.solvers.pencil import Pencil
 
 __all__ = ["ShiftedInverse", "real_form"]
@@ -49,8 +49,8 @@ class ShiftedInverse:
         lin = pencil.linearization
         self._x, self._y = lin.vector(), lin.vector()
         matrix = self._matrix()
-        self._ksp = direct_solver(matrix, "modes_")
-        factorise(self._ksp, matrix)
+        self._solver = DirectSolver(matrix, "modes_")
+        self._solver.factor(matrix)
         self._b, self._z = matrix.createVecs()
 
     def _matrix(self) -> PETSc.Mat:
@@ -64,7 +64,7 @@ class ShiftedInverse:
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """``P^-1 x`` as a preconditioner (collective)."""
-        self._ksp.solve(x, y)
+        self._solver.solve(x, y)
 
     def times(self, matrix: PETSc.Mat, nodal: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """A matrix times values (n,) of this rank's nodes, on its whole range (collective)."""
@@ -79,11 +79,11 @@ class ShiftedInverse:
         unknowns, size = self.pencil.linearization.unknowns, len(rhs)
         if self.paired:
             self._b.setArray(np.concatenate([rhs.real, rhs.imag]))
-            self._ksp.solve(self._b, self._z)
+            self._solver.solve(self._b, self._z)
             found = self._z.getArray(readonly=True)
             return np.asarray(found[:unknowns] + 1j * found[size : size + unknowns])
         if np.iscomplexobj(rhs):
             return self.solve(rhs.real) + 1j * self.solve(rhs.imag)
         self._b.setArray(rhs)
-        self._ksp.solve(self._b, self._z)
+        self._solver.solve(self._b, self._z)
         return np.array(self._z.getArray(readonly=True)[:unknowns])

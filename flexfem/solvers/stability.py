@@ -12,8 +12,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.la.direct import CountingFactors
 from flexfem.la.dropped import destroy_dropped
-from flexfem.la.nest import counting_factorisation
 from flexfem.solvers.tangent import TangentSolver
 
 __all__ = ["Inertia", "softest_motion"]
@@ -29,7 +29,7 @@ class Inertia:
     def __init__(self, tangent: TangentSolver, conservative: bool) -> None:
         """Choose the factorisation: symmetric for conservative loads."""
         self._tangent, self._conservative = tangent, conservative
-        self._pc: PETSc.PC | None = None
+        self._factors: CountingFactors | None = None
 
     def unstable(self) -> int:
         """Number of unstable directions at the assembled matrix (collective).
@@ -38,20 +38,15 @@ class Inertia:
         equilibrium or not; -1 if the matrix is singular.
         """
         tangent = self._tangent
-        if self._pc is None or self._nest is not tangent.matrix:
-            self._create()
-        assert self._pc is not None
+        if self._factors is None or self._nest is not tangent.matrix:
+            self._factors = self._create()
         self._assemble()
-        self._pc.setOperators(self._matrix)
-        self._pc.setUp()
-        if self._pc.getFailedReason() != 0:
-            self._pc = self._pc.destroy()  # MUMPS never factorises again with the data of a failure
+        if not self._factors.factor(self._matrix):
             return -1
-        factor, count = self._pc.getFactorMatrix(), tangent.system.constraints.size_global
-        # INFOG(12) is the number of negative pivots, RINFOG(12) the determinant's mantissa
+        count = tangent.system.constraints.size_global
         if self._conservative:
-            return int(factor.getMumpsInfog(12)) - count
-        return int(factor.getMumpsRinfog(12) * (-1.0) ** count < 0.0)
+            return self._factors.negative_pivots - count
+        return int(self._factors.determinant * (-1.0) ** count < 0.0)
 
     def _assemble(self) -> None:
         """One matrix of the nest; its symmetric part, which is all of it at an equilibrium."""
@@ -62,13 +57,12 @@ class Inertia:
             self._matrix.axpy(1.0, self._transposed, same)
             self._matrix.scale(0.5)
 
-    def _create(self) -> None:
-        """Factorisation that is kept: MUMPS mixes up messages of one that ends with the next's."""
+    def _create(self) -> CountingFactors:
         destroy_dropped(self._tangent.system.comm)  # older ones
         self._nest = self._tangent.matrix
         self._matrix = self._nest.convert("aij", PETSc.Mat())
         self._transposed = self._matrix.transpose(PETSc.Mat())
-        self._pc = counting_factorisation(self._matrix, symmetric=self._conservative)
+        return CountingFactors(self._matrix, symmetric=self._conservative)
 
 
 def softest_motion(

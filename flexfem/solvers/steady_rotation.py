@@ -19,7 +19,7 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.row import LawKind
 from flexfem.core.status import Status
-from flexfem.la.nest import direct_solver, factorise
+from flexfem.la.direct import DirectSolver
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.solvers.linearization import Linearization, Matrices
@@ -130,16 +130,15 @@ def _solver(
     linearization: Linearization, matrix: PETSc.Mat
 ) -> Callable[[FloatArray], PETSc.Vec | None]:
     """Factorise once; what is returned solves, or returns None if the matrix is singular."""
-    ksp = direct_solver(matrix, "equilibrium_")
-    regular = factorise(ksp, matrix)
+    solver = DirectSolver(matrix, "equilibrium_")
+    regular = solver.factor(matrix)
 
     def solve(rhs: FloatArray) -> PETSc.Vec | None:
         if not regular:
             return None
         b, x = linearization.vector(), linearization.vector()
         b.setArray(rhs)
-        ksp.solve(b, x)
-        return x if ksp.getConvergedReason() > 0 and np.isfinite(x.norm()) else None
+        return x if solver.solve(b, x) and np.isfinite(x.norm()) else None
 
     return solve
 

@@ -12,14 +12,13 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.la.direct import DirectSolver
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.nest import (
     CoordinateMatrix,
     block_indices,
     create_nest_matrix,
     create_nest_vector,
-    direct_solver,
-    factorise,
 )
 from flexfem.system.system import BlockPart, Shifts, System
 
@@ -61,7 +60,7 @@ class TangentSolver:
         self.matrix = create_nest_matrix(
             [[entry.mat for entry in line] for line in self._grid], comm
         )
-        self._ksp = direct_solver(self.matrix, "tangent_")
+        self._solver = DirectSolver(self.matrix, "tangent_")
         self._rhs, self._solution = (create_nest_vector(sizes, comm) for _ in range(2))
         # all rows of this rank from their owners
         self._multipliers = PETSc.Vec().createSeq(rows.size)
@@ -140,7 +139,7 @@ class TangentSolver:
         elif not self._totals:
             return  # the nest may stay, and with it the order of elimination
         mats = [[entry.mat for entry in line] for line in self._grid]
-        self._ksp.reset()
+        self._solver.reset()
         self.matrix.destroy()
         for old in self._totals:
             old.destroy()
@@ -186,7 +185,7 @@ class TangentSolver:
 
     def factor(self) -> bool:
         """Factorise the assembled matrix; False when it is singular."""
-        return factorise(self._ksp, self.matrix)
+        return self._solver.factor(self.matrix)
 
     def solve(self, residuals: list[FloatArray], values: FloatArray) -> bool:
         """Solve ``matrix (dq, dL) = (residuals, values)`` into the blocks' steps.
@@ -204,14 +203,14 @@ class TangentSolver:
             pieces.append(values[rows.owned_rows])
         for vec, piece in zip(self._rhs.getNestSubVecs(), pieces, strict=True):
             vec.setArray(piece)
-        self._ksp.solve(self._rhs, self._solution)
+        success = self._solver.solve(self._rhs, self._solution)
         solutions = self._solution.getNestSubVecs()
         for part, vec in zip(parts, solutions, strict=False):
             part.block.owned_step[:] = vec.getArray(readonly=True).reshape(-1, part.block.width)
         if rows.size_global:
             self._scatter.scatter(solutions[-1], self._multipliers)
         self.multiplier_step = np.array(self._multipliers.getArray(readonly=True))
-        return bool(self._ksp.getConvergedReason() > 0)
+        return success
 
     def step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
         """One Newton step from the evaluated residuals: blocks' steps (to be subtracted).

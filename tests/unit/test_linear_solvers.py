@@ -2,13 +2,16 @@
 """Linear algebra below the Newton iteration against dense NumPy solutions."""
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import pytest
 
+from flexfem.la import whole
 from flexfem.la.dense import inverted
+from flexfem.la.direct import CountingFactors, DirectSolver, factorise, lu_solver
 from flexfem.la.factor import Factor
-from flexfem.la.nest import CoordinateMatrix, direct_solver, factorise
+from flexfem.la.nest import CoordinateMatrix, create_nest_matrix, create_nest_vector
 from flexfem.solvers.fronts import Fronts
 from flexfem.solvers.interface_system import InterfaceSystem
 from flexfem.solvers.minimal_residual import minimal_residual
@@ -185,9 +188,14 @@ def test_fronts_of_several_trees(left, rng):
     assert not fronts.factor(singular)
 
 
-@pytest.mark.parametrize("local", [True, False], ids=["own factors", "distributed"])
-def test_factor_equals_a_dense_solve(local, rng):
+@pytest.mark.three_ranks
+@pytest.mark.parametrize(
+    ("local", "largest"), [(True, 0), (False, 0), (False, 3000)],
+    ids=["own factors", "distributed", "whole"],
+)  # fmt: skip
+def test_factor_equals_a_dense_solve(local, largest, rng, monkeypatch):
     """Unsymmetric banded matrix in blocks of six, with and without couplings between ranks."""
+    monkeypatch.setattr(whole, "LARGEST", largest)
     nodes = 4
     size, first = 6 * nodes * COMM.size, 6 * nodes * COMM.rank
     dense = rng.normal(size=(size, size)) + 20.0 * np.eye(size)
@@ -214,6 +222,60 @@ def test_factor_equals_a_dense_solve(local, rng):
             np.testing.assert_allclose(solution.ravel(), expected[rows], atol=1e-12)
 
 
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("largest", [0, 3000], ids=["distributed", "whole"])
+@pytest.mark.parametrize("empty", [False, True], ids=["all ranks", "last rank empty"])
+def test_nest_is_solved_and_counted_in_any_layout(largest, empty, rng, monkeypatch):
+    """Blocks [[A, B^T], [B, 0]] whose rows lie on all ranks, or on all but the last one."""
+    monkeypatch.setattr(whole, "LARGEST", largest)
+    few = COMM.size - 1 if empty and COMM.size > 1 else COMM.size
+    sizes, own = (24, 7), []
+    for size in sizes:
+        parts = [*np.array_split(np.arange(size), few), *[np.arange(0)] * (COMM.size - few)]
+        own.append(parts[COMM.rank])
+    dense = rng.normal(size=(31, 31))
+    dense = dense + dense.T
+    dense[24:, 24:] = 0.0
+    places, nests = [slice(0, 24), slice(24, 31)], []
+    some = (np.abs(dense) > 1.0) | np.eye(31, dtype=bool)
+    for kept in (some, np.ones_like(some)):  # two patterns
+        grid = []
+        for a, rows in zip(places, own, strict=True):
+            line = []
+            for b, columns in zip(places, own, strict=True):
+                block = np.where(kept, dense, 0.0)[a, b][rows]
+                i, j = np.nonzero(kept[a, b][rows])
+                shapes = (len(rows), a.stop - a.start), (len(columns), b.stop - b.start)
+                line.append(CoordinateMatrix(COMM, *shapes, rows[i], j))
+                line[-1].assemble(block[i, j])
+            grid.append([entry.mat for entry in line])
+        nests.append((create_nest_matrix(grid, COMM), np.where(kept, dense, 0.0)))
+    layout = [(len(rows), size) for rows, size in zip(own, sizes, strict=True)]
+    right, found = (create_nest_vector(layout, COMM) for _ in range(2))
+    every = rng.normal(size=31)
+    right.setArray(np.concatenate([every[:24][own[0]], every[24:][own[1]]]))
+    solver = DirectSolver(nests[0][0], "nest_")
+    for nest, full in (*nests, nests[0]):
+        nest.assemble()
+        assert solver.factor(nest)
+        assert solver.solve(right, found)
+        expected = np.linalg.solve(full, every)
+        expected = np.concatenate([expected[:24][own[0]], expected[24:][own[1]]])
+        # round-off; a row in the wrong place, or numbers of the other pattern, are off by order 1
+        np.testing.assert_allclose(found.getArray(), expected, atol=1e-10)
+        matrix = nest.convert("aij", PETSc.Mat())
+        counting = CountingFactors(matrix, symmetric=True)
+        assert counting.factor(matrix)
+        values = np.linalg.eigvalsh(full)
+        assert counting.negative_pivots == np.sum(values < 0.0)
+        assert np.sign(counting.determinant) == np.sign(np.prod(values))
+    for entry in (nests[0][0].getNestSubMatrix(i, j) for i in range(2) for j in range(2)):
+        entry.scale(0.0)
+    nests[0][0].assemble()
+    assert not solver.factor(nests[0][0])
+    assert solver.factor(nests[1][0])
+
+
 def test_factorisation_asks_for_more_memory():
     size = 40 * COMM.size
     dense = np.zeros((size, size))
@@ -223,8 +285,9 @@ def test_factorisation_asks_for_more_memory():
     i, j = (index.ravel() for index in np.meshgrid(lines, np.arange(size), indexing="ij"))
     matrix = CoordinateMatrix(COMM, (len(lines), size), (len(lines), size), i, j)
     matrix.assemble(dense[i, j])
-    ksp = direct_solver(matrix.mat, "short_")
+    ksp = lu_solver(COMM, "short_")
     pc = ksp.getPC()
+    pc.setOperators(matrix.mat)
     pc.setFactorSetUpSolverType()
     pc.getFactorMatrix().setMumpsIcntl(14, -95)
     # without a second attempt the factorisation fails, as if the matrix were singular

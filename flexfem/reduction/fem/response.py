@@ -18,7 +18,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.la.nest import factorise
+from flexfem.la.direct import factorise
+from flexfem.la.whole import WholeMatrix, taken_whole
 from flexfem.reduction.fem.blocks import global_rows, multiply, projected, total
 
 __all__ = ["StaticResponse", "independent_rows"]
@@ -63,6 +64,10 @@ class StaticResponse:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.zeroRowsColumns(global_rows(matrix, np.flatnonzero(self.fixed)), diag=_mean(matrix))
         matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._whole = WholeMatrix(matrix) if taken_whole(matrix) else None
+        if self._whole is not None:
+            matrix = self._whole.update(matrix)
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
         ksp = PETSc.KSP().create(comm=matrix.comm)
         ksp.setType(PETSc.KSP.Type.PREONLY)
         pc = ksp.getPC()
@@ -80,18 +85,25 @@ class StaticResponse:
         if columns == 0:
             return np.zeros_like(force)
         free = np.where(self.fixed[:, np.newaxis], 0.0, force)
-        if columns == 1:
-            rhs = PETSc.Vec().createWithArray(np.ascontiguousarray(free[:, 0]), comm=self._comm)
+        if self._whole is not None:
+            return self._whole.own(self._solved(self._whole.rows(free))).copy()
+        return self._solved(free)
+
+    def _solved(self, right: FloatArray) -> FloatArray:
+        """Solutions (n, k) for the rows of the factorised matrix."""
+        comm = self._matrix.comm
+        if right.shape[1] == 1:
+            rhs = PETSc.Vec().createWithArray(np.ascontiguousarray(right[:, 0]), comm=comm)
             self._factor.solve(rhs, self._solution)
             rhs.destroy()
             single: FloatArray = self._solution.getArray().copy()[:, np.newaxis]
             return single
-        sizes = (self._matrix.getSizes()[0], (None, columns))
-        rhs = PETSc.Mat().createDense(sizes, array=np.asfortranarray(free), comm=self._comm)
-        found = PETSc.Mat().createDense(sizes, comm=self._comm)
+        sizes = (self._matrix.getSizes()[0], (None, right.shape[1]))
+        rhs = PETSc.Mat().createDense(sizes, array=np.asfortranarray(right), comm=comm)
+        found = PETSc.Mat().createDense(sizes, comm=comm)
         found.setUp()
         self._factor.matSolve(rhs, found)
-        result: FloatArray = found.getDenseArray()[: len(free)].copy()
+        result: FloatArray = found.getDenseArray()[: len(right)].copy()
         rhs.destroy()
         found.destroy()
         return result
