@@ -178,7 +178,11 @@ def _flag() -> ff.Model:
 @pytest.mark.parametrize(
     "policy", [pytest.param("auto", marks=pytest.mark.three_ranks), "frozen", "updated"]
 )
-def test_split_shells_and_all_policies_move_alike(policy: str) -> None:
+def test_split_shells_and_all_policies_move_alike(
+    policy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if policy == "updated":
+        monkeypatch.setattr("flexfem.la.whole.LARGEST", 0)  # as if it were large: ranks share it
     whole = run(_flag(), comm=MPI.COMM_SELF, t_end=0.1, iteration_matrix="updated")
     ours = run(_flag(), t_end=0.1, iteration_matrix=policy, split_above=1)
     if ours:
