@@ -35,14 +35,14 @@ import sys
 from importlib import import_module
 from typing import Any
 
-from flexfem import launch
+from flexfem import _leaving, launch
 
 if launch.launched_in_parallel():
     # a script may fail on one rank before it comes to anything of ours
     sys.excepthook = launch.excepthook
     # or leave it, while others wait for it
-    launch.note_exits()
-    atexit.register(launch.leave)
+    _leaving.note_exits()
+    atexit.register(_leaving.leave)
     launch.limit_threads()
 
 __version__ = "0.1.0"

@@ -12,7 +12,7 @@ import threading
 import time
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any, NamedTuple, NoReturn, Self
+from typing import Any, NamedTuple, Self
 
 from flexfem._packages import require
 
@@ -122,16 +122,11 @@ def environment_of_runs() -> dict[str, str]:
 
 #: Tags of messages to the other ranks: this one has come to a run, has left the program, or says
 #: what is wrong on it before a run.
-_COME, _LEFT, _SAID = 30001, 30002, 30003
+_COME, LEFT, _SAID = 30001, 30002, 30003
 #: Seconds between looks at messages, and those that ranks leave a lower one to say what is wrong.
-_LOOK, _FIRST = 1e-3, 0.5
+LOOK, _FIRST = 1e-3, 0.5
 #: Seconds after which others do not come: they may wait for this rank in a collective call.
 _PATIENCE = 2.0
-#: Seconds that a rank which has failed waits for the others when it leaves, and the longest between
-#: looks for them.
-_ALONE, _NAP = 30.0, 0.05
-#: What ``sys.exit`` was called with last.
-_status: object = None
 #: How lines begin that end a program, by its exit code.
 _BEGINNINGS = {1: "failed", 2: "error"}
 
@@ -181,7 +176,7 @@ def first_failure(own: Failure) -> Failure:
         _hear(comm, [other for other in others if other not in said], said)
         if time.monotonic() > end:
             _end_with(said, comm.rank)
-        time.sleep(_LOOK if len(said) < comm.size else 0.0)
+        time.sleep(LOOK if len(said) < comm.size else 0.0)
     for request in sent:
         request.wait()
     return next((said[rank] for rank in sorted(said) if said[rank].message), own)
@@ -190,7 +185,7 @@ def first_failure(own: Failure) -> Failure:
 def _hear(comm: Any, others: list[int], said: dict[int, Failure]) -> None:
     """Take what others have said; ends all ranks if one has left without a word."""
     for other in others:
-        left = comm.iprobe(source=other, tag=_LEFT)  # asked first: the last word comes before it
+        left = comm.iprobe(source=other, tag=LEFT)  # asked first: the last word comes before it
         if comm.iprobe(source=other, tag=_SAID):
             said[other] = comm.recv(source=other, tag=_SAID)
         elif left:
@@ -220,9 +215,9 @@ def meet() -> None:
             if comm.iprobe(source=other, tag=_COME):
                 comm.recv(source=other, tag=_COME)
                 others.remove(other)
-            elif comm.iprobe(source=other, tag=_LEFT):
+            elif comm.iprobe(source=other, tag=LEFT):
                 _end_without(other)
-        time.sleep(_LOOK if others else 0.0)
+        time.sleep(LOOK if others else 0.0)
     MPI.Request.waitall(sent)
 
 
@@ -231,65 +226,13 @@ def _end_without(other: int) -> None:
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
-    if any(not comm.iprobe(source=lower, tag=_LEFT) for lower in range(comm.rank)):
+    if any(not comm.iprobe(source=lower, tag=LEFT) for lower in range(comm.rank)):
         time.sleep(_FIRST)  # a lower rank says so
     else:
         text = f"failed: rank {other} of {comm.size} has left the program before a run of all ranks"
         print(text, file=sys.stderr, flush=True)
     abort(1)
     os._exit(1)  # the request to end takes its time
-
-
-def note_exits() -> None:
-    """Keep what ``sys.exit`` is called with: whether a rank has failed, :func:`leave` must know."""
-    plain = sys.exit
-
-    def end(status: object = None, /) -> NoReturn:
-        global _status
-        _status = status
-        plain(status)  # type: ignore[arg-type]
-
-    sys.exit = end
-
-
-def leave() -> None:
-    """Leave the program together with the other ranks; ends all if this one fails alone.
-
-    Others may come to a run later, or wait for this rank in a collective call of their own, in
-    which they hear nothing: when it has left by ``sys.exit`` with another code than 0 they get some
-    time, else as long as they need. Nobody has messages left when MPI ends, which it may not bear.
-    """
-    try:
-        from mpi4py import MPI
-    except ImportError:
-        return
-    if MPI.Is_finalized():
-        return
-    comm = MPI.COMM_WORLD
-    others = [rank for rank in range(comm.size) if rank != comm.rank]
-    sent = [comm.isend(None, other, tag=_LEFT) for other in others]
-    begin = time.monotonic()
-    code = _code(_status)
-    while others:
-        for other in list(others):
-            if comm.iprobe(source=other, tag=_LEFT):
-                comm.recv(source=other, tag=_LEFT)
-                others.remove(other)
-        waited = time.monotonic() - begin
-        if others and code and waited > _ALONE:
-            text = f"failed: rank {comm.rank} of {comm.size} has left the program with exit code "
-            print(f"{text}{code}, others have not", file=sys.stderr, flush=True)
-            abort(code)
-            os._exit(code)
-        time.sleep(min(max(_LOOK, 0.01 * waited), _NAP) if others else 0.0)
-    MPI.Request.waitall(sent)
-
-
-def _code(status: object) -> int:
-    """The exit code of a process that calls ``sys.exit`` with this."""
-    if status is None or isinstance(status, int):
-        return int(status or 0) & 0xFF
-    return 1
 
 
 def abort(code: int) -> None:

@@ -45,23 +45,45 @@ BETWEEN = """
 import sys
 from mpi4py import MPI
 import flexfem as ff
-from flexfem import launch
-launch._ALONE = 0.3
+from flexfem import _leaving
+_leaving._ALONE = 0.3
+try:
+    raise SystemExit(5)  # which is caught
+except SystemExit:
+    pass
 if MPI.COMM_WORLD.rank == {leaving}:
-    sys.exit(3)
-MPI.COMM_WORLD.Barrier()
-raise AssertionError("goes on without the other rank")
+    try:
+        {end}
+    finally:
+        pass
+{wait}
 """
 
 
-@pytest.mark.parametrize("leaving", [0, 1])
-def test_sys_exit_while_others_wait(leaving: int, tmp_path: Path, run: Callable[..., Any]) -> None:
+@pytest.mark.parametrize(("leaving", "end"), [(0, "sys.exit(3)"), (1, "raise SystemExit(3)")])
+def test_sys_exit_while_others_wait(
+    leaving: int, end: str, tmp_path: Path, run: Callable[..., Any]
+) -> None:
     """In a collective call of the script, where they hear nothing."""
     script = tmp_path / "script.py"
-    script.write_text(BETWEEN.format(leaving=leaving))
+    script.write_text(BETWEEN.format(leaving=leaving, end=end, wait="MPI.COMM_WORLD.Barrier()"))
     ended = run(2, script, timeout=30)
     line = f"failed: rank {leaving} of 2 has left the program with exit code 3, others have not\n"
     assert (ended.returncode, ended.stdout, ended.stderr) == (3, "", line)
+
+
+def test_ranks_that_have_left_well_tell_why_the_program_does_not_end(
+    tmp_path: Path, run: Callable[..., Any]
+) -> None:
+    """Once, and no more than that: the other may have work of its own."""
+    script = tmp_path / "script.py"
+    wait = "import time; time.sleep(1.0 if MPI.COMM_WORLD.rank == 0 else 0.0)"
+    script.write_text(BETWEEN.format(leaving=1, end="sys.exit(0)", wait=wait))
+    ended = run(2, script, timeout=30)
+    assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (0, "", 1)
+    assert ended.stderr.startswith(
+        "warning: rank 1 of 2 has left the program, rank 0 has not for 0.3 s; if it waits for "
+    )
 
 
 SLOW = """
