@@ -57,6 +57,10 @@ def leave() -> None:
     long as they need, and are told of it. Nobody has messages left when MPI ends, which it may not
     bear.
     """
+    for tool in _TOOLS:  # what the callbacks use is taken down before Python's own last exceptions
+        if sys.monitoring.get_tool(tool) == __name__:
+            sys.monitoring.set_events(tool, sys.monitoring.events.NO_EVENTS)
+            sys.monitoring.free_tool_id(tool)
     try:
         from mpi4py import MPI
     except ImportError:
@@ -94,16 +98,19 @@ def _tell_of(others: list[int], code: int) -> None:
     from mpi4py import MPI
 
     rank, size = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
-    text = f"rank {rank} of {size} has left the program"
     if code:
-        text = f"failed: {text} with exit code {code}, others have not"
+        text = (
+            f"failed: rank {rank} of {size} has left the program with exit code {code}, "
+            "others have not"
+        )
         print(text, file=sys.stderr, flush=True)
         abort(code)
         os._exit(code)
     elif all(lower in others for lower in range(rank)):
         text = (
-            f"warning: {text}, rank {others[0]} has not for {_ALONE:g} s; if it waits for the "
-            "other in a collective call it does so for ever: leave on all ranks or on none"
+            f"warning: rank {rank} of {size} has left the program, rank {others[0]} has not for "
+            f"{_ALONE:g} s; if it waits for the other in a collective call it does so for ever: "
+            "leave on all ranks or on none"
         )
         print(text, file=sys.stderr, flush=True)
 

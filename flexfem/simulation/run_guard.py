@@ -3,9 +3,11 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 
 from mpi4py import MPI
 
+from flexfem import launch
 from flexfem._checks import InputError
 from flexfem._faults import Faults, current, watched
 from flexfem.io.atomic import raise_together
@@ -16,6 +18,9 @@ from flexfem.options import Settings
 
 __all__ = ["agreed", "folder_is_lost", "guarded", "reason_of", "refuse"]
 
+#: Options that ranks may have for themselves, and kinds of values that are compared.
+_OWN, _PLAIN = ("quiet", "progress"), (bool, int, float, str)
+
 
 @contextmanager
 def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
@@ -24,10 +29,12 @@ def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
     At its end, what functions of the user's and files have raised on a rank is raised on all.
 
     Raises:
-        InputError: another run has the folder, or a function of the user's failed at the start.
+        InputError: options differ between ranks, another run has the folder, or a function of the
+            user's failed at the start.
         FunctionError: one failed later.
         OSError: the results cannot be written.
     """
+    _check_options(options, comm)
     with _own_folder(options, comm), watched() as faults:
         try:
             yield faults
@@ -42,6 +49,36 @@ def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
         if error is not None:
             error.outcome = faults.outcome  # type: ignore[attr-defined]
             raise error
+
+
+def _check_options(options: Settings, comm: MPI.Intracomm) -> None:
+    """Refuse options that differ between ranks, which would compute different steps (collective).
+
+    What a rank prints is its own; folders and files may have other names on other computers.
+
+    Raises:
+        InputError: names the option and its values, on all ranks.
+    """
+    if comm.size == 1:
+        return
+    if comm.size == MPI.COMM_WORLD.size:
+        launch.meet()
+    name = type(options).__name__
+    every = comm.allgather(
+        {"class": name}
+        | {
+            field.name: str(value)
+            for field in fields(options)
+            if field.name not in _OWN and isinstance(value := getattr(options, field.name), _PLAIN)
+        }
+    )
+    for rank, given in enumerate(every):
+        for option, value in given.items():
+            if value != (first := every[0].get(option)):
+                raise InputError(
+                    f"{name}: {option} of rank 0 is {first}, of rank {rank} {value}; give all "
+                    "ranks the same options"
+                )
 
 
 @contextmanager

@@ -232,3 +232,17 @@ def test_loads_and_drives_are_compared_by_all_analyses(analysis: str, what: str)
         run()
     assert "(test_ranks.py, line" in str(ended.value)
     assert len(set(comm.allgather(str(ended.value)))) == 1
+
+
+def test_options_that_differ_between_ranks_are_refused() -> None:
+    """Steps of other lengths would end in messages that do not fit, or in wrong results."""
+    model = ff.Model("top")
+    model.add(ff.RigidBody("body", 1.0, (0.1, 0.1, 0.2)))
+    rank = ff.launch.rank()
+    options = ff.RunOptions(dt=1e-3 * (1 + rank), t_end=2e-3, quiet=rank > 0)
+    if ff.launch.ranks() == 1:
+        assert ff.simulate(model, options).status == "ok"
+        return
+    words = "^RunOptions: dt of rank 0 is 0.001, of rank 1 0.002; give all ranks the same options$"
+    with pytest.raises(ValueError, match=words):
+        ff.simulate(model, options)
