@@ -282,7 +282,7 @@ def main() -> None:
         if not given.quick:
             stages.append(["tests/unit", "tests/contract"])
         noticed, compiled = tried(change, [stage for stage in stages if stage], given.seconds)
-        if "::" in noticed and tried(None, [[noticed]], given.seconds)[0]:
+        if noticed.startswith("tests") and tried(None, [[noticed]], given.seconds)[0]:
             noticed = f"? fails without the change too: {noticed}"
         survived += not noticed or noticed[0] == "?"
         spent = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])

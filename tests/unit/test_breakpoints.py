@@ -170,3 +170,17 @@ def test_restarts_at_and_before_jumps(shared_tmp_path: Path) -> None:
         if outcome.history:
             last = [h["all_px"][-1] for h in (whole.history, outcome.history)]
             assert last[0] == last[1]
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [3, 5])
+def test_derivatives_of_splines_are_those_of_their_values(degree):
+    """Inside the given times and outside, where the value stays as it is."""
+    spline = ff.Spline([1.0, 1.4, 2.0, 2.1, 2.7, 3.0], [0.5, 1.5, -0.3, 2.0, 1.0, 4.0], degree)
+    h = 1e-4
+    for t in (0.2, 1.1, 1.9, 2.05, 2.9, 3.5):
+        low, here, high = spline(t - h), spline(t), spline(t + h)
+        # differences are good to 1e-5; a sign, an order or a slope beyond the ends is of order one
+        assert spline.derivative(t) == pytest.approx((high - low) / (2 * h), abs=1e-3)
+        second = (low - 2.0 * here + high) / h**2
+        assert spline.derivative(t, 2) == pytest.approx(second, rel=1e-3, abs=1e-3)

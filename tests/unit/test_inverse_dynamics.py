@@ -314,6 +314,13 @@ def test_stencil():
         np.testing.assert_allclose(weights @ values, exact, atol=1e-9)
 
 
+@pytest.mark.parametrize(("t", "before"), [(0.0, 0), (0.05, 2), (0.5, 4), (0.95, 6), (1.0, 8)])
+def test_stencil_is_as_central_as_the_span_allows(t, before):
+    """Beside a span that is long enough the points lie alike on both sides."""
+    at, _ = stencil(t, 0.0, 1.0, 0.02)
+    np.testing.assert_allclose(at, t + 0.02 * np.arange(-before, 9 - before), atol=1e-12)
+
+
 def test_distributions_check_their_arguments():
     with pytest.raises(ValueError, match="LeastEffort: scales must be positive, got -1"):
         ff.LeastEffort((1.0, -1.0))

@@ -98,3 +98,5 @@ def test_viscous_damping_is_critical(stiffness: float) -> None:
     # steps of the size of the period add 3 %; half of the damping takes half, twice of it both
     # less and more
     np.testing.assert_allclose(rates, stiffness**0.5, rtol=0.04)
+    # a constant force drives on with the force by the damping
+    assert push / (1.0 - keep) == pytest.approx(0.5 * stiffness**-0.5, rel=1e-12)

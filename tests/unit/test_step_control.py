@@ -60,6 +60,14 @@ def test_steps_follow_the_error_and_stay_on_their_grids():
     assert fourth == [0.125] * 2 + [0.25] * 3
 
 
+def test_steps_are_doubled_after_three_good_ones():
+    """The first sixteenth takes two small steps that are not good, all others have no error."""
+    control = StepControl(1e-6, 2)
+    steps = _walk(control, lambda at, size: 3.6e-3 * size**3 if at < 0.0625 else 0.0)
+    # after two in a row they would be doubled at 1/8 already, after four those of 1/16 at 1/2 only
+    assert steps == [0.03125] * 6 + [0.0625] * 3 + [0.125] * 3 + [0.25]
+
+
 def test_large_errors_skip_sizes():
     control = StepControl(1e-6, 2)
     control.begin()
