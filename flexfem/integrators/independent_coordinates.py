@@ -74,6 +74,11 @@ class IndependentCoordinates(Integrator):
         self._motions = IndependentMotions(system)
 
     @property
+    def turn_limit(self) -> float:
+        """See :attr:`Integrator.turn_limit`."""
+        return self._usual.turn_limit
+
+    @property
     def mechanics(self) -> Mechanics | None:
         """See :attr:`Integrator.mechanics`."""
         return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
+from math import inf
 from typing import ClassVar, Protocol
 
 from flexfem._types import FloatArray
@@ -43,6 +44,11 @@ class Integrator(Protocol):
             InputError: the model holds something that the scheme does not know.
         """
         return  # most schemes know everything
+
+    @property
+    def turn_limit(self) -> float:
+        """Turn of flexible bodies in a step, rad, beyond which unresolved vibrations grow."""
+        return inf
 
     @property
     def mechanics(self) -> Mechanics | None:

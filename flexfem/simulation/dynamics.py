@@ -33,6 +33,7 @@ from flexfem.simulation.recording import Recorder
 from flexfem.simulation.run_guard import guarded, reason_of
 from flexfem.simulation.stepping import HALVINGS, Simulation
 from flexfem.simulation.time_grid import TimeGrid
+from flexfem.simulation.unresolved_turns import UnresolvedTurns
 
 __all__ = ["simulate"]
 
@@ -108,6 +109,7 @@ class _Run:
         self.signal, self._agreement = 0, Agreement(simulation.system.comm, functions)
         self._faults = current()
         self._watch: EnergyWatch | None = None
+        self._turns: UnresolvedTurns | None = None
         self._setup: float | None = None
         self._first: float | None = None
 
@@ -133,6 +135,9 @@ class _Run:
             fast="steps" in simulation.cautions.found,
             undamped=options.rho_inf == 1.0,
         )
+        self._turns = turns = UnresolvedTurns(
+            simulation.system, simulation.serial, options, simulation.turn_limit
+        )
         simulation.follow = _weakly(self._follow)
         if options.adaptive:
             simulation.observe = _weakly(self._between)
@@ -142,6 +147,7 @@ class _Run:
             status = simulation.advance(grid.rest(simulation.time, step), grid.time(step))
             if step == first:
                 self._first = self._elapsed()
+            turns.step(simulation.rejected)
             if status is not Status.OK:
                 self._look(signals)  # functions that differ between ranks may be why
                 watch.fail()
@@ -205,7 +211,8 @@ class _Run:
         summary["wall_seconds_setup"] = self._setup or summary["wall_seconds"]
         summary["wall_seconds_first_step"] = self._first
         comm, cautions = self._simulation.system.comm, self._simulation.cautions
-        cautions.say([] if self._watch is None else self._watch.texts())
+        for watch in (self._watch, self._turns):
+            cautions.say([] if watch is None else watch.texts())
         # the history is the first rank's
         cautions.say(comm.bcast(made_up_energy(self._simulation.serial.model, history)))
         cautions.say(locked_shapes(self._simulation.serial, self._simulation.system))

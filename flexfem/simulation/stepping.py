@@ -144,6 +144,11 @@ class Simulation:
         """Time of the accepted state, s."""
         return self.system.time
 
+    @property
+    def turn_limit(self) -> float:
+        """See :attr:`flexfem.integrators.integrator.Integrator.turn_limit`."""
+        return self._integrator.turn_limit
+
     def state(self) -> State:
         """All that the next step depends on, and what was counted so far."""
         counts = self.steps, self.rejected, self._error, self._behind_jump

@@ -64,8 +64,10 @@ def _closures(full: bool, kind: str, known: ff.Outcome, mesh: str) -> list[Resul
     if "reduced" in runs:
         for column, size in (("P_x", 0.04), ("angle_4", 1.0), ("transverse_1", 0.04)):
             one, other = (outcome.history[column] for outcome in runs.values())
-            # steps end within 1e-9, and are off by 1e-7 (rigid links); held unknowns among the
-            # independent ones leave 2e-8 in a fifth of the brief run, and stop the full one
+            # of the 1.6e-7 of P_x, 6e-9 m, most is where iterations with multipliers end (1e-9 m a
+            # step): with a tolerance of 1e-11 it is 6e-8, errors of two schemes of second order.
+            # Held unknowns among the independent ones leave 2e-8 in a fifth of the brief run, and
+            # stop the full one
             lines.append(Result(f"3-RRR, {kind}", f"largest difference of {column}, reduced", 0.0,
                                 "multipliers", float(np.abs(one - other).max() / size), mesh,
                                 5e-7 if full else 1e-8))  # fmt: skip
