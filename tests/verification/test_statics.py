@@ -332,7 +332,7 @@ def test_mistakes_are_named(what: str, parts: tuple[str, ...], shared_tmp_path: 
         ({"load_steps": 2.5}, ("load_steps", "2.5")),
         ({"t_end": 0.0}, ("t_end", "0.0")),
         ({"t_end": float("nan")}, ("t_end", "nan")),
-        ({"gravity": "upwards"}, ("gravity", "'upwards'")),
+        ({"gravity_load": "upwards"}, ("gravity_load", "'upwards'")),
         ({"tolerance": 0.0}, ("tolerance", "0.0")),
         ({"max_iterations": 0}, ("max_iterations", "0")),
         ({"arc_length": -0.1}, ("arc_length", "-0.1")),
