@@ -4,11 +4,22 @@
 ``make test`` runs this beside the linters, which leave one core idle.
 """
 
+import numpy as np
+
 import flexfem as ff
+from tests.contract.line_examples import SLIDING, PlacedOnLine
 from tests.unit.particle_body import bar
 
 
-def main() -> None:
+def slider() -> None:
+    """Rows of a joint that slides on a line, with their derivatives."""
+    joint = PlacedOnLine(SLIDING["Sliding"], "se3", np.random.default_rng(1))
+    joint.evaluate()
+    joint.hessian(np.ones(joint.rows.size))
+    joint.rows.second_rates()
+
+
+def floating_frames() -> None:
     """A short motion of bodies in floating frames of all kinds."""
     for stiffening in (False, True):
         reduced = bar(stiffening=stiffening)
@@ -24,4 +35,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    slider()
+    floating_frames()

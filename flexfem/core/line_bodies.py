@@ -240,16 +240,17 @@ def add_body_second(
     _twists(V, B, P, M)
     _derivatives(frames, shape, X, g, units, Y)
     _by_coordinates(V, B, P, M, w, A, D)
-    out[:6] += A @ Y
-    out += Y.T @ (D @ Y)
+    first, second = A @ Y, Y.T @ (D @ Y)
+    for i in range(6 * k + 1):
+        for j in range(6 * k + 1):
+            out[i, j] += second[i, j] + (first[i, j] if i < 6 else 0.0)
     for c in range(_interfaces(k, n)):
         force = np.zeros(6)
         for i in range(6):
             for m in range(6):
                 force[i] += M[m, 6 * c + i] * w[m]
         write_second(X[c], g[c], units[c], force, change)
-        own = slice(6 * (1 + c), 6 * (2 + c))
-        out[:6, :6] += change[:6, :6]
-        out[:6, own] += change[:6, 6:]
-        out[own, :6] += change[6:, :6]
-        out[own, own] += change[6:, 6:]
+        for i in range(12):
+            row = i if i < 6 else 6 * c + i
+            for j in range(12):
+                out[row, j if j < 6 else 6 * c + j] += change[i, j]

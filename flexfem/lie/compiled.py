@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """How all compiled loops of the package are compiled."""
 
+from collections.abc import Callable
+from typing import Any
+
 from numba import njit
+from numba.core import types
+from numba.core.dispatcher import Dispatcher
 
 from flexfem.lie.caching import install
 
@@ -9,15 +14,43 @@ __all__ = ["fused", "inlined", "inlined_fused", "kernel"]
 
 install()
 
+
+class _Decorator:
+    """Compiles a loop once for all constants that other loops pass, and for no C callbacks.
+
+    Numba's own would compile a function anew for every constant argument, which gains nothing:
+    where the function is inlined, the constant reaches all of it in any case.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Set what is chosen besides."""
+        options |= {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+        self._decorate: Any = njit(**options)
+
+    def __call__[Loop: Callable[..., object]](self, function: Loop) -> "Dispatcher[Loop]":
+        """The compiled function."""
+        loop = self._decorate(function)
+        if isinstance(loop, Dispatcher):  # not so with NUMBA_DISABLE_JIT
+            template = loop.get_call_template
+
+            def without_constants(args: Any, kws: Any) -> Any:
+                named = {name: types.unliteral(kind) for name, kind in kws.items()}
+                return template(tuple(types.unliteral(kind) for kind in args), named)
+
+            loop.get_call_template = without_constants  # type: ignore[method-assign]
+        compiled: Dispatcher[Loop] = loop
+        return compiled
+
+
 #: cached on disk; division by zero gives inf or NaN as in NumPy, and no test in the loop
-kernel = njit(cache=True, error_model="numpy")
+kernel = _Decorator()
 
 #: For pieces of a loop's body: inlined by force, since a call with array arguments costs more than
 #: the arithmetic of most of them.
-inlined = njit(cache=True, error_model="numpy", forceinline=True)
+inlined = _Decorator(forceinline=True)
 
 #: The same with products and sums fused to one operation each, for loops of arithmetic alone.
-fused = njit(cache=True, error_model="numpy", fastmath={"contract"})
+fused = _Decorator(fastmath={"contract"})
 
 #: Pieces of those.
-inlined_fused = njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+inlined_fused = _Decorator(fastmath={"contract"}, forceinline=True)

@@ -19,7 +19,8 @@ class LineData(NamedTuple):
         size: (n_lines, 2) rows and columns of coefficients of an element.
         first: (n_lines + 1,) first element of each line.
         nodes: (e, k) slots of the nodes.
-        shape: (e, p, q), turns: (e, 2, 9), start: (e,), arc: (e, q), see ``lines.Line``.
+        shape: (e, p q) coefficients row by row; turns: (e, 2, 9), start: (e,), arc: (e, q), see
+            ``lines.Line``.
         turned: (n_lines,) whether any section is turned against its node.
     """
 
@@ -86,7 +87,7 @@ class Work(NamedTuple):
 
     Attributes:
         frames: (k, 12) frames of an element's nodes.
-        section: (6, 6 k + 1) derivatives of a section's frame; block: (6 k + 1, 6 k + 1).
+        section: (6 (6 k + 1),) derivatives of a section's frame; block: ((6 k + 1)^2,).
         point: (m, 6, 6 n + 1) derivatives of the markers along z = (twists of nodes, xi).
         forces: (6 m,) gradient with respect to the markers' twists, hessian: (6 m, 6 m).
         slide: (6 n + 1,) derivative of the slider's equation G by z.

@@ -164,7 +164,8 @@ def _add_point_second(
     k = lines.width[line]
     to_node(points.offset[m], work.forces, 6 * number, g)
     element_frames(lines, line, e, frames, work)
-    block = work.block[: 6 * k + 1, : 6 * k + 1]
+    size = 6 * k + 1
+    block = work.block[: size * size].reshape(size, size)
     block[:] = 0.0
     add_line_second(
         lines.element[line], work.frames[:k], coefficients(lines, line, e), places[m, 1], g, block

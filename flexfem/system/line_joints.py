@@ -54,8 +54,8 @@ class LineJoints:
         size = 6 * nodes + 1
         self._work = Work(
             frames=np.zeros((width, 12)),
-            section=np.zeros((6, 6 * width + 1)),
-            block=np.zeros((6 * width + 1, 6 * width + 1)),
+            section=np.zeros(6 * (6 * width + 1)),
+            block=np.zeros((6 * width + 1) ** 2),
             point=np.zeros((markers, 6, size)),
             forces=np.zeros(6 * markers),
             hessian=np.zeros((6 * markers, 6 * markers)),
@@ -85,13 +85,14 @@ class LineJoints:
         slots = np.full((total, width), -1, dtype=np.int64)
         sizes = [(0, 0) if r.line.shape is None else r.line.shape.shape[1:] for r in rails]
         size = np.array(sizes, dtype=np.int64).reshape(-1, 2)
-        shape, turns = np.zeros((total, *size.max(axis=0, initial=0))), np.zeros((total, 2, 9))
+        shape = np.zeros((total, int(size.prod(axis=1).max(initial=0))))
+        turns = np.zeros((total, 2, 9))
         arc, start = np.zeros((total, powers)), np.zeros(total)
         for rail, a, b, (p, q) in zip(rails, first[:-1], first[1:], sizes, strict=True):
             line, k = rail.line, rail.slots.shape[1]
             slots[a:b, :k] = rail.slots
             if line.shape is not None:
-                shape[a:b, :p, :q] = line.shape
+                shape[a:b, : p * q] = line.shape.reshape(-1, p * q)
             if line.turns is not None:
                 turns[a:b] = line.turns
             arc[a:b, : line.arc.shape[1]], start[a:b] = line.arc, line.starts

@@ -23,7 +23,7 @@ from flexfem.core.line_points import (
     turn_frames,
 )
 from flexfem.core.row import RowKind
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
 from flexfem.system.row_hessians import marker_map
@@ -61,7 +61,19 @@ def element_frames(lines: LineData, line: int, e: int, frames: FloatArray, work:
 @kernel
 def coefficients(lines: LineData, line: int, e: int) -> FloatArray:
     """Those of the shape functions of an element."""
-    own: FloatArray = lines.shape[e, : lines.size[line, 0], : lines.size[line, 1]]
+    rows, columns = lines.size[line]
+    own: FloatArray = lines.shape[e][: rows * columns].reshape(rows, columns)
+    return own
+
+
+@inlined
+def section_jacobian(lines: LineData, line: int, work: Work) -> FloatArray:
+    """``work.section`` as the matrix (6, 6 k + 1) of an element of a line.
+
+    Contiguous, as all matrices for ``line_points``: another layout would be compiled once more.
+    """
+    columns = 6 * lines.width[line] + 1
+    own: FloatArray = work.section[: 6 * columns].reshape(6, columns)
     return own
 
 
@@ -72,7 +84,7 @@ def _section(
     """Frame ``H`` of a section and its derivatives in ``work.section``."""
     k = lines.width[line]
     element_frames(lines, line, e, frames, work)
-    J = work.section[:, : 6 * k + 1]
+    J = section_jacobian(lines, line, work)
     line_jacobian(lines.element[line], work.frames[:k], coefficients(lines, line, e), xi, H, J)
     if lines.turned[line]:
         turn_columns(lines.turns[e], J)
@@ -96,7 +108,7 @@ def _slide_to(
         for i in range(3):
             gap[i] = x[i] - H[i]
         rotate_back_into(H, gap, p, 0)
-        J = work.section
+        J = section_jacobian(lines, line, work)
         step = p[0] / (J[0, k] + J[4, k] * p[2] - J[5, k] * p[1])
         xi += min(max(step, -1.0), 1.0)
         if abs(step) < _SMALL:
@@ -166,7 +178,7 @@ def place_markers(
                 _slide_to(lines, line, other[:3], frames, work, places[m])
             _section(lines, line, int(places[m, 0]), places[m, 1], frames, work, H)
             compose_into(H, points.offset[m], pose)
-            section = work.section[:, : 6 * lines.width[line] + 1]
+            section = section_jacobian(lines, line, work)
             _put_marker(points.offset[m], section, at, xi if points.slides[m] else -1, J)
 
 

@@ -16,6 +16,7 @@ from flexfem.forms.beam_law import interval_mesh, law_expressions, law_form
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
+from tests.unit.linear_law import linear_law
 
 ROOT = Path(__file__).parents[2]
 INERTIA = (2.0, 2.0, 2.0, 0.3, 0.2, 0.1)
@@ -149,23 +150,12 @@ def test_viscous_power_is_that_of_the_potential(one_beam, rng):
 # --- the linear law ------------------------------------------------------------------------------
 
 
-def quadratic(strain, p):
-    """The linear law of any stiffness matrix."""
-    return sum(
-        getattr(p, f"d{i}{j}") * strain[i] * strain[j] * (0.5 if i == j else 1.0)
-        for i in range(6)
-        for j in range(i, 6)
-    )
-
-
 def test_linear_law_reproduces_the_section(one_beam, rng):
     root = rng.normal(size=(6, 6))
     D = root @ root.T + 6.0 * np.eye(6)
-    law = ff.BeamLaw(
-        quadratic, parameters={f"d{i}{j}": D[i, j] for i in range(6) for j in range(i, 6)}
-    )
     section = ff.Section.general(D, INERTIA)
-    beams = [one_beam(SHAPES["corner"], s) for s in (section, section.with_law(law))]
+    own = section.with_law(linear_law(D, 0.02))
+    beams = [one_beam(SHAPES["corner"], section, 0.02), one_beam(SHAPES["corner"], own)]
     results = []
     for beam in beams:
         beam.gravity = np.array([3.0, -7.0, 2.0])

@@ -6,11 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexfem._trust import private_folder
 from flexfem.lie import caching, so3
 from flexfem.lie.caching import source_stamp
+from flexfem.lie.compiled import inlined, kernel
 
 FILES = {
     "low.py": "A = 1\n",
@@ -68,3 +70,20 @@ def test_loops_without_any_folder_are_kept_for_the_process(monkeypatch):
     found = [locator.from_function(so3.exp_into.py_func, so3.__file__) for locator in locators]
     assert found[:2] == [None, None]
     assert Path(found[2].get_cache_path()).parent == private_folder()
+
+
+@inlined
+def _entry(values, at):
+    return values[at]
+
+
+@kernel
+def _ends(values):
+    return _entry(values, 0) + 10.0 * _entry(values, 2)
+
+
+@pytest.mark.serial
+def test_constants_do_not_compile_a_loop_anew():
+    assert _ends(np.array([1.0, 2.0, 3.0])) == 31.0
+    # numba's own decorator compiles it for 0 and once more for 2
+    assert len(_entry.signatures) == 1

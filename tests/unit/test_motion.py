@@ -8,6 +8,7 @@ import flexfem as ff
 from flexfem.core import motion
 from flexfem.lie import se3, so3
 from flexfem.system.node_loads import NodeMasses
+from tests.unit.linear_law import linear_law
 
 # a corner, so that section axes differ from those of the node
 POINTS = np.array([[0.0, 0, 0], [0.4, 0, 0], [0.9, 0, 0], [0.9, 0.5, 0], [0.9, 0.8, 0.3]])
@@ -93,11 +94,7 @@ def test_power_of_viscosity_is_that_of_the_residual(one_beam, rng):
 @pytest.mark.serial
 def test_viscosity_of_a_law(one_beam):
     """A law that says the same as stiffness and damping."""
-    D = SECTION.stiffness
-    law = ff.BeamLaw(
-        lambda e, p: sum(0.5 * float(D[i, i]) * e[i] ** 2 for i in range(6)),
-        dissipation=lambda e, r, p: sum(0.01 * float(D[i, i]) * r[i] ** 2 for i in range(6)),
-    )
+    law = linear_law(SECTION.stiffness, 0.02)
     stresses, energies = [], []
     for section, damping in ((SECTION, 0.02), (SECTION.with_law(law), 0.0)):
         beam = one_beam(POINTS, section, damping=damping)
