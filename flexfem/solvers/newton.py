@@ -78,6 +78,8 @@ def iterate(
     observe: Callable[[int, float, float], None] | None = None,
     equations: Equations = _POSITIONS,
     again: SolveAgain | None = None,
+    *,
+    thin: bool = True,
 ) -> Status:
     """Iterate from the predicted state until every block's step is below the tolerance.
 
@@ -90,6 +92,7 @@ def iterate(
             the matrix.
         equations: what is solved.
         again: second solver for equations that need one.
+        thin: continue stresses of thin elements only.
     """
     rows = system.constraints
     previous, before = inf, inf
@@ -97,7 +100,7 @@ def iterate(
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
         success, change = linear_step(shifts)
-        system.continue_stresses()
+        system.continue_stresses(thin=thin)
         projected, largest = equations.correct(system, again)
         rows.multipliers -= change
         sizes = _largest(system.comm, largest, change, success and projected)

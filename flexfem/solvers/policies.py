@@ -75,7 +75,11 @@ class Policy(Protocol):
 
 
 class UpdatedPolicy:
-    """A fresh matrix and factorisation in every iteration."""
+    """A fresh matrix and factorisation in every iteration.
+
+    It takes the stresses of the accepted state, continued along the steps: those of the prediction
+    and of iterates far from equilibrium have nothing to do with those of the solution.
+    """
 
     def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
         """Store what is needed."""
@@ -91,9 +95,13 @@ class UpdatedPolicy:
     ) -> Status:
         """See :class:`Policy`."""
         tangent = self._tangent
-        return iterate(
-            self._system, shifts, tangent.step, self._options, None, equations, tangent.again
-        )
+        self._system.hold_stresses()
+        status = iterate(
+            self._system, shifts, tangent.step, self._options, None, equations, tangent.again,
+            thin=False,
+        )  # fmt: skip
+        self._system.exact()
+        return status
 
     def again(self, values: FloatArray) -> bool:
         """See :class:`Policy`."""
@@ -110,7 +118,7 @@ class UpdatedPolicy:
 class MaterialPolicy(UpdatedPolicy):
     """A fresh matrix without geometric stiffness in every iteration, to study what that is for.
 
-    Newton's method converges linearly then; the exact matrix is the fallback.
+    Newton's method converges linearly then; the matrix with it is the fallback.
     """
 
     def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:

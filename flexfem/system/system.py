@@ -267,6 +267,12 @@ class System:
                 part.block.spread_step()
                 part.elements.assume(part.block.frames, factor * part.block.step)
 
+    def hold_stresses(self) -> None:
+        """Let tangents take the stresses of the accepted state, until they are continued."""
+        for part in self.parts:
+            if part.elements is not None:
+                part.elements.assume(part.block.frames0, np.zeros_like(part.block.velocity))
+
     def leave_out_stresses(self) -> None:
         """Let tangents of elements take no stresses, until :meth:`exact`."""
         for part in self.parts:

@@ -23,7 +23,7 @@ def _end(*sizes: float) -> tuple[Status, int]:
         counters=SimpleNamespace(newton_iterations=0),
         constraints=SimpleNamespace(multipliers=np.zeros(0)),
         evaluate=lambda shifts: None,
-        continue_stresses=lambda: None,
+        continue_stresses=lambda **_: None,
         correct=lambda sign: next(steps),
     )
     options = NewtonOptions(tolerance=1e-6, max_iterations=len(sizes))
