@@ -98,14 +98,16 @@ def test_bent_beams_move_alike_in_other_numbers_of_iterations(formulation):
         for matrix in ("updated", "material")
     }
     exact, material = outcomes["updated"], outcomes["material"]
-    assert exact.history["tip_z"].max() > 0.4
     for name, column in exact.history.items():
         # both stop at steps below 1e-9; stresses left out of the residual move the tip by 0.1
         np.testing.assert_allclose(material.history[name], column, atol=1e-8)
     counts = [outcome.summary["newton_iterations"] for outcome in (exact, material)]
-    assert counts[0] != counts[1]
+    # stresses of the iterates in place of continued ones take 139 and 148 of 137 and 167
+    assert counts[0] < 0.85 * counts[1]
     assert material.summary["fallbacks"] == material.summary["rejected_steps"] == 0
     assert material.summary["factorizations"] == counts[1]
+    if exact.history:  # on the first rank
+        assert exact.history["tip_z"].max() > 0.4
 
 
 def test_without_geometric_stiffness_nothing_can_be_left_out():
