@@ -238,7 +238,7 @@ def failure(tree: Path, tests: list[str], seconds: float) -> str:
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return f"? no end within {seconds:g} s"
-    named = re.search(r"^(?:FAILED|ERROR) (\S+)", ended.stdout, re.MULTILINE)
+    named = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", ended.stdout, re.MULTILINE)
     if ended.returncode in (0, 5):  # passed, or nothing to run
         return ""
     return named[1] if named else f"pytest ended with {ended.returncode}"
