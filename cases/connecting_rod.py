@@ -10,7 +10,8 @@ crank pin leave no motion out of the plane.
 
 ``--rod solid`` is a body in a floating frame: quadratic tetrahedra (``--size``), reduced to the
 motions of the pins, of a band around the middle of the shank and to ``--internal-modes`` others.
-``--reduced FILE`` keeps the reduction: the file is read if it is there, and else written.
+``--reduced FILE`` keeps the reduction: the file is read if it is there, and else written. A file
+that was made with other numbers is refused.
 ``--rod beam`` has SE(3) beams along the shank and the eyes as rigid bodies with their mass and
 inertia: within a wall of 12 mm around a rigid pin little can bend. ``--frame``, ``--stiffening``,
 ``--size``, ``--internal-modes`` and ``--reduced`` say nothing about it.
@@ -31,7 +32,7 @@ Run: ``mpirun -n 2 python cases/connecting_rod.py --size 0.005 --reduced rod.h5`
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -119,16 +120,13 @@ def _reduced(
     file: str, at: Dimensions, steel: ff.Material, size: float, modes: int, stiffening: bool
 ) -> ff.ReducedBody:
     """The solid rod, from a file if it is there."""
+    made_with = {
+        **asdict(at), "youngs_modulus": steel.youngs_modulus, "density": steel.density,
+        "poisson_ratio": steel.poisson_ratio, "size": size, "internal_modes": modes,
+        "stiffening": stiffening,
+    }  # fmt: skip
     if file and Path(file).exists():
-        body = ff.load_reduced_body(file)
-        names = [interface.name for interface in body.interfaces]
-        if names != list(at.pins) or body.modes != modes:
-            raise ValueError(
-                f"--reduced {file}: the body has {body.modes} modes and the interfaces "
-                f"{', '.join(names) or 'none'}; the rod needs {modes} modes (--internal-modes) and "
-                f"{', '.join(at.pins)}"
-            )
-        return body
+        return ff.load_reduced_body(file, made_with=made_with)
     if file and not Path(file).absolute().parent.is_dir():
         raise ValueError(f"--reduced {file}: there is no such folder")
     mesh = ff.build_body_mesh(
@@ -144,7 +142,7 @@ def _reduced(
         geometric_stiffness=stiffening,
     )
     if file:
-        ff.save_reduced_body(file, body)
+        ff.save_reduced_body(file, body, made_with=made_with)
     return body
 
 

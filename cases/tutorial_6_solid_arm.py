@@ -57,8 +57,12 @@ def _arm(
     aluminium: ff.Material, length: float, width: float, size: float, modes: int, file: str
 ) -> ff.ReducedBody:
     """The arm's mesh, its elasticity, and its reduction to two interfaces and some modes."""
+    made_with = {
+        "length": length, "width": width, "size": size, "internal_modes": modes,
+        "youngs_modulus": aluminium.youngs_modulus, "density": aluminium.density,
+    }  # fmt: skip
     if file and Path(file).exists():
-        return ff.load_reduced_body(file)
+        return ff.load_reduced_body(file, made_with=made_with)
     mesh = ff.build_body_mesh("connecting_rod", length=length, width=width, size=size)
     eyes = {"big_end": (0.0, 0.0, 0.0), "small_end": (length, 0.0, 0.0)}
     body = ff.reduce_body(
@@ -68,7 +72,7 @@ def _arm(
         positions=eyes,
     )
     if file:
-        ff.save_reduced_body(file, body)
+        ff.save_reduced_body(file, body, made_with=made_with)
     return body
 
 

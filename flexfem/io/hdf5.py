@@ -67,6 +67,10 @@ class PlainFile:
         values: NDArray[Any] = self.array(name)[()]
         return np.asarray(values)
 
+    def has_attribute(self, name: str) -> bool:
+        """Whether the file has an attribute of this name."""
+        return name in self._file.attrs
+
     def text(self, name: str) -> str:
         """An attribute of the file that is a text.
 

@@ -3,8 +3,9 @@
 
 ``/`` has the attributes ``format``, ``interfaces`` and ``lines`` (names), and a dataset for every
 array of a body; ``/recovery`` holds the surface of all ranks as one, ``/lines`` the arrays of the
-lines with the number of the line behind their names. A checksum (BLAKE2b) of all of them is
-kept in the attribute ``digest``, so that damage is noticed.
+lines with the number of the line behind their names. The attribute ``made_with`` holds the numbers
+that the body was made with, as JSON. A checksum (BLAKE2b) of all of them is kept in the attribute
+``digest``, so that damage is noticed.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import hashlib
 import io
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +35,9 @@ if TYPE_CHECKING:
 
 __all__ = ["load_reduced_body", "save_reduced_body"]
 
+#: What a body may be said to be made with.
+type Parameter = bool | float | str
+_NOTHING: Mapping[str, Parameter] = MappingProxyType({})
 #: Layout of the file; another one is refused.
 _FORMAT = 1
 _ARRAYS = ("moments", "products", "stiffness", "damping", "held", "frequencies")
@@ -44,7 +50,11 @@ _LARGEST = 4_000_000_000
 
 
 def save_reduced_body(
-    path: str | Path, body: ReducedBody, comm: MPI.Intracomm | None = None
+    path: str | Path,
+    body: ReducedBody,
+    comm: MPI.Intracomm | None = None,
+    *,
+    made_with: Mapping[str, Parameter] = _NOTHING,
 ) -> None:
     """Write a reduced body, or leave everything as it is (collective).
 
@@ -52,6 +62,8 @@ def save_reduced_body(
         path: file to create or replace; its folder must exist.
         body: the body; that of the first rank, and the surfaces of all.
         comm: communicator; None for all ranks.
+        made_with: numbers that the body was made with, by name; :func:`load_reduced_body` can ask
+            for them.
 
     Raises:
         OSError: on all ranks, if the file cannot be written.
@@ -61,22 +73,28 @@ def save_reduced_body(
     error: Exception | None = None
     if comm.rank == 0:
         try:
-            replace_file(Path(path), [_contents(body, recovery)])
+            replace_file(Path(path), [_contents(body, recovery, made_with)])
         except OSError as exc:
             error = OSError(exc.errno, exc.strerror or str(exc), str(path))
     raise_together(comm, error)
 
 
-def load_reduced_body(path: str | Path, comm: MPI.Intracomm | None = None) -> ReducedBody:
+def load_reduced_body(
+    path: str | Path,
+    comm: MPI.Intracomm | None = None,
+    *,
+    made_with: Mapping[str, Parameter] = _NOTHING,
+) -> ReducedBody:
     """Read a reduced body on all ranks, each with its share of the surface (collective).
 
     Args:
         path: the file.
         comm: communicator; None for all ranks.
+        made_with: numbers that the body must have been made with.
 
     Raises:
-        InputError: a ValueError on all ranks; the file cannot be read, is something else, or is
-            damaged.
+        InputError: a ValueError on all ranks; the file cannot be read, is something else, is
+            damaged, or holds a body that was made with other numbers.
     """
     from mpi4py import MPI
 
@@ -88,6 +106,7 @@ def load_reduced_body(path: str | Path, comm: MPI.Intracomm | None = None) -> Re
             raw = read_bytes(owner, path, _LARGEST)
             check_structure(Path(path))
             _body(raw, MPI.COMM_SELF)
+            _check_made_with(raw, made_with)
         except InputError as exc:
             error = exc if str(exc).startswith(owner) else InputError(f"{owner}: {exc}")
         except Exception as exc:  # whatever HDF5's library makes of a forged file
@@ -121,7 +140,34 @@ def _communicator(comm: MPI.Intracomm | None) -> MPI.Intracomm:
     return MPI.COMM_WORLD if comm is None else comm
 
 
-def _contents(body: ReducedBody, recovery: Recovery | None) -> bytes:
+def _check_made_with(raw: bytes, wanted: Mapping[str, Parameter]) -> None:
+    """Check what a body was made with.
+
+    Raises:
+        ValueError: it was made with something else, or the file does not say with what.
+    """
+    import h5py
+
+    with h5py.File(io.BytesIO(raw), "r") as opened:
+        text = _made_with(PlainFile(opened, len(raw)))
+    known = json.loads(text) if text else {}
+    for name, value in wanted.items():
+        if name not in known:
+            raise ValueError(f"it does not say with which {name} it was made; make it anew")
+        if known[name] != value:
+            raise ValueError(
+                f"it was made with {name} = {known[name]}, not {value}; name another file"
+            )
+
+
+def _made_with(file: PlainFile) -> str:
+    """The attribute of this name, empty if there is none."""
+    return file.text("made_with") if file.has_attribute("made_with") else ""
+
+
+def _contents(
+    body: ReducedBody, recovery: Recovery | None, made_with: Mapping[str, Parameter]
+) -> bytes:
     """The file's bytes."""
     import h5py
 
@@ -130,6 +176,8 @@ def _contents(body: ReducedBody, recovery: Recovery | None) -> bytes:
         file.attrs["format"] = _FORMAT
         file.attrs["interfaces"] = json.dumps([i.name for i in body.interfaces])
         file.attrs["mass"] = body.mass
+        if made_with:
+            file.attrs["made_with"] = json.dumps(dict(made_with))
         file["positions"] = np.array([i.position for i in body.interfaces]).reshape(-1, 3)
         for name in _ARRAYS:
             file[name] = getattr(body, name)
@@ -153,6 +201,7 @@ def _digest(file: PlainFile) -> str:
     """Checksum of the attributes and all arrays, in the order of their names."""
     digest = hashlib.blake2b(digest_size=32)
     digest.update(f"{file.text('interfaces')} {file.number('mass')!r}".encode())
+    digest.update(_made_with(file).encode())
     names = [name for name in file.names("") if name not in _GROUPS]
     for group in _GROUPS:
         if file.has(group):

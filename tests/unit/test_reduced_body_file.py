@@ -183,3 +183,18 @@ def test_a_folder_that_is_not_there_leaves_nothing(shared_tmp_path: Path) -> Non
     with pytest.raises(OSError, match="No such file"):
         ff.save_reduced_body(shared_tmp_path / "not" / "there.h5", body)
     assert list(shared_tmp_path.iterdir()) == []
+
+
+def test_bodies_of_other_numbers_are_refused(shared_tmp_path):
+    """A case whose options have changed would move the former body, and nobody would notice."""
+    path = shared_tmp_path / "rod.h5"
+    made_with = {"length": 0.1 + 0.2, "internal_modes": 6, "stiffening": True}
+    ff.save_reduced_body(path, two_masses(), made_with=made_with)
+    assert ff.load_reduced_body(path, made_with=made_with).mass == two_masses().mass
+    with pytest.raises(ValueError, match=r"rod.h5': it was made with length = 0.3.*4, not 0.31;"):
+        ff.load_reduced_body(path, made_with=made_with | {"length": 0.31})
+    with pytest.raises(ValueError, match="does not say with which density"):
+        ff.load_reduced_body(path, made_with={"density": 1.0})
+    ff.save_reduced_body(path, two_masses())
+    with pytest.raises(ValueError, match="does not say with which length"):
+        ff.load_reduced_body(path, made_with=made_with)
