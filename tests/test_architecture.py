@@ -45,6 +45,7 @@ LAYERS = [
     {"case"},
     {"studies"},
     {"cli"},
+    {"__main__"},
     {"docs"},
 ]
 STRANGERS = {

@@ -40,7 +40,7 @@ def _program(prog: str | None) -> str:
     if prog is None:
         return f"{_beside('python')} {shlex.quote(sys.argv[0])}"
     if started.name != "flexfem":
-        return f"{_beside('python')} -m flexfem.cli {prog.removeprefix('flexfem ')}"
+        return f"{_beside('python')} -m flexfem {prog.removeprefix('flexfem ')}"
     if shutil.which("flexfem") == os.path.abspath(started):  # noqa: PTH100 - links stay as they are
         return prog
     return f"{shlex.quote(sys.argv[0])} {prog.removeprefix('flexfem ')}"

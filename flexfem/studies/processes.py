@@ -33,7 +33,7 @@ def run_command(arguments: Sequence[str], ranks: int) -> list[str]:
         ValueError: There is no mpirun for several ranks.
     """
     # -P: modules of the working folder are not imported in place of those of the libraries
-    run = [sys.executable, "-P", "-m", "flexfem.cli", "run", *arguments]
+    run = [sys.executable, "-P", "-m", "flexfem", "run", *arguments]
     if ranks == 1:
         return run
     mpirun = program("mpirun")

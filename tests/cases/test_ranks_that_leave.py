@@ -142,7 +142,7 @@ _NUMERICAL = "from flexfem._checks import NumericalError"
         (
             1,
             'open("no such file")',
-            ("-m", "flexfem.cli", "run"),
+            ("-m", "flexfem", "run"),
             _LINE + "FileNotFound",
             2,
         ),

@@ -322,7 +322,7 @@ def test_an_interrupted_sweep_goes_on_by_the_command_it_shows(driven: Path) -> N
     """Runs on two ranks write checkpoints when the sweep is asked to end."""
     (driven.parent / "slow").touch()
     line = "--vary speed=2 --ranks 2 --every 1 --output study --quiet"
-    command = [sys.executable, "-m", "flexfem.cli", "sweep", str(driven), *line.split()]
+    command = [sys.executable, "-m", "flexfem", "sweep", str(driven), *line.split()]
     environment = environment_of_runs() | {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
     history = Path("study", "speed=2.0", "history.csv")

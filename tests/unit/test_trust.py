@@ -229,7 +229,7 @@ def test_the_working_folder_is_no_library(tmp_path: Path) -> None:
     flexfem = Path(sys.executable).with_name("flexfem")
     command = [flexfem, "run", "case.py", "--output", "out"]
     if not flexfem.exists():  # not installed
-        command = [sys.executable, "-P", "-m", "flexfem.cli", *command[1:]]
+        command = [sys.executable, "-P", "-m", "flexfem", *command[1:]]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout == "results are in out\n"
@@ -243,4 +243,4 @@ def test_the_working_folder_is_no_library(tmp_path: Path) -> None:
 def test_processes_of_studies_leave_it_alone() -> None:
     from flexfem.studies.processes import run_command
 
-    assert run_command(["case.py"], 1)[1:4] == ["-P", "-m", "flexfem.cli"]
+    assert run_command(["case.py"], 1)[1:4] == ["-P", "-m", "flexfem"]

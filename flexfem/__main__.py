@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""``python -m flexfem.cli``: the ``flexfem`` command of this very interpreter."""
+"""``python -m flexfem``: the ``flexfem`` command of this very interpreter."""
 
 import sys
 
