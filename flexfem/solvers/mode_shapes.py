@@ -20,6 +20,8 @@ __all__ = ["Modes", "find"]
 
 #: Eigenvalues that agree to this are one with several vectors.
 _EQUAL = 1e-7
+#: Size of a real or imaginary part, of vectors of size one, that is round-off.
+_PART = 1e-3
 #: Share of the largest Gram eigenvalue below which vectors are dependent; vectors of a double zero
 #: come in nearly equal pairs, whose difference is the root of round-off.
 _DEPENDENT, _DEPENDENT_AT_ZERO = 1e-8, 1e-4
@@ -200,11 +202,13 @@ def _canonical(
     fix order, sign and phase.
     """
     lin = pencil.linearization
-    if real:
+    if real:  # each as large as it is a part of its vector, of which one may be round-off
+        whole = lin.total(np.einsum("ki,ki->k", members.conj(), _times(pencil, members))).real
+        members = members[whole > 0.0] / np.sqrt(whole[whole > 0.0])[:, np.newaxis]
         members = np.concatenate([members.real, members.imag]).astype(np.complex128)
     gram = lin.total(members.conj() @ _times(pencil, members).T)
     sizes = np.sqrt(np.abs(np.diag(gram)))
-    used = sizes > 0.0
+    used = sizes > (_PART if real else 0.0)
     members = members[used] / sizes[used, np.newaxis]
     gram = gram[np.ix_(used, used)] / np.outer(sizes[used], sizes[used])
     weights, turn = np.linalg.eigh(0.5 * (gram + gram.conj().T))

@@ -143,6 +143,25 @@ def test_soft_blades_have_their_modes_whatever_the_accuracy(accuracy, monkeypatc
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("accuracy", [1e-10, 1e-6])
+def test_a_free_turn_is_one_mode_whatever_the_accuracy(accuracy):
+    """Its double zero, which round-off divides into two real ones or conjugates, counts once."""
+    rubber = ff.Material(youngs_modulus=2e6, poisson_ratio=0.3, density=1000.0)
+    model = ff.Model(mesh=ff.LineMesh.straight({"rod": [(0, 0, 0), (1, 0, 0)]}, 30))
+    end = ff.Marker("rod", "start")
+    model.add(
+        ff.Beam("rod", ff.Section.rectangle(0.02, 0.02, rubber)),
+        ff.Revolute("pin", ff.Ground(), end, axis=(0.0, 0.0, 1.0)),
+    )
+    options = ff.ModeOptions(modes=7, spin=2.0, accuracy=accuracy, quiet=True)
+    found = ff.find_modes(model, options).modes.eigenvalues.imag
+    # the beam's equation with 60 Hermite elements; it was 0, 0, 2.327
+    assert found[0] == 0.0
+    assert found[1] == pytest.approx(2.3271, rel=1e-3)
+    assert found[2] > 5.0
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("spin", [0.0, 2.0])
 def test_soft_blades_have_the_modes_of_their_matrices(spin, monkeypatch):
     from flexfem.solvers import modes as solver
