@@ -7,7 +7,7 @@ import threading
 import time
 from typing import Any
 
-from flexfem.launch import LEFT, LOOK, abort
+from flexfem.launch import LEFT, LOOK, abort, tell
 
 __all__ = ["leave", "note_exits"]
 
@@ -103,7 +103,7 @@ def _tell_of(others: list[int], code: int) -> None:
             f"failed: rank {rank} of {size} has left the program with exit code {code}, "
             "others have not"
         )
-        print(text, file=sys.stderr, flush=True)
+        tell(text)
         abort(code)
         os._exit(code)
     elif all(lower in others for lower in range(rank)):
@@ -112,7 +112,7 @@ def _tell_of(others: list[int], code: int) -> None:
             f"{_ALONE:g} s; if it waits for the other in a collective call it does so for ever: "
             "leave on all ranks or on none"
         )
-        print(text, file=sys.stderr, flush=True)
+        tell(text)
 
 
 def _code(status: object) -> int:

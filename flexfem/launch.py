@@ -198,7 +198,7 @@ def _end_with(said: dict[int, Failure], own: int) -> None:
     if any(other.message for rank, other in said.items() if rank < own):
         time.sleep(_FIRST)
     else:
-        print(failure, file=sys.stderr, flush=True)
+        tell(str(failure))
     abort(failure.code)
     os._exit(failure.code)  # the request to end takes its time
 
@@ -230,9 +230,15 @@ def _end_without(other: int) -> None:
         time.sleep(_FIRST)  # a lower rank says so
     else:
         text = f"failed: rank {other} of {comm.size} has left the program before a run of all ranks"
-        print(text, file=sys.stderr, flush=True)
+        tell(text)
     abort(1)
     os._exit(1)  # the request to end takes its time
+
+
+def tell(text: str) -> None:
+    """Print a line on stderr by one write: the program may be ended before a second one."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
 
 
 def abort(code: int) -> None:
