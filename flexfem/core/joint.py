@@ -36,6 +36,7 @@ __all__ = [
     "parallelism",
     "perpendicular",
     "turn_angle",
+    "turn_angles",
     "unit",
 ]
 
@@ -324,13 +325,21 @@ def equal_rotation(
     )
 
 
-def turn_angle(axis: FloatArray, a: Pose, b: Pose, ends: tuple[int, int] = (0, 1)) -> Term:
+def turn_angle(
+    axis: FloatArray,
+    a: Pose,
+    b: Pose,
+    ends: tuple[int, int] = (0, 1),
+    reference: FloatArray | None = None,
+) -> Term:
     """Angle (rad) by which b has turned from a since the start.
 
     The axis is given in inertial components at the start and stays fixed in a; ``ends`` are the
-    numbers of both markers within the joint.
+    numbers of both markers within the joint. The angle is that between projections along the axis
+    of a vector in a and the one in b that is the same at the start: ``reference``, perpendicular to
+    the axis, any if None. It matters where b turns about other axes, too.
     """
-    p, _ = perpendicular(axis)
+    p = perpendicular(axis)[0] if reference is None else reference
     return Term(
         RowKind.ANGLE,
         u=a.rotation.T @ axis,
@@ -339,3 +348,13 @@ def turn_angle(axis: FloatArray, a: Pose, b: Pose, ends: tuple[int, int] = (0, 1
         a=ends[0],
         b=ends[1],
     )
+
+
+def turn_angles(a: Pose, b: Pose) -> list[Term]:
+    """Angles (rad) about the axes of a by which b has turned from a since the start.
+
+    References are chosen so that a turn about the third axis alone changes no other angle, whatever
+    its size, nor do turns below a right angle about one of the others.
+    """
+    axes = a.rotation.T
+    return [turn_angle(axes[k], a, b, reference=axes[r]) for k, r in enumerate((2, 2, 1))]

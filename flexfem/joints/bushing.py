@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.core.joint import Joint, turn_angle
+from flexfem.core.joint import Joint, turn_angles
 from flexfem.core.pose import Pose
 from flexfem.core.row import Law, Row, RowKind, Term, spring
 
@@ -25,9 +25,10 @@ class Bushing(Joint):
 
     The six coordinates q are the displacements of b from its place at the start (m, in the axes of
     marker a) and the angles about the axes of marker a by which b has turned since (rad), each
-    measured between projections of an axis of either marker: exact for a turn of any size about one
-    axis, and the rotation vector to first order otherwise. The forces w are conjugate to them:
-    marker a is where the moments of the displacements' forces balance.
+    measured between projections of an axis of either marker: exact for turns of any size about the
+    third axis of marker a, and below a right angle about one of the others; otherwise the rotation
+    vector to first order. The forces w are conjugate to them: marker a is where the moments of the
+    displacements' forces balance.
 
     Attributes:
         stiffness: K; six numbers of the diagonal or a symmetric matrix, shape (6, 6), positive
@@ -56,7 +57,7 @@ class Bushing(Joint):
         a, b = poses
         start = a.rotation.T @ (b.position - a.position)
         along = [Term(RowKind.ALONG, u=e) for e in np.eye(3)]
-        about = [turn_angle(a.rotation[:, k], a, b) for k in range(3)]
+        about = turn_angles(a, b)
         zero = np.concatenate([start, np.zeros(3)])
         K = _matrix(self.owner, "stiffness", self.stiffness)
         C = _matrix(self.owner, "damping", self.damping)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexfem import _checks
-from flexfem.core.joint import Joint, check_limits, equal_rotation, turn_angle
+from flexfem.core.joint import Joint, check_limits, equal_rotation, turn_angles
 from flexfem.core.pose import Pose
 from flexfem.core.row import Law, Row, RowKind, Term, limit
 
@@ -87,8 +87,9 @@ class Generic(Joint):
         elif len(turning) == 2:
             i, j = turning
             rows.append(Row((Term(RowKind.AXES, u=axes[i], v=relative[j].copy()),)))
+        angles = turn_angles(a, b)
         for k in turning:
             law = self._law(_ROTATIONS[k])
             if law is not None:
-                rows.append(Row((turn_angle(a.rotation[:, k], a, b),), 0.0, law))
+                rows.append(Row((angles[k],), 0.0, law))
         return tuple(rows)

@@ -334,6 +334,23 @@ def test_bushing_forces(name, rng):
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize(
+    ("axis", "angle"), [(0, 1.4), (1, -1.4), (2, 1.4), (2, 2.8)], ids=["x", "y", "z", "z far"]
+)
+def test_bushing_that_turns_about_one_axis_has_a_moment_about_this_alone(axis, angle, rng):
+    """Whatever the axes of its markers: angles by other references would be up to 0.7 rad."""
+    joint = Placed(replace(EXAMPLES["Bushing"], arguments={"stiffness": np.arange(1.0, 7.0)}), rng)
+    axes, start = joint.poses[0].rotation, se3.compose(joint.start[1], joint.offsets[1])
+    turned = so3.exp(angle * axes[:, axis]) @ se3.rotation(start)
+    moved = se3.frame(se3.position(start), turned)
+    joint.face.frames[1] = se3.compose(moved, se3.inverse(joint.offsets[1]))
+    joint.rows.multipliers[:] = 0.0
+    forces = joint.evaluate() / (joint.rows.compliance * DYNAMICS[1])
+    expected = np.zeros(6)
+    expected[3 + axis] = (4.0 + axis) * angle
+    np.testing.assert_allclose(forces, expected, atol=1e-9)
+
+
 @pytest.mark.parametrize("radius", [0.3, 2.0])
 def test_friction_of_a_hinge_has_the_lever_arm_of_its_radius(radius, rng):
     """Moment ``mu r N tanh(w / w_0) + c w``, N from the forces of the hinge."""
