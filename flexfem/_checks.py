@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._faults import FAILURES, located
+from flexfem._faults import FAILURES, ReturnError, located
 from flexfem._types import FloatArray, IntArray
 
 # Rotation matrices typed with six digits are accepted and made orthonormal
@@ -241,6 +241,53 @@ def function(owner: str, what: str, value: object, shape: tuple[int, ...]) -> No
         array(owner, f"{what}(0)", start, shape)
     else:
         number(owner, f"{what}(0)", start)
+
+
+def numbers(value: object) -> FloatArray:
+    """What a function of the user's has returned, as an array of numbers.
+
+    NumPy makes numbers of text, and nan of None, which a function without ``return`` gives.
+
+    Raises:
+        TypeError: it consists of something else.
+        ValueError: it is nested raggedly.
+    """
+    raw = np.asarray(value)
+    others = (str, bytes, type(None))
+    if raw.dtype.kind not in "biufO" or any(isinstance(one, others) for one in _objects(raw)):
+        raise TypeError(f"must be numbers, got {show(value)}")
+    return raw.astype(np.float64, copy=False)
+
+
+def _objects(raw: npt.NDArray[Any]) -> list[object]:
+    return raw.ravel().tolist() if raw.dtype.kind == "O" else []
+
+
+def returned(what: str, value: object, shape: tuple[int, ...]) -> FloatArray:
+    """Numbers of the given shape that a function of the user's has returned in a run.
+
+    Raises:
+        ReturnError: It has returned something else.
+    """
+    noun = "a number" if not shape else f"{shape[0]} number" + "s" * (shape[0] > 1)
+    try:
+        values = numbers(value)
+    except (TypeError, ValueError):
+        raise ReturnError(f"{what} must return {noun}, got {show(value)}") from None
+    if not shape and values.size == 1:
+        return values.reshape(())
+    if values.shape != shape:
+        raise ReturnError(f"{what} must return {noun}, got shape {values.shape}")
+    return values
+
+
+def returned_number(what: str, value: object) -> float:
+    """The number that a function of the user's has returned in a run.
+
+    Raises:
+        ReturnError: It has returned something else.
+    """
+    return float(value) if isinstance(value, float) else float(returned(what, value, ()))
 
 
 def stiffness_and_damping(owner: str, stiffness: object, damping: object) -> None:

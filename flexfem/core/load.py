@@ -69,7 +69,7 @@ class Load:
         if self.amplitude is None:
             return 1.0
         try:
-            return float(self.amplitude(t))
+            return _checks.returned_number("amplitude", self.amplitude(t))
         except FAILURES as error:
             noted(f'{type(self).__name__} "{self.name}"', self.amplitude, error)
             return nan

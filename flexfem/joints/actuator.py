@@ -66,4 +66,5 @@ class Actuator(AxisJoint):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        return (Row((self.coordinate(poses),), 0.0, applied(-float(self.force(t)))),)
+        force = _checks.returned_number("force", self.force(t))
+        return (Row((self.coordinate(poses),), 0.0, applied(-force)),)

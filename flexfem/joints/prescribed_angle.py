@@ -41,4 +41,8 @@ class PrescribedAngle(AxisJoint):
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
         a, b = poses
-        return (Row((turn_angle(self.direction, a, b),), float(self.angle(t))),)
+        return (
+            Row(
+                (turn_angle(self.direction, a, b),), _checks.returned_number("angle", self.angle(t))
+            ),
+        )

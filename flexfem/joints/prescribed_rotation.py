@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
@@ -44,5 +43,5 @@ class PrescribedRotation(Joint):
         a, b = poses
         from flexfem.lie import so3
 
-        turned = so3.exp(np.asarray(self.rotation(t), dtype=np.float64))
+        turned = so3.exp(_checks.returned("rotation", self.rotation(t), (3,)))
         return equal_rotation(a, b, turned)

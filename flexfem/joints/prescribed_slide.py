@@ -44,4 +44,7 @@ class PrescribedSlide(JointAction):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        return tuple(Row((term,), float(self.zeta(t))) for term in self.terms(poses))
+        return tuple(
+            Row((term,), _checks.returned_number("zeta", self.zeta(t)))
+            for term in self.terms(poses)
+        )

@@ -60,7 +60,8 @@ class PrescribedTranslation(Joint):
             directions = np.eye(3)
         else:
             directions = (a.rotation.T @ unit(self.axis))[np.newaxis]
-        values = np.atleast_1d(np.asarray(self.displacement(t), dtype=np.float64))
+        shape = (3,) if self.axis is None else ()
+        values = np.atleast_1d(_checks.returned("displacement", self.displacement(t), shape))
         return tuple(
             Row((Term(RowKind.ALONG, u=u),), float(u @ start + value))
             for u, value in zip(directions, values, strict=True)

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from math import nan
 from typing import Protocol
 
-import numpy as np
-
 from flexfem import _checks
-from flexfem._faults import FAILURES, ReturnError, noted
+from flexfem._faults import FAILURES, noted
 from flexfem.core.marker import OBSERVED, Observed
 from flexfem.model.probe import MarkerState, strings
 
@@ -237,19 +235,7 @@ class Event:
             FunctionError: Outside of a run, where it fails or returns something else.
         """
         try:
-            return _number(self.function(t, *states))
+            return _checks.returned_number("function", self.function(t, *states))
         except FAILURES as error:
             noted(f'Event "{self.name}"', self.function, error)
             return nan
-
-
-def _number(value: object) -> float:
-    """What a function has returned as a number.
-
-    Raises:
-        ReturnError: It is none.
-    """
-    try:
-        return float(np.asarray(value, dtype=np.float64).reshape(()))
-    except (TypeError, ValueError):
-        raise ReturnError(f"function must return a number, got {_checks.show(value)}") from None

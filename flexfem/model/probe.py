@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexfem import _checks
-from flexfem._faults import FAILURES, ReturnError, noted
+from flexfem._faults import FAILURES, noted
 from flexfem._types import FloatArray
 from flexfem.core.marker import OBSERVED, Observed
 from flexfem.model.structure import Structure
@@ -137,15 +137,11 @@ class Probe(AnyProbe):
             FunctionError: Outside of a run, where it fails or returns something else.
         """
         try:
-            values = np.asarray(self.function(t, *states), dtype=np.float64)
-            if values.shape != (len(self.columns),):
-                raise ReturnError(
-                    f"function must return {len(self.columns)} numbers, got shape {values.shape}"
-                )
+            values = self.function(t, *states)
+            return _checks.returned("function", values, (len(self.columns),))
         except FAILURES as error:
             noted(f'{type(self).__name__} "{self.name}"', self.function, error)
             return np.full(len(self.columns), np.nan)
-        return values
 
 
 class PositionProbe(Probe):

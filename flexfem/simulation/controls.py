@@ -90,8 +90,7 @@ class _Loop:
             ReturnError: the law has returned something else.
         """
         try:
-            # a function without "return" gives None, of which NumPy would make nan
-            values = np.atleast_1d(np.asarray(() if outputs is None else outputs, np.float64))
+            values = np.atleast_1d(_checks.numbers(outputs))
         except (TypeError, ValueError):
             values = np.empty(0)
         if values.shape != (self.count,):

@@ -19,6 +19,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem._faults import ReturnError
+from flexfem.core.pose import Pose
 from flexfem.io import read_history
 from flexfem.io.folder_lock import FolderLock
 from flexfem.io.history import HistoryWriter
@@ -100,7 +102,7 @@ def pendulum(fails: Failing) -> ff.Model:
 #: What fails: words of the line that tell whose function it is, which, and why.
 LINES = {
     "amplitude": "PointForce \"push\": amplitude (…): KeyError: 'no key'",
-    "shape": 'PointForce "pull": shape (…): TypeError: only ',
+    "shape": 'PointForce "pull": amplitude must return a number, got shape (2,), from shape (…)',
     "exit": 'PointForce "hold": leaves (…): sys.exit(0)',
     "motion": 'PrescribedTranslation "drive": motion (…): ZeroDivisionError: float division',
     "sampled": 'Controller "computer": sampled (…): IndexError: pop from empty list',
@@ -177,6 +179,33 @@ def test_a_function_that_fails_at_once_is_wrong_input(what: str, shared_tmp_path
         assert_told(str(raised.value), what)
     COMM.barrier()
     assert list(shared_tmp_path.iterdir()) == []
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("value", ["1.5", b"1", None, 1j, ["1.5", "2"], [1.0, None]])
+def test_what_is_no_number(value: Any) -> None:
+    """Text is none, though NumPy reads it; nor is None, of which it makes nan."""
+    hub, ground = ff.Marker("hub"), ff.Ground()
+    line = r"must return (a|2) numbers?, got .*, from later \(test_faults.py, line \d+\)$"
+
+    def later(t: float, *states: object) -> Any:
+        return value if t else 0.0
+
+    for call in (
+        ff.PointForce("push", hub, (1.0, 0.0, 0.0), amplitude=later).factor,
+        partial(ff.Event("passes", hub, later, ff.Stop()).evaluate, states=[]),
+        partial(ff.Probe("own", hub, ["x", "y"], later).evaluate, states=[]),
+    ):
+        with pytest.raises(ff.FunctionError, match=line):
+            call(1.0)
+    place = Pose()
+    for drive in (
+        ff.PrescribedAngle("turn", ground, hub, axis=(0.0, 0.0, 1.0), angle=later),
+        ff.PrescribedDisplacement("go", ground, hub, axis=(0.0, 0.0, 1.0), displacement=later),
+        ff.Actuator("pull", ground, hub, axis=(0.0, 0.0, 1.0), force=later),
+    ):
+        with pytest.raises(ReturnError, match=r"^(angle|displacement|force) must return a number"):
+            drive.rows((place, place), 1.0)
 
 
 def test_results_fail(shared_tmp_path: Path) -> None:
