@@ -30,7 +30,7 @@ of degrees: there small errors grow. From the exact beam's lag of 0.385 m and tw
 ``consistent`` is 4 % and 22 % off at the peaks, 0.8, 1.9 and 0.8 degrees at 8, 10 and 12 s, and
 settles as the exact beam does; with ``--rotations vector`` it is 21, 22 and 12 degrees off then.
 ``floating`` with eight bodies in each segment is 3 % and 11 % off at the peaks and 0.9, 0.2 and 0.1
-degrees then; with ``--bodies 4 --body-modes 4`` it is 16 % and 44 % off at the peaks. ``beam`` and
+degrees then; with ``--bodies 4 --body-modes 4`` it is 19 % and 48 % off at the peaks. ``beam`` and
 ``floating`` need steps of 0.012 s or less, or ``--rho-inf 0.8``: with ``--dt 0.02`` they turn by
 0.12 rad in a step, and vibrations along the link grow until steps fail, from 14 and 16 s on; the
 shorter steps that replace them leave the channel twisting by 15 degrees and more, as the run warns.

@@ -109,22 +109,24 @@ def common_range(tables: dict[str, Table], column: str) -> tuple[float, float]:
 def clip(panel: Any, tables: dict[str, Table], column: str) -> None:
     """Give a panel the range of the runs that do not diverge, and note where the others leave."""
     low, high = common_range(tables, column)
-    notes = 0
+    notes = {low: 0, high: 0}
     for i, (label, table) in enumerate(tables.items()):
         outside = ~((table[column] >= low) & (table[column] <= high))
         if not outside.any():
             continue
         first = int(np.argmax(outside))
-        t, value = table["t"][first], np.clip(np.nan_to_num(table[column][first]), low, high)
-        panel.plot(t, value, "x", color=f"C{i}", clip_on=False)
-        place = (t, low + (0.08 + 0.1 * notes) * (high - low))
+        t, edge = table["t"][first], high if table[column][first] > high else low
+        panel.plot(t, edge, "x", color=f"C{i}", clip_on=False)
+        inwards = 1.0 if edge == low else -1.0
+        place = (t, edge + inwards * (0.03 + 0.1 * notes[edge]) * (high - low))
         late = t > 0.6 * table["t"][-1]
         panel.annotate(
             f"{label} leaves at {t:.3g} s", place, xytext=(-6 if late else 6, 0), color=f"C{i}",
             textcoords="offset points", ha="right" if late else "left", fontsize=8,
+            va="bottom" if edge == low else "top",
         )  # fmt: skip
         panel.lines[i].set_data(table["t"][: first + 1], table[column][: first + 1])
-        notes += 1
+        notes[edge] += 1
     panel.set_ylim(low, high)
 
 

@@ -62,6 +62,23 @@ def test_clipped_axes_are_those_of_runs_that_do_not_diverge() -> None:
     assert compare.common_range(late, "u2") == pytest.approx((low, high))
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_note_stands_where_a_run_leaves_the_axes(sign: float) -> None:
+    pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure
+
+    tables = diverging(sign * 1e-3, 3.0)
+    panel = Figure().subplots()
+    for table in tables.values():
+        panel.plot(table["t"], table["u2"])
+    script("compare_runs").clip(panel, tables, "u2")
+    (note,) = panel.texts
+    # 1e-3 exp(3 t) passes 1.56 between two of its rows, 0.05 s apart; at the other edge is sin t
+    assert note.xy[0] == pytest.approx(np.log(1560) / 3, abs=0.05)
+    assert 1.3 < sign * note.xy[1] < 1.56
+    assert note.get_text() == "other leaves at 2.5 s"
+
+
 def test_a_diverging_run_is_cut_off_by_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
