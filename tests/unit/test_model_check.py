@@ -288,6 +288,9 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "one row": (
         "one_row", "0.5 times as wide as long", lambda: row(0.5), lambda: row(0.2), None
     ),
+    "a row wider than long": (
+        "one_row", "1.6 times as wide as long", lambda: row(1.6), lambda: row(1.6, 2), None
+    ),
     "two rows": ("one_row", "1 times", lambda: row(1.0), lambda: row(1.0, 2), None),
     "a row without directors": (
         "one_row", "1 times", lambda: row(1.0), lambda: row(1.0, 1, "rotation_free"), None

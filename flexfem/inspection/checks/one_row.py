@@ -40,7 +40,8 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         if width > _WIDE:
             yield Finding(
                 "one_row", owner_of(shell),
-                f"it is one row of cells that is {width:.2g} times as wide as long, too soft",
+                f"it is one row of cells that is {width:.2g} times as wide as long, too soft "
+                "along it",
                 "take two rows at least",
             )  # fmt: skip
 
@@ -49,12 +50,16 @@ def _width(points: FloatArray, triangles: IntArray) -> float:
     """Width by length of a strip without nodes inside; 0 where there are some."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     every, times = np.unique(edges, axis=0, return_counts=True)
-    rim = every[times == 1]
-    if len(np.unique(triangles)) > len(np.unique(rim)):
+    lengths = np.linalg.norm(points[every[:, 1]] - points[every[:, 0]], axis=1)
+    rim, across = times == 1, times > 1
+    if len(np.unique(triangles)) > len(np.unique(every[rim])):
         return 0.0
     a, b, c = points[triangles].transpose(1, 0, 2)
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     # sides of the rectangle with this area and rim
-    half = 0.25 * float(np.linalg.norm(points[rim[:, 1]] - points[rim[:, 0]], axis=1).sum())
+    half = 0.25 * float(lengths[rim].sum())
     root = max(half**2 - area, 0.0) ** 0.5
-    return float((half - root) / (half + root))
+    short, long = float(half - root), float(half + root)
+    # edges inside lead from one side of the row to the other, but in a single cell
+    inside = float(lengths[across].min()) if len(triangles) > 2 else short
+    return long / short if abs(inside - long) < abs(inside - short) else short / long
