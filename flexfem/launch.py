@@ -97,7 +97,8 @@ def limit_threads() -> None:
     Libraries that are loaded already, as NumPy's, are told so; others read it from the environment.
     """
     given = any(os.environ.get(name) for name in _THREADS)
-    os.environ.setdefault(_THREADS[0], "1")
+    if not os.environ.get(_THREADS[0]):  # an empty one asks for none either
+        os.environ[_THREADS[0]] = "1"
     if given or "numpy" not in sys.modules:
         return
     try:

@@ -26,10 +26,11 @@ COUNT = (
     [
         ({}, False),
         ({"PMI_SIZE": "2"}, True),
+        ({"PMI_SIZE": "2", "OMP_NUM_THREADS": ""}, True),
         ({"PMI_SIZE": "2", "OMP_NUM_THREADS": "2"}, False),
         ({"PMI_SIZE": "2", "OPENBLAS_NUM_THREADS": "2"}, False),
     ],
-    ids=["alone", "ranks", "OpenMP asked", "BLAS asked"],
+    ids=["alone", "ranks", "ranks, empty", "OpenMP asked", "BLAS asked"],
 )
 def test_ranks_take_one_thread_unless_asked(first: str, given: dict[str, str], one: bool) -> None:
     """As many threads as cores on each rank made a step of 7320 unknowns ten times as long."""
