@@ -30,8 +30,10 @@ __all__ = ["Breakpoints"]
 
 #: Part of a step, and of the time, by which a function is evaluated beside a jump.
 _BESIDE = 1e-12
-#: Times that differ by less than this part of a step are one.
-_SAME = 1e-6
+#: A time found is that of a breakpoint within this part of a step; breakpoints that differ by twice
+#: as much are one. Between those of a continuous function that differ by less than the last it
+#: jumps: each may have been moved to the grid.
+_SAME, _ONE, _STEEP = 1e-6, 2e-6, 4e-6
 #: Off the grid, all functions together are met at no more than one breakpoint in so many steps, and
 #: some more in short runs: a step in parts costs as much as some ten others.
 _MOST_PER_STEP, _MORE = 0.25, 20
@@ -88,7 +90,7 @@ class Breakpoints:
         for t, real in jumps:
             reals.setdefault(float(t), []).append(float(real))
         for t in sorted({*reals, *kinks}):
-            if not self.times or t - self.times[-1] > _SAME * self._h:
+            if not self.times or t - self.times[-1] > _ONE * self._h:
                 self.times.append(t)
             if t in reals:
                 k, aside = len(self.times) - 1, _BESIDE * (abs(t) + self._h)
@@ -134,7 +136,6 @@ class _Function:
         t_end: float,
     ) -> None:  # fmt: skip
         self._owner, self._function = owner, function
-        self._may_jump = not drives and not isinstance(function, (Table, Spline, SmoothStep))
         self._h = grid.h
         try:
             t = np.unique(np.asarray(function.breakpoints, dtype=np.float64).ravel())  # type: ignore[attr-defined]
@@ -147,6 +148,9 @@ class _Function:
         inside = (t >= -_SAME * self._h) & (t <= t_end + _SAME * self._h)
         self._gaps = np.stack([self._gaps[:-1], self._gaps[1:]], axis=1)[inside]
         self.real: FloatArray = t[inside]
+        self._steep: BoolArray = self._gaps.min(axis=1) <= _STEEP * self._h
+        continuous = isinstance(function, (Table, Spline, SmoothStep))
+        self._may_jump: BoolArray = (self._steep | (not continuous)) & (not drives)
         nearest = grid.span * np.round(self.real / self._h) / grid.count
         self.off: BoolArray = np.abs(self.real - nearest) > _SAME * self._h
         self.times: FloatArray = np.where(self.off, self.real, nearest)
@@ -171,7 +175,7 @@ class _Function:
         for k in np.flatnonzero(looked).tolist():
             sizes[k], changes[k], bends[k] = self._around(k)
         scale, short = sizes.max(initial=0.0), self._gaps.min(axis=1) < _SHORT * self._h
-        jumps = changes > _JUMP * scale
+        jumps = (changes > _JUMP * scale) | (looked & self._steep)
         kinks = looked & self.off & (short | jumps | (bends > _KINK * scale))
         jumps &= self._may_jump
         return jumps, kinks & ~jumps

@@ -54,6 +54,12 @@ AMPLITUDES: dict[str, tuple[Function, float]] = {
     "off within the first step": (pulse(0.0, 0.0042), 0.0042),
     "on at the start": (ff.TimeFunction(lambda t: float(t > 0.0), (0.0,)), T_END),
     "table": (ff.Table((0.0123, 0.0345, 0.0678), (0.0, 2.0, 0.0)), 0.0555),
+    "pulse by a table": (
+        ff.Table((0.0523, 0.0523 + 1e-12, 0.0524, 0.0524 + 1e-9), (0, 1, 1, 0)),
+        1e-4,
+    ),
+    "jump by a table": (ff.Table((0.05, 0.05 + 1e-8, 0.0712, 0.0712 + 1e-8), (0, 1, 1, 0)), 0.0212),
+    "jump by a smooth step": (ff.SmoothStep(0.0521, 0.0521 + 1e-12), T_END - 0.0521),
     "narrow smooth step": (ff.SmoothStep(0.0521, 0.0523), T_END - 0.0522),
 }
 
