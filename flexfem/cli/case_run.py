@@ -84,7 +84,7 @@ def _run(
         UsageError: Nothing was computed.
         FailedRunError: What was computed has come to an end before its own.
     """
-    model = _built(case, parameters, argv)
+    model = built(case, parameters, argv)
     try:
         results = case.results_with(parameters)
         outcome = case.analysis.run(model, options, case=case.name, results=results)
@@ -116,7 +116,7 @@ def _with_command(
     )
 
 
-def _built(case: Case, parameters: Mapping[str, Any], argv: Sequence[str]) -> "Model":
+def built(case: Case, parameters: Mapping[str, Any], argv: Sequence[str]) -> "Model":
     """Build and validate the model; ranks agree on success.
 
     Raises:

@@ -105,6 +105,36 @@ def test_wrong_input_is_one_line(
     assert words in captured.err
 
 
+#: A beam under a load whose function fails, which the check of the model calls.
+LOADED = """\
+    line = ff.NurbsCurve.line((0, 0, 0), (1, 0, 0))
+    section = ff.Section.circle(0.1, ff.Material(1e9, 0.3, 1e3))
+    model.add(ff.Beam("rod", section, curve=line, formulation="nurbs"))
+    model.add(ff.LineLoad("load", "rod", lambda s: 1 / 0))
+"""
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("    1 / 0\n", "build (own.py, line 8): ZeroDivisionError"),
+        ("    raise SystemExit(0)\n", "build (own.py, line 8): sys.exit(0)"),
+        (LOADED, "lambda (own.py, line 11): ZeroDivisionError"),
+    ],
+    ids=["fault", "exit", "function of a load"],
+)
+def test_faults_of_a_case_file_are_one_line(
+    lines: str, words: str, own_case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They ended with Python's traceback, or with exit code 0 and nothing said."""
+    own_case.write_text(OWN.replace("    return model", f"{lines}    return model"))
+    assert cli.command(["info", "own.py"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert words in captured.err
+
+
 def test_help_tells_the_flags(own_case: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments in (["--help"], ["own.py", "--help"]):
         with pytest.raises(SystemExit) as done:

@@ -7,8 +7,9 @@ from dataclasses import asdict
 from typing import Any
 
 from flexfem import launch
+from flexfem._faults import FAILURES, mistake
 from flexfem.cli.case_line import parse
-from flexfem.cli.case_run import load_case
+from flexfem.cli.case_run import built, load_case
 from flexfem.cli.usage import Parser, UsageError
 from flexfem.options import Settings
 
@@ -36,11 +37,12 @@ def execute(argv: Sequence[str], prog: str) -> int:
     case, parameters, options = parse(
         load_case(argv[0]), own, prog=f"{prog} {argv[0]}", writes=False
     )
+    model = built(case, parameters, own)
     message, text, warnings = "", "", 0
     try:
-        text, warnings = _report(case.model(**parameters), options, "--json" in flags)
-    except (OSError, TypeError, ValueError) as error:
-        message = str(error) or type(error).__name__
+        text, warnings = _report(model, options, "--json" in flags)
+    except FAILURES as error:
+        message = mistake(error)
     if message := launch.first_message(message):
         raise UsageError(message, agreed=True)
     launch.say(text)
