@@ -63,6 +63,8 @@ def _arm(
     }  # fmt: skip
     if file and Path(file).exists():
         return ff.load_reduced_body(file, made_with=made_with)
+    if file and not Path(file).absolute().parent.is_dir():
+        raise ValueError(f"--reduced {file}: there is no such folder")
     mesh = ff.build_body_mesh("connecting_rod", length=length, width=width, size=size)
     eyes = {"big_end": (0.0, 0.0, 0.0), "small_end": (length, 0.0, 0.0)}
     body = ff.reduce_body(

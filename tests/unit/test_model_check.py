@@ -107,6 +107,14 @@ def switched(end: float) -> ff.Model:
     return model
 
 
+def splined(width: float) -> ff.Model:
+    """A moment along a smooth spline with a pulse of this width (s) between two steps."""
+    model = driven(0.0, 0.0)
+    pulse = ff.Spline(0.2505 + width * np.arange(-4, 5), np.eye(9)[4], 3)
+    model.add(ff.PointMoment("push", ff.Marker("rotor"), Z, amplitude=pulse))
+    return model
+
+
 def shaken(frequency: float, *, told: bool = False, drive: bool = False) -> ff.Model:
     """A rotor that a moment or a drive swings, or that its drive switches now and then."""
 
@@ -365,6 +373,10 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     ),
     "pulses": (
         "unresolved", "within a step it is", lambda: shaken(500.0), lambda: bursts(0.1), MOTION
+    ),
+    "pulse in a spline": (
+        "unresolved", "within a step it is 1 at t = 0.2505 s", lambda: splined(1e-4),
+        lambda: splined(0.01), MOTION,
     ),
     "nothing acts": ("loads", "no gravity", lambda: still(False), lambda: still(True), None),
     "statics": (

@@ -316,7 +316,7 @@ def test_bad_models_with_events():
     for value, text in [
         (np.nan, 'Event "e": function must be finite at t = 0'),
         ("high", "Event \"e\": function must return a number, got 'high'"),
-        ((1.0, 2.0), 'Event "e": function must return a number, got (1.0, 2.0)'),
+        ((1.0, 2.0), 'Event "e": function must return a number, got shape (2,), from lambda'),
     ]:
         model = _ball(ff.Stop())
         model.add(ff.Event("e", ff.Marker("ball"), lambda t, s, value=value: value, ff.Stop()))

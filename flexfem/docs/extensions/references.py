@@ -16,8 +16,8 @@ from sphinx.util.nodes import make_refnode
 #: First parts of names that are explained elsewhere, and names of type variables.
 _STRANGERS = {
     "Any", "Callable", "ClassVar", "Iterable", "Iterator", "Literal", "MPI", "Mapping", "Number",
-    "Path", "Protocol", "Sequence", "Thing", "basix", "collections", "dolfinx", "mpi4py", "np",
-    "npt", "numpy", "pathlib", "petsc4py", "scipy", "typing", "ufl",
+    "Path", "Protocol", "Sequence", "Thing", "basix", "collections", "dataclasses", "dolfinx",
+    "mpi4py", "np", "npt", "numpy", "pathlib", "petsc4py", "scipy", "typing", "ufl",
 }  # fmt: skip
 
 #: Names of classes begin with capitals; what docstrings say before a colon is taken for a type.
