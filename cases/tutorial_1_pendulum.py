@@ -23,13 +23,13 @@ import flexfem as ff
 
 
 def build(
-    *, elements: int, length: float, diameter: float, youngs_modulus: float, density: float,
-    mass: float, gravity: float,
+    *, elements: int, length: float, diameter: float, youngs_modulus: float, poisson_ratio: float,
+    density: float, mass: float, gravity: float,
 ) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements along the rod and a bob of this mass."""
     # a line of the mesh, and what the rod is made of
     mesh = ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), (length, 0.0, 0.0)]}, elements)
-    rubber = ff.Material(youngs_modulus, poisson_ratio=0.49, density=density)
+    rubber = ff.Material(youngs_modulus, poisson_ratio, density)
 
     # markers are the places where things attach
     hinge, middle, end = (ff.Marker("rod", place) for place in ("start", 0.5, "end"))
@@ -70,6 +70,7 @@ CASE = ff.Case(
         ff.Option("length", float, 1.0, "of the rod", unit="m", above=0.0),
         ff.Option("diameter", float, 0.02, "of the rod", unit="m", above=0.0),
         ff.Option("youngs_modulus", float, 5e7, "of the rod", unit="N/m^2", above=0.0),
+        ff.Option("poisson_ratio", float, 0.49, "of the rod", minimum=0.0, maximum=0.5),
         ff.Option("density", float, 1100.0, "of the rod", unit="kg/m^3", above=0.0),
         ff.Option("mass", float, 0.2, "of the bob", unit="kg", above=0.0),
         ff.Option("gravity", float, 9.81, "along -Z", unit="m/s^2"),

@@ -27,7 +27,7 @@ Z = (0.0, 0.0, 1.0)
 
 def build(
     *, elements: int, crank: float, width: float, height: float, youngs_modulus: float,
-    density: float, period: float,
+    poisson_ratio: float, density: float, period: float,
 ) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements a bar that goes round once."""
     B = (0.0, crank, 0.0)
@@ -35,7 +35,7 @@ def build(
     model = ff.Model("tutorial_2_four_bar", mesh=ff.LineMesh.straight(bars, elements))
 
     # every bar has nodes of its own, also where two of them meet: joints join them
-    steel = ff.Material(youngs_modulus, poisson_ratio=0.3, density=density)
+    steel = ff.Material(youngs_modulus, poisson_ratio, density)
     section = ff.Section.rectangle(width, height, steel)
     model.add(*(ff.Beam(name, section, orientation=Z) for name in bars))
 
@@ -79,6 +79,7 @@ CASE = ff.Case(
         ff.Option("width", float, 0.01, "of the bars, along Z", unit="m", above=0.0),
         ff.Option("height", float, 0.004, "of the bars, in their plane", unit="m", above=0.0),
         ff.Option("youngs_modulus", float, 2.1e11, "of the bars", unit="N/m^2", above=0.0),
+        ff.Option("poisson_ratio", float, 0.3, "of the bars", minimum=0.0, maximum=0.5),
         ff.Option("density", float, 7850.0, "of the bars", unit="kg/m^3", above=0.0),
         ff.Option("period", float, 0.5, "duration of the turn", unit="s", above=0.0),
     ),

@@ -27,11 +27,11 @@ import flexfem as ff
 
 def build(
     *, elements: int, length: float, width: float, thickness: float, youngs_modulus: float,
-    imperfection: float,
+    poisson_ratio: float, density: float, imperfection: float,
 ) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements and a side force of this part of Euler's load."""
     mesh = ff.LineMesh.straight({"column": [(0.0, 0.0, 0.0), (0.0, 0.0, length)]}, elements)
-    steel = ff.Material(youngs_modulus, poisson_ratio=0.3, density=7850.0)
+    steel = ff.Material(youngs_modulus, poisson_ratio, density)
     bending = youngs_modulus * width * thickness**3 / 12.0
     euler = math.pi**2 * bending / (4.0 * length**2)
 
@@ -71,6 +71,8 @@ CASE = ff.Case(
         ff.Option("width", float, 0.02, "of its section", unit="m", above=0.0),
         ff.Option("thickness", float, 0.002, "of its section", unit="m", above=0.0),
         ff.Option("youngs_modulus", float, 2.1e11, "of the column", unit="N/m^2", above=0.0),
+        ff.Option("poisson_ratio", float, 0.3, "of the column", minimum=0.0, maximum=0.5),
+        ff.Option("density", float, 7850.0, "of the column", unit="kg/m^3", above=0.0),
         ff.Option(
             "imperfection", float, 1e-3, "side force, part of Euler's load", minimum=0, maximum=1
         ),

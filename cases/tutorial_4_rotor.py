@@ -27,12 +27,12 @@ AXIS = (0.0, 0.0, 1.0)
 
 
 def build(
-    *, elements: int, length: float, diameter: float, youngs_modulus: float, density: float,
-    radius: float, mass: float,
+    *, elements: int, length: float, diameter: float, youngs_modulus: float, poisson_ratio: float,
+    density: float, radius: float, mass: float,
 ) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements along the shaft and a thin disk of this radius."""
     mesh = ff.LineMesh.straight({"shaft": [(0.0, 0.0, 0.0), (0.0, 0.0, length)]}, elements)
-    steel = ff.Material(youngs_modulus, poisson_ratio=0.3, density=density)
+    steel = ff.Material(youngs_modulus, poisson_ratio, density)
     start, end = ff.Marker("shaft", "start"), ff.Marker("shaft", "end")
     about, across = mass * radius**2 / 2.0, mass * radius**2 / 4.0
 
@@ -61,6 +61,7 @@ CASE = ff.Case(
         ff.Option("length", float, 0.5, "of the shaft", unit="m", above=0.0),
         ff.Option("diameter", float, 0.012, "of the shaft", unit="m", above=0.0),
         ff.Option("youngs_modulus", float, 2.1e11, "of the shaft", unit="N/m^2", above=0.0),
+        ff.Option("poisson_ratio", float, 0.3, "of the shaft", minimum=0.0, maximum=0.5),
         ff.Option("density", float, 7850.0, "of the shaft", unit="kg/m^3", above=0.0),
         ff.Option("radius", float, 0.12, "of the disk", unit="m", above=0.0),
         ff.Option("mass", float, 2.0, "of the disk", unit="kg", above=0.0),

@@ -22,19 +22,20 @@ import flexfem as ff
 
 def build(
     *, mesh: str, element: str, length: float, width: float, thickness: float,
-    youngs_modulus: float, density: float, radius: float, friction: float, gravity: float,
+    youngs_modulus: float, poisson_ratio: float, density: float, radius: float,
+    sheet_damping: float, friction: float, gravity: float,
 ) -> ff.Model:  # fmt: skip
     """Model with so many nodes along and across the sheet."""
     along, across = ff.grid_nodes(mesh)
     surface = ff.SurfaceMesh.rectangle("sheet", (length, width), (along - 1, across - 1))
-    rubber = ff.Material(youngs_modulus, poisson_ratio=0.45, density=density)
+    rubber = ff.Material(youngs_modulus, poisson_ratio, density)
 
     model = ff.Model("tutorial_5_sheet", surface=surface)
     model.add(
         ff.Gravity((0.0, 0.0, -gravity)),
         ff.Shell(
-            "sheet", ff.ShellSection.isotropic(thickness, rubber), element=element, damping=2e-3,
-            edges={"sheet_left": "clamped"},
+            "sheet", ff.ShellSection.isotropic(thickness, rubber), element=element,
+            damping=sheet_damping, edges={"sheet_left": "clamped"},
         ),
     )  # fmt: skip
 
@@ -62,8 +63,10 @@ CASE = ff.Case(
         ff.Option("width", float, 0.2, "of the sheet", unit="m", above=0.0),
         ff.Option("thickness", float, 0.002, "of the sheet", unit="m", above=0.0),
         ff.Option("youngs_modulus", float, 5e6, "of the sheet", unit="N/m^2", above=0.0),
+        ff.Option("poisson_ratio", float, 0.45, "of the sheet", minimum=0.0, maximum=0.5),
         ff.Option("density", float, 1100.0, "of the sheet", unit="kg/m^3", above=0.0),
         ff.Option("radius", float, 0.04, "of the cylinder", unit="m", above=0.0),
+        ff.Option("sheet_damping", float, 2e-3, "stiffness-proportional", unit="s", minimum=0.0),
         ff.Option("friction", float, 0.3, "between sheet and cylinder", minimum=0.0),
         ff.Option("gravity", float, 9.81, "along -Z", unit="m/s^2"),
     ),

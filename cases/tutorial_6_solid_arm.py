@@ -27,10 +27,10 @@ Z = (0.0, 0.0, 1.0)
 
 def build(
     *, size: float, internal_modes: int, length: float, width: float, youngs_modulus: float,
-    density: float, mass: float, angle: float, duration: float, reduced: str,
+    poisson_ratio: float, density: float, mass: float, angle: float, duration: float, reduced: str,
 ) -> ff.Model:  # fmt: skip
     """Model of a mesh with edges of this size, turned within so many seconds."""
-    aluminium = ff.Material(youngs_modulus, poisson_ratio=0.33, density=density)
+    aluminium = ff.Material(youngs_modulus, poisson_ratio, density)
     arm = _arm(aluminium, length, width, size, internal_modes, reduced)
     big, small = ff.Marker("arm", "big_end"), ff.Marker("arm", "small_end")
     drive = ff.SmoothStep(0.0, duration, 0.0, math.radians(angle))
@@ -60,6 +60,7 @@ def _arm(
     made_with = {
         "length": length, "width": width, "size": size, "internal_modes": modes,
         "youngs_modulus": aluminium.youngs_modulus, "density": aluminium.density,
+        "poisson_ratio": aluminium.poisson_ratio,
     }  # fmt: skip
     if file and Path(file).exists():
         return ff.load_reduced_body(file, made_with=made_with)
@@ -89,6 +90,7 @@ CASE = ff.Case(
         ff.Option("length", float, 0.6, "from eye to eye", unit="m", above=0.0),
         ff.Option("width", float, 0.015, "of the shank, in the plane", unit="m", above=0.0),
         ff.Option("youngs_modulus", float, 7e10, "of the arm", unit="N/m^2", above=0.0),
+        ff.Option("poisson_ratio", float, 0.33, "of the arm", minimum=0.0, maximum=0.5),
         ff.Option("density", float, 2700.0, "of the arm", unit="kg/m^3", above=0.0),
         ff.Option("mass", float, 1.0, "of the load", unit="kg", above=0.0),
         ff.Option("angle", float, 90.0, "of the turn", unit="deg"),

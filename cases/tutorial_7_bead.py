@@ -21,11 +21,12 @@ import flexfem as ff
 
 def build(
     *, shape: str, elements: int, radius: float, height: float, diameter: float,
-    youngs_modulus: float, density: float, mass: float, friction: float, gravity: float,
+    youngs_modulus: float, poisson_ratio: float, density: float, mass: float, friction: float,
+    gravity: float,
 ) -> ff.Model:  # fmt: skip
     """Model with a wire of this shape and so many cubic elements."""
     wire = _wire(shape, elements, radius, height)
-    steel = ff.Material(youngs_modulus, poisson_ratio=0.3, density=density)
+    steel = ff.Material(youngs_modulus, poisson_ratio, density)
     slide = ff.Sliding("slide", ff.Carrier("wire"), ff.Marker("bead"))
     slider = ff.SlidingMarker("slide")
 
@@ -75,6 +76,7 @@ CASE = ff.Case(
         ff.Option("height", float, 0.8, "of its top", unit="m", above=0.0),
         ff.Option("diameter", float, 0.012, "of the wire", unit="m", above=0.0),
         ff.Option("youngs_modulus", float, 2.1e11, "of the wire", unit="N/m^2", above=0.0),
+        ff.Option("poisson_ratio", float, 0.3, "of the wire", minimum=0.0, maximum=0.5),
         ff.Option("density", float, 7850.0, "of the wire", unit="kg/m^3", above=0.0),
         ff.Option("mass", float, 0.5, "of the bead", unit="kg", above=0.0),
         ff.Option("friction", float, 0.1, "Coulomb's coefficient", minimum=0.0),
