@@ -128,6 +128,8 @@ _COME, LEFT, _SAID = 30001, 30002, 30003
 LOOK, _FIRST = 1e-3, 0.5
 #: Seconds after which others do not come: they may wait for this rank in a collective call.
 _PATIENCE = 2.0
+#: Seconds that launchers have to forward what ranks have printed: they drop it when one ends all.
+_FORWARD = 0.1
 #: How lines begin that end a program, by its exit code.
 _BEGINNINGS = {1: "failed", 2: "error"}
 
@@ -175,7 +177,7 @@ def first_failure(own: Failure) -> Failure:
     end = time.monotonic() + _PATIENCE if own.message else float("inf")
     while len(said) < comm.size:
         _hear(comm, [other for other in others if other not in said], said)
-        if time.monotonic() > end:
+        if len(said) < comm.size and time.monotonic() > end:
             _end_with(said, comm.rank)
         time.sleep(LOOK if len(said) < comm.size else 0.0)
     for request in sent:
@@ -254,6 +256,7 @@ def abort(code: int) -> None:
     if MPI.COMM_WORLD.size > 1:
         sys.stdout.flush()
         sys.stderr.flush()
+        time.sleep(_FORWARD)
         told = os.dup(2)
         os.dup2(os.memfd_create("aborted"), 2)
         MPI.COMM_WORLD.Abort(code)
