@@ -28,19 +28,7 @@ __all__ = ["Structure"]
 class Structure:
     """Meshes, bodies, joints and loads by name, and where markers are on them.
 
-    Attributes:
-        name: Name of the model.
-        mesh: Mesh of the beams along groups, None when there are none.
-        surface: Mesh of the shells, None when there are none.
-        gravity: Uniform gravity, None for none.
-        beams: Beams in the order they were added.
-        shells: Shells in the order they were added.
-        rigid_bodies: Rigid bodies in the order they were added.
-        floating_bodies: Bodies in floating frames in the order they were added.
-        point_masses: Point masses in the order they were added.
-        joints: Joints in the order they were added.
-        loads: Loads in the order they were added.
-        released: Names of joints that are open at the start.
+    Its attributes are described at :class:`~flexfem.Model`, which adds what refers to them.
     """
 
     def __init__(self, name: str, mesh: LineMesh | None, surface: SurfaceMesh | None) -> None:
