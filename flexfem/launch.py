@@ -12,7 +12,7 @@ import threading
 import time
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TextIO
 
 from flexfem._packages import require
 
@@ -68,11 +68,22 @@ def say(text: str, *, error: bool = False) -> None:
         return
     stream = sys.stderr if error else sys.stdout
     try:
-        print(text, file=stream, flush=True)
+        _write_line(stream, text)
     except OSError:
         # nobody reads, or the terminal is gone: what is still in the stream's buffer must go
         # somewhere when the process ends
         os.dup2(os.memfd_create("unread"), stream.fileno())
+
+
+def tell(text: str) -> None:
+    """Print a line on stderr, on this rank."""
+    _write_line(sys.stderr, text)
+
+
+def _write_line(stream: TextIO, text: str) -> None:
+    """Print by one write: when all ranks are ended, a second one would be lost."""
+    stream.write(f"{text}\n")
+    stream.flush()
 
 
 def program(name: str) -> str | None:
@@ -236,12 +247,6 @@ def _end_without(other: int) -> None:
         tell(text)
     abort(1)
     os._exit(1)  # the request to end takes its time
-
-
-def tell(text: str) -> None:
-    """Print a line on stderr by one write: the program may be ended before a second one."""
-    sys.stderr.write(f"{text}\n")
-    sys.stderr.flush()
 
 
 def abort(code: int) -> None:

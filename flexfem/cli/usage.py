@@ -122,7 +122,7 @@ def exit_code(action: Callable[[], int], argv: Sequence[str]) -> int:
         if launch.rank() > 0:
             time.sleep(_PATIENCE)  # whoever gets here next: the first rank may hang in a receive
         with contextlib.suppress(OSError):  # the terminal is gone
-            print("interrupted", file=sys.stderr, flush=True)
+            launch.tell("interrupted")
         launch.abort(130)
         return 130
 

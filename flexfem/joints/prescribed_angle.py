@@ -41,8 +41,5 @@ class PrescribedAngle(AxisJoint):
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
         a, b = poses
-        return (
-            Row(
-                (turn_angle(self.direction, a, b),), _checks.returned_number("angle", self.angle(t))
-            ),
-        )
+        angle = _checks.returned_number("angle", self.angle(t))
+        return (Row((turn_angle(self.direction, a, b),), angle),)

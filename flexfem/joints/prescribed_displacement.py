@@ -40,10 +40,5 @@ class PrescribedDisplacement(AxisJoint):
         """See :meth:`Joint.rows`."""
         a, b = poses
         start = float(self.direction @ (b.position - a.position))
-        return (
-            displacement(
-                self.direction,
-                a,
-                start + _checks.returned_number("displacement", self.displacement(t)),
-            ),
-        )
+        change = _checks.returned_number("displacement", self.displacement(t))
+        return (displacement(self.direction, a, start + change),)

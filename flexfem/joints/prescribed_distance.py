@@ -37,7 +37,6 @@ class PrescribedDistance(Joint):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`; raises ValueError when both markers start at one point."""
-        target = distance(self.owner, poses) + _checks.returned_number(
-            "elongation", self.elongation(t)
-        )
-        return (Row((Term(RowKind.DISTANCE),), target),)
+        start = distance(self.owner, poses)
+        change = _checks.returned_number("elongation", self.elongation(t))
+        return (Row((Term(RowKind.DISTANCE),), start + change),)

@@ -44,7 +44,5 @@ class PrescribedSlide(JointAction):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        return tuple(
-            Row((term,), _checks.returned_number("zeta", self.zeta(t)))
-            for term in self.terms(poses)
-        )
+        zeta = _checks.returned_number("zeta", self.zeta(t))
+        return tuple(Row((term,), zeta) for term in self.terms(poses))

@@ -125,10 +125,8 @@ def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Mode
     return settled_modes(point, count, 2.0 * np.pi * options.target, options.accuracy)
 
 
-def settled_modes(
-    point: OperatingPoint, count: int, target: float, accuracy: float
-) -> Modes:  # fmt: skip
-    """The same of any analysis: so many modes nearest to a target in rad/s (collective)."""
+def settled_modes(point: OperatingPoint, count: int, target: float, accuracy: float) -> Modes:
+    """So many modes nearest to a target in rad/s, about an improved equilibrium (collective)."""
     for _ in range(_SETTLINGS):
         found = find(point.linearization, count, target, accuracy, point.improve)
         if not found.unsettled:
