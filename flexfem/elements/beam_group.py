@@ -53,9 +53,6 @@ class BeamGroup:
         lengths: (m,) arc lengths at the start, m.
         centres: (s, 3) mass centres of the sections, m; rotary: (s, 3, 3) inertia about them, kg m.
         turned: (m,) whether section axes differ from the axes of the nodes.
-        assumed: (m, 6) change of the relative twists of all cells whose stress the tangent takes
-            in place of the present one; None for the exact tangent.
-        assumed_forces: the residual takes that stress, too.
     """
 
     def __init__(
@@ -70,8 +67,6 @@ class BeamGroup:
             start: (n, 12) frames of this rank's nodes at the start.
         """
         self.data, self._material = data, material
-        self.assumed: FloatArray | None = None
-        self.assumed_forces = False
         self._every = np.arange(len(data.cells))
         ends = data.frames
         self._twists = np.ascontiguousarray(
@@ -96,51 +91,65 @@ class BeamGroup:
             data.section, material.data,
         )  # fmt: skip
 
-    def _assumed_data(self, block: FrameBlock) -> _CellData:
-        """Cell data with initial twists from which the assumed ones lead to the present ones."""
+    def _data_at(self, block: FrameBlock, strains: FloatArray | None) -> _CellData:
+        """Cell data with initial twists from which given changes lead to the present twists."""
         data = self.cell_data
-        if self.assumed is None:
+        if strains is None:
             return data
         twists = self._strain(block.frames)[0]
-        return (*data[:3], np.ascontiguousarray(twists - self.assumed), *data[4:])
+        return (*data[:3], np.ascontiguousarray(twists - strains), *data[4:])
 
-    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
-        """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        strains: FloatArray | None = None,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times internal, inertia and gravity forces to the block's residual.
+
+        ``strains`` (m, 6) are those of :meth:`continued_strains`, None for the present ones.
+        """
         add_residual(
             self._residual.address, self._residual.offsets, gravity,
-            *(self._assumed_data(block) if self.assumed_forces else self.cell_data),
-            block.frames, block.velocity, block.acceleration, scale, block.residual,
+            *self._data_at(block, strains), block.frames, block.velocity, block.acceleration, scale,
+            block.residual,
         )  # fmt: skip
 
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
+        strains: FloatArray | None = None, *, local: bool = False,
     ) -> FloatArray:  # fmt: skip
         """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k).
 
-        With ``local`` the derivative K is that at fixed local velocities and accelerations.
+        Args:
+            block: the nodes.
+            gravity: (3,) m/s^2.
+            shifts: see above.
+            scale: see above.
+            strains: (m, 6) as in :meth:`add_residual`.
+            local: the derivative K is that at fixed local velocities and accelerations.
         """
         values = np.empty((len(self.data.cells), 144))
         add_tangent(
             self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
             self._inertia.offsets, shifts, block.inertial_rates(shifts) and not local,
-            *self._assumed_data(block), block.frames, block.velocity, block.acceleration,
+            *self._data_at(block, strains), block.frames, block.velocity, block.acceleration,
             block.increment, scale, values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
 
     def add_action(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> None:
-        """Add ``scale`` times the tangent applied to the block's step to its residual."""
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        strains: FloatArray | None = None, *, local: bool = False,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times :meth:`tangent` applied to the block's step to its residual."""
         add_action(
             self._action.address, self._action.offsets, gravity, shifts,
-            block.inertial_rates(shifts), *self.cell_data, block.frames, block.velocity,
-            block.acceleration, block.increment, block.step, scale, block.residual,
+            block.inertial_rates(shifts) and not local, *self._data_at(block, strains),
+            block.frames, block.velocity, block.acceleration, block.increment, block.step, scale,
+            block.residual,
         )  # fmt: skip
 
-    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """Continue the relative twists linearly along local twists ``steps`` of the nodes.
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
+        """Change (m, 6) of the relative twists, continued along local twists ``steps`` of nodes.
 
         Newton's method for the mixed form, in which stresses are unknowns: large rotations then
         leave no membrane stress of second order in the tangent (Magisano, Leonetti, Garcea, Int.
@@ -152,7 +161,8 @@ class BeamGroup:
         turned = (back[:, :, np.newaxis] @ halves[..., np.newaxis]).reshape(-1, 2, 6)
         change = np.einsum("mij,mj->mi", se3.inverse_tangent(twists), turned[:, 1])
         change -= np.einsum("mij,mj->mi", se3.inverse_tangent(-twists), turned[:, 0])
-        self.assumed = twists - self._twists + change
+        continued: FloatArray = twists - self._twists + change
+        return continued
 
     @property
     def viscous(self) -> bool:

@@ -26,6 +26,7 @@ from flexfem.elements.nurbs_inertia import (
     step_changes,
     step_rates,
 )
+from flexfem.elements.request import EXACT, Strains, TangentRequest
 from flexfem.elements.turning_axes import TurningAxes
 
 __all__ = ["DirectorCells", "DirectorShells"]
@@ -58,9 +59,6 @@ class DirectorShells:
         triangles: their mechanics.
         body: (m,) number of the shell.
         areas: of the triangles at the start, m^2, (m,).
-        assumed: (m, 24) changes of strains whose stress the tangent takes in place of the present
-            one; None for the exact tangent.
-        assumed_forces: the residual takes that stress, too.
 
     The methods of :class:`flexfem.elements.family.ElementFamily` are described there. A step with
     damping neglects in the tangent how strain rates change as triangles turn.
@@ -70,7 +68,6 @@ class DirectorShells:
     chained = False
     thin = True
     stressed = True
-    tensile = False
 
     def __init__(self, cells: DirectorCells, block: FrameBlock) -> None:
         """Prepare pairs of nodes and masses (collective).
@@ -82,8 +79,6 @@ class DirectorShells:
         self.triangles, self.body = cells.triangles, cells.body
         self.areas = cells.triangles.areas
         self._masses, self._rods = cells.masses, cells.rods
-        self.assumed: FloatArray | None = None
-        self.assumed_forces = False
         self.viscous = self.triangles.viscous
         nodes = self.triangles.nodes
         self._cells: IndexArray = np.ascontiguousarray(nodes[:, :6])
@@ -115,14 +110,14 @@ class DirectorShells:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         return self._pairs.couplings
 
-    def _starts(self, block: FrameBlock, assumed: bool) -> FloatArray:
-        """Strains at the start, less what rates and assumptions add to the present ones."""
+    def _starts(self, block: FrameBlock, strains: FloatArray | None) -> FloatArray:
+        """Strains at the start, less what rates and given strains add to the present ones."""
         triangles, starts = self.triangles, self.triangles.starts
         if triangles.damping.any():
             rates = triangles.rates(block.frames, block.velocity)
             starts = starts - triangles.damping[:, np.newaxis] * rates
-        if assumed and self.assumed is not None:
-            starts = starts + triangles.changes(block.frames) - self.assumed
+        if strains is not None:
+            starts = starts + triangles.changes(block.frames) - strains
         return starts
 
     def _response(self, block: FrameBlock, starts: FloatArray, rate: float = 0.0) -> Response:
@@ -132,9 +127,12 @@ class DirectorShells:
             rates = triangles.rates(block.frames, block.velocity)
         return triangles.response(block.frames, starts, rates, rate)
 
-    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        starts = self._starts(block, self.assumed_forces)
+        starts = self._starts(block, request.of_group(0))
         response = self._response(block, starts)
         self.triangles.add_forces(block.frames, block.residual, scale, starts, response)
         add_inertia(
@@ -144,14 +142,14 @@ class DirectorShells:
 
     def values(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
+        request: TangentRequest = EXACT,
     ) -> FloatArray:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
         pairs = self._pairs
         blocks = np.zeros((len(pairs.rows), 6, 6))
         factors = scale * float(shifts[2]), scale * float(shifts[0])
         if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
-            starts = self._starts(block, True)
+            starts = self._starts(block, request.of_group(0))
             response = self._response(block, starts, _rate(shifts))
             matrices = np.empty((_CHUNK, 27, 27))
             for first in range(0, len(self._index), _CHUNK):
@@ -160,7 +158,7 @@ class DirectorShells:
                 add_blocks(part, self._index, first, blocks)
         by_v, by_w = np.empty((2, len(block.frames), 6, 6))
         step_rates(
-            self._nodes, block.inertial_rates(shifts) and not local, block.increment,
+            self._nodes, block.inertial_rates(shifts) and not request.local, block.increment,
             block.velocity, block.acceleration, shifts, by_v, by_w,
         )  # fmt: skip
         add_inertia_blocks(
@@ -171,17 +169,18 @@ class DirectorShells:
         return blocks.ravel()
 
     def add_action(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> None:
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
         steps, dv, dw = np.empty((3, len(block.frames), 6))
         step_changes(
-            self._nodes, block.inertial_rates(shifts), block.increment, block.velocity,
-            block.acceleration, shifts, block.step, steps, dv, dw,
+            self._nodes, block.inertial_rates(shifts) and not request.local, block.increment,
+            block.velocity, block.acceleration, shifts, block.step, steps, dv, dw,
         )  # fmt: skip
         factors = scale * float(shifts[2]), scale * float(shifts[0])
         if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
-            starts = self._starts(block, True)
+            starts = self._starts(block, request.of_group(0))
             response = self._response(block, starts, _rate(shifts))
             self.triangles.add_action(
                 block.frames, block.step, block.residual, factors, starts, response
@@ -191,21 +190,13 @@ class DirectorShells:
             block.velocity, block.acceleration, steps, dv, dw, scale, block.residual,
         )  # fmt: skip
 
-    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """Let the tangent take strains continued linearly along local twists of the nodes."""
-        self.assumed = self.triangles.changes(frames) + self.triangles.rates(frames, steps)
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
+        """See :class:`flexfem.elements.family.ElementFamily`: changes of strains (m, 24)."""
+        return [self.triangles.changes(frames) + self.triangles.rates(frames, steps)]
 
-    def assume_forces(self, assumed: bool) -> None:
-        """Let the residual take the stresses of those strains, too, or not."""
-        self.assumed_forces = assumed
-
-    def leave_out_stresses(self) -> None:
-        """Let the tangent take no stresses."""
-        self.assumed = np.zeros_like(self.triangles.starts)
-
-    def exact(self) -> None:
-        """Let the tangent take the present stresses again."""
-        self.assumed = None
+    def unstressed(self) -> Strains:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [np.zeros_like(self.triangles.starts)]
 
     def accept(self, block: FrameBlock) -> None:
         """Turn the axes of corners as the directors around them have turned (collective)."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.elements.request import EXACT, Strains, TangentRequest
 
 if TYPE_CHECKING:
     from flexfem.core.frame_block import FrameBlock
@@ -22,18 +23,14 @@ class ElementFamily(Protocol):
         law_owner: what messages call the first section with a law of the user, None without one.
         chained: nodes follow one another along lines, on which elements join neighbours only.
         thin: they bend so much more easily than they stretch that steps of motion iterate with
-            continued stresses, see :meth:`assume`.
-        stressed: the tangent has parts from stresses, which :meth:`leave_out_stresses` leaves out.
-        tensile: :meth:`values` are to leave out compression of membranes, where the family can. It
-            comes and goes, and where it makes a matrix nearly singular, factors that are kept would
-            be useless soon.
+            continued stresses, see :meth:`continued_strains`.
+        stressed: the tangent has parts from stresses, which those of :meth:`unstressed` leave out.
     """
 
     law_owner: str | None
     chained: bool
     thin: bool
     stressed: bool
-    tensile: bool
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
@@ -50,41 +47,45 @@ class ElementFamily(Protocol):
         """Whether any cells resist the rate of their strain."""
         ...
 
-    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
-        """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times internal, inertia and gravity forces to the block's residual.
+
+        Of the request only its strains count.
+        """
         ...
 
     def values(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
+        request: TangentRequest = EXACT,
     ) -> FloatArray:  # fmt: skip
         """Entries of the matrices ``scale (k K + C dv + M dw)`` of all cells, flat, row by row.
 
-        ``shifts`` = (dv/dn, dw/dn, k); with ``local`` the derivative K is that at fixed local
-        velocities and accelerations.
+        ``shifts`` = (dv/dn, dw/dn, k).
         """
         ...
 
     def add_action(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> None:
-        """Add ``scale`` times the tangent applied to the block's step to its residual."""
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times the same tangent applied to the block's step to its residual."""
         ...
 
-    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """Let the tangent take stresses continued linearly along local twists of the nodes."""
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
+        """Strains at ``frames`` (n, 12), continued linearly along local twists ``steps`` (n, 6).
+
+        None where the family's stresses are not continued: the present ones are taken.
+        """
         ...
 
-    def assume_forces(self, assumed: bool) -> None:
-        """Let the residual take those stresses, too, or not."""
-        ...
+    def unstressed(self) -> Strains | None:
+        """Strains without stresses: no geometric stiffness, laws at rest.
 
-    def leave_out_stresses(self) -> None:
-        """Let the tangent take no stresses: no geometric stiffness, laws at rest."""
-        ...
-
-    def exact(self) -> None:
-        """Let the tangent take the present stresses again."""
+        None where stresses have no part of their own in the tangent.
+        """
         ...
 
     def accept(self, block: FrameBlock) -> None:

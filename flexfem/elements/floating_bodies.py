@@ -24,6 +24,7 @@ from flexfem.elements.floating_loops import (
     energies_into,
     tangents_into,
 )
+from flexfem.elements.request import EXACT, TangentRequest
 
 __all__ = ["FloatingBodies", "FloatingGroup"]
 
@@ -108,7 +109,6 @@ class FloatingBodies:
     chained = False
     thin = False
     stressed = False
-    tensile = False
 
     def __init__(self, groups: Sequence[FloatingGroup]) -> None:
         """Take the bodies."""
@@ -128,7 +128,10 @@ class FloatingBodies:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         return any(bool(group.data.damping.any()) for group in self.groups)
 
-    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
         for group in self.groups:
             add_residual(
@@ -138,10 +141,10 @@ class FloatingBodies:
 
     def values(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
+        request: TangentRequest = EXACT,
     ) -> FloatArray:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        inertial = block.inertial_rates(shifts) and not local
+        inertial = block.inertial_rates(shifts) and not request.local
         matrices = [self._matrices(g, block, gravity, shifts, scale, inertial) for g in self.groups]
         return np.concatenate([np.empty(0), *(matrix.ravel() for matrix in matrices)])
 
@@ -159,10 +162,11 @@ class FloatingBodies:
         return out
 
     def add_action(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> None:
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        inertial = block.inertial_rates(shifts)
+        inertial = block.inertial_rates(shifts) and not request.local
         for group in self.groups:
             count, size = group.nodes.shape
             matrices = self._matrices(group, block, gravity, shifts, scale, inertial)
@@ -170,17 +174,11 @@ class FloatingBodies:
             action = (matrices @ steps).reshape(count, size, 6)
             np.add.at(block.residual, group.nodes, action)
 
-    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """Nothing: stresses are not continued."""
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> None:
+        """Stresses are not continued."""
 
-    def assume_forces(self, assumed: bool) -> None:
-        """Nothing, see :meth:`assume`."""
-
-    def leave_out_stresses(self) -> None:
-        """Nothing: stresses have no part of their own in the matrices."""
-
-    def exact(self) -> None:
-        """Nothing, see :meth:`assume`."""
+    def unstressed(self) -> None:
+        """Stresses have no part of their own in the matrices."""
 
     def accept(self, block: FrameBlock) -> None:
         """Nothing is remembered."""

@@ -18,6 +18,7 @@ from flexfem.core.frame_block import FrameBlock
 from flexfem.core.runs import starts
 from flexfem.elements.beam_material import materials
 from flexfem.elements.nurbs_group import NurbsCells, NurbsGroup, NurbsKernels
+from flexfem.elements.request import EXACT, Strains, TangentRequest
 from flexfem.materials.section import Section
 
 __all__ = ["NurbsBeams", "NurbsCells"]
@@ -38,7 +39,6 @@ class NurbsBeams:
     chained = True
     thin = False
     stressed = True
-    tensile = False
 
     def __init__(
         self,
@@ -100,57 +100,49 @@ class NurbsBeams:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         return [(group.data.nodes, group.data.nodes) for group in self.groups]
 
-    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
-        """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
-        for group in self.groups:
-            group.add_residual(block, gravity, scale)
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        for k, group in enumerate(self.groups):
+            group.add_residual(block, gravity, scale, request.of_group(k))
 
     def values(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
+        request: TangentRequest = EXACT,
     ) -> FloatArray:  # fmt: skip
-        """Entries of the matrices ``scale (k K + C dv + M dw)`` of all cells, one after the other.
-
-        ``shifts`` = (dv/dn, dw/dn, k). With ``local`` the derivative K is that at fixed local
-        velocities and accelerations.
-        """
+        """See :class:`flexfem.elements.family.ElementFamily`; one cell after the other."""
         shapes = [(len(g.data.nodes), 36 * g.data.nodes.shape[1] ** 2) for g in self.groups]
         values, first = np.empty(sum(m * width for m, width in shapes)), 0
-        for group, (m, width) in zip(self.groups, shapes, strict=True):
+        for k, (group, (m, width)) in enumerate(zip(self.groups, shapes, strict=True)):
             own = values[first : first + m * width].reshape(m, width)
-            group.tangent_into(block, gravity, shifts, scale, local, own)
+            group.tangent_into(
+                block, gravity, shifts, scale, own, request.of_group(k), local=request.local
+            )
             first += m * width
         return values
 
-    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """Let the tangent take stresses continued along steps, see ``NurbsGroup.assume``."""
-        for group in self.groups:
-            group.assume(frames, steps)
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [group.continued_strains(frames, steps) for group in self.groups]
 
-    def assume_forces(self, assumed: bool) -> None:
-        """Let the residual take those stresses, too, or not."""
-        for group in self.groups:
-            group.assumed_forces = assumed
-
-    def leave_out_stresses(self) -> None:
-        """Let the tangent take no stresses."""
-        for group in self.groups:
-            group.leave_out_stresses()
-
-    def exact(self) -> None:
-        """Let the tangent take the present stresses again."""
-        for group in self.groups:
-            group.assumed = None
+    def unstressed(self) -> Strains:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [group.unstressed() for group in self.groups]
 
     def accept(self, block: FrameBlock) -> None:
         """Nothing is remembered."""
 
     def add_action(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> None:
-        """Add ``scale`` times the tangent applied to the block's step to its residual."""
-        for group in self.groups:
-            group.add_action(block, gravity, shifts, scale)
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        for k, group in enumerate(self.groups):
+            group.add_action(
+                block, gravity, shifts, scale, request.of_group(k), local=request.local
+            )
 
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None

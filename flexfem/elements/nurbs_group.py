@@ -70,9 +70,6 @@ class NurbsGroup:
         data: constant data of the elements; sections count those of the material.
         lengths: (m,) arc lengths at the start, m.
         point_lengths: (m, q) arc length that each quadrature point stands for, m.
-        assumed: (b, q, 6, LANES) strains at the quadrature points whose stress the tangent takes in
-            place of the present one; None for the exact tangent.
-        assumed_forces: the residual takes that stress, too.
     """
 
     def __init__(
@@ -87,8 +84,6 @@ class NurbsGroup:
             start: (n, 12) frames of this rank's nodes at the start.
         """
         self.data, self._material, self._kernels, self._start = data, material, kernels, start
-        self.assumed: FloatArray | None = None
-        self.assumed_forces = False
         k = data.nodes.shape[1]
         # as many points as the degree: exact enough for its order, and slender elements do not lock
         place, weights = gauss(k - 1)
@@ -129,27 +124,34 @@ class NurbsGroup:
         """Strains (b, q, 6, LANES) at the quadrature points."""
         return self._point_strains(frames, np.zeros((len(frames), 6)))[:, :, :6]
 
-    def _assumed_starts(self, frames: FloatArray) -> FloatArray:
-        """Strains at the start from which the assumed ones lead to the present ones."""
-        if self.assumed is None:
+    def _starts_for(self, frames: FloatArray, strains: FloatArray | None) -> FloatArray:
+        """Strains at the start from which given ones lead to the present ones."""
+        if strains is None:
             return self._starts
-        return np.ascontiguousarray(self._starts + self._present(frames) - self.assumed)
+        return np.ascontiguousarray(self._starts + self._present(frames) - strains)
 
-    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """Continue the strains linearly along local twists ``steps`` of the nodes.
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
+        """Strains (b, q, 6, LANES) continued linearly along local twists ``steps`` of the nodes.
 
-        See ``BeamGroup.assume``; here the stresses at the quadrature points are the unknowns.
+        See ``BeamGroup.continued_strains``; here the stresses at the quadrature points are the
+        unknowns.
         """
         strains = self._point_strains(frames, steps)
-        self.assumed = strains[:, :, :6] + strains[:, :, 6:]
+        return strains[:, :, :6] + strains[:, :, 6:]
 
-    def leave_out_stresses(self) -> None:
-        """Let the tangent take no strains, and so no stresses."""
-        self.assumed = np.zeros_like(self._starts)
+    def unstressed(self) -> FloatArray:
+        """No strains (b, q, 6, LANES), and so no stresses."""
+        return np.zeros_like(self._starts)
 
-    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
-        """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
-        starts = self._assumed_starts(block.frames) if self.assumed_forces else self._starts
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        strains: FloatArray | None = None,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times internal, inertia and gravity forces to the block's residual.
+
+        ``strains`` are those of :meth:`continued_strains`, None for the present ones.
+        """
+        starts = self._starts_for(block.frames, strains)
         add_residual(
             *self._loop_data(self._kernels.residual, starts), block.frames, block.velocity, scale,
             block.residual,
@@ -171,13 +173,13 @@ class NurbsGroup:
 
     def tangent_into(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool, values: FloatArray,
+        values: FloatArray, strains: FloatArray | None = None, *, local: bool = False,
     ) -> None:  # fmt: skip
         """Write the matrices (m, 36 k k) ``scale (k K + C dv + M dw)``.
 
-        ``shifts`` = (dv/dn, dw/dn, k). With ``local`` the derivative K is that at fixed local
-        velocities and accelerations. What belongs to a node alone is in the matrix of one of its
-        elements.
+        ``shifts`` = (dv/dn, dw/dn, k), ``strains`` as in :meth:`add_residual`. With ``local`` the
+        derivative K is that at fixed local velocities and accelerations. What belongs to a node
+        alone is in the matrix of one of its elements.
         """
         by_v, by_w = np.empty((2, len(block.frames), 6, 6))
         step_rates(
@@ -188,23 +190,25 @@ class NurbsGroup:
             values[:] = 0.0
         else:
             tangent_into(
-                *self._loop_data(self._kernels.tangent, self._assumed_starts(block.frames)),
+                *self._loop_data(self._kernels.tangent, self._starts_for(block.frames, strains)),
                 block.frames, block.velocity, by_v, shifts[2], scale, values,
             )  # fmt: skip
         self._inertia.add_tangent(block, gravity, by_v, by_w, shifts[2], scale, values)
 
     def add_action(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> None:
-        """Add ``scale`` times the tangent applied to the block's step to its residual."""
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        strains: FloatArray | None = None, *, local: bool = False,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times the same tangent applied to the block's step to its residual."""
         steps, dv, dw = np.empty((3, len(block.frames), 6))
         step_changes(
-            self._inertia.nodes, block.inertial_rates(shifts), block.increment, block.velocity,
-            block.acceleration, shifts, block.step, steps, dv, dw,
+            self._inertia.nodes, block.inertial_rates(shifts) and not local, block.increment,
+            block.velocity, block.acceleration, shifts, block.step, steps, dv, dw,
         )  # fmt: skip
         if shifts[0] != 0.0 or shifts[2] != 0.0:
+            starts = self._starts_for(block.frames, strains)
             add_action(
-                *self._loop_data(self._kernels.action, self._starts), block.frames, block.velocity,
+                *self._loop_data(self._kernels.action, starts), block.frames, block.velocity,
                 steps, dv, scale, block.residual,
             )  # fmt: skip
         self._inertia.add_action(block, gravity, steps, dv, dw, scale)

@@ -122,7 +122,8 @@ class RotationFreeTriangles:
         velocities: FloatArray | None = None,
         assumed: FloatArray | None = None,
         rate: float = 0.0,
-        tensile: bool = False,
+        *,
+        drop_compression: bool = False,
     ) -> Response:
         """Stresses and stiffness at given positions (n, 3).
 
@@ -132,10 +133,10 @@ class RotationFreeTriangles:
             assumed: strains (m, 6) that stand for the present ones.
             rate: change of strain rates with strains, 1/s, that the stiffness of a law of the user
                 takes in.
-            tensile: leave out principal forces of the membrane that compress it.
+            drop_compression: leave out principal forces of the membrane that compress it.
         """
         damped = velocities is not None and bool(self.damping.any())
-        if self.law is None and assumed is None and not (damped or tensile):
+        if self.law is None and assumed is None and not (damped or drop_compression):
             return Response(self.sections, self.stiffness, _NOTHING)
         strains = self.strains(points) if assumed is None else assumed
         rates = _NOTHING if velocities is None else self.strain_rates(points, velocities)
@@ -143,7 +144,7 @@ class RotationFreeTriangles:
             if damped:
                 strains = strains + self.damping[:, None] * rates
             stresses = self.stresses(strains)
-            if tensile:
+            if drop_compression:
                 _pull(stresses)
             return Response(self.sections, self.stiffness, stresses)
         moving = rates if len(rates) else np.zeros_like(strains)
@@ -154,7 +155,7 @@ class RotationFreeTriangles:
             stiffness = stiffness + rate * values[:, 49:85]
         matrices = np.ascontiguousarray(stiffness).reshape(-1, 6, 6)
         stresses = stresses.copy()
-        if tensile:
+        if drop_compression:
             _pull(stresses)
         return Response(np.arange(len(strains)), matrices, stresses)
 

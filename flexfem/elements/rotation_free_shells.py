@@ -13,6 +13,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.node_pairs import NodePairs
+from flexfem.elements.request import EXACT, Strains, TangentRequest
 from flexfem.elements.rotation_free import RotationFreeTriangles
 from flexfem.elements.shell_nodes import (
     add_blocks,
@@ -72,7 +73,6 @@ class RotationFreeShells:
     chained = False
     thin = True
     stressed = True
-    tensile = False
 
     def __init__(self, groups: Sequence[ShellCells], block: FrameBlock) -> None:
         """Prepare pairs of nodes and masses (collective).
@@ -98,9 +98,6 @@ class RotationFreeShells:
         self._points, self._forces = np.empty((count, 3)), np.empty((count, 3))
         self._vectors = np.empty((count, 3))
         self._axes = TurningAxes(block)
-        # strains whose stresses the tangent takes, None for the present ones; the residual, too
-        self._assumed: list[FloatArray] | None = None
-        self._assumed_forces = False
         self.viscous = any(g.triangles.viscous for g in groups)
 
     @property
@@ -121,16 +118,18 @@ class RotationFreeShells:
         inertial_into(block.frames, block.velocity, velocities)
         return velocities
 
-    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
         points, forces = self._points, self._forces
         positions_into(block.frames, points)
         velocities = self._velocities(block)
         forces[:] = 0.0
-        taken = self._taken() if self._assumed_forces else len(self.groups) * [None]
-        for group, assumed in zip(self.groups, taken, strict=True):
+        for k, group in enumerate(self.groups):
             triangles = group.triangles
-            response = triangles.response(points, velocities, assumed)
+            response = triangles.response(points, velocities, request.of_group(k))
             triangles.add_forces(points, forces, response=response)
         if self._spread is not None:
             inertial_into(block.frames, block.acceleration, self._vectors)
@@ -142,13 +141,13 @@ class RotationFreeShells:
 
     def values(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
+        request: TangentRequest = EXACT,
     ) -> FloatArray:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
         pairs, mass = self._pairs, scale * float(shifts[1])
         blocks = np.zeros((len(pairs.rows), 3, 3))
         if shifts[2] != 0.0 or shifts[0] != 0.0:
-            self._add_tangents(block, shifts, scale, blocks)
+            self._add_tangents(block, shifts, scale, request, blocks)
         if self._spread is not None:
             for group, index in zip(self.groups, pairs.index, strict=True):
                 spread = np.where(group.consistent, group.mass, 0.0)
@@ -158,19 +157,20 @@ class RotationFreeShells:
         return blocks.ravel()
 
     def _add_tangents(
-        self, block: FrameBlock, shifts: FloatArray, scale: float, blocks: FloatArray
-    ) -> None:
+        self, block: FrameBlock, shifts: FloatArray, scale: float, request: TangentRequest,
+        blocks: FloatArray,
+    ) -> None:  # fmt: skip
         """Add the derivatives of the internal forces to the blocks (k, 3, 3), inertial axes."""
         positions_into(block.frames, self._points)
         velocities = self._velocities(block)
         factors, rate = (scale * float(shifts[2]), scale * float(shifts[0])), _rate(shifts)
-        groups = zip(self.groups, self._pairs.index, self._taken(), strict=True)
-        for group, index, assumed in groups:
+        for k, (group, index) in enumerate(zip(self.groups, self._pairs.index, strict=True)):
             width = 3 * index.shape[1]
             matrices = np.empty((_CHUNK, width, width))
             response = group.triangles.response(
-                self._points, velocities, assumed, rate, self.tensile
-            )
+                self._points, velocities, request.of_group(k), rate,
+                drop_compression=request.drop_compression,
+            )  # fmt: skip
             for first in range(0, len(index), _CHUNK):
                 part = matrices[: len(index) - first]
                 group.triangles.tangents_into(
@@ -179,8 +179,9 @@ class RotationFreeShells:
                 add_blocks(part, index, first, blocks)
 
     def add_action(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> None:
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
         points, forces, steps = self._points, self._forces, self._vectors
         positions_into(block.frames, points)
@@ -189,9 +190,12 @@ class RotationFreeShells:
         forces[:] = 0.0
         factors, rate = (float(shifts[2]), float(shifts[0])), _rate(shifts)
         if any(factors):
-            for group, assumed in zip(self.groups, self._taken(), strict=True):
+            for k, group in enumerate(self.groups):
                 triangles = group.triangles
-                response = triangles.response(points, velocities, assumed, rate)
+                response = triangles.response(
+                    points, velocities, request.of_group(k), rate,
+                    drop_compression=request.drop_compression,
+                )  # fmt: skip
                 triangles.add_action(points, steps, forces, factors, response)
         mass = float(shifts[1])
         still = np.zeros(3)
@@ -202,12 +206,8 @@ class RotationFreeShells:
             self.masses, block.frames, block.step, still, scale * mass, block.residual
         )
 
-    def _taken(self) -> Sequence[FloatArray | None]:
-        """Strains of each group whose stresses the tangent takes."""
-        return len(self.groups) * [None] if self._assumed is None else self._assumed
-
-    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """Continue the strains linearly along steps of the nodes.
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
+        """See :class:`flexfem.elements.family.ElementFamily`: strains (m, 6) of each group.
 
         Newton's method for the mixed form, in which stresses are unknowns: large rotations then
         leave no membrane stress of second order in the tangent (Magisano, Leonetti, Garcea, Int.
@@ -215,23 +215,15 @@ class RotationFreeShells:
         """
         positions_into(frames, self._points)
         inertial_into(frames, steps, self._vectors)
-        self._assumed = [
+        return [
             group.triangles.strains(self._points)
             + group.triangles.strain_rates(self._points, self._vectors)
             for group in self.groups
         ]
 
-    def assume_forces(self, assumed: bool) -> None:
+    def unstressed(self) -> Strains:
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        self._assumed_forces = assumed
-
-    def leave_out_stresses(self) -> None:
-        """See :class:`flexfem.elements.family.ElementFamily`."""
-        self._assumed = [np.zeros((len(group.triangles.starts), 6)) for group in self.groups]
-
-    def exact(self) -> None:
-        """See :class:`flexfem.elements.family.ElementFamily`."""
-        self._assumed = None
+        return [np.zeros((len(group.triangles.starts), 6)) for group in self.groups]
 
     def accept(self, block: FrameBlock) -> None:
         """Turn the axes of the nodes with the shell (collective)."""

@@ -15,6 +15,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_group import BeamCells, BeamGroup
 from flexfem.elements.beam_material import materials
+from flexfem.elements.request import EXACT, Strains, TangentRequest
 from flexfem.materials.section import Section
 
 __all__ = ["BeamCells", "SE3Beams", "node_frames"]
@@ -43,7 +44,6 @@ class SE3Beams:
     chained = True
     thin = False
     stressed = True
-    tensile = False
 
     def __init__(
         self,
@@ -98,62 +98,57 @@ class SE3Beams:
         """Number of cells whose section axes differ from the axes of their nodes."""
         return sum(int(group.turned.sum()) for _, group in self.groups)
 
-    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
-        """Add ``scale`` times internal, inertia and gravity forces to the block's residual."""
-        for _, group in self.groups:
-            group.add_residual(block, gravity, scale)
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        for k, (_, group) in enumerate(self.groups):
+            group.add_residual(block, gravity, scale, request.of_group(k))
 
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
+        request: TangentRequest = EXACT,
     ) -> FloatArray:  # fmt: skip
-        """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k).
-
-        With ``local`` the derivative K is that at fixed local velocities and accelerations.
-        """
-        if len(self.groups) == 1:
-            return self.groups[0][1].tangent(block, gravity, shifts, scale, local)
+        """Matrices (m, 12, 12) of :meth:`values`."""
+        matrices = [
+            group.tangent(block, gravity, shifts, scale, request.of_group(k), local=request.local)
+            for k, (_, group) in enumerate(self.groups)
+        ]
+        if len(matrices) == 1:
+            return matrices[0]
         values = np.empty((len(self.data.cells), 12, 12))
-        for rows, group in self.groups:
-            values[rows] = group.tangent(block, gravity, shifts, scale, local)
+        for (rows, _), own in zip(self.groups, matrices, strict=True):
+            values[rows] = own
         return values
 
     def values(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
-        local: bool = False,
+        request: TangentRequest = EXACT,
     ) -> FloatArray:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        return self.tangent(block, gravity, shifts, scale, local).ravel()
+        return self.tangent(block, gravity, shifts, scale, request).ravel()
 
-    def assume(self, frames: FloatArray, steps: FloatArray) -> None:
-        """Let the tangent take stresses continued along steps, see :meth:`BeamGroup.assume`."""
-        for _, group in self.groups:
-            group.assume(frames, steps)
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [group.continued_strains(frames, steps) for _, group in self.groups]
 
-    def assume_forces(self, assumed: bool) -> None:
-        """Let the residual take those stresses, too, or not."""
-        for _, group in self.groups:
-            group.assumed_forces = assumed
-
-    def leave_out_stresses(self) -> None:
-        """Let the tangent take no stresses."""
-        for _, group in self.groups:
-            group.assumed = np.zeros((len(group.data.cells), 6))
-
-    def exact(self) -> None:
-        """Let the tangent take the present stresses again."""
-        for _, group in self.groups:
-            group.assumed = None
+    def unstressed(self) -> Strains:
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        return [np.zeros((len(group.data.cells), 6)) for _, group in self.groups]
 
     def accept(self, block: FrameBlock) -> None:
         """Nothing is remembered."""
 
     def add_action(
-        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float
-    ) -> None:
-        """Add ``scale`` times the tangent applied to the block's step to its residual."""
-        for _, group in self.groups:
-            group.add_action(block, gravity, shifts, scale)
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.elements.family.ElementFamily`."""
+        for k, (_, group) in enumerate(self.groups):
+            group.add_action(
+                block, gravity, shifts, scale, request.of_group(k), local=request.local
+            )
 
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None

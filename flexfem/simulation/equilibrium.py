@@ -85,7 +85,7 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
     system, tangent = equilibrium.system, equilibrium.tangent
     equilibrium.loading.set(0.0)
     system.evaluate(equilibrium.shifts)
-    tangent.assemble(equilibrium.shifts)
+    equilibrium.assemble()
     # loads out of balance would link motions without stiffness to each other
     tangent.add_at_nodes(equilibrium.turning())
     stiffness, motion = softest_motion(tangent, equilibrium.weights)

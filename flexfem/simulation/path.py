@@ -99,7 +99,7 @@ class Path:
         unstable = 0
         if self._count:
             equilibrium.system.evaluate(equilibrium.shifts)
-            equilibrium.tangent.assemble(equilibrium.shifts)
+            equilibrium.assemble()
             unstable = equilibrium.inertia.unstable()
         return Point(equilibrium.loading.t, 1.0 if arc is None else arc.slope, unstable)
 
@@ -208,7 +208,7 @@ class Path:
         kind = "limit point" if before.slope * trial.slope < 0.0 else "bifurcation"
         columns = self._columns()
         equilibrium.system.evaluate(equilibrium.shifts)
-        equilibrium.tangent.assemble(equilibrium.shifts)
+        equilibrium.assemble()
         _, motion = softest_motion(equilibrium.tangent, equilibrium.weights)
         return CriticalPoint(kind, trial.t, (before.unstable, trial.unstable), columns, motion)
 

@@ -92,7 +92,7 @@ class ArcLength:
         equilibrium = self._equilibrium
         system, tangent, shifts = equilibrium.system, equilibrium.tangent, equilibrium.shifts
         blocks, rows = equilibrium.loading.derivative(shifts)
-        tangent.assemble(shifts)
+        equilibrium.assemble()
         system.counters.factorizations += 1
         if not tangent.factor() or not tangent.solve(blocks, rows):
             return None

@@ -32,7 +32,7 @@ class LinearBuckling:
     def _matrix(self) -> PETSc.Mat:
         equilibrium = self._equilibrium
         equilibrium.system.evaluate(equilibrium.shifts)
-        equilibrium.tangent.assemble(equilibrium.shifts)
+        equilibrium.assemble()
         return equilibrium.tangent.matrix.convert("aij", PETSc.Mat())
 
     def solve(self, count: int) -> list[tuple[float, list[FloatArray]]]:

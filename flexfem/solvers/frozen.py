@@ -27,6 +27,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.row import LawKind
 from flexfem.core.runs import starts
 from flexfem.core.state import State
+from flexfem.elements.request import TangentRequest
 from flexfem.la.dense import inverted
 from flexfem.solvers.frozen_bodies import Bodies, FlexibleBodies, KeptFactor
 from flexfem.solvers.interface_system import InterfaceSystem
@@ -37,7 +38,7 @@ from flexfem.solvers.schur_kernels import (
     row_products,
     schur,
 )
-from flexfem.system.system import BlockPart, Shifts, System
+from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["FrozenSolver", "Worst"]
 
@@ -198,19 +199,24 @@ class FrozenSolver:
             self.system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
         )
 
-    def use(self, shifts: Shifts) -> None:
+    def use(self, shifts: Shifts, strains: PartStrains) -> None:
         """Take the kept factors of a step size, or factorise at the trial state (collective)."""
         kept = self._kept.pop(shifts, None)
         if kept is None:
-            self.factor(shifts)
+            self.factor(shifts, strains)
             return
         self._kept[shifts] = kept  # the latest used is the last
         self.shifts = shifts
         for flexible, one in zip(self._flexible, kept.parts, strict=True):
             flexible.use(one)
 
-    def factor(self, shifts: Shifts) -> None:
-        """Factorise the flexible bodies at the trial state and compute their compliances."""
+    def factor(self, shifts: Shifts, strains: PartStrains | None = None) -> None:
+        """Factorise the flexible bodies at the trial state and compute their compliances.
+
+        Args:
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses count; None for the present ones.
+        """
         self.shifts = shifts
         if not self._flexible:
             return
@@ -222,9 +228,22 @@ class FrozenSolver:
         self._kept.pop(shifts, None)
         while len(self._kept) >= _KEPT:
             del self._kept[next(iter(self._kept))]
-        parts = [flexible.factorise(shifts) for flexible in self._flexible]
+        requests = self._requests(shifts, strains)
+        parts = [
+            flexible.factorise(shifts, request)
+            for flexible, request in zip(self._flexible, requests, strict=True)
+        ]
         _, numbers = system.mechanics.origin(system, self._flexible[0].group.part)
         self._kept[shifts] = _Kept(parts, numbers.copy())
+
+    def _requests(self, shifts: Shifts, strains: PartStrains | None) -> list[TangentRequest]:
+        """Of the matrices of the flexible parts, without compression, which comes and goes."""
+        pairs = zip(self.system.parts, strains or self.system.present, strict=True)
+        return [
+            shifts.request(own, drop_compression=True)
+            for part, own in pairs
+            if part.elements is not None
+        ]
 
     def worst(self) -> Worst:
         """Bodies that hold most of what the frozen operator missed in the last step (collective).
@@ -251,16 +270,17 @@ class FrozenSolver:
                 pieces[i], rows[0, i] = flexible.every, rows[1, i]
         return Worst(pieces, float(rows[0].sum() / rows[1].sum()))
 
-    def renew(self, worst: Worst) -> None:
+    def renew(self, worst: Worst, strains: PartStrains | None = None) -> None:
         """Factorise these bodies anew at the trial state, with the shifts in use (collective)."""
         assert self.shifts is not None
         if worst.share == 1.0:
-            self.factor(self.shifts)
+            self.factor(self.shifts, strains)
             return
         self.system.counters.factorizations += 1
-        for flexible, chosen in zip(self._flexible, worst.pieces, strict=True):
+        requests = self._requests(self.shifts, strains)
+        for flexible, request, chosen in zip(self._flexible, requests, worst.pieces, strict=True):
             if chosen is not None:
-                flexible.factorise(self.shifts, chosen)
+                flexible.factorise(self.shifts, request, chosen)
 
     def state(self) -> State:
         """Where and with which shifts factors were computed, and whether steps are refined."""
@@ -302,8 +322,12 @@ class FrozenSolver:
             nodes = {n.removeprefix(first): x for n, x in rows.items() if n.startswith(first)}
             self.system.mechanics.recall(self.system, part, nodes, numbers)
 
-    def step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
+    def step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
         """One Newton step from the evaluated residuals (collective).
+
+        Args:
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses the exact tangent takes.
 
         Returns:
             Success, and the step of the multipliers (r,); both it and the blocks' steps are to be
@@ -319,7 +343,7 @@ class FrozenSolver:
         if not self.refine:
             return True, -self._right
         solution = self._collect()
-        solution += self._refinement(shifts, solution)
+        solution += self._refinement(shifts, strains, solution)
         return True, self._put(solution)
 
     def constrain(self, shifts: Shifts, keep: bool, flexible: bool) -> tuple[bool, FloatArray]:
@@ -358,7 +382,7 @@ class FrozenSolver:
         self._solve(values)
         return True
 
-    def _refinement(self, shifts: Shifts, solution: FloatArray) -> FloatArray:
+    def _refinement(self, shifts: Shifts, strains: PartStrains, solution: FloatArray) -> FloatArray:
         """Correction that the exact tangent asks for: GMRES, preconditioned by the frozen solve."""
         count, hessians = self._sizes[-1], self.system.hessians()
 
@@ -366,14 +390,14 @@ class FrozenSolver:
             multipliers = self._put(vector)
             for part in self.system.parts:
                 part.block.residual[:] = 0.0
-            self.system.subtract_tangent(shifts, hessians)
+            self.system.subtract_tangent(shifts, hessians, strains)
             self.system.add_constraint_forces(-multipliers)
             self._solve(self.system.constraints.yielding(multipliers), beyond=True)
             return -self._collect()
 
         # the blocks hold the first solution s as their steps, and as their residuals A_0 s, which
         # has the forces of the multipliers in it
-        self.system.subtract_tangent(shifts, hessians)
+        self.system.subtract_tangent(shifts, hessians, strains)
         rows = self.system.constraints
         self._solve(rows.values + rows.yielding(solution[count:]), beyond=True)
         self._missed = residual = self._collect()

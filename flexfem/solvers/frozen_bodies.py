@@ -10,6 +10,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.elements.request import TangentRequest
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
@@ -141,19 +142,19 @@ class FlexibleBodies:
         """Numbers of all pieces of this rank."""
         return list(range(len(self.pieces)))
 
-    def factorise(self, shifts: Shifts, chosen: Sequence[int] | None = None) -> KeptFactor:
+    def factorise(
+        self, shifts: Shifts, request: TangentRequest, chosen: Sequence[int] | None = None
+    ) -> KeptFactor:
         """Factorise at the trial state and compute the compliances (collective).
 
         Args:
             shifts: those of the matrices.
+            request: of the elements.
             chosen: Numbers of this rank's pieces; the others keep the factors in use. None for all
                 of them, on all ranks.
         """
         system, part = self._system, self.group.part
-        assert part.elements is not None
-        part.elements.tensile = True
-        self._matrix.assemble(part_values(system, part, shifts))
-        part.elements.tensile = False
+        self._matrix.assemble(part_values(system, part, shifts, request))
         destroy_dropped(system.comm)  # older factors
         numbers = self.every if chosen is None else chosen
         factors = {k: self._factor(self.pieces[k]) for k in numbers}

@@ -69,7 +69,7 @@ class HeldSteps:
         rows = system.constraints
         blocks = [p.block.owned_residual for p in system.parts]
         longest = min([1.0, *(c.longest_step / equilibrium.size for c in system.contacts)])
-        tangent.assemble(equilibrium.shifts)
+        equilibrium.assemble()
         tangent.add_at_nodes(equilibrium.turning())
         added = 0.0
         while self._hold < _LARGEST:

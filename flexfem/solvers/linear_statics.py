@@ -42,7 +42,7 @@ class LinearSolution:
         for part, steps in zip(equilibrium.system.parts, self.steps, strict=True):
             part.block.owned_step[:] = steps
         equilibrium.move(factor, self.multipliers, 0.0)
-        equilibrium.system.exact()
+        equilibrium.strains = equilibrium.system.present
         equilibrium.react()
         equilibrium.system.interface.update()
 
@@ -81,7 +81,7 @@ def solve_linear(equilibrium: Equilibrium, start: Snapshot, t: float) -> LinearS
     loading.fraction = 0.0  # loads have no part in the stiffness
     loading.set(t)
     system.evaluate(equilibrium.shifts)
-    tangent.assemble(equilibrium.shifts)
+    equilibrium.assemble()
     system.counters.factorizations += 1
     factored = tangent.factor()
     loading.fraction = 1.0
@@ -105,6 +105,6 @@ def _step_size(equilibrium: Equilibrium) -> float | None:
     system = equilibrium.system
     system.evaluate(equilibrium.shifts)
     system.counters.newton_iterations += 1
-    success, change = equilibrium.tangent.step(equilibrium.shifts)
+    success, change = equilibrium.tangent.step(equilibrium.shifts, equilibrium.strains)
     size, _, failed = equilibrium.measure(change, success)
     return None if failed or not np.isfinite(size) else size

@@ -13,12 +13,23 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.solvers.schur_kernels import largest_entry
-from flexfem.system.system import Shifts, System
+from flexfem.system.system import PartStrains, Shifts, System
 
-__all__ = ["Equations", "LinearStep", "NewtonOptions", "PositionLevel", "SolveAgain", "iterate"]
+__all__ = [
+    "Equations",
+    "LinearStep",
+    "NewtonOptions",
+    "Observer",
+    "PositionLevel",
+    "SolveAgain",
+    "iterate",
+]
 
-#: Solves for the steps of blocks (stored there) and multipliers (returned), with success.
-LinearStep = Callable[[Shifts], tuple[bool, FloatArray]]
+#: Solves for the steps of blocks (stored there) and multipliers (returned), with success; given
+#: the strains of each part whose stresses the matrix takes.
+LinearStep = Callable[[Shifts, PartStrains], tuple[bool, FloatArray]]
+#: Called after an iteration with its number, size and contraction, and the strains of the next.
+Observer = Callable[[int, float, float, PartStrains], None]
 #: Solves with the matrix of the last step, given the blocks' residuals (stored there) and rows.
 SolveAgain = Callable[[FloatArray], bool]
 
@@ -75,7 +86,7 @@ def iterate(
     shifts: Shifts,
     linear_step: LinearStep,
     options: NewtonOptions,
-    observe: Callable[[int, float, float], None] | None = None,
+    observe: Observer | None = None,
     equations: Equations = _POSITIONS,
     again: SolveAgain | None = None,
     *,
@@ -88,19 +99,19 @@ def iterate(
         shifts: of the time integrator.
         linear_step: solver of the linearised equations.
         options: tolerances.
-        observe: called after every iteration with its number, size and contraction; it may refresh
-            the matrix.
+        observe: called after every iteration; it may refresh the matrix.
         equations: what is solved.
         again: second solver for equations that need one.
-        thin: continue stresses of thin elements only.
+        thin: begin with the stresses of the accepted state and continue them in thin elements only;
+            the others have the present ones.
     """
-    rows = system.constraints
+    rows, strains = system.constraints, system.accepted_strains(thin=thin)
     previous, before = inf, inf
     for iteration in range(1, options.max_iterations + 1):
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
-        success, change = linear_step(shifts)
-        system.continue_stresses(thin=thin)
+        success, change = linear_step(shifts, strains)
+        strains = system.continued_strains(thin=thin)
         projected, largest = equations.correct(system, again)
         rows.multipliers -= change
         sizes = _largest(system.comm, largest, change, success and projected)
@@ -112,7 +123,7 @@ def iterate(
         converged = size <= options.tolerance
         contraction = size / previous if previous > 0.0 else 0.0
         if observe is not None:
-            observe(iteration, size, contraction)
+            observe(iteration, size, contraction, strains)
         if converged:
             return Status.OK
         if size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance):

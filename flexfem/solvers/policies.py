@@ -17,7 +17,7 @@ from flexfem.core.status import Status
 from flexfem.solvers.frozen import FrozenSolver
 from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, SolveAgain, iterate
 from flexfem.solvers.tangent import TangentSolver
-from flexfem.system.system import Shifts, System
+from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = [
     "AutoPolicy",
@@ -95,13 +95,10 @@ class UpdatedPolicy:
     ) -> Status:
         """See :class:`Policy`."""
         tangent = self._tangent
-        self._system.hold_stresses()
-        status = iterate(
+        return iterate(
             self._system, shifts, tangent.step, self._options, None, equations, tangent.again,
             thin=False,
         )  # fmt: skip
-        self._system.exact()
-        return status
 
     def again(self, values: FloatArray) -> bool:
         """See :class:`Policy`."""
@@ -147,11 +144,8 @@ class MaterialPolicy(UpdatedPolicy):
         restart()
         return super().solve(shifts, restart, equations)
 
-    def _step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
-        self._system.leave_out_stresses()
-        result = self._tangent.step(shifts)
-        self._system.exact()
-        return result
+    def _step(self, shifts: Shifts, _: PartStrains) -> tuple[bool, FloatArray]:
+        return self._tangent.step(shifts, self._system.unstressed())
 
 
 class FrozenPolicy:
@@ -181,11 +175,11 @@ class FrozenPolicy:
         frozen = self._frozen
         self._again = frozen.again
         if frozen.shifts != shifts:
-            frozen.use(shifts)
+            frozen.use(shifts, self._system.accepted_strains())
         frozen.keep_interface = False
         renewed = 0.0
 
-        def observe(iteration: int, size: float, contraction: float) -> None:
+        def observe(iteration: int, size: float, contraction: float, strains: PartStrains) -> None:
             nonlocal renewed
             tolerance = self._options.tolerance
             frozen.observe(size, contraction, tolerance)
@@ -198,7 +192,7 @@ class FrozenPolicy:
             worst = frozen.worst()
             if contraction > self.slow * worst.share:
                 renewed += worst.share
-                frozen.renew(worst)
+                frozen.renew(worst, strains)
 
         status = iterate(
             self._system, shifts, frozen.step, self._options, observe, equations, frozen.again

@@ -172,7 +172,7 @@ class Relaxation:
         """Residual at the present positions and sums over it; False if not finite (collective)."""
         system, sums = self.system, self._sums
         system.counters.residual_evaluations += 1
-        system.mechanics.evaluate(system, REST)
+        system.mechanics.evaluate(system, REST, system.present)
         self._projection.add_forces()
         sums[:] = 0.0
         for part, previous, velocity, inverse in zip(

@@ -147,6 +147,8 @@ class Equilibrium:
         room: by how much the last load step could have been longer, judged by its rotations.
         inertia: counts unstable directions.
         limits: when iterations stop.
+        strains: of each part, continued along the last step of an iteration, whose stresses the
+            next matrix takes; those of the trial state otherwise.
     """
 
     def __init__(
@@ -167,6 +169,7 @@ class Equilibrium:
         self.system, self.tangent, self.loading = system, tangent, loading
         self.size, self.limits = size, limits
         self.iterations, self.cut, self.room = 0, 0.5, 1.0
+        self.strains = system.present
         self._held = HeldSteps(self) if stabilise else None
         rows = system.constraints
         self._elastic = rows.elastic.copy()
@@ -190,7 +193,7 @@ class Equilibrium:
             loads.append(max(largest_entry(p.block.residual[:, :3].ravel()) for p in system.parts))
         self.loading.set(0.0)
         system.evaluate(self.shifts)
-        self.tangent.assemble(self.shifts)
+        self.assemble()
         # what is held has a stiffness of no meaning
         diagonals = [
             p.block.hold(abs(d))
@@ -237,7 +240,7 @@ class Equilibrium:
 
     def put_back(self, state: Snapshot) -> None:
         """Set the blocks and the multipliers to those of a state."""
-        self.system.exact()
+        self.strains = self.system.present
         for part, frames in zip(self.system.parts, state.frames, strict=True):
             part.block.frames0[:] = frames
             part.block.reset()
@@ -265,7 +268,7 @@ class Equilibrium:
     def iterate(self, linear_step: LinearStep) -> Status:
         """Iterate until steps are below the tolerance or round-off (collective)."""
         status = self._iterate(linear_step)
-        self.system.exact()
+        self.strains = self.system.present
         return status
 
     def _iterate(self, linear_step: LinearStep) -> Status:
@@ -319,7 +322,7 @@ class Equilibrium:
 
         The load parameter moves by the same multiple of ``-load``.
         """
-        self.system.continue_stresses(factor, thin=False)
+        self.strains = self.system.continued_strains(factor, thin=False)
         for part in self.system.parts:
             part.block.correct(factor)
             part.block.accept(_NO_LAW, 0.0)
@@ -328,26 +331,25 @@ class Equilibrium:
             self.loading.set(self.loading.t - factor * load)
 
     def _newton_step(self) -> tuple[bool, FloatArray, float]:
-        success, change = self.tangent.step(self.shifts)
+        success, change = self.tangent.step(self.shifts, self.strains)
         return success, change, 0.0
+
+    def assemble(self) -> None:
+        """Set the tangent matrix at the trial state and :attr:`strains` (collective)."""
+        self.tangent.assemble(self.shifts, self.strains)
 
     def turning(self) -> list[FloatArray]:
         """Blocks (n_owned, width, width): derivative of inertial force components (collective).
 
         Away from equilibrium only that is the symmetric second derivative of an energy; forces and
-        matrix are those of the assumed stresses.
+        matrix are those of the stresses of :attr:`strains`.
         """
-        beams = [part.elements for part in self.system.parts if part.elements is not None]
         out = []
-        for family in beams:
-            family.assume_forces(True)
-        self.system.evaluate(self.shifts)
+        self.system.evaluate(self.shifts, self.strains)
         for part in self.system.parts:
             residual, width = part.block.owned_residual, part.block.width
             out.append(np.zeros((len(residual), width, width)))
             out[-1][:, :3, 3:] = -so3.skew(residual[:, :3])[:, :, : width - 3]
-        for family in beams:
-            family.assume_forces(False)
         self.system.evaluate(self.shifts)
         return out
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.request import TangentRequest
 from flexfem.la.direct import DirectSolver
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.nest import (
@@ -20,7 +21,7 @@ from flexfem.la.nest import (
     create_nest_matrix,
     create_nest_vector,
 )
-from flexfem.system.system import BlockPart, Shifts, System
+from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with_contacts"]
 
@@ -101,20 +102,26 @@ class TangentSolver:
         rows = self.system.constraints
         return rows.owned[rows.coupled[:, 0]] > 0.0
 
-    def assemble(self, shifts: Shifts) -> None:
-        """Set the numbers of all blocks at the trial state (collective)."""
+    def assemble(self, shifts: Shifts, strains: PartStrains | None = None) -> None:
+        """Set the numbers of all blocks at the trial state (collective).
+
+        Args:
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses count; None for the present ones.
+        """
         system, rows = self.system, self.system.constraints
         if self._sliding and system.comm.allreduce(self._version != rows.lines.version, op=MPI.LOR):
             self._create()
         owned = rows.owned
         factor = owned * rows.multipliers * shifts.stiffness
         hessians = system.mechanics.hessians(system, factor)
-        count = len(system.parts)
+        count, strains = len(system.parts), strains or system.present
         for i, part in enumerate(system.parts):
             for j in range(count):
                 values = [self._couplings.values(i, j, hessians)]
                 if i == j:
-                    values.insert(0, part_values(system, part, shifts))
+                    request = shifts.request(strains[i])
+                    values.insert(0, part_values(system, part, shifts, request))
                 self._grid[i][j].assemble(np.concatenate(values))
             if rows.size_global:
                 forces = self._couplings.side_values(i, rows.force_jacobian)
@@ -212,13 +219,17 @@ class TangentSolver:
         self.multiplier_step = np.array(self._multipliers.getArray(readonly=True))
         return success
 
-    def step(self, shifts: Shifts) -> tuple[bool, FloatArray]:
+    def step(self, shifts: Shifts, strains: PartStrains | None = None) -> tuple[bool, FloatArray]:
         """One Newton step from the evaluated residuals: blocks' steps (to be subtracted).
+
+        Args:
+            shifts: factors of the scheme.
+            strains: as in :meth:`assemble`.
 
         Returns:
             Success, and the step of the multipliers (r,), to be subtracted.
         """
-        self.assemble(shifts)
+        self.assemble(shifts, strains)
         self.system.counters.factorizations += 1
         if not self.factor():
             return False, np.zeros(self.system.constraints.size)
@@ -263,16 +274,24 @@ def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
     return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
 
 
-def part_values(system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+def part_values(
+    system: System, part: BlockPart, shifts: Shifts, request: TangentRequest | None = None
+) -> FloatArray:
     """Values of the entries of ``part_pattern``.
 
     Held unknowns have rows and columns of their own.
+
+    Args:
+        system: at the trial state.
+        part: whose matrix it is.
+        shifts: factors of the scheme.
+        request: of its elements, None for that of ``shifts`` at the present stresses.
     """
     mechanics, width = system.mechanics, part.block.width
     at_nodes = mechanics.masses(system, part, shifts), mechanics.forces(system, part, shifts)
     values = [matrices[:, :width, :width].ravel() for matrices in at_nodes]
     if part.elements is not None:
-        values.insert(0, mechanics.cells(system, part, shifts))
+        values.insert(0, mechanics.cells(system, part, shifts, request or shifts.request()))
     if part.block.held is None:
         return np.concatenate(values)
     every = np.concatenate(values)

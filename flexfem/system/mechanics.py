@@ -15,7 +15,8 @@ import numpy as np
 from flexfem._types import FloatArray
 
 if TYPE_CHECKING:
-    from flexfem.system.system import BlockPart, Shifts, System
+    from flexfem.elements.request import TangentRequest
+    from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["EndPoint", "Mechanics"]
 
@@ -23,7 +24,7 @@ __all__ = ["EndPoint", "Mechanics"]
 class Mechanics(Protocol):
     """Residuals of blocks and rows at the trial state, and their derivatives along local twists."""
 
-    def evaluate(self, system: System, shifts: Shifts) -> None:
+    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
         """Residuals of blocks, without constraint forces, and rows (collective)."""
         ...
 
@@ -31,7 +32,9 @@ class Mechanics(Protocol):
         """Apply the blocks' steps; largest entry on this rank (collective)."""
         ...
 
-    def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+    def cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
+    ) -> FloatArray:
         """Entries of the matrices of a part's elements and of forces inside them, flat."""
         ...
 
@@ -47,7 +50,10 @@ class Mechanics(Protocol):
         """``sum_rows factor d(force gradient)``, (n_pairs, 12, 12)."""
         ...
 
-    def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
+    def add_cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest,
+        factor: float,
+    ) -> None:  # fmt: skip
         """Add ``factor`` times the action of these matrices on a part's steps to its residual."""
         ...
 
@@ -68,10 +74,10 @@ class Mechanics(Protocol):
 class EndPoint:
     """Equilibrium at the end of the step."""
 
-    def evaluate(self, system: System, shifts: Shifts) -> None:
+    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
         """See :class:`Mechanics`."""
-        for part in system.parts:
-            part.add_residual(system.gravity, system.factors, shifts.scale)
+        for part, own in zip(system.parts, strains, strict=True):
+            part.add_residual(system.gravity, system.factors, shifts.scale, own)
         system.interface.update()
         system.constraints.evaluate(shifts.dynamics)
 
@@ -81,11 +87,13 @@ class EndPoint:
         # NumPy's maximum keeps a NaN, Python's may drop it
         return sizes[0] if len(sizes) == 1 else float(np.max(sizes, initial=0.0))
 
-    def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+    def cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
+    ) -> FloatArray:
         """See :class:`Mechanics`."""
         assert part.elements is not None
         values = part.elements.values(
-            part.block, system.gravity, shifts.array, shifts.scale, shifts.local
+            part.block, system.gravity, shifts.array, shifts.scale, request
         )
         if not part.line_forces:
             return values
@@ -108,11 +116,14 @@ class EndPoint:
         """See :class:`Mechanics`."""
         return system.constraints.hessians(factor)
 
-    def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
+    def add_cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest,
+        factor: float,
+    ) -> None:  # fmt: skip
         """See :class:`Mechanics`."""
         assert part.elements is not None
         scale = factor * shifts.scale
-        part.elements.add_action(part.block, system.gravity, shifts.array, scale)
+        part.elements.add_action(part.block, system.gravity, shifts.array, scale, request)
         for forces in part.line_forces:
             forces.add_action(part.block, system.factors, scale * shifts.stiffness)
 

@@ -25,11 +25,12 @@ from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import State
 from flexfem.core.step_kernels import correct, mean_acceleration, start
 from flexfem.elements.energy_beam import EnergyBeams, StepState
+from flexfem.elements.request import TangentRequest
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
 from flexfem.system.placement import FLOATING, NURBS, SHELLS
 from flexfem.system.step_constraints import StepRows
-from flexfem.system.system import BlockPart, Shifts, System
+from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["StepMechanics"]
 
@@ -254,7 +255,7 @@ class StepMechanics:
         system.constraints.accept()
         self._last_h = self.h
 
-    def evaluate(self, system: System, shifts: Shifts) -> None:
+    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         self._cells = None
         for part in system.parts:
@@ -282,17 +283,22 @@ class StepMechanics:
         moves = [self._parts[id(part)].correct(sign) for part in system.parts]
         return float(np.max(moves, initial=0.0))
 
-    def cells(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
-        """See :class:`flexfem.system.mechanics.Mechanics`."""
+    def cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
+    ) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
         mine = self._parts[id(part)]
         assert mine.beams is not None
         return mine.beams.tangent(mine.state, self.weight).ravel()
 
-    def add_cells(self, system: System, part: BlockPart, shifts: Shifts, factor: float) -> None:
-        """See :class:`flexfem.system.mechanics.Mechanics`."""
+    def add_cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest,
+        factor: float,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
         assert part.elements is not None
         if self._cells is None:
-            self._cells = self.cells(system, part, shifts)
+            self._cells = self.cells(system, part, shifts, request)
         ((nodes, _),) = part.elements.couplings
         steps = part.block.step[nodes].reshape(-1, 12, 1)
         action = factor * (self._cells.reshape(-1, 12, 12) @ steps)

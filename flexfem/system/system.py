@@ -20,6 +20,7 @@ from flexfem.core.load import Load
 from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
 from flexfem.elements.family import ElementFamily
+from flexfem.elements.request import EXACT, Strains, TangentRequest
 from flexfem.system.action_kernels import add_products, subtract_forces
 from flexfem.system.constraints import Constraints
 from flexfem.system.contacts import Contacts, ContactShare
@@ -28,7 +29,10 @@ from flexfem.system.interface import Interface
 from flexfem.system.mechanics import EndPoint, Mechanics
 from flexfem.system.node_loads import NodeForces, NodeMasses
 
-__all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "Shifts", "System"]
+__all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "PartStrains", "Shifts", "System"]
+
+#: Strains of each part whose stresses tangents take; None for the present ones.
+PartStrains = Sequence[Strains | None]
 
 #: A prediction is better if it is off by less than this part of the other. Of a motion that begins
 #: at rest all are alike, and rounding, which the number of ranks changes, must not choose.
@@ -74,6 +78,14 @@ class Shifts:
     def dynamics(self) -> FloatArray:
         """As the constraint rows expect it: (velocity, scale)."""
         return np.array([self.velocity, self.scale])
+
+    def request(
+        self, strains: Strains | None = None, *, drop_compression: bool = False
+    ) -> TangentRequest:
+        """Request of a part's tangent, see :class:`flexfem.elements.request.TangentRequest`."""
+        if strains is None and not (drop_compression or self.local):
+            return EXACT
+        return TangentRequest(strains, drop_compression, self.local)
 
 
 #: The mass matrix alone, nothing scaled.
@@ -134,11 +146,18 @@ class BlockPart:
             masks.append((row[:, :, np.newaxis] | column[:, np.newaxis]).ravel())
         return np.concatenate(masks)
 
-    def add_residual(self, gravity: FloatArray, factors: FloatArray, scale: float) -> None:
-        """Compute the scaled residual without constraint forces; ghosts are summed to owners."""
+    def add_residual(
+        self, gravity: FloatArray, factors: FloatArray, scale: float,
+        strains: Strains | None = None,
+    ) -> None:  # fmt: skip
+        """Compute the scaled residual without constraint forces; ghosts are summed to owners.
+
+        ``strains`` are those whose stresses count, None for the present ones.
+        """
         self.block.residual[:] = 0.0
         if self.elements is not None:
-            self.elements.add_residual(self.block, gravity, scale)
+            request = EXACT if strains is None else TangentRequest(strains)
+            self.elements.add_residual(self.block, gravity, scale, request)
             for forces in self.line_forces:
                 forces.add_residual(self.block, factors, scale)
             self.block.add_ghosts()
@@ -157,6 +176,7 @@ class System:
         comm: communicator.
         parts: the blocks that exist, in the order of the nest (SE(3) beams, NURBS
             beams, shells, rigid bodies).
+        present: None for each part: tangents take the present stresses.
         interface, constraints: nodes with joints and the rows between them.
         part_of_slot, body_of_slot, cluster_of_slot: part, body and cluster of every interface slot.
         gravity: (3,) acceleration in inertial axes, m/s^2.
@@ -182,6 +202,8 @@ class System:
     ) -> None:
         """Put the parts together."""
         self.comm, self.parts = comm, list(parts)
+        self.present: PartStrains = len(self.parts) * (None,)
+        self._thin = any(p.elements is not None and p.elements.thin for p in self.parts)
         kinds = [part.kind for part in self.parts]
         self.part_of_slot: IntArray = np.array(
             [kinds.index(int(kind)) for kind in interface.kind], dtype=np.int64
@@ -249,48 +271,55 @@ class System:
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step in every block; see ``frame_kernels.predict``."""
         for part in self.parts:
-            if part.elements is not None and part.elements.thin:
-                # a prediction that turns elements stretches them as well
-                part.block.step[:] = 0.0
-                part.elements.assume(part.block.frames0, part.block.step)
             part.block.predict(law, rates)
 
-    def continue_stresses(self, factor: float = -1.0, *, thin: bool = True) -> None:
-        """Let tangents take stresses continued along a multiple of the steps (collective).
+    def continued_strains(self, factor: float = -1.0, *, thin: bool = True) -> PartStrains:
+        """Strains at the trial state continued along a multiple of the steps (collective).
 
         Args:
             factor: the multiple.
-            thin: of thin elements only.
+            thin: of thin elements only; the others have None.
         """
+        if thin and not self._thin:
+            return self.present
+        strains: list[Strains | None] = []
         for part in self.parts:
+            found = None
             if part.elements is not None and (part.elements.thin or not thin):
                 part.block.spread_step()
-                part.elements.assume(part.block.frames, factor * part.block.step)
+                found = part.elements.continued_strains(part.block.frames, factor * part.block.step)
+            strains.append(found)
+        return strains
 
-    def hold_stresses(self) -> None:
-        """Let tangents take the stresses of the accepted state, until they are continued."""
-        for part in self.parts:
-            if part.elements is not None:
-                part.elements.assume(part.block.frames0, np.zeros_like(part.block.velocity))
+    def accepted_strains(self, *, thin: bool = True) -> PartStrains:
+        """Strains of the accepted state; of ``thin`` elements only.
 
-    def leave_out_stresses(self) -> None:
-        """Let tangents of elements take no stresses, until :meth:`exact`."""
-        for part in self.parts:
-            if part.elements is not None:
-                part.elements.leave_out_stresses()
+        A prediction that turns elements stretches them as well: its stresses mean nothing.
+        """
+        if thin and not self._thin:
+            return self.present
+        return [
+            p.elements.continued_strains(p.block.frames0, np.zeros_like(p.block.velocity))
+            if p.elements is not None and (p.elements.thin or not thin)
+            else None
+            for p in self.parts
+        ]
 
-    def exact(self) -> None:
-        """Let tangents of elements take the present stresses again."""
-        for part in self.parts:
-            if part.elements is not None:
-                part.elements.exact()
+    def unstressed(self) -> PartStrains:
+        """Strains without stresses."""
+        return [None if p.elements is None else p.elements.unstressed() for p in self.parts]
 
-    def evaluate(self, shifts: Shifts) -> None:
-        """Residuals of blocks and constraints at the trial state (collective)."""
+    def evaluate(self, shifts: Shifts, strains: PartStrains | None = None) -> None:
+        """Residuals of blocks and constraints at the trial state (collective).
+
+        Args:
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses count; None for the present ones.
+        """
         self.counters.residual_evaluations += 1
         for contacts in self.contacts:
             contacts.prepare(shifts.acceleration)
-        self.mechanics.evaluate(self, shifts)
+        self.mechanics.evaluate(self, shifts, strains or self.present)
         self.add_constraint_forces(self.constraints.multipliers)
 
     def add_constraint_forces(self, multipliers: FloatArray) -> None:
@@ -303,12 +332,19 @@ class System:
         """Of the joints at the trial state, for :meth:`subtract_tangent`."""
         return self.mechanics.hessians(self, self.constraints.multipliers)
 
-    def subtract_tangent(self, shifts: Shifts, hessians: FloatArray) -> None:
-        """Subtract the exact tangent's action on the blocks' steps from the residuals (collective).
+    def subtract_tangent(
+        self, shifts: Shifts, hessians: FloatArray, strains: PartStrains | None = None
+    ) -> None:
+        """Subtract the tangent's action on the blocks' steps from the residuals (collective).
 
         Residuals of ghosts must be zero.
+
+        Args:
+            shifts: factors of the scheme.
+            hessians: those of :meth:`hessians`.
+            strains: of each part, whose stresses count; None for the present ones.
         """
-        self._add_action(shifts, -1.0)
+        self._add_action(shifts, -1.0, strains)
         self.interface.update_steps()
         turning = self.constraints.turning_forces(hessians, self.interface.steps)
         for part in self.parts:
@@ -321,15 +357,17 @@ class System:
             part.block.residual[:] = 0.0
         self._add_action(MASS, factor)
 
-    def _add_action(self, shifts: Shifts, factor: float) -> None:
+    def _add_action(
+        self, shifts: Shifts, factor: float, strains: PartStrains | None = None
+    ) -> None:
         """Add ``factor`` times the blocks' own tangents times their steps to the residuals."""
         mechanics = self.mechanics
-        for part in self.parts:
+        for part, own in zip(self.parts, strains or self.present, strict=True):
             block = part.block
             block.spread_step()
             if part.elements is not None:
                 block.residual[block.owned :] = 0.0
-                mechanics.add_cells(self, part, shifts, factor)
+                mechanics.add_cells(self, part, shifts, shifts.request(own), factor)
                 block.add_ghosts()
             for nodes, tangent in (
                 (part.masses.nodes, mechanics.masses), (part.forces.nodes, mechanics.forces),
@@ -367,7 +405,6 @@ class System:
 
     def _remember(self) -> None:
         """Let elements, contacts and rows take note of the accepted state."""
-        self.exact()
         for part in self.parts:
             if part.elements is not None:
                 part.elements.accept(part.block)
@@ -392,7 +429,6 @@ class System:
 
     def reset(self) -> None:
         """Make the trial state equal to the accepted state."""
-        self.exact()
         for part in self.parts:
             part.block.reset()
 

@@ -102,9 +102,14 @@ class OneBeam:
         self.block.add_ghosts()
         return self.block.owned_residual.copy()
 
-    def residual(self, scale: float = 1.0) -> np.ndarray:
-        """Owned rows of the residual."""
-        return self._collect(lambda: self.beams.add_residual(self.block, self.gravity, scale))
+    def residual(self, scale: float = 1.0, strains: Any = None) -> np.ndarray:
+        """Owned rows of the residual, with the stresses of given strains."""
+        from flexfem.elements.request import TangentRequest
+
+        request = TangentRequest(strains)
+        return self._collect(
+            lambda: self.beams.add_residual(self.block, self.gravity, scale, request)
+        )
 
     def action(self, step: np.ndarray, shifts: np.ndarray, scale: float) -> np.ndarray:
         """Owned rows of the tangent's action on a step."""
@@ -234,9 +239,14 @@ class OneNurbs(OneBeam):
         owners = [f"Section {i}" for i in range(len(sections))]
         self.beams = NurbsBeams(self.comm, data, sections, owners, frames)
 
-    def matrix(self, shifts: np.ndarray, scale: float = 1.0, local: bool = False) -> np.ndarray:
+    def matrix(
+        self, shifts: np.ndarray, scale: float = 1.0, *, local: bool = False, strains: Any = None
+    ) -> np.ndarray:
         """Dense matrix of all nodes."""
-        values = self.beams.values(self.block, self.gravity, shifts, scale, local)
+        from flexfem.elements.request import TangentRequest
+
+        request = TangentRequest(strains, local=local)
+        values = self.beams.values(self.block, self.gravity, shifts, scale, request)
         n, first = 6 * len(self.block.frames), 0
         dense = np.zeros((n, n))
         for cells in self.beams.connectivity:

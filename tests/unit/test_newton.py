@@ -23,12 +23,16 @@ def _end(*sizes: float) -> tuple[Status, int]:
         counters=SimpleNamespace(newton_iterations=0),
         constraints=SimpleNamespace(multipliers=np.zeros(0)),
         evaluate=lambda shifts: None,
-        continue_stresses=lambda **_: None,
+        accepted_strains=lambda **_: (),
+        continued_strains=lambda **_: (),
         correct=lambda sign: next(steps),
     )
     options = NewtonOptions(tolerance=1e-6, max_iterations=len(sizes))
     status = iterate(
-        system, Shifts(1.0, 1.0, 1.0, 1.0, False), lambda shifts: (True, np.zeros(0)), options
+        system,
+        Shifts(1.0, 1.0, 1.0, 1.0, False),
+        lambda shifts, strains: (True, np.zeros(0)),
+        options,
     )
     return status, system.counters.newton_iterations
 

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a family of elements is asked for: which stresses, and along which motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flexfem._types import FloatArray
+
+__all__ = ["EXACT", "Strains", "TangentRequest"]
+
+#: Strains of all cells of a family, an array for each of its groups, in a form of its own.
+Strains = Sequence[FloatArray]
+
+
+@dataclass(frozen=True)
+class TangentRequest:
+    """Which residual or tangent a family is to compute.
+
+    Attributes:
+        strains: Strains whose stresses are taken in place of the present ones, see
+            ``ElementFamily.continued_strains`` and ``unstressed``; None for the present stresses.
+        drop_compression: Leave principal membrane forces that compress out of the tangent, where
+            the family can. Compression comes and goes, and factors that are kept from where it
+            makes the matrix nearly singular soon become useless.
+        local: Take the derivative at fixed local velocities and accelerations.
+    """
+
+    strains: Strains | None = None
+    drop_compression: bool = False
+    local: bool = False
+
+    def of_group(self, k: int) -> FloatArray | None:
+        """Strains of group ``k``, None for the present ones."""
+        return None if self.strains is None else self.strains[k]
+
+
+#: The consistent tangent at the present stresses.
+EXACT = TangentRequest()
