@@ -38,6 +38,7 @@ LAYERS = [
     {"model"},
     {"elements", "bodies", "contact"},
     {"system"},
+    {"families"},
     {"kinematics"},
     {"solvers", "io", "moving_base", "formalisms", "robots", "inspection"},
     {"integrators"},

@@ -10,7 +10,6 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import IntArray
 from flexfem.la.dependence import PART, NodeRows, groups, null_vectors
-from flexfem.system.placement import KINDS
 from flexfem.system.system import System
 
 __all__ = ["check_independence"]
@@ -30,7 +29,8 @@ def check_independence(system: System) -> None:
     mine = np.flatnonzero((rows.owned * rows.rigid)[rows.row_of_term] > 0.0)
     row = rows.row_of_term[mine]
     face = system.interface
-    keys = np.append(len(KINDS) * face.number + face.kind, -1)  # -1: ground
+    kinds = 1 + max(part.kind for part in system.parts)
+    keys = np.append(kinds * face.number + face.kind, -1)  # -1: ground
     joints = np.array([joint.index for joint in rows.joints], dtype=np.int64)
     parts = comm.gather(
         (

@@ -19,7 +19,7 @@ from flexfem.model.rigid_surface import (
 )
 from flexfem.system.assembly import Assembly
 from flexfem.system.extent import model_box
-from flexfem.system.placement import NodeKey
+from flexfem.system.node_key import NodeKey
 from flexfem.system.system import System
 
 __all__ = ["ContactSurfaceWriter"]

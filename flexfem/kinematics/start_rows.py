@@ -12,14 +12,11 @@ from flexfem.core.joint import Joint
 from flexfem.kinematics.rigid_parts import RigidParts
 from flexfem.la.dependence import NodeRows
 from flexfem.lie import se3
-from flexfem.mesh.patches import EdgeRule
-from flexfem.mesh.surface_topology import side_nodes
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import all_ends, connect_alone
 from flexfem.system.constraints import Constraints
+from flexfem.system.node_key import NodeKey
 from flexfem.system.node_table import NodeTable
-from flexfem.system.placement import BEAMS, FLOATING, NURBS, RIGID, SHELLS, NodeKey
-from flexfem.system.shell_surface import ShellSurface
 
 __all__ = ["StartRows"]
 
@@ -79,30 +76,18 @@ class StartRows:
 
     def supports(self) -> NodeRows:
         """What held edges and nodes of shells keep of the bodies as wholes, as independent rows."""
-        surface = self._serial.surface
         gradients, parts = [np.zeros((0, 6))], [np.zeros(0, dtype=np.int64)]
-        if surface is not None:
-            count = len(surface.mesh.points)  # nodes of directors come after those of the mesh
-            nodes, axis = np.nonzero(surface.held[:count, :3])
-            part, carried = self._on_shells(nodes)
-            gradients.append(carried[np.arange(len(nodes)), axis])
-            parts.append(part)
-            nodes, axes = _held_slopes(surface)
-            part, carried = self._on_shells(nodes)
-            back = np.swapaxes(se3.rotation(surface.frames[nodes]), -1, -2)
-            along = np.einsum("nij,nj->ni", back, axes)
-            gradients.append(np.einsum("ni,nij->nj", along, carried[:, 3:]))
+        for kind, family in self._serial.families.items():
+            nodes, directions = family.supports()
+            part, carried = self._carriers(
+                [(kind, n) for n in nodes.tolist()], family.frames[nodes]
+            )
+            gradients.append(np.einsum("ni,nij->nj", directions, carried))
             parts.append(part)
         part, gradient = _independent(np.concatenate(parts), np.concatenate(gradients))
         both = np.stack([gradient, np.zeros_like(gradient)], axis=1)
         ends = np.stack([part, np.full_like(part, -1)], axis=1)
         return NodeRows(np.arange(len(part)), ends, both)
-
-    def _on_shells(self, nodes: IntArray) -> tuple[IntArray, FloatArray]:
-        """Parts that carry nodes of shells, and the maps of :meth:`_carriers`."""
-        assert self._serial.surface is not None
-        keys = [(SHELLS, int(node)) for node in nodes]
-        return self._carriers(keys, self._serial.surface.frames[nodes])
 
     def _chosen(self, chosen: BoolArray) -> tuple[IntArray, IntArray]:
         """Terms of chosen rows, and their rows numbered from zero."""
@@ -120,23 +105,9 @@ class StartRows:
         relative = se3.compose(se3.inverse(parts.frames[part]), frames)
         carried = se3.adjoint(se3.inverse(relative)).reshape(-1, 6, 6)
         for i, (kind, node) in enumerate(keys):
-            if kind == FLOATING and serial.floating is not None and serial.floating.held[node, 3]:
+            if not serial.families[kind].placed[node]:
                 carried[i] = 0.0  # amplitudes are at rest in the body
         return part, carried
-
-
-def _held_slopes(surface: ShellSurface) -> tuple[IntArray, FloatArray]:
-    """Nodes at edges where slopes are held, and axes (n, 3) about which the shell cannot turn."""
-    start, _ = side_nodes(surface.mesh.triangles)
-    start = start.reshape(-1, 3)
-    clamped = start[surface.rules == EdgeRule.CLAMPED]
-    mirrored = surface.rules == EdgeRule.SYMMETRIC
-    normals, nodes = surface.normals[mirrored], [np.repeat(clamped, 3)]
-    axes = [np.tile(np.eye(3), (len(clamped), 1))]
-    for e in np.eye(3):  # all but turns about the normal
-        axes.append(np.cross(normals, e))
-        nodes.append(start[mirrored])
-    return np.concatenate(nodes).astype(np.int64), np.concatenate(axes)
 
 
 def _independent(part: IntArray, gradient: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -155,26 +126,9 @@ def _table(serial: Assembly, keys: Sequence[NodeKey]) -> NodeTable:
     count = len(keys)
     frames, velocities = np.zeros((count, 12)), np.zeros((count, 6))
     held, width = np.zeros((count, 6), dtype=np.bool_), np.full(count, 6, dtype=np.int64)
-    speeds = _velocities(serial)
     for i, (kind, node) in enumerate(keys):
-        frames[i], velocities[i] = serial.node_frames(kind)[node], speeds[kind][node]
-        if kind == SHELLS and serial.surface is not None:
-            own = serial.surface.held[node]
-            held[i, : len(own)], width[i] = own, len(own)
-        elif kind == FLOATING and serial.floating is not None:
-            held[i] = serial.floating.held[node]
+        family = serial.families[kind]
+        frames[i], velocities[i] = family.frames[node], family.velocities[node]
+        own = family.held[node]
+        held[i, : len(own)], width[i] = own, len(own)
     return NodeTable(keys, frames, velocities, held, width)
-
-
-def _velocities(serial: Assembly) -> dict[int, FloatArray]:
-    """Local twists (n, 6) of all nodes at the start by kind."""
-    found = {RIGID: np.array([body.twist for body in serial.model.rigid_bodies]).reshape(-1, 6)}
-    if len(serial.points):
-        found[BEAMS] = serial.velocities
-    if serial.curves is not None:
-        found[NURBS] = serial.curves.velocities
-    if serial.surface is not None:
-        found[SHELLS] = serial.surface.velocities
-    if serial.floating is not None:
-        found[FLOATING] = serial.floating.velocities
-    return found

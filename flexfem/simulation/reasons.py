@@ -12,7 +12,6 @@ from flexfem.core.status import Status
 from flexfem.system.assembly import Assembly
 from flexfem.system.connect import joint_ends
 from flexfem.system.extent import model_extent
-from flexfem.system.placement import FLOATING
 from flexfem.system.system import System
 
 __all__ = [
@@ -124,7 +123,8 @@ def moves_most(serial: Assembly, system: System) -> str:
             node = int(np.argmax(sizes))
             body = int(part.node_body[node])
             # some nodes of floating bodies hold amplitudes
-            x = () if part.kind == FLOATING else tuple(block.frames0[node, :3].tolist())
+            placed = part.family.bodies_have_places
+            x = tuple(block.frames0[node, :3].tolist()) if placed else ()
             worst.append((float(sizes[node]), -part.kind, -body, x))
     found = max((each for most in system.comm.allgather(worst) for each in most), default=None)
     if found is None or found[0] in (0.0, np.inf):

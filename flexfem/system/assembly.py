@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -23,18 +24,15 @@ from flexfem.elements.se3_beam import BeamCells, node_frames
 from flexfem.lie import se3
 from flexfem.materials.section import Section
 from flexfem.mesh.line_mesh import section_frames
-from flexfem.mesh.topology import trace_lines
-from flexfem.model.bodies import Beam, RigidBody
-from flexfem.model.floating_body import FloatingBody
+from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
 from flexfem.model.place import Place
-from flexfem.model.shell import Shell
-from flexfem.system.body_lines import floating_line, rigid_line
 from flexfem.system.director_surface import shell_surface
+from flexfem.system.family import Family, registry
 from flexfem.system.floating_nodes import FloatingNodes
-from flexfem.system.lines import ElementPlace, Line, LinePoint, se3_line
+from flexfem.system.lines import ElementPlace, Line, LinePoint
+from flexfem.system.node_key import NodeKey
 from flexfem.system.nurbs_lines import NurbsLines, initial_velocities
-from flexfem.system.placement import BEAMS, FLOATING, NURBS, RIGID, SHELLS, NodeKey
 from flexfem.system.surface_places import SurfacePlace
 
 __all__ = ["Assembly"]
@@ -52,21 +50,19 @@ class Assembly:
     Attributes:
         model: the validated model.
         cells: all SE(3) cells with their frames; node numbers count the nodes used by them.
-        points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6).
+        points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6); body_of_node: (n,).
         sections: the different sections of the SE(3) beams, by the numbers in ``cells``.
         curves: all NURBS beams, None without any.
         surface: all shells, None without any.
         floating: bodies in floating frames, None without any.
         rigid_frames: (n, 12) frames of the rigid bodies.
+        families: families of the model's bodies by their numbers, in the order of the nest.
     """
 
     def __init__(self, model: Model) -> None:
         """Number the nodes of all beams and compute all frames at the start."""
         self.model = model
         self._places: dict[Observed, Place | None] = {}
-        self._lines: dict[str, Line] = {}
-        self._carried: dict[Carrier, Line] = {}
-        self._rigid_index = {b.name: i for i, b in enumerate(model.rigid_bodies)}
         self.points, self.frames = np.empty((0, 3)), np.empty((0, 12))
         self.sections: list[Section] = []
         if beams := model.beams_of("se3"):
@@ -77,6 +73,11 @@ class Assembly:
         self.rigid_frames = np.array(
             [se3.frame(b.position, b.rotation) for b in model.rigid_bodies]
         ).reshape(-1, 12)
+        self.families: dict[int, Family] = {}
+        for kind, family in enumerate(registry(model)):
+            if family.members(model):
+                self.families[kind] = family(self, kind)
+        self._kind = {b.name: k for k, family in self.families.items() for b in family.own}
 
     def _beams(self, beams: list[Beam]) -> None:
         model, mesh = self.model, self.model.mesh
@@ -103,8 +104,8 @@ class Assembly:
             frames=se3.frame(self.points[cells], ends),
             damping=np.repeat([b.damping for b in beams], counts),
         )
-        self._body_of_node = np.empty(len(used), dtype=np.int64)
-        self._body_of_node[cells] = self.cells.body[:, np.newaxis]
+        self.body_of_node = np.empty(len(used), dtype=np.int64)
+        self.body_of_node[cells] = self.cells.body[:, np.newaxis]
         self.frames = node_frames(cells, self.cells.frames, len(used))
         self.velocities = np.zeros((len(used), 6))
         for beam in beams:
@@ -130,12 +131,9 @@ class Assembly:
     @property
     def nodes(self) -> FloatArray:
         """Positions (n, 3) of all nodes of flexible bodies at the start, m."""
-        nothing = np.empty((0, 12))
-        curves = nothing if self.curves is None else self.curves.frames
-        surface = nothing if self.surface is None else self.surface.frames
-        floating = nothing if self.floating is None else self.floating.placed
-        frames = np.concatenate([curves, surface, floating])
-        return np.concatenate([self.points, se3.position(frames)])
+        flexible = [family for family in self.families.values() if not family.follows]
+        frames = [np.empty((0, 12)), *(family.frames[family.placed] for family in flexible)]
+        return se3.position(np.concatenate(frames))
 
     def line(self, name: str) -> Line:
         """Elements of a beam in order, found once.
@@ -143,9 +141,9 @@ class Assembly:
         Raises:
             ValueError: the model has no such beam, or it branches or falls apart.
         """
-        if name not in self._lines:
-            self._lines[name] = self._line(name)
-        return self._lines[name]
+        if not isinstance(self.model.get(name), Beam):
+            raise ValueError(f'{self.model!r} has no beam "{name}"')
+        return self.carrier_line(Carrier(name))
 
     def carrier_line(self, carrier: Carrier) -> Line:
         """Line of a carrier, found once for each.
@@ -153,35 +151,17 @@ class Assembly:
         Raises:
             ValueError: it is that of a beam that branches or falls apart.
         """
-        body = self.model[carrier.body]
-        if isinstance(body, Beam):
-            return self.line(carrier.body)
-        if carrier not in self._carried:
-            if isinstance(body, RigidBody):
-                number = self._rigid_index[body.name]
-                self._carried[carrier] = rigid_line(RIGID, number, carrier)
-            else:
-                assert self.floating is not None
-                first = int(self.floating.first[self.model.floating_bodies.index(body)])
-                self._carried[carrier] = floating_line(FLOATING, first, body, carrier)
-        return self._carried[carrier]
+        return self.family_of(carrier.body).line(carrier)
 
-    def _line(self, name: str) -> Line:
-        beam = self.model.get(name)
-        if not isinstance(beam, Beam):
-            raise ValueError(f'{self.model!r} has no beam "{name}"')
-        if beam.formulation == "nurbs":
-            assert self.curves is not None
-            return self.curves.line(self.curves.index(name))
-        cells = np.flatnonzero(self.cells.body == self.model.beams.index(beam))
-        nodes = self.cells.cells[cells].astype(np.int64)
-        order = _chain(nodes)
-        if order is None:
-            raise ValueError(f'Beam "{name}": group "{beam.group}" branches or falls apart')
-        cells = cells[order]
-        return se3_line(
-            BEAMS, cells, self.cells.cells[cells], self.cells.frames[cells], self.frames
-        )
+    def family_of(self, name: str) -> Family:
+        """Family of a body.
+
+        Raises:
+            ValueError: the model has no such body.
+        """
+        if name not in self._kind:
+            raise ValueError(f'{self.model!r} has no body "{name}"')
+        return self.families[self._kind[name]]
 
     def point(self, marker: Observed) -> LinePoint | None:
         """A marker inside an element as a point of its line, None for the others."""
@@ -202,24 +182,13 @@ class Assembly:
         ):
             return None
         place = self._place_of(marker)
-        if place is None:
-            return RIGID, self._rigid_index[marker.body]
-        if place.node is None:
+        if place is not None and place.node is None:
             raise ValueError(
                 f'Marker on "{marker.body}": point {marker.point} lies inside an element, where no '
                 f"node is; {_MORE_NODES[self.model[marker.body].formulation]}"
             )
-        body = self.model[marker.body]
-        if isinstance(body, Shell):
-            return SHELLS, place.node
-        if isinstance(body, FloatingBody):
-            assert self.floating is not None
-            first = self.floating.first[self.model.floating_bodies.index(body)]
-            return FLOATING, int(first) + place.node
-        if body.formulation == "nurbs":
-            assert self.curves is not None
-            return NURBS, int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
-        return BEAMS, self._node_of_mesh[place.node]
+        family = self.family_of(marker.body)
+        return family.kind, family.node(marker, place)
 
     def place(self, marker: Observed) -> ElementPlace | None:
         """Place of a marker that no single node carries; None for all others."""
@@ -237,20 +206,14 @@ class Assembly:
         return self._places[marker]
 
     def surface_place(self, marker: Attachment) -> SurfacePlace | None:
-        """Place of a marker on a shell, None for the others."""
-        if isinstance(marker, SurfaceMarker):
-            return SurfacePlace(SHELLS, marker.nodes, marker.weights)
-        if not isinstance(marker, Marker) or not isinstance(self.model.get(marker.body), Shell):
+        """Place of a marker on nodes without axes of their own, None for the others."""
+        if not isinstance(marker, Marker) or isinstance(marker, (Carrier, ShellLine)):
             return None
-        key = self.key(marker)
-        assert key is not None  # lines are no single places
-        return SurfacePlace(SHELLS, (key[1],), (1.0,))
+        return self.family_of(marker.body).surface_place(marker)
 
     def on_triangle(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
-        """The place of a marker in a triangle of its shell."""
-        assert self.surface is not None
-        mesh = self.surface.mesh
-        return place.on_triangle(mesh, mesh.bodies[self.model[marker.body].body])
+        """The place of a marker on three nodes whose triangle gives it axes."""
+        return self.family_of(marker.body).with_axes(marker, place)
 
     def mesh_nodes(self, nodes: Sequence[int]) -> IntArray:
         """Numbers of the beams' nodes given by their numbers in the mesh."""
@@ -267,57 +230,20 @@ class Assembly:
         return int(block.owned_index(np.array([key[1]]))[0])
 
     def bodies(self, kind: int, nodes: IntArray) -> IntArray:
-        """Numbers of the bodies, among those of their kind, that nodes belong to."""
-        if kind == BEAMS:
-            return self._body_of_node[nodes]
-        if kind == SHELLS:
-            assert self.surface is not None
-            return self.surface.body_of_node[nodes]
-        if kind == NURBS:
-            assert self.curves is not None
-            return self.curves.body_of_node[nodes]
-        if kind == FLOATING:
-            assert self.floating is not None
-            return self.floating.body_of_node[nodes]
-        return nodes
+        """Numbers of the bodies, among those of their family, that nodes belong to."""
+        return self.families[kind].body_of_node[nodes]
 
     def clusters(self, kind: int, nodes: IntArray) -> IntArray:
         """Numbers of the clusters of bodies with common nodes that nodes belong to."""
-        if kind == SHELLS:
-            assert self.surface is not None
-            return self.surface.cluster_of_node[nodes]
-        return self.bodies(kind, nodes)
+        return self.families[kind].cluster_of_node[nodes]
 
-    def body(self, kind: int, number: int) -> Beam | Shell | RigidBody | FloatingBody:
-        """Body of a kind by its number."""
-        model = self.model
-        kinds: dict[int, Sequence[Beam | Shell | RigidBody | FloatingBody]] = {
-            RIGID: model.rigid_bodies, SHELLS: model.shells, FLOATING: model.floating_bodies,
-        }  # fmt: skip
-        return kinds.get(kind, model.beams)[number]
-
-    def owner(self, kind: int) -> str:
-        """What messages call the first body of a kind."""
-        if kind == RIGID:
-            return f'RigidBody "{self.model.rigid_bodies[0].name}"'
-        if kind == SHELLS:
-            return f'Shell "{self.model.shells[0].name}"'
-        if kind == FLOATING:
-            return f'FloatingBody "{self.model.floating_bodies[0].name}"'
-        return f'Beam "{self.model.beams_of("se3" if kind == BEAMS else "nurbs")[0].name}"'
+    def body(self, kind: int, number: int) -> Any:
+        """Body of a family by its number."""
+        return self.families[kind].bodies[number]
 
     def node_frames(self, kind: int) -> FloatArray:
-        """Frames (n, 12) of all nodes of a kind at the start."""
-        if kind == NURBS:
-            assert self.curves is not None
-            return self.curves.frames
-        if kind == SHELLS:
-            assert self.surface is not None
-            return self.surface.frames
-        if kind == FLOATING:
-            assert self.floating is not None
-            return self.floating.frames
-        return self.frames if kind == BEAMS else self.rigid_frames
+        """Frames (n, 12) of all nodes of a family at the start."""
+        return self.families[kind].frames
 
     def carrier_frame(self, marker: Marker) -> FloatArray:
         """Frame (12,) at the start of what carries a marker: its node, or its place in a line."""
@@ -341,21 +267,14 @@ class Assembly:
     def marker_pose(self, marker: Observed) -> Pose:
         """Pose of a marker at the start."""
         if isinstance(marker, SurfaceMarker):
-            place = SurfacePlace(SHELLS, marker.nodes, marker.weights)
-            x = place.position(self.node_frames(SHELLS)[:, :3])
+            place = self.surface_place(marker)
+            assert place is not None
+            x = place.position(self.node_frames(place.kind)[:, :3])
             return Pose(x + marker.offset, marker.rotation)
         frame = self.marker_frame(marker)
         if isinstance(marker, Marker):
             frame = se3.compose(self.carrier_frame(marker), frame)
         return Pose(se3.position(frame), se3.rotation(frame))
-
-
-def _chain(cells: IntArray) -> IntArray | None:
-    """Order of cells of one line, all in its direction; None where they branch or fall apart."""
-    lines = trace_lines(cells)
-    if len(lines) != 1 or lines[0].reversed.any():
-        return None
-    return lines[0].cells
 
 
 def _along(model: Model, beam: Beam) -> IntArray:

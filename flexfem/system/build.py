@@ -7,12 +7,10 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.marker import SurfaceMarker
-from flexfem.elements.director_shells import DirectorShells
 from flexfem.elements.family import ElementFamily
-from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.forms.beam_law import law_expressions
 from flexfem.lie import se3, so3
 from flexfem.model.bodies import Beam, PointMass
@@ -24,30 +22,11 @@ from flexfem.system.contact_points import ContactPoints, contact_points
 from flexfem.system.contact_start import check_start
 from flexfem.system.contact_surfaces import ContactSurfaces, contact_surfaces
 from flexfem.system.contacts import Contacts, ContactShare
-from flexfem.system.families import (
-    director_block,
-    floating_block,
-    nurbs_block,
-    se3_block,
-    shell_block,
-)
-from flexfem.system.inner_forces import InnerForces
+from flexfem.system.family import Family
 from flexfem.system.interface import Interface
-from flexfem.system.line_loads import by_kind
 from flexfem.system.node_loads import NodeForces, NodeMasses
-from flexfem.system.placed_loads import line_forces, node_forces
-from flexfem.system.placement import (
-    BEAMS,
-    FLOATING,
-    KINDS,
-    NURBS,
-    RIGID,
-    SHELLS,
-    Placement,
-    place,
-)
-from flexfem.system.shell_couples import shell_couples
-from flexfem.system.shell_loads import pressures, shell_forces
+from flexfem.system.placed_loads import marker_forces
+from flexfem.system.placement import Placement, place
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
@@ -68,30 +47,22 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
     ends = all_ends(serial)
     joints_of_rows = [(joint, end.rows) for joint, end in zip(serial.joints, ends, strict=True)]
-    placement = place(model, joints_of_rows, comm.size, split_above)
+    placement = place(list(serial.families.values()), joints_of_rows, comm.size, split_above)
     _check_laws(serial)
     for mass in model.point_masses:
         _check_node(serial, mass)
     touching = _touching(serial)
-    blocks: list[FrameBlock | None] = [None for _ in KINDS]
-    families: dict[int, ElementFamily] = {}
-    if model.beams_of("se3"):
-        blocks[BEAMS], families[BEAMS] = se3_block(serial, comm, placement)
-    if serial.curves is not None:
-        blocks[NURBS], families[NURBS] = nurbs_block(serial, comm, placement)
-    if serial.surface is not None:
-        shells = shell_block if serial.surface.directors is None else director_block
-        blocks[SHELLS], families[SHELLS] = shells(serial, comm, placement)
-    if serial.floating is not None:
-        blocks[FLOATING], families[FLOATING] = floating_block(serial, comm, placement)
-    if model.rigid_bodies:
-        blocks[RIGID] = _rigid_block(serial, comm, placement)
+    families = serial.families
+    blocks: list[FrameBlock | None] = [None for _ in range(1 + max(families))]
+    elements: dict[int, ElementFamily | None] = {}
+    for kind, family in families.items():
+        blocks[kind], elements[kind] = family.block(comm, placement.elements[kind])
     interface, joints = connect(serial.joints, ends, comm, placement, blocks)
     constraints = Constraints(comm, joints, interface)
     for name in model.released:
         constraints.set_active(name, False)
     parts = [
-        _part(serial, kind, block, interface, families.get(kind))
+        _part(serial, families[kind], block, interface, elements[kind])
         for kind, block in enumerate(blocks)
         if block is not None
     ]
@@ -121,36 +92,30 @@ def _add_contacts(
     """Give each block its share of the contacts (collective)."""
     points, described = touching
     blocks = {part.kind: part.block for part in parts}
-    contacts = Contacts(comm, described, points, blocks, placement.triangles)
+    contacts = Contacts(comm, described, points, blocks, placement.elements)
     for part in parts:
         if part.kind in contacts.kinds:
             part.contacts = ContactShare(contacts, part.kind)
 
 
 def _part(
-    serial: Assembly, kind: int, block: FrameBlock, interface: Interface,
+    serial: Assembly, family: Family, block: FrameBlock, interface: Interface,
     elements: ElementFamily | None,
 ) -> BlockPart:  # fmt: skip
     """A block with what acts on its nodes of this rank."""
-    node_body = serial.bodies(kind, block.node_ids)
-    forces, inside = node_forces(serial, kind, block), list[InnerForces]()
-    if kind in (BEAMS, NURBS):
-        inside += by_kind(line_forces(serial, kind, block), node_body, block)
-    elif isinstance(elements, (RotationFreeShells, DirectorShells)):
-        forces += shell_forces(serial, block)
-        inside += pressures(serial, elements.carriers, elements.body)
-        inside += by_kind(shell_couples(serial, block, elements.carriers), node_body, block)
+    node_body = family.body_of_node[block.node_ids]
+    at_nodes, inside = family.forces(block, elements, node_body)
+    of_markers = marker_forces(serial, family.kind, block, turning=family.axes)
     return BlockPart(
-        kind=kind,
+        family=family,
         block=block,
-        masses=_masses(serial, kind, block),
-        forces=NodeForces(forces),
+        masses=_masses(serial, family, block),
+        forces=NodeForces([*of_markers, *at_nodes]),
         line_forces=inside,
         elements=elements,
-        owner=serial.owner(kind),
         node_body=node_body,
-        node_cluster=serial.clusters(kind, block.node_ids),
-        slots=np.where(interface.kind == kind, interface.local, -1),
+        node_cluster=family.cluster_of_node[block.node_ids],
+        slots=np.where(interface.kind == family.kind, interface.local, -1),
     )
 
 
@@ -185,18 +150,6 @@ def _check_laws(serial: Assembly) -> None:
             )
 
 
-def _rigid_block(serial: Assembly, comm: MPI.Intracomm, placement: Placement) -> FrameBlock:
-    from dolfinx.common import IndexMap
-
-    mine = np.flatnonzero(placement.rigid == comm.rank)
-    bodies = serial.model.rigid_bodies
-    velocity = np.array([bodies[number].twist for number in mine]).reshape(-1, 6)
-    frames = serial.rigid_frames[mine]
-    return FrameBlock(
-        "rigid_bodies", comm, frames, velocity, mine, IndexMap(comm, len(mine)), inertial=False
-    )
-
-
 def _check_node(serial: Assembly, mass: PointMass) -> None:
     """Raise for a mass inside an element: the inertia of elements knows nothing of it."""
     try:
@@ -205,16 +158,11 @@ def _check_node(serial: Assembly, mass: PointMass) -> None:
         raise ValueError(f'PointMass "{mass.name}": {error}') from None
 
 
-def _masses(serial: Assembly, kind: int, block: FrameBlock) -> NodeMasses:
+def _masses(serial: Assembly, family: Family, block: FrameBlock) -> NodeMasses:
     """Rigid bodies and point masses on the nodes of a block that this rank owns."""
-    nodes: list[int] = []
-    matrices: list[FloatArray] = []
-    if kind == RIGID:
-        nodes += range(block.owned)
-        numbers = block.node_ids[: block.owned]
-        matrices += [serial.model.rigid_bodies[i].inertia_matrix for i in numbers]
+    nodes, matrices = family.masses(block)
     for mass in serial.model.point_masses:
-        local = serial.local_node(mass.marker, kind, block)
+        local = serial.local_node(mass.marker, family.kind, block)
         if local >= 0:
             arm = so3.skew(se3.position(serial.marker_frame(mass.marker)))
             nodes.append(local)

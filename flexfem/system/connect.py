@@ -21,9 +21,10 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.interface import Interface
 from flexfem.system.line_data import ON_LINE
 from flexfem.system.lines import Line, LinePoint, Rail, RailPoint
+from flexfem.system.node_key import NodeKey
 from flexfem.system.node_table import NodeTable
 from flexfem.system.placed_joint import PlacedJoint
-from flexfem.system.placement import NodeKey, Placement
+from flexfem.system.placement import Placement
 from flexfem.system.surface_places import SurfacePlace, carrier_frame, turning
 
 __all__ = ["JointEnds", "all_ends", "connect", "connect_alone", "joint_ends"]

@@ -25,7 +25,6 @@ from flexfem.contact.carried import (
 from flexfem.core.frame_block import FrameBlock
 from flexfem.system.contact_points import GROUND, ContactPoints
 from flexfem.system.node_exchange import NodeExchange
-from flexfem.system.placement import SHELLS
 
 __all__ = ["CarriedPoints", "Carriers"]
 
@@ -80,7 +79,7 @@ class Carriers:
 
     def __init__(
         self, comm: MPI.Intracomm, points: ContactPoints, blocks: Mapping[int, FrameBlock],
-        shell_ranks: IntArray,
+        element_ranks: Mapping[int, IntArray],
     ) -> None:  # fmt: skip
         """Find out who owns what (collective).
 
@@ -88,7 +87,7 @@ class Carriers:
             comm: communicator.
             points: the points of the model.
             blocks: those that carry points, by kind.
-            shell_ranks: rank of every triangle of the surface mesh.
+            element_ranks: rank of every element of the blocks, by kind.
         """
         self._comm, self.serial = comm, points
         self.by_kind = {kind: CarriedPoints.of(points, kind, one) for kind, one in blocks.items()}
@@ -101,9 +100,10 @@ class Carriers:
         owner[ground] = np.arange(len(ground)) * comm.size // max(len(ground), 1)
         self.home: IntArray = np.concatenate([owner, owner[points.parents[:, 0]]])
         self.ranks: IntArray = owner[points.masters.triangles[:, 0]]
-        shells = np.flatnonzero(points.kind[points.masters.triangles[:, 0]] == SHELLS)
-        if len(shells):
-            self.ranks[shells] = np.repeat(shell_ranks, len(shells) // len(shell_ranks))
+        of_triangle = points.kind[points.masters.triangles[:, 0]]
+        for kind, ranks in element_ranks.items():
+            own = np.flatnonzero((of_triangle == kind) & (points.element >= 0))
+            self.ranks[own] = ranks[points.element[own]]
         between = np.flatnonzero(self.home[points.carried :] == comm.rank)
         self._between = (
             points.parents[between], points.weights[between], points.carried + between

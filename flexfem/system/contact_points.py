@@ -7,6 +7,7 @@ a rigid body carries or the ground. Further points lie between two of them, alon
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +21,10 @@ from flexfem.mesh.surface_topology import (
     match_sides,
     surface_topology,
 )
-from flexfem.model.bodies import Beam
 from flexfem.model.contact import Contact
 from flexfem.model.rigid_surface import RigidMesh
 from flexfem.system.assembly import Assembly
-from flexfem.system.placement import BEAMS, SHELLS
+from flexfem.system.family import ContactSurface, Family
 
 __all__ = ["GROUND", "RINGS", "ContactPoints", "contact_points"]
 
@@ -32,8 +32,6 @@ __all__ = ["GROUND", "RINGS", "ContactPoints", "contact_points"]
 GROUND = -1
 #: Points and edges up to this many edges away from a triangle neither touch nor cross it.
 RINGS = 2
-#: Corners of the four triangles between the nodes of a curved one.
-_QUARTERS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
 #: Most parts that an element of a beam is divided into.
 _MOST_PARTS = 10
 
@@ -52,6 +50,7 @@ class ContactPoints:
         masters: all triangles.
         edges: of the triangles, (e, 2).
         joined: pairs of points that joints hold together, near which nothing touches, (k, 2).
+        element: number of the element of each triangle in its family, -1 for rigid meshes, (m,).
         body: number of each triangle's body in ``names``, (m,); owner: that of each point, (n + d,)
         names: what messages call the bodies.
         triangles_of: triangles of shells by name and of rigid meshes by their ``id``.
@@ -68,6 +67,7 @@ class ContactPoints:
     masters: Masters
     edges: IntArray
     joined: IntArray
+    element: IntArray
     body: IntArray
     owner: IntArray
     names: list[str]
@@ -94,6 +94,7 @@ class _Collected:
     triangles: list[IntArray] = field(default_factory=list)
     thickness: list[FloatArray] = field(default_factory=list)
     sides: list[IntArray] = field(default_factory=list)
+    element: list[IntArray] = field(default_factory=list)
     body: list[IntArray] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     count: int = 0
@@ -118,13 +119,15 @@ class _Collected:
         return np.arange(first, self.count)
 
     def add_triangles(
-        self, triangles: IntArray, thickness: FloatArray, body: IntArray, side: int = 0
-    ) -> IntArray:
+        self, triangles: IntArray, thickness: FloatArray, body: IntArray, side: int = 0,
+        element: IntArray | None = None,
+    ) -> IntArray:  # fmt: skip
         """Add triangles between numbered points; returns their numbers."""
         first = self.faces
         self.triangles.append(triangles)
         self.thickness.append(thickness)
         self.sides.append(np.full(len(triangles), side))
+        self.element.append(np.full(len(triangles), -1) if element is None else element)
         self.body.append(np.asarray(body, dtype=np.int64))
         self.faces += len(triangles)
         return np.arange(first, self.faces)
@@ -141,8 +144,10 @@ def contact_points(
         joined: pairs of nodes of shells that joints hold together, (k, 2).
     """
     made, triangles_of = _Collected(), dict[str | int, IntArray]()
-    if serial.surface is not None:
-        _add_shells(made, serial, triangles_of)
+    for kind, family in serial.families.items():
+        touching = family.contact_surface()
+        if touching is not None:
+            _add_surface(made, kind, touching, triangles_of)
     for contact in contacts:
         for k, surface in enumerate(contact.surfaces):
             if isinstance(surface, RigidMesh) and id(surface) not in triangles_of:
@@ -153,9 +158,9 @@ def contact_points(
     names = dict.fromkeys(name for contact in contacts for name in contact.slaves)
     chains = {}
     for name in names:
-        beam = serial.model[name]
-        if isinstance(beam, Beam):
-            chains[name] = _add_beam(made, serial, beam)
+        family = serial.family_of(name)
+        if (cells := family.contact_chain(name)) is not None:
+            chains[name] = _add_chain(made, family, serial.model[name], cells)
     start = np.concatenate([np.zeros((0, 3)), *made.start])
     count = made.count
     for name, (cells, own, owner) in chains.items():
@@ -183,7 +188,7 @@ def _finished(
 ) -> ContactPoints:  # fmt: skip
     """All of it, with neighbours and rims of the triangles."""
     triangles = np.concatenate([np.zeros((0, 3), np.int64), *made.triangles])
-    body = np.concatenate([np.zeros(0, np.int64), *made.body])
+    body, element = (np.concatenate([np.zeros(0, np.int64), *k]) for k in (made.body, made.element))
     topology = surface_topology(triangles, match_sides(triangles, body, max(made.count, 1)))
     masters = Masters(
         triangles,
@@ -196,26 +201,25 @@ def _finished(
     return ContactPoints(
         kind, node, np.concatenate([np.zeros((0, 3)), *made.arms]),
         np.concatenate([np.zeros((0, 6), np.bool_), *made.held]), start, *means, masters,
-        topology.edges, joined, body, owner, made.names, triangles_of, points_of, lengths,
+        topology.edges, joined, element, body, owner, made.names, triangles_of, points_of, lengths,
     )  # fmt: skip
 
 
-def _add_shells(
-    made: _Collected, serial: Assembly, triangles_of: dict[str | int, IntArray]
+def _add_surface(
+    made: _Collected, kind: int, surface: ContactSurface, triangles_of: dict[str | int, IntArray]
 ) -> None:
-    """Nodes and triangles of all shells; those with directors have four for each triangle."""
-    surface = serial.surface
-    assert surface is not None
-    made.names += [f'Shell "{shell.name}"' for shell in surface.shells]
-    thickness = np.array([shell.section.thickness for shell in surface.shells])
-    triangles, body, start = surface.mesh.triangles, surface.body, surface.mesh.points
-    if surface.directors is not None:
-        triangles = surface.directors.nodes[:, _QUARTERS].reshape(-1, 3)
-        body, start = np.repeat(body, 4), surface.frames[:, :3]
-    made.add_points(SHELLS, np.arange(len(start)), start, surface.body_of_node, held=surface.held)
-    made.add_triangles(triangles.astype(np.int64), 0.5 * thickness[body], body)
-    for number, shell in enumerate(surface.shells):
-        triangles_of[shell.name] = np.flatnonzero(body == number)
+    """Nodes and triangles of all bodies of a family."""
+    first = len(made.names)
+    made.names += [f'{type(body).__name__} "{body.name}"' for body in surface.bodies]
+    nodes, start = surface.nodes, surface.start
+    rows = made.add_points(kind, nodes, start, first + surface.owner, held=surface.held)
+    number = np.full(nodes.max(initial=-1) + 1, -1)
+    number[nodes] = rows
+    found = made.add_triangles(
+        number[surface.triangles], surface.radius, first + surface.body, element=surface.element
+    )
+    for k, body in enumerate(surface.bodies):
+        triangles_of[body.name] = found[surface.body == k]
 
 
 def _add_mesh(made: _Collected, serial: Assembly, surface: RigidMesh, name: str) -> IntArray:
@@ -238,13 +242,15 @@ def _add_mesh(made: _Collected, serial: Assembly, surface: RigidMesh, name: str)
     return made.add_triangles(rows[mesh.triangles], np.zeros(m), np.full(m, number), side)
 
 
-def _add_beam(made: _Collected, serial: Assembly, beam: Beam) -> tuple[IntArray, IntArray, int]:
-    """Nodes of a beam; returns its elements between points, the points and the body's number."""
+def _add_chain(
+    made: _Collected, family: Family, body: Any, cells: IntArray
+) -> tuple[IntArray, IntArray, int]:
+    """Nodes of a body of lines; returns its elements between points, the points and its number."""
     number = len(made.names)
-    made.names.append(f'Beam "{beam.name}"')
-    cells = serial.cells.cells[serial.cells.body == serial.model.beams.index(beam)]
+    made.names.append(f'{type(body).__name__} "{body.name}"')
     nodes, at = np.unique(cells, return_inverse=True)
-    rows = made.add_points(BEAMS, nodes, serial.frames[nodes, :3], np.full(len(nodes), number))
+    start = family.frames[nodes, :3]
+    rows = made.add_points(family.kind, nodes, start, np.full(len(nodes), number))
     return rows[at.reshape(-1, 2)], rows, number
 
 

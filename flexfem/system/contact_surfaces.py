@@ -25,10 +25,9 @@ from flexfem.model.rigid_surface import (
     RigidSphere,
     RigidSurface,
 )
-from flexfem.model.shell import Shell
 from flexfem.system.assembly import Assembly
 from flexfem.system.contact_points import RINGS, ContactPoints
-from flexfem.system.placement import NodeKey
+from flexfem.system.node_key import NodeKey
 
 __all__ = ["ContactPass", "ContactSurfaces", "RigidPlace", "contact_surfaces"]
 
@@ -239,27 +238,11 @@ def _numbers(serial: Assembly, contact: Contact, names: Sequence[str]) -> tuple[
     """Least stiffness through the thickness, N/m^3, and mass per area, kg/m^2, of bodies."""
     through, mass = [], []
     for name in names:
-        body = serial.model[name]
-        if isinstance(body, Shell):
-            section = body.section
-            through.append(float(np.diag(section.stiffness)[:2].min()) / section.thickness**2)
-            mass.append(section.mass)
-        elif isinstance(body, Beam):
-            diameter = 2.0 * contact.beam_radius(body)
-            through.append(_axial(body) / (0.25 * np.pi * diameter**3))
-            mass.append(body.section.mass_per_length / diameter)
+        family = serial.family_of(name)
+        both = family.contact_numbers(serial.model[name], contact)
+        through.append(both[0])
+        mass.append(both[1])
     return min(through), min(mass)
-
-
-def _axial(beam: Beam) -> float:
-    """Axial stiffness of a beam, N, at zero strain."""
-    section = beam.section
-    if section.stiffness is not None:
-        return float(section.stiffness[0, 0])
-    raise ValueError(
-        f'Beam "{beam.name}": its BeamLaw has no stiffness from which that of contact follows, '
-        "give Contact(stiffness=...)"
-    )
 
 
 def _rigid_place(serial: Assembly, surface: RigidSurface) -> RigidPlace:

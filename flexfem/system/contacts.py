@@ -44,7 +44,7 @@ class Contacts:
 
     def __init__(
         self, comm: MPI.Intracomm, described: Sequence[ContactSurfaces], points: ContactPoints,
-        blocks: Mapping[int, FrameBlock], shell_ranks: IntArray,
+        blocks: Mapping[int, FrameBlock], element_ranks: Mapping[int, IntArray],
     ) -> None:  # fmt: skip
         """Find out who owns what (collective).
 
@@ -53,13 +53,13 @@ class Contacts:
             described: serial data of the contacts.
             points: serial data of their points.
             blocks: of the system, by kind.
-            shell_ranks: rank of every triangle of the surface mesh.
+            element_ranks: rank of every element of the blocks, by kind.
         """
         self._comm, count = comm, len(points.start)
         places = [place for one in described for place in one.rigid]
         self._frames = SurfaceFrames(comm, places, blocks)
         carrying = {kind: blocks[kind] for kind in np.unique(points.kind).tolist() if kind >= 0}
-        self._carriers = Carriers(comm, points, carrying, shell_ranks)
+        self._carriers = Carriers(comm, points, carrying, element_ranks)
         moving = self._frames.kind[self._frames.moving].tolist()
         self.kinds = sorted({*carrying, *moving})
         self._points, self._forces = points.start.copy(), np.zeros((count, 3))

@@ -46,20 +46,20 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
         "gravity": model.gravity,
         "joints": model.joints,
         "loads": model.loads,
-        "mesh": _lines(serial),
+        "mesh": _layout(serial, "mesh"),
         "point masses": model.point_masses,
         "probes": [(probe.name, probe.columns) for probe in model.probes],
         "rigid bodies": model.rigid_bodies,
         "shells": model.shells,
-        "surface": _surface(serial),
+        "surface": _layout(serial, "surface"),
     }
     return {name: _Digest(serial).of(part) for name, part in parts.items()}
 
 
 def fingerprints(serial: Assembly) -> list[tuple[str, str]]:
     """Every thing in a model with its checksum, functions included, in the order of the model."""
-    things = (*_named(serial), ("the mesh of its beams", _lines(serial)),
-              ("the mesh of its shells", _surface(serial)))  # fmt: skip
+    things = (*_named(serial), ("the mesh of its beams", _layout(serial, "mesh")),
+              ("the mesh of its shells", _layout(serial, "surface")))  # fmt: skip
     known: _Known = {}
     return [(words, _Digest(serial, known).of(thing)) for words, thing in things]
 
@@ -100,23 +100,10 @@ def _floating(body: FloatingBody) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def _lines(serial: Assembly) -> tuple[Any, ...]:
-    """Nodes and elements of all beams."""
-    parts: list[Any] = []
-    if serial.sections:
-        parts += [serial.points, serial.cells.cells, serial.frames]
-    if serial.curves is not None:
-        nodes = [serial.curves.nodes(beam) for beam in range(len(serial.curves.beams))]
-        parts += [serial.curves.frames, nodes]
-    return tuple(parts)
-
-
-def _surface(serial: Assembly) -> tuple[Any, ...]:
-    """Nodes and triangles of all shells, and what holds at their edges."""
-    surface = serial.surface
-    if surface is None:
-        return ()
-    return surface.mesh.triangles, surface.frames, surface.rules, surface.held, surface.averaged
+def _layout(serial: Assembly, what: str) -> tuple[Any, ...]:
+    """Nodes and elements of the families that lay out a "mesh" of beams or a "surface"."""
+    found = [family.fingerprint().get(what, ()) for family in serial.families.values()]
+    return tuple(part for parts in found for part in parts)
 
 
 #: Checksums of data by their identity: many beams have one section. Functions are there, too, each

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.lie.compiled import kernel
-from flexfem.system.placement import NodeKey
+from flexfem.system.node_key import NodeKey
 
 __all__ = ["Interface", "NodeDirectory"]
 

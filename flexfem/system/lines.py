@@ -14,7 +14,7 @@ import numpy as np
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.line_points import SE3, arc_length, line_pose, turn_frames
 from flexfem.lie import se3
-from flexfem.system.placement import NodeKey
+from flexfem.system.node_key import NodeKey
 
 __all__ = ["ElementPlace", "Line", "LinePoint", "Rail", "RailPoint", "se3_line"]
 

@@ -10,7 +10,6 @@ from flexfem.core import motion
 from flexfem.model.model import Model
 from flexfem.system.inner_forces import InnerForces
 from flexfem.system.node_loads import NodeForces
-from flexfem.system.placement import BEAMS, FLOATING, NURBS, RIGID, SHELLS
 from flexfem.system.system import System
 
 __all__ = ["ChosenBodies", "MomentumMeter"]
@@ -36,14 +35,10 @@ class ChosenBodies:
         """
         self._parts = system.parts
         member = {
-            kind: np.array([names is None or body.name in names for body in bodies], dtype=np.bool_)
-            for kind, bodies in (
-                (BEAMS, model.beams),
-                (NURBS, model.beams),
-                (SHELLS, model.shells),
-                (RIGID, model.rigid_bodies),
-                (FLOATING, model.floating_bodies),
+            part.kind: np.array(
+                [names is None or body.name in names for body in part.family.bodies], dtype=np.bool_
             )
+            for part in system.parts
         }
         self.cells: list[BoolArray] = []
         self.masses: list[BoolArray] = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.system.placement import NodeKey
+from flexfem.system.node_key import NodeKey
 
 __all__ = ["NodeTable"]
 

@@ -16,7 +16,6 @@ from flexfem.mesh.nurbs_frames import control_frames
 from flexfem.model.bodies import Beam
 from flexfem.model.model import Model
 from flexfem.system.lines import Line
-from flexfem.system.placement import NURBS
 
 __all__ = ["NurbsLines", "initial_velocities"]
 
@@ -130,11 +129,11 @@ class NurbsLines:
         speed = (arc[:, 1:] * power) @ (xi ** (power[:, np.newaxis] - 1))
         return xi, 0.5 * weights * speed
 
-    def line(self, beam: int) -> Line:
-        """Elements of a beam."""
+    def line(self, beam: int, kind: int) -> Line:
+        """Elements of a beam whose family has the number ``kind``."""
         parts = self.parts[beam]
         return Line(
-            kind=NURBS,
+            kind=kind,
             nodes=self.nodes(beam),
             cells=np.arange(self.first_cell[beam], self.first_cell[beam + 1]),
             shape=parts.shape,

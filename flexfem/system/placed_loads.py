@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Loads of a model as forces at the nodes and places of this rank."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,52 +12,68 @@ from flexfem.core.line_points import arc_length
 from flexfem.core.load import Load
 from flexfem.lie import se3
 from flexfem.loads.line_load import LineLoad
+from flexfem.model.bodies import Beam
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
 from flexfem.system.line_loads import LineForce
 from flexfem.system.lines import ElementPlace
 from flexfem.system.node_loads import Force
-from flexfem.system.placement import BEAMS, NURBS, SHELLS
+from flexfem.system.nurbs_lines import NurbsLines
 
-__all__ = ["line_forces", "node_forces"]
+__all__ = ["line_forces", "marker_forces", "nurbs_beam_forces", "se3_beam_forces"]
 
-#: Kind of the block of a formulation.
-_KIND = {"se3": BEAMS, "nurbs": NURBS}
 #: Gauss points of an element for loads that vary, at least; as many as nodes if these are more.
 _GAUSS = 3
 
 
-def node_forces(serial: Assembly, kind: int, block: FrameBlock) -> list[Force]:
-    """Loads on the nodes of a block that this rank owns."""
-    forces = []
+def marker_forces(
+    serial: Assembly, kind: int, block: FrameBlock, turning: bool = True
+) -> Iterator[Force]:
+    """Loads of markers on the nodes of a block that this rank owns.
+
+    ``turning`` says whether those that follow markers and moments act on nodes.
+    """
     for number, load in enumerate(serial.model.loads):
-        couples = kind == SHELLS and (load.follower or load.has_moment)  # on triangles
-        for marker in () if couples else load.markers:
+        if not turning and (load.follower or load.has_moment):
+            continue
+        for marker in load.markers:
             force, moment = load.wrench
             local = serial.local_node(marker, kind, block)
             if local >= 0:
                 frame = serial.marker_frame(marker)
-                forces.append(Force(local, frame, force, moment, load.follower, number))
+                yield Force(local, frame, force, moment, load.follower, number)
+
+
+def se3_beam_forces(serial: Assembly, beams: Sequence[Beam], block: FrameBlock) -> Iterator[Force]:
+    """Uniform loads along SE(3) beams on the nodes that this rank owns."""
+    for number, load, name in _along(serial, beams):
+        if _at_nodes(load, "se3"):
+            yield from _spread(_half_cells(serial, name, block), load, number)
+
+
+def nurbs_beam_forces(serial: Assembly, curves: NurbsLines, block: FrameBlock) -> Iterator[Force]:
+    """Uniform loads along NURBS beams on the control points that this rank owns."""
+    for number, load, name in _along(serial, curves.beams):
+        if _at_nodes(load, "nurbs"):
+            yield from _spread(_control_points(curves, name, block), load, number)
+
+
+def _along(serial: Assembly, beams: Sequence[Beam]) -> Iterator[tuple[int, Load, str]]:
+    """Loads along some beams with their numbers and the beams' names."""
+    names = {beam.name for beam in beams}
+    for number, load in enumerate(serial.model.loads):
         for name in load.beams:
-            if not _at_nodes(load, serial.model[name].formulation):
-                continue
-            force, moment = load.wrench
-            for node, frame, part in _shares(serial, kind, name, block):
-                forces.append(
-                    Force(node, frame, part * force, part * moment, load.follower, number)
-                )
-    return forces
+            if name in names:
+                yield number, load, name
 
 
-def _shares(
-    serial: Assembly, kind: int, name: str, block: FrameBlock
-) -> Iterator[tuple[int, FloatArray, float]]:
-    """Owned node, section frame relative to it, and length that it carries of a load on a beam."""
-    formulation = serial.model[name].formulation
-    if kind == BEAMS and formulation == "se3":
-        yield from _half_cells(serial, name, block)
-    elif kind == NURBS and formulation == "nurbs":
-        yield from _control_points(serial, name, block)
+def _spread(
+    shares: Iterable[tuple[int, FloatArray, float]], load: Load, number: int
+) -> Iterator[Force]:
+    """A load along a beam at nodes, each with the length that it carries."""
+    force, moment = load.wrench
+    for node, frame, part in shares:
+        yield Force(node, frame, part * force, part * moment, load.follower, number)
 
 
 def _at_nodes(load: Load, formulation: str) -> bool:
@@ -70,11 +86,9 @@ def _at_nodes(load: Load, formulation: str) -> bool:
 
 
 def _control_points(
-    serial: Assembly, name: str, block: FrameBlock
+    curves: NurbsLines, name: str, block: FrameBlock
 ) -> Iterator[tuple[int, FloatArray, float]]:
     """Control points with the integrals of their shape functions: exact for dead forces."""
-    curves = serial.curves
-    assert curves is not None
     beam = curves.index(name)
     nodes, inverse = np.unique(curves.nodes(beam), return_inverse=True)
     lengths = np.bincount(inverse.ravel(), curves.integrals(beam).ravel())
@@ -83,9 +97,11 @@ def _control_points(
         yield int(local[k]), se3.frame(np.zeros(3), np.eye(3)), float(lengths[k])
 
 
-def line_forces(serial: Assembly, kind: int, block: FrameBlock) -> list[LineForce]:
-    """Loads inside those elements of beams that this rank holds."""
-    forces = []
+def line_forces(
+    serial: Assembly, kind: int, beams: Sequence[Beam], block: FrameBlock
+) -> list[LineForce]:
+    """Loads inside those elements of the beams of a kind that this rank holds."""
+    forces, names = [], {beam.name for beam in beams}
     for number, load in enumerate(serial.model.loads):
         for marker in load.markers:
             force, moment = load.wrench
@@ -95,9 +111,9 @@ def line_forces(serial: Assembly, kind: int, block: FrameBlock) -> list[LineForc
                 forces.append(LineForce(place, offset, force, moment, load.follower, number))
         for name in load.beams:
             formulation = serial.model[name].formulation
-            if kind != _KIND[formulation] or _at_nodes(load, formulation):
+            if name not in names or _at_nodes(load, formulation):
                 continue
-            if load.uniform and kind == NURBS:
+            if load.uniform and formulation == "nurbs":
                 forces += _points(serial, name, block, load, number)
             else:
                 assert isinstance(load, LineLoad)

@@ -22,7 +22,7 @@ from flexfem.mesh.surface_topology import sides_along
 from flexfem.system.assembly import Assembly
 from flexfem.system.line_loads import LineForce
 from flexfem.system.lines import ElementPlace
-from flexfem.system.placement import SHELLS
+from flexfem.system.node_key import NodeKey
 
 __all__ = ["shell_couples"]
 
@@ -30,23 +30,26 @@ __all__ = ["shell_couples"]
 _UPWARDS = np.array([-1.0, 0.0, 0.0])
 
 
-def shell_couples(serial: Assembly, block: FrameBlock, carriers: IndexArray) -> list[LineForce]:
+def shell_couples(
+    serial: Assembly, kind: int, block: FrameBlock, carriers: IndexArray
+) -> list[LineForce]:
     """Moments and following forces on the triangles that this rank owns.
 
     Args:
         serial: serial data of the model.
+        kind: number of the family of shells.
         block: nodes of the shells.
         carriers: (m, 3) local corners of these triangles, maybe with more nodes.
     """
     found: list[LineForce] = []
     for number, load in enumerate(serial.model.loads):
         if isinstance(load, EdgeLoad) and load.moment_per_length:
-            found += _edge_moments(serial, load, number)
+            found += _edge_moments(serial, kind, load, number)
         elif load.follower or load.has_moment:
             for marker in load.markers:
                 key = None if serial.place(marker) else serial.key(marker)
-                if key is not None and key[0] == SHELLS:
-                    found += _at_node(serial, load, marker, key[1], number)
+                if key is not None and key[0] == kind:
+                    found += _at_node(serial, load, marker, key, number)
     if not found:
         return []
     own = {tuple(nodes) for nodes in np.sort(block.node_ids[carriers[:, :3]], axis=1).tolist()}
@@ -58,17 +61,17 @@ def _mesh(serial: Assembly) -> SurfaceMesh:
     return serial.surface.mesh
 
 
-def _triangle(nodes: IntArray, row: int, weights: FloatArray) -> ElementPlace:
+def _triangle(kind: int, nodes: IntArray, row: int, weights: FloatArray) -> ElementPlace:
     """Place in the triangle of these corners, with the weights of its position."""
     shape = np.zeros((3, 3))
     shape[:, 0] = weights
     return ElementPlace(
-        kind=SHELLS, nodes=nodes, cell=row, shape=shape, xi=0.0, element=TRIANGLE,
+        kind=kind, nodes=nodes, cell=row, shape=shape, xi=0.0, element=TRIANGLE,
         turns=np.empty((0, 9)),
     )  # fmt: skip
 
 
-def _edge_moments(serial: Assembly, load: EdgeLoad, number: int) -> Iterator[LineForce]:
+def _edge_moments(serial: Assembly, kind: int, load: EdgeLoad, number: int) -> Iterator[LineForce]:
     """The moment of each edge on the triangle beside it, whose first side it is."""
     mesh = _mesh(serial)
     rows = mesh.bodies[serial.model[load.shell].body]
@@ -78,16 +81,16 @@ def _edge_moments(serial: Assembly, load: EdgeLoad, number: int) -> Iterator[Lin
         apex = side % 3
         nodes = np.roll(triangles[side // 3], -apex - 1)
         length = float(np.linalg.norm(mesh.points[nodes[1]] - mesh.points[nodes[0]]))
-        place = _triangle(nodes, int(rows[side // 3]), np.array([0.5, 0.5, 0.0]))
+        place = _triangle(kind, nodes, int(rows[side // 3]), np.array([0.5, 0.5, 0.0]))
         moment = load.moment_per_length * length * _UPWARDS
         yield LineForce(place, still, NOTHING, moment, True, number)
 
 
 def _at_node(
-    serial: Assembly, load: Load, marker: Marker, node: int, number: int
+    serial: Assembly, load: Load, marker: Marker, key: NodeKey, number: int
 ) -> Iterator[LineForce]:
     """Shares of a load at a node, one for each triangle of its shell around it."""
-    mesh, (force, moment) = _mesh(serial), load.wrench
+    mesh, (force, moment), (kind, node) = _mesh(serial), load.wrench, key
     rows = mesh.bodies[serial.model[marker.body].body]
     around = rows[(mesh.triangles[rows] == node).any(axis=1)]
     corners = mesh.points[mesh.triangles[around]]
@@ -95,7 +98,7 @@ def _at_node(
     areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     for row, share in zip(around.tolist(), (areas / areas.sum()).tolist(), strict=True):
         nodes = mesh.triangles[row]
-        place = _triangle(nodes, row, (nodes == node).astype(np.float64))
-        axes = se3.rotation(place.frame(serial.node_frames(SHELLS)[nodes]))
+        place = _triangle(kind, nodes, row, (nodes == node).astype(np.float64))
+        axes = se3.rotation(place.frame(serial.node_frames(kind)[nodes]))
         offset = se3.frame(np.zeros(3), axes.T @ marker.rotation)
         yield LineForce(place, offset, share * force, share * moment, load.follower, number)

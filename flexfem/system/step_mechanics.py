@@ -28,7 +28,6 @@ from flexfem.elements.energy_beam import EnergyBeams, StepState
 from flexfem.elements.request import TangentRequest
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
-from flexfem.system.placement import FLOATING, NURBS, SHELLS
 from flexfem.system.step_constraints import StepRows
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
@@ -356,7 +355,7 @@ def _check_beams(system: System) -> None:
         name = contacts.groups[0].surfaces.contact.name
         raise InputError(f'Contact "{name}": the integrator energy_momentum does not know contact')
     for part in system.parts:
-        if part.kind in (NURBS, SHELLS, FLOATING):
+        if not part.family.energy_momentum:
             raise InputError(
                 f"{part.owner}: the integrator energy_momentum is for beams of the formulation "
                 '"se3" and rigid bodies'

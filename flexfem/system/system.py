@@ -24,6 +24,7 @@ from flexfem.elements.request import EXACT, Strains, TangentRequest
 from flexfem.system.action_kernels import add_products, subtract_forces
 from flexfem.system.constraints import Constraints
 from flexfem.system.contacts import Contacts, ContactShare
+from flexfem.system.family import Family
 from flexfem.system.inner_forces import InnerForces
 from flexfem.system.interface import Interface
 from flexfem.system.mechanics import EndPoint, Mechanics
@@ -99,28 +100,36 @@ class BlockPart:
     """A block with what acts on its nodes.
 
     Attributes:
-        kind: kind of block, one of ``placement.KINDS``.
+        family: the family of the bodies.
         block: the nodes and their state.
         masses, forces: at nodes of this rank; line_forces: inside its elements.
         elements: the element family, None for rigid bodies.
-        owner: what messages call the first body, the same on all ranks.
         node_body: (n,) number of the body that each node belongs to.
         node_cluster: (n,) number of its cluster: bodies that share nodes are one matrix.
         slots: (n_slots,) local node of each interface slot that this rank owns in it, else -1.
         contacts: what these do to its nodes, None where nothing touches.
     """
 
-    kind: int
+    family: Family
     block: FrameBlock
     masses: NodeMasses
     forces: NodeForces
     line_forces: list[InnerForces]
     elements: ElementFamily | None
-    owner: str
     node_body: IntArray
     node_cluster: IntArray
     slots: IntArray
     contacts: ContactShare | None = None
+
+    @property
+    def kind(self) -> int:
+        """Number of the family, the row of the block in the nest."""
+        return self.family.kind
+
+    @property
+    def owner(self) -> str:
+        """Name of the first body in messages, the same on all ranks."""
+        return self.family.owner
 
     def clusters(self) -> tuple[IntArray, IntArray, IntArray]:
         """Clusters with nodes of this rank, their owned nodes in order, and where each starts."""
@@ -174,8 +183,7 @@ class System:
 
     Attributes:
         comm: communicator.
-        parts: the blocks that exist, in the order of the nest (SE(3) beams, NURBS
-            beams, shells, rigid bodies).
+        parts: the blocks that exist, in the order of the nest.
         present: None for each part: tangents take the present stresses.
         interface, constraints: nodes with joints and the rows between them.
         part_of_slot, body_of_slot, cluster_of_slot: part, body and cluster of every interface slot.
@@ -217,6 +225,10 @@ class System:
         self.time = self.lead = 0.0
         self.prediction = Prediction.VELOCITY
         self.row_forces: Callable[[], FloatArray] | None = None
+
+    def part(self, kind: int) -> BlockPart:
+        """The part of a family's number."""
+        return next(part for part in self.parts if part.kind == kind)
 
     def reported_forces(self) -> FloatArray:
         """Forces (r,) of all rows at the accepted state, N or N m (collective).

@@ -13,7 +13,6 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.io.contact_surfaces import ContactSurfaceWriter
 from flexfem.lie import se3, so3
 from flexfem.simulation.stepping import Simulation
-from flexfem.system.placement import RIGID
 from tests.unit.contact_motion import sheet
 from tests.unit.test_io import pvd, read
 
@@ -52,7 +51,7 @@ def test_surfaces_are_where_contact_finds_them(shared_tmp_path: Path) -> None:
     system = simulation.system
     writer = ContactSurfaceWriter(shared_tmp_path, system, simulation.serial)
     writer.write(0.0, 0)
-    block = next(part.block for part in system.parts if part.kind == RIGID)
+    block = next(part.block for part in system.parts if not part.elements)
     shift, spin = np.array([0.2, -0.1, 0.7]), np.array([0.5, -2.0, 1.0])
     if block.owned:
         block.frames[0] = se3.frame(np.array([1.0, 0.0, 0.0]) + shift, TURN)

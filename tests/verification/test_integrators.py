@@ -86,7 +86,7 @@ def test_stabilised_heavy_top_is_of_second_order_from_the_first_step(
     monkeypatch, top, h, span, policy
 ):
     """On R^3 x SO(3), where index 3 has multipliers of first order at first."""
-    monkeypatch.setattr("flexfem.system.build.FrameBlock", _InertialBlock)
+    monkeypatch.setattr("flexfem.families.rigid_bodies.FrameBlock", _InertialBlock)
     errors = [_top_errors(top, step, span, "stabilized_index2", policy) for step in (h, h / 2)]
     order = np.log2(errors[0] / errors[1])
     assert order[:3].min() >= 1.9

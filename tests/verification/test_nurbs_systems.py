@@ -15,10 +15,11 @@ from flexfem.mesh.line_mesh import LineMesh
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.lines import Line
-from flexfem.system.placement import BEAMS, NURBS
 from flexfem.system.probe_rates import probe_rates
 
 COMM = MPI.COMM_WORLD
+#: Numbers of the families.
+BEAMS, NURBS = 0, 1
 STEEL = ff.Material(2.1e9, 0.3, 7850.0)
 SECTION = ff.Section.rectangle(0.03, 0.02, STEEL)
 ANGLE = 1.5

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Keys of nodes that are the same on every rank."""
+
+__all__ = ["NodeKey"]
+
+#: number of a family and of a node in it
+NodeKey = tuple[int, int]
