@@ -33,7 +33,7 @@ from flexfem._types import FloatArray
 from flexfem.core.row import LawKind
 from flexfem.integrators.drive_rates import drive_rates
 from flexfem.integrators.start import laws_settled
-from flexfem.solvers.frozen import FrozenSolver
+from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.action_kernels import add_products
 from flexfem.system.system import GYROSCOPIC, MASS, System

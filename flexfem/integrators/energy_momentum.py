@@ -35,7 +35,7 @@ from flexfem.core.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
-from flexfem.solvers.policies import Policy
+from flexfem.solvers.policy import Policy
 from flexfem.system.constraints import Constraints
 from flexfem.system.step_mechanics import StepMechanics
 from flexfem.system.system import Shifts, System

@@ -25,7 +25,7 @@ from flexfem.core.prediction import Prediction
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
 from flexfem.solvers.newton import Equations, PositionLevel
-from flexfem.solvers.policies import Policy
+from flexfem.solvers.policy import Policy
 from flexfem.system.system import Shifts, System
 
 __all__ = ["TURN_LIMIT", "GeneralizedAlpha", "StepLaws", "step_laws"]

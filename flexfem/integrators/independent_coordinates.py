@@ -27,7 +27,7 @@ from flexfem.integrators.generalized_alpha import GeneralizedAlpha, step_laws
 from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
 from flexfem.integrators.start import drives, second_rates
 from flexfem.solvers.independent_motions import IndependentMotions
-from flexfem.solvers.policies import Policy
+from flexfem.solvers.policy import Policy
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import Shifts, System
 

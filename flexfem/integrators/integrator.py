@@ -17,7 +17,7 @@ from flexfem.analyses.dynamics import INTEGRATORS
 from flexfem.core.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.solvers.policies import Policy
+from flexfem.solvers.policy import Policy
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import Shifts, System
 

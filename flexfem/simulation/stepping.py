@@ -32,7 +32,8 @@ from flexfem.simulation.start_velocities import StartVelocities
 from flexfem.simulation.step_control import HALVINGS, StepControl
 from flexfem.simulation.time_grid import TimeGrid
 from flexfem.solvers.newton import NewtonOptions
-from flexfem.solvers.policies import Policy, UpdatedPolicy, create_policy
+from flexfem.solvers.policies import create_policy
+from flexfem.solvers.policy import Policy, UpdatedPolicy
 from flexfem.solvers.tangent import TangentSolver
 
 __all__ = ["HALVINGS", "Simulation"]

@@ -12,7 +12,7 @@ import pytest
 import flexfem as ff
 from flexfem.la.dropped import destroy_dropped
 from flexfem.simulation.stepping import Simulation
-from flexfem.solvers.frozen import FrozenSolver
+from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.system import Shifts
 

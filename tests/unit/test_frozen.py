@@ -9,8 +9,8 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.elements import rotation_free
 from flexfem.la.factor import Factor
 from flexfem.simulation.dynamics import simulate
-from flexfem.solvers import frozen_bodies
-from flexfem.solvers.frozen import FrozenSolver
+from flexfem.solvers.frozen import bodies as frozen_bodies
+from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.interface_system import InterfaceSystem
 from flexfem.system.system import System
 

@@ -12,7 +12,8 @@ import pytest
 import flexfem as ff
 from flexfem.cli import load_case
 from flexfem.io import read_history
-from flexfem.solvers.frozen import FrozenSolver
+from flexfem.solvers.frozen.interface import MultiplierSystem
+from flexfem.solvers.frozen.solver import FrozenSolver
 
 COMM = MPI.COMM_WORLD
 RUBBER = ff.Material(2e8, 0.3, 800.0)
@@ -137,14 +138,24 @@ def _pushed_bead(formulation: str, position: float) -> ff.Model:
 @pytest.mark.parametrize(("formulation", "position"), [("nurbs", 0.2433), ("se3", 0.2303)])
 def test_element_passed_within_a_refined_step(formulation, position, monkeypatch):
     """The rank of bead and cable sees it, another does not; both keep the multipliers' factors."""
-    passed, follow = [], FrozenSolver._follow_sliders
+    passed, asked, step = [], [], FrozenSolver.step
+    follow = MultiplierSystem.follow_sliders
 
-    def seen(solver: FrozenSolver) -> None:
-        if solver.shifts.stiffness:  # not the one of masses, for the forces that are reported
-            passed.append(solver.refine and solver.keep_interface)
-        follow(solver)
+    def seen(solver: FrozenSolver, *args, **asks: bool):
+        asked.append(asks["refine"] and asks["keep_interface"])
+        found = step(solver, *args, **asks)
+        asked.clear()
+        return found
 
-    monkeypatch.setattr(FrozenSolver, "_follow_sliders", seen)
+    def followed(multipliers: MultiplierSystem) -> None:
+        before = multipliers._version
+        follow(multipliers)
+        if multipliers._version != before:
+            # only in steps, not for the masses of the forces that are reported
+            passed.extend(asked)
+
+    monkeypatch.setattr(FrozenSolver, "step", seen)
+    monkeypatch.setattr(MultiplierSystem, "follow_sliders", followed)
     settings = {"t_end": 0.028, "iteration_matrix": "frozen"}
     found = _run(_pushed_bead(formulation, position), **settings)
     # the step begins before the knot at 0.25 m and ends beyond, as its second iteration finds;

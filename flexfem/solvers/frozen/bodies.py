@@ -11,14 +11,15 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.elements.request import TangentRequest
+from flexfem.la.dense import inverted
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
-from flexfem.solvers.schur_kernels import interface_response
+from flexfem.solvers.schur_kernels import interface_response, multiply_blocks, rigid_responses
 from flexfem.solvers.tangent import part_pattern, part_values
 from flexfem.system.system import BlockPart, Shifts, System
 
-__all__ = ["Bodies", "FlexibleBodies", "KeptFactor"]
+__all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
 
 #: Unknowns from which a body has factors of its own: a solve takes a multiple of its call then.
 _ALONE = 600
@@ -31,10 +32,11 @@ class Bodies:
     ``responses`` holds the rows of ``A^-T J^T``, or nothing where another solve with the factors
     costs less than they do, ``compliances`` the matrices ``J A^-1 J^T``. Of the columns of a body
     those in its ``ranges`` (first, end), ``range_start`` by body, are acted on; a slider visits the
-    others later.
+    others later. ``right`` (n, 6) is the right-hand side of the nodes, with the constraint forces.
     """
 
     part: BlockPart
+    right: FloatArray
     nodes: IntArray
     node_start: IntArray
     columns: IntArray
@@ -58,10 +60,10 @@ class Bodies:
         return int(rows[body] @ per_range)
 
     def respond(self, y: FloatArray) -> None:
-        """Write ``J A^-1 r`` for the residuals r into slots and components (n, 6)."""
+        """Write ``J A^-1 r`` for the right-hand sides r into slots and components (n, 6)."""
         interface_response(
             self.nodes, self.node_start, self.columns, self.column_start, self.ranges,
-            self.range_start, self.responses, self.response_start, self.part.block.residual,
+            self.range_start, self.responses, self.response_start, self.right,
             self.part.block.width, y,
         )  # fmt: skip
 
@@ -95,6 +97,42 @@ class KeptFactor:
     nodes: dict[str, FloatArray]
 
 
+class RigidBodies:
+    """Rigid bodies of one part: their matrices are inverted anew in every iteration.
+
+    Attributes:
+        group: the bodies with their responses.
+    """
+
+    _inverses: FloatArray
+
+    def __init__(self, system: System, group: Bodies) -> None:
+        """Take the bodies."""
+        self._system, self.group = system, group
+
+    def invert(self, shifts: Shifts) -> bool:
+        """Invert the matrices at the trial state, with compliances; False if one is singular."""
+        system, group, part = self._system, self.group, self.group.part
+        blocks = np.zeros((part.block.owned, 6, 6))
+        np.add.at(blocks, part.masses.nodes, system.mechanics.masses(system, part, shifts))
+        if len(part.forces.nodes):
+            np.add.at(blocks, part.forces.nodes, system.mechanics.forces(system, part, shifts))
+        self._inverses, regular = inverted(blocks)
+        rigid_responses(
+            self._inverses, group.columns, group.column_start, group.response_start,
+            group.compliance_start, group.responses, group.compliances,
+        )  # fmt: skip
+        return regular
+
+    def respond(self, y: FloatArray) -> None:
+        """See :meth:`Bodies.respond`."""
+        self.group.respond(y)
+
+    def solve(self) -> None:
+        """Steps of the owned nodes for their right-hand sides."""
+        multiply_blocks(self._inverses, self.group.right, self.group.part.block.step)
+
+
 class FlexibleBodies:
     """Matrix and factors of the flexible bodies of one part.
 
@@ -110,6 +148,8 @@ class FlexibleBodies:
         """Set up the pattern (collective)."""
         self._system, self.group = system, group
         block = group.part.block
+        # always the same view, by which PETSc's vector is found again
+        self._right = group.right[: block.owned, : block.width]
         self._matrix = CoordinateMatrix(
             system.comm, block.sizes, block.sizes, *part_pattern(group.part)
         )
@@ -240,14 +280,15 @@ class FlexibleBodies:
         y[held[:, 0], held[:, 1]] = self.group.part.block.owned_step[self._ends]
 
     def solve(self) -> None:
-        """Steps of the owned nodes for their residuals (collective)."""
+        """Steps of the owned nodes for their right-hand sides (collective)."""
         block = self.group.part.block
-        residual, step = block.hold(block.owned_residual), block.owned_step
+        step = block.owned_step
+        right = block.hold(self._right)
         if len(self.pieces) == 1 and block.width == 6:
-            self._kept.factors[0].solve(residual, step)
+            self._kept.factors[0].solve(right, step)
             return
         for piece, factor in zip(self.pieces, self._kept.factors, strict=True):
-            piece.right[:] = residual[piece.nodes]
+            piece.right[:] = right[piece.nodes]
             factor.solve(piece.right, piece.solution)
             step[piece.nodes] = piece.solution
 

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The multipliers' system of the frozen solver: a dual Schur complement over all bodies.
+
+``S = G~ A^-1 G^T + compliance``. A body touches it through the active components of its interface
+nodes, its columns.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Protocol
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.row import LawKind
+from flexfem.core.runs import starts
+from flexfem.solvers.frozen.bodies import Bodies
+from flexfem.solvers.interface_system import InterfaceSystem
+from flexfem.solvers.schur_kernels import row_products, schur
+from flexfem.system.system import BlockPart, System
+
+__all__ = ["MultiplierSystem", "Responding"]
+
+
+class Responding(Protocol):
+    """Bodies that respond to their right-hand sides at the interface."""
+
+    def respond(self, y: FloatArray) -> None:
+        """Write ``J A^-1 r`` into slots and components (n, 6)."""
+        ...
+
+
+class MultiplierSystem:
+    """Schur complement of the multipliers, and what the bodies of each part have to do with it.
+
+    Attributes:
+        groups: bodies of each part, with their columns.
+        keepable: all rows are linear or rigid: factors may serve several iterations.
+    """
+
+    def __init__(self, system: System) -> None:
+        """Find rows and columns of every entry on this rank (collective)."""
+        self._system = system
+        rows, face = system.constraints, system.interface
+        self._slot_column = np.zeros(len(face.keys), dtype=np.int64)
+        self._slot_active = np.zeros(len(face.keys), dtype=np.int64)
+        self._local_slot = np.zeros(len(face.keys), dtype=np.bool_)
+        self._owned_slot = (face.local >= 0)[:, np.newaxis]
+        self._response, self._beyond = np.zeros((2, len(face.keys), 6))
+        active = rows.active_components()
+        self.groups = [self._describe(part, active) for part in system.parts]
+        self._factors = self._pattern()
+        linear = bool((rows.elastic[:, 0] <= LawKind.SPRING).all())
+        self.keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))
+        self._version = rows.lines.version
+
+    def _describe(self, part: BlockPart, active: IntArray) -> Bodies:
+        """Interface columns of a part's bodies and the sides of terms that act on them."""
+        bodies, nodes, node_start = part.clusters()
+        slots = np.flatnonzero(self._system.part_of_slot == self._system.parts.index(part))
+        slots = slots[np.isin(self._system.cluster_of_slot[slots], bodies)]
+        number = np.searchsorted(bodies, self._system.cluster_of_slot[slots])
+        widths = np.bincount(number, weights=active[slots], minlength=len(bodies)).astype(np.int64)
+        column_start = starts(widths)
+        order = np.argsort(number, kind="stable")
+        columns = [(slot, k) for slot in slots[order] for k in range(active[slot])]
+        first = starts(active[slots[order]])[:-1] - column_start[number[order]]
+        self._slot_column[slots[order]] = first
+        self._slot_active[slots], self._local_slot[slots] = active[slots], True
+        sides, per_body = self._sides(slots, number, len(bodies))
+        ranges, range_start = self._ranges(sides, starts(per_body))
+        lengths = part.block.width * np.diff(node_start) * widths
+        return Bodies(
+            part=part,
+            right=np.zeros_like(part.block.residual),
+            nodes=nodes,
+            node_start=node_start,
+            columns=np.array(columns, dtype=np.int64).reshape(-1, 2),
+            column_start=column_start,
+            sides=sides,
+            side_start=starts(per_body),
+            ranges=ranges,
+            range_start=range_start,
+            compliance_start=starts(widths**2),
+            response_start=starts(lengths),
+            compliances=np.zeros(int((widths**2).sum())),
+            responses=np.zeros(0 if part.elements is not None else int(lengths.sum())),
+            entries=np.zeros(int((per_body**2).sum())),
+        )
+
+    def _sides(self, slots: IntArray, number: IntArray, count: int) -> tuple[IntArray, IntArray]:
+        """Sides of terms (term, side, slot) on the given slots by body, and their numbers."""
+        body_of_slot = np.full(len(self._slot_column) + 1, -1, dtype=np.int64)
+        body_of_slot[slots] = number
+        slot = self._system.constraints.term_slots
+        term, side = np.nonzero(body_of_slot[slot] >= 0)  # slot -1 is the last entry, -1
+        sides = np.stack([term, side, slot[term, side]], axis=1).astype(np.int64)
+        body = body_of_slot[sides[:, 2]]
+        sides = np.ascontiguousarray(sides[np.lexsort((sides[:, 2], body))])
+        return sides, np.bincount(body, minlength=count).astype(np.int64)
+
+    def _ranges(self, sides: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
+        """Columns that sides act on, in ranges of consecutive ones, and where each body's begin."""
+        ranges, counts = [np.empty((0, 2), dtype=np.int64)], []
+        for a, b in pairwise(start):
+            slots = np.unique(sides[a:b, 2])
+            first, active = self._slot_column[slots], self._slot_active[slots]
+            order = np.argsort(first)
+            first, end = first[order], (first + active)[order]
+            begins = np.append(True, first[1:] > end[:-1])[: len(first)]
+            ends = np.append(begins[1:], True)[: len(first)]
+            ranges.append(np.stack([first[begins], end[ends]], axis=1))
+            counts.append(int(begins.sum()))
+        return np.concatenate(ranges), starts(counts)
+
+    def _pattern(self) -> InterfaceSystem:
+        """Row and column of every entry of the Schur complement on this rank."""
+        rows = self._system.constraints
+        first, second = [], []
+        for group in self.groups:
+            for start, end in pairwise(group.side_start):
+                r = rows.row_of_term[group.sides[start:end, 0]]
+                first.append(np.tile(r, len(r)))
+                second.append(np.repeat(r, len(r)))
+        every = np.arange(rows.size)
+        i = np.concatenate([*first, every, rows.coupled[:, 0]]).astype(np.int64)
+        j = np.concatenate([*second, every, rows.coupled[:, 1]]).astype(np.int64)
+        self._values, self._correction = np.zeros(len(i)), np.zeros(rows.size)
+        ends = np.cumsum([*(len(group.entries) for group in self.groups), rows.size])
+        *parts, self._diagonal, self._coupling = np.split(self._values, ends)
+        for group, entries in zip(self.groups, parts, strict=True):
+            group.entries = entries
+        return InterfaceSystem(
+            self._system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
+        )
+
+    def follow_sliders(self) -> None:
+        """Take the nodes that sliders act on now; the bodies stay the same."""
+        rows = self._system.constraints
+        if rows.lines.version == self._version:
+            return
+        self._version = rows.lines.version
+        for group in self.groups:
+            group.sides[:, 2] = rows.term_slots[group.sides[:, 0], group.sides[:, 1]]
+            group.ranges, group.range_start = self._ranges(group.sides, group.side_start)
+
+    def factor(self, regular: bool) -> bool:
+        """Assemble and factorise; False on all ranks where it is singular on one (collective).
+
+        Args:
+            regular: what this rank knows already: its rigid bodies have inverses.
+        """
+        rows = self._system.constraints
+        for group in self.groups:
+            schur(
+                group.sides, group.side_start, self._slot_column, self._slot_active,
+                group.column_start, group.compliances, group.compliance_start,
+                rows.force_jacobian, rows.step_jacobian, group.entries,
+            )  # fmt: skip
+        np.multiply(rows.owned, rows.compliance, out=self._diagonal)
+        if len(rows.coupling):
+            self._coupling[:] = rows.owned[rows.coupled[:, 0]] * rows.coupling
+        return self._factors.factor(self._values, regular) if rows.size_global else regular
+
+    def solve(
+        self, values: FloatArray, bodies: Sequence[Responding], *, beyond: bool = False
+    ) -> FloatArray:
+        """Correction (r,) of the multipliers, always the same array (collective).
+
+        Args:
+            values: right-hand sides (r,) of this rank's rows.
+            bodies: those with right-hand sides; the others respond as they did last.
+            beyond: the solution is one beyond the steps that the interface holds.
+        """
+        rows = self._system.constraints
+        for one in bodies:
+            one.respond(self._response)
+        steps = self._response
+        if beyond:
+            steps = np.multiply(self._owned_slot, self._system.interface.steps, out=self._beyond)
+            steps += self._response
+        row_products(
+            rows.term_slots, rows.row_of_term, self._local_slot, rows.step_jacobian,
+            steps, rows.owned, values, self._correction,
+        )  # fmt: skip
+        self._factors.solve(self._correction)
+        return self._correction
+
+    def forget_responses(self) -> None:
+        """Let bodies that are not asked respond with nothing."""
+        self._response[:] = 0.0

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Policies with kept factors: when they are renewed, and steps refined."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.state import State
+from flexfem.core.status import Status
+from flexfem.solvers.frozen.refine import Refined
+from flexfem.solvers.frozen.solver import FrozenSolver
+from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, SolveAgain, iterate
+from flexfem.solvers.policy import UpdatedPolicy
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.system import PartStrains, Shifts, System
+
+__all__ = ["AutoPolicy", "FrozenPolicy"]
+
+#: Contraction above which ``auto`` renews the factors, unless the step solved the linearised
+#: equations as it was: what contracts slowly then is Newton's method itself, where contacts open
+#: and close for example. To renew those of some bodies costs less and pays at less.
+_SLOW = 0.5
+#: Contraction above which steps are refined by the action of the exact tangent: ``frozen`` keeps
+#: close to the iterations of a fresh matrix, ``auto`` takes the cheaper plain steps while they do.
+_REFINE_FROZEN, _REFINE_AUTO = 0.005, 0.1
+#: What the frozen operator missed, relative to the step, below which refinement is given up again,
+#: as a part of the former.
+_RELAX = 0.2
+#: The multipliers' system is kept within a step while iterations contract like this, or, where
+#: steps are refined, while they are smaller than this, m or rad.
+_WELL, _NEAR = 0.02, 0.01
+
+_POSITIONS = PositionLevel()
+
+
+class _Attempt:
+    """The iterations of one step: what the next one asks of the solver, and what it found.
+
+    Attributes:
+        refine: correct steps by the exact tangent's action.
+        defect: relative size of what the frozen operator missed in the last refined step.
+    """
+
+    def __init__(
+        self, frozen: FrozenSolver, slow: float | None, limit: float, tolerance: float,
+        refine: bool, defect: float,
+    ) -> None:  # fmt: skip
+        """Take the contractions at which factors are renewed (``slow``), steps refined (``limit``).
+
+        Iterations stop at ``tolerance``; ``refine`` and ``defect`` are those of the last step.
+        """
+        self._frozen, self._slow, self._limit, self._tolerance = frozen, slow, limit, tolerance
+        self.refine, self.defect = refine, defect
+        self._keep_interface, self._renewed = False, 0.0
+        self._refined: Refined | None = None
+
+    def step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
+        """See ``LinearStep``."""
+        success, change, self._refined = self._frozen.step(
+            shifts, strains, keep_interface=self._keep_interface, refine=self.refine
+        )
+        if self._refined is not None:
+            self.defect = self._refined.defect
+        return success, change
+
+    def observe(
+        self, iteration: int, size: float, contraction: float, strains: PartStrains
+    ) -> None:
+        """See ``Observer``; all ranks decide alike.
+
+        What kept factors of the multipliers' system miss after a step is of second order in its
+        size (m, rad), and refinement corrects it.
+        """
+        frozen, tolerance = self._frozen, self._tolerance
+        near = size <= _NEAR if self.refine else contraction < _WELL and size * size <= tolerance
+        self._keep_interface = frozen.keepable and near
+        if iteration < 2:
+            return
+        if contraction > self._limit:
+            self.refine = True
+        exact = self._refined is not None and self._refined.exact
+        if self._slow is None or exact or self._renewed >= 1.0 or size <= tolerance:
+            return
+        worst = frozen.worst(self._refined)
+        if contraction > self._slow * worst.share:
+            self._renewed += worst.share
+            frozen.renew(worst, strains)
+
+
+class FrozenPolicy:
+    """Factors kept for each step size; the fresh matrix is the fallback."""
+
+    #: contraction at which the factors are refreshed within a step
+    slow: float | None = None
+    #: contraction above which steps are refined
+    limit = _REFINE_FROZEN
+
+    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
+        """Set up the frozen solver (collective)."""
+        self._system, self._options = system, options
+        self._fallback = UpdatedPolicy(system, options, tangent)
+        self._frozen = FrozenSolver(system)
+        self._again: SolveAgain = self._frozen.again
+        # what the next step begins with
+        self._refine, self._defect = False, 0.0
+
+    @property
+    def tolerance(self) -> float:
+        """See :class:`Policy`."""
+        return self._options.tolerance
+
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
+        """See :class:`Policy`."""
+        frozen = self._frozen
+        self._again = frozen.again
+        if frozen.shifts != shifts:
+            frozen.use(shifts, self._system.accepted_strains())
+        attempt = _Attempt(
+            frozen, self.slow, self.limit, self._options.tolerance, self._refine, self._defect
+        )
+        status = iterate(
+            self._system, shifts, attempt.step, self._options, attempt.observe, equations,
+            frozen.again,
+        )  # fmt: skip
+        self._refine, self._defect = attempt.refine, attempt.defect
+        if status is Status.OK:
+            self._refine = self._refine and self._defect > _RELAX * self.limit
+            return status
+        self._system.counters.fallbacks += 1
+        restart()
+        self._again = self._fallback.again
+        return self._fallback.solve(shifts, restart, equations)
+
+    def again(self, values: FloatArray) -> bool:
+        """See :class:`Policy`."""
+        return self._again(values)
+
+    def state(self) -> State:
+        """See :class:`Policy`."""
+        own = {"refine": np.array([float(self._refine), self._defect])}
+        return self._frozen.state() | State(own, optional=frozenset(own))
+
+    def restore(self, state: State) -> None:
+        """See :class:`Policy`."""
+        self._frozen.restore(state)
+        if "refine" in state.values:
+            self._refine, self._defect = (
+                bool(state.values["refine"][0]),
+                float(state.values["refine"][1]),
+            )
+
+
+class AutoPolicy(FrozenPolicy):
+    """Frozen factors, refreshed where the iteration contracts slowly."""
+
+    slow = _SLOW
+    limit = _REFINE_AUTO

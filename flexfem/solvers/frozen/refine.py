@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Refinement of a frozen step: GMRES on the consistent tangent, preconditioned by the frozen solve.
+
+The blocks' steps and the multipliers of a solution are one vector: owned unknowns of all parts,
+then this rank's rows.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.runs import starts
+from flexfem.solvers.minimal_residual import minimal_residual
+from flexfem.system.system import PartStrains, Shifts, System
+
+__all__ = ["Refined", "Refinement"]
+
+#: A refined step solves the linearised equations to this relative accuracy, in at most so many
+#: sweeps of action and solve.
+_INNER, _SWEEPS = 0.02, 8
+
+
+@dataclass(frozen=True)
+class Refined:
+    """How a refined step went.
+
+    Attributes:
+        defect: Size of what the frozen operator missed, relative to the step.
+        exact: The step solves the linearised equations: fresh factors would not do better.
+        missed: What the frozen operator missed, a vector of this rank.
+    """
+
+    defect: float
+    exact: bool
+    missed: FloatArray
+
+
+class Refinement:
+    """Corrections of frozen steps by the action of the consistent tangent.
+
+    Attributes:
+        sizes: (n_parts + 1,) where the unknowns of each part begin in vectors.
+    """
+
+    def __init__(self, system: System) -> None:
+        """Take the system whose equations are solved."""
+        self._system = system
+        self.sizes = starts([p.block.sizes[0] for p in system.parts])
+
+    def correct(
+        self,
+        shifts: Shifts,
+        strains: PartStrains,
+        correction: FloatArray,
+        solve: Callable[[FloatArray], FloatArray],
+    ) -> tuple[FloatArray, Refined]:
+        """Correct the last frozen step (collective).
+
+        Args:
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses the tangent takes.
+            correction: of the multipliers (r,), by the frozen solve; the blocks hold their steps
+                and the residuals that these were solved for.
+            solve: frozen solve, beyond the steps that the interface holds: blocks' steps for their
+                residuals and given values (r,) of the rows; returns the multipliers' correction.
+
+        Returns:
+            The multipliers' correction, the blocks' steps being corrected, and how it went.
+        """
+        system, count, hessians = self._system, self.sizes[-1], self._system.hessians()
+        rows = system.constraints
+
+        def apply(vector: FloatArray) -> FloatArray:
+            multipliers = self._put(vector)
+            for part in system.parts:
+                part.block.residual[:] = 0.0
+            system.subtract_tangent(shifts, hessians, strains)
+            system.add_constraint_forces(-multipliers)
+            return -self._collect(solve(rows.yielding(multipliers)))
+
+        solution = self._collect(correction)
+        # residual of the linearised equations
+        system.add_constraint_forces(correction)
+        system.subtract_tangent(shifts, hessians, strains)
+        residual = self._collect(solve(rows.values + rows.yielding(solution[count:])))
+        size, missed = np.sqrt(self.squares(solution, residual)).tolist()
+        more, exact = minimal_residual(
+            apply, residual, missed, self._products, _INNER * size, _SWEEPS
+        )
+        multipliers = self._put(solution + more)
+        return -multipliers, Refined(missed / size if size > 0.0 else 0.0, exact, residual)
+
+    def squares(self, *vectors: FloatArray) -> FloatArray:
+        """Squares of the norms of the blocks' parts over all ranks (collective)."""
+        count = self.sizes[-1]
+        return self._sum(np.array([v[:count] @ v[:count] for v in vectors]))
+
+    def _products(self, rows: FloatArray, vector: FloatArray) -> FloatArray:
+        """Inner products (k,) of rows (k, n) with a vector: the blocks' parts, over all ranks."""
+        count = self.sizes[-1]
+        return self._sum(rows[:, :count] @ vector[:count])
+
+    def _sum(self, values: FloatArray) -> FloatArray:
+        if self._system.comm.size > 1:
+            self._system.comm.Allreduce(MPI.IN_PLACE, values)
+        return values
+
+    def _put(self, solution: FloatArray) -> FloatArray:
+        """Write the blocks' parts of a solution to their steps; the multipliers' part."""
+        for part, (start, end) in zip(self._system.parts, pairwise(self.sizes), strict=True):
+            part.block.owned_step[:] = solution[start:end].reshape(-1, part.block.width)
+        return solution[self.sizes[-1] :]
+
+    def _collect(self, correction: FloatArray) -> FloatArray:
+        """Steps of the owned nodes of all blocks, then of this rank's multipliers, as a vector.
+
+        ``S dL = Phi - G~ y`` is the correction; steps are to be subtracted.
+        """
+        steps = [p.block.owned_step.ravel() for p in self._system.parts]
+        return np.concatenate([*steps, -correction])

@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Newton steps with frozen body factors and a dual Schur complement on the interface.
+
+In local frames the iteration matrix ``A`` of a flexible body hardly changes, so its factors are
+kept. Joints touch few nodes, where the response ``Z = A^-1 J^T`` of each body is known once and for
+all, so that a step costs one residual, one product ``Z^T r``, a small system
+``S dL = Phi - G~ A^-1 r`` with ``S = G~ A^-1 G^T + compliance``, and one solve with the factors.
+Where Z has more numbers than the factors, it is not kept, and a step costs two solves.
+Rigid bodies are always exact: their 6x6 matrices are inverted at every step.
+
+A rank eliminates the multipliers that only it evaluates. What remains between ranks is summed by
+one reduction and solved on all of them alike.
+
+Where old factors contract slowly, steps can be refined by the action of the exact tangent, which
+needs no new factors either.
+"""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.state import State
+from flexfem.elements.request import TangentRequest
+from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodies
+from flexfem.solvers.frozen.interface import MultiplierSystem
+from flexfem.solvers.frozen.refine import Refined, Refinement
+from flexfem.system.system import PartStrains, Shifts, System
+
+__all__ = ["FrozenSolver", "Worst"]
+
+#: Step sizes whose factors are kept, the latest used: each costs the memory of all factors.
+_KEPT = 6
+#: Bodies whose part of the square of what the frozen operator missed is above this are the worst.
+_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """Factors of all flexible bodies for one step size, one entry a part.
+
+    ``numbers`` are those of ``Mechanics.origin``.
+    """
+
+    parts: list[KeptFactor]
+    numbers: FloatArray
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Bodies with factors to be renewed.
+
+    Attributes:
+        pieces: numbers of this rank's pieces of every flexible part, which may be none, or None
+            where there are none on any rank.
+        share: their part of all unknowns on all ranks.
+    """
+
+    pieces: list[list[int] | None]
+    share: float
+
+
+class FrozenSolver:
+    """Newton steps with kept factors of the flexible bodies.
+
+    Steps of several sizes, halved ones for example, keep their factors side by side. What a solve
+    does is said by its arguments; residuals are left as they are.
+
+    Attributes:
+        shifts: those of the factors in use, None before the first factorisation.
+        keepable: factors of the multipliers' system may serve several iterations.
+    """
+
+    def __init__(self, system: System) -> None:
+        """Set up patterns (collective)."""
+        self.system = system
+        self.shifts: Shifts | None = None
+        self._kept: dict[Shifts, _Kept] = {}
+        self._multipliers = MultiplierSystem(system)
+        self.keepable = self._multipliers.keepable
+        groups = self._multipliers.groups
+        self._rigid = [RigidBodies(system, g) for g in groups if g.part.elements is None]
+        self._flexible = [FlexibleBodies(system, g) for g in groups if g.part.elements is not None]
+        # right-hand side, residual, and local node of each slot, of every part
+        self._loads = [(g.right, g.part.block.residual, g.part.slots) for g in groups]
+        self._nothing = np.zeros(0)
+        self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
+        self._refinement = Refinement(system)
+
+    def use(self, shifts: Shifts, strains: PartStrains) -> None:
+        """Take the kept factors of a step size, or factorise at the trial state (collective)."""
+        kept = self._kept.pop(shifts, None)
+        if kept is None:
+            self.factor(shifts, strains)
+            return
+        self._kept[shifts] = kept  # the latest used is the last
+        self.shifts = shifts
+        for flexible, one in zip(self._flexible, kept.parts, strict=True):
+            flexible.use(one)
+
+    def factor(self, shifts: Shifts, strains: PartStrains | None = None) -> None:
+        """Factorise the flexible bodies at the trial state and compute their compliances.
+
+        Args:
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses count; None for the present ones.
+        """
+        self.shifts = shifts
+        if not self._flexible:
+            return
+        system = self.system
+        if shifts.stiffness:
+            system.counters.factorizations += 1
+        else:
+            system.counters.mass_factorizations += 1
+        self._kept.pop(shifts, None)
+        while len(self._kept) >= _KEPT:
+            del self._kept[next(iter(self._kept))]
+        requests = self._requests(shifts, strains)
+        parts = [
+            flexible.factorise(shifts, request)
+            for flexible, request in zip(self._flexible, requests, strict=True)
+        ]
+        _, numbers = system.mechanics.origin(system, self._flexible[0].group.part)
+        self._kept[shifts] = _Kept(parts, numbers.copy())
+
+    def _requests(self, shifts: Shifts, strains: PartStrains | None) -> list[TangentRequest]:
+        """Of the matrices of the flexible parts, without compression, which comes and goes."""
+        pairs = zip(self.system.parts, strains or self.system.present, strict=True)
+        return [
+            shifts.request(own, drop_compression=True)
+            for part, own in pairs
+            if part.elements is not None
+        ]
+
+    def worst(self, refined: Refined | None) -> Worst:
+        """Bodies that hold most of what the frozen operator missed in a step (collective).
+
+        All of them, if the step was not refined.
+        """
+        if refined is None:
+            return Worst([flexible.every for flexible in self._flexible], 1.0)
+        limit = _SHARE * self._refinement.squares(refined.missed)[0]
+        pieces: list[list[int] | None] = []
+        rows = np.zeros((2, len(self._flexible)))
+        for i, flexible in enumerate(self._flexible):
+            part = flexible.group.part
+            start = self._refinement.sizes[self.system.parts.index(part)]
+            missed = refined.missed[start:][: part.block.sizes[0]].reshape(-1, part.block.width)
+            worst = flexible.worst(missed, limit)
+            pieces.append(worst)
+            rows[:, i] = flexible.rows(worst), missed.size
+        self.system.comm.Allreduce(MPI.IN_PLACE, rows)
+        for i, flexible in enumerate(self._flexible):
+            if rows[0, i] == 0.0:
+                pieces[i] = None
+            elif flexible.split:
+                pieces[i], rows[0, i] = flexible.every, rows[1, i]
+        return Worst(pieces, float(rows[0].sum() / rows[1].sum()))
+
+    def renew(self, worst: Worst, strains: PartStrains | None = None) -> None:
+        """Factorise these bodies anew at the trial state, with the shifts in use (collective)."""
+        assert self.shifts is not None
+        if worst.share == 1.0:
+            self.factor(self.shifts, strains)
+            return
+        self.system.counters.factorizations += 1
+        requests = self._requests(self.shifts, strains)
+        for flexible, request, chosen in zip(self._flexible, requests, worst.pieces, strict=True):
+            if chosen is not None:
+                flexible.factorise(self.shifts, request, chosen)
+
+    def state(self) -> State:
+        """Where and with which shifts factors were computed."""
+        shifts = np.array([astuple(s) for s in self._kept], dtype=np.float64)
+        values = {
+            "frozen_shifts": shifts.reshape(-1, 5),
+            "frozen_numbers": np.array([kept.numbers for kept in self._kept.values()]),
+        }
+        rows = {
+            flexible.group.part.block.name: {
+                f"frozen_{k}_{name}": array
+                for k, kept in enumerate(self._kept.values())
+                for name, array in kept.parts[i].nodes.items()
+            }
+            for i, flexible in enumerate(self._flexible)
+        }
+        return State(values, rows, optional=frozenset(values))
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned; factorises anew (collective).
+
+        The system's state is lost. What another solver left changes nothing.
+        """
+        if "frozen_shifts" not in state.values:
+            return
+        if self._flexible:
+            numbers = state.values["frozen_numbers"]
+            for k, (v, a, scale, stiffness, local) in enumerate(state.values["frozen_shifts"]):
+                self._recall(state, f"frozen_{k}_", numbers[k])
+                self.factor(Shifts(float(v), float(a), float(scale), float(stiffness), bool(local)))
+
+    def _recall(self, state: State, first: str, numbers: FloatArray) -> None:
+        """Put all flexible parts where arrays whose names begin with ``first`` were kept."""
+        for flexible in self._flexible:
+            part = flexible.group.part
+            rows = state.rows[part.block.name]
+            nodes = {n.removeprefix(first): x for n, x in rows.items() if n.startswith(first)}
+            self.system.mechanics.recall(self.system, part, nodes, numbers)
+
+    def step(
+        self, shifts: Shifts, strains: PartStrains, *, keep_interface: bool = False,
+        refine: bool = False,
+    ) -> tuple[bool, FloatArray, Refined | None]:  # fmt: skip
+        """One Newton step from the evaluated residuals (collective).
+
+        Args:
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses the exact tangent takes.
+            keep_interface: keep the factors of the multipliers' system.
+            refine: correct the step by the exact tangent's action; the residuals are lost.
+
+        Returns:
+            Success, the step of the multipliers (r,) - both it and the blocks' steps are to be
+            subtracted - and how refinement went.
+        """
+        rows = self.system.constraints
+        self._multipliers.follow_sliders()
+        if not (keep_interface or self._factor_interface(shifts)):
+            return False, np.zeros(rows.size), None
+        correction, refined = self._solve(rows.values), None
+        if refine:
+            correction, refined = self._refinement.correct(
+                shifts, strains, correction, self._solve_beyond
+            )
+        return True, -correction, refined
+
+    def constrain(self, shifts: Shifts, keep: bool, flexible: bool) -> tuple[bool, FloatArray]:
+        """Multipliers as of :meth:`step`, and the steps of rigid bodies (collective).
+
+        Flexible bodies stay where they are.
+
+        Args:
+            shifts: of the factors in use.
+            keep: the factors of the multipliers' system are still good.
+            flexible: flexible bodies have residuals, too.
+        """
+        rows = self.system.constraints
+        self._multipliers.follow_sliders()
+        if not (keep or self._factor_interface(shifts)):
+            return False, np.zeros(rows.size)
+        self._multipliers.forget_responses()
+        bodies = self._bodies if flexible else self._rigid
+        correction = self._load(rows.values, bodies, beyond=False)
+        for rigid in self._rigid:
+            rigid.solve()
+        for bodies_at_rest in self._flexible:
+            bodies_at_rest.group.part.block.step[:] = 0.0
+        return True, -correction
+
+    def again(self, values: FloatArray) -> bool:
+        """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
+        self._solve(values)
+        return True
+
+    def _factor_interface(self, shifts: Shifts) -> bool:
+        """Invert the rigid bodies, assemble and factorise the multipliers' system."""
+        regular = True
+        for rigid in self._rigid:
+            regular = rigid.invert(shifts) and regular
+        return self._multipliers.factor(regular)
+
+    def _solve(self, values: FloatArray, *, beyond: bool = False) -> FloatArray:
+        """Solve with the frozen operator for the blocks' residuals and the given row values.
+
+        The steps are left in the blocks.
+
+        Args:
+            values: of this rank's rows, shape (r,).
+            beyond: the solution is one beyond the steps that the interface holds.
+
+        Returns:
+            Correction of the multipliers (r,), always the same array.
+        """
+        correction = self._load(values, self._bodies, beyond=beyond)
+        for flexible in self._flexible:
+            flexible.solve()
+        for rigid in self._rigid:
+            rigid.solve()
+        return correction
+
+    def _solve_beyond(self, values: FloatArray) -> FloatArray:
+        return self._solve(values, beyond=True)
+
+    def _load(
+        self, values: FloatArray, bodies: Sequence[RigidBodies | FlexibleBodies], *, beyond: bool
+    ) -> FloatArray:
+        """Right-hand sides of all bodies: residuals and the forces of the multipliers' correction.
+
+        Returns:
+            The correction (r,).
+        """
+        rows = self.system.constraints
+        for right, residual, _ in self._loads:
+            right[:] = residual
+        if not rows.size_global:
+            return self._nothing
+        correction = self._multipliers.solve(values, bodies, beyond=beyond)
+        for right, _, slots in self._loads:
+            rows.add_forces(correction, slots, right)
+        return correction

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""When the iteration matrix is assembled and factorised: in every iteration, fresh."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.state import State
+from flexfem.core.status import Status
+from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, iterate
+from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.system import PartStrains, Shifts, System
+
+__all__ = ["MaterialPolicy", "Policy", "UpdatedPolicy"]
+
+_POSITIONS = PositionLevel()
+
+
+class Policy(Protocol):
+    """Solves the equations of one step.
+
+    Attributes:
+        tolerance: largest step of an iteration at which it stops, see ``NewtonOptions``.
+    """
+
+    @property
+    def tolerance(self) -> float:
+        """See above."""
+        ...
+
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
+        """Iterate from the predicted state; ``restart`` returns to it for a second attempt."""
+        ...
+
+    def again(self, values: FloatArray) -> bool:
+        """Blocks' steps for their residuals and row values (r,), with the matrix used last."""
+        ...
+
+    def state(self) -> State:
+        """What it remembers from step to step."""
+        ...
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned (collective); spoils the system's trial state."""
+        ...
+
+
+class UpdatedPolicy:
+    """A fresh matrix and factorisation in every iteration.
+
+    It takes the stresses of the accepted state, continued along the steps: those of the prediction
+    and of iterates far from equilibrium have nothing to do with those of the solution.
+    """
+
+    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
+        """Store what is needed."""
+        self._system, self._options, self._tangent = system, options, tangent
+
+    @property
+    def tolerance(self) -> float:
+        """See :class:`Policy`."""
+        return self._options.tolerance
+
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
+        """See :class:`Policy`."""
+        tangent = self._tangent
+        return iterate(
+            self._system, shifts, tangent.step, self._options, None, equations, tangent.again,
+            thin=False,
+        )  # fmt: skip
+
+    def again(self, values: FloatArray) -> bool:
+        """See :class:`Policy`."""
+        return self._tangent.again(values)
+
+    def state(self) -> State:
+        """Nothing is remembered."""
+        return State()
+
+    def restore(self, state: State) -> None:
+        """Nothing is remembered."""
+
+
+class MaterialPolicy(UpdatedPolicy):
+    """A fresh matrix without geometric stiffness in every iteration, to study what that is for.
+
+    Newton's method converges linearly then; the matrix with it is the fallback.
+    """
+
+    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
+        """Refuse systems whose matrices have no geometric stiffness.
+
+        Raises:
+            InputError: there are no beams and no shells.
+        """
+        super().__init__(system, options, tangent)
+        if not any(part.elements is not None and part.elements.stressed for part in system.parts):
+            raise InputError(
+                "iteration_matrix 'material' leaves out the geometric stiffness of beams and "
+                "shells, of which there are none"
+            )
+
+    def solve(
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+    ) -> Status:
+        """See :class:`Policy`."""
+        status = iterate(
+            self._system, shifts, self._step, self._options, None, equations, self._tangent.again
+        )
+        if status is Status.OK:
+            return status
+        self._system.counters.fallbacks += 1
+        restart()
+        return super().solve(shifts, restart, equations)
+
+    def _step(self, shifts: Shifts, _: PartStrains) -> tuple[bool, FloatArray]:
+        return self._tangent.step(shifts, self._system.unstressed())
