@@ -15,7 +15,7 @@ from os import PathLike
 
 from flexfem._checks import InputError, show
 
-__all__ = ["number_in", "open_file", "read_bytes", "read_text"]
+__all__ = ["number_in", "open_file", "open_lock", "read_bytes", "read_text"]
 
 #: How other encodings begin, as programs of offices write them.
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
@@ -52,6 +52,15 @@ def open_file(owner: str, path: str | PathLike[str]) -> BufferedReader:
     os.close(number)
     kind = "Is a directory" if stat.S_ISDIR(mode) else "is no plain file but a pipe or a device"
     raise InputError(f"{owner}: {kind}")
+
+
+def open_lock(path: str | PathLike[str]) -> int | None:
+    """Descriptor of an empty file for locks, made where it is missing; None where it cannot be."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+    try:
+        return os.open(path, flags, 0o600)
+    except OSError:
+        return None
 
 
 def read_bytes(

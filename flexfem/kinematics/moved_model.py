@@ -6,7 +6,6 @@ from copy import copy
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from flexfem import _checks
 from flexfem._types import FloatArray
@@ -152,6 +151,8 @@ def _moved_orientation(model: Model, beam: Beam, motion: Pose) -> Orientation:
 
     Frames without a given direction start from one in inertial axes: those that they have are kept.
     """
+    from scipy.spatial import cKDTree
+
     given, turn, back = beam.orientation, motion.rotation, motion.inverse()
     if given is not None and not callable(given):
         directed: FloatArray = turn @ np.asarray(given)

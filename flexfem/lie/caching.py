@@ -10,6 +10,7 @@ file imports has changed, also by way of others.
 import hashlib
 import os
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,9 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _IMPORT = re.compile(r"^\s*(?:from|import) flexfem\.([\w.]+)", re.MULTILINE)
 
 
-def source_stamp(file: Path, package: Path = _PACKAGE) -> str:
+def source_stamp(
+    file: Path, package: Path = _PACKAGE, read: Callable[[Path], bytes] = Path.read_bytes
+) -> str:
     """Checksum of a module of the package and of all modules of the package that it imports."""
     found: set[Path] = set()
     left = [file.resolve()]
@@ -40,7 +43,7 @@ def source_stamp(file: Path, package: Path = _PACKAGE) -> str:
             left += _imported(path, package)
     digest = hashlib.blake2b(digest_size=16)
     for path in sorted(found):
-        digest.update(path.read_bytes())
+        digest.update(read(path))
     return digest.hexdigest()
 
 
@@ -53,6 +56,10 @@ def _imported(path: Path, package: Path) -> list[Path]:
     return [file for file in files if file.is_file() and file != Path(__file__)]
 
 
+#: Most files are imported by many: each is read once.
+_read_once = cache(Path.read_bytes)
+
+
 @cache
 def _stamp(file: str) -> str | None:
     """That of a module as it was when this process first asked: all its loops have the same.
@@ -60,7 +67,7 @@ def _stamp(file: str) -> str | None:
     None for a module of another program.
     """
     path = Path(file).resolve()
-    return source_stamp(path) if path.is_relative_to(_PACKAGE) else None
+    return source_stamp(path, read=_read_once) if path.is_relative_to(_PACKAGE) else None
 
 
 class _Kept:

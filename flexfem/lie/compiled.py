@@ -9,6 +9,7 @@ from numba.core import types
 from numba.core.dispatcher import Dispatcher
 
 from flexfem.lie.caching import install
+from flexfem.lie.compile_once import compile_once
 
 __all__ = ["fused", "inlined", "inlined_fused", "kernel"]
 
@@ -38,6 +39,7 @@ class _Decorator:
                 return template(tuple(types.unliteral(kind) for kind in args), named)
 
             loop.get_call_template = without_constants  # type: ignore[method-assign]
+            compile_once(loop)
         compiled: Dispatcher[Loop] = loop
         return compiled
 

@@ -2,8 +2,6 @@
 """Normals of the surface that flat triangles stand for, at their corners."""
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -23,6 +21,8 @@ def vertex_normals(surface: SurfaceMesh, kink: float) -> FloatArray:
         surface: the mesh.
         kink: angle, rad.
     """
+    from scipy import sparse
+
     count = len(surface.triangles)
     fan = _fans(surface, np.cos(kink))
     around = sparse.csr_array(
@@ -45,6 +45,9 @@ def vertex_normals(surface: SurfaceMesh, kink: float) -> FloatArray:
 
 def _fans(surface: SurfaceMesh, limit: float) -> IntArray:
     """Number of the smooth surface around its node that each corner (3 m,) belongs to."""
+    from scipy import sparse
+    from scipy.sparse.csgraph import connected_components
+
     triangles, neighbours = surface.triangles, surface.topology.neighbours
     t, k = np.nonzero(neighbours >= 0)
     other = neighbours[t, k]

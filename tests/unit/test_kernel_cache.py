@@ -4,11 +4,13 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from flexfem._files import open_lock
 from flexfem._trust import private_folder
 from flexfem.lie import caching, so3
 from flexfem.lie.caching import source_stamp
@@ -70,6 +72,39 @@ def test_loops_without_any_folder_are_kept_for_the_process(monkeypatch):
     found = [locator.from_function(so3.exp_into.py_func, so3.__file__) for locator in locators]
     assert found[:2] == [None, None]
     assert Path(found[2].get_cache_path()).parent == private_folder()
+
+
+TOGETHER = """
+import sys, time
+import numpy as np
+from flexfem.lie import so3
+time.sleep(max(0.0, float(sys.argv[1]) - time.time()))
+so3.exp_into(np.zeros(3), np.empty(9))
+print(sum(so3.exp_into.stats.cache_misses.values()))
+"""
+
+
+@pytest.mark.serial
+def test_one_of_two_processes_compiles_a_loop(tmp_path):
+    """Both need it at the same moment; without a lock both would compile it."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", TOGETHER, str(time.time() + 5.0)]
+    both = [
+        subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(2)
+    ]
+    assert sorted(int(process.communicate()[0]) for process in both) == [0, 1]
+
+
+@pytest.mark.serial
+def test_loops_are_compiled_where_no_lock_can_be_had(tmp_path):
+    """As in an image whose folders cannot be written, and on file systems without locks."""
+    assert open_lock(tmp_path / "missing" / "compiling.lock") is None
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    script = "import fcntl\n\ndef lockf(*_):\n    raise OSError(38, 'not implemented')\n\n"
+    command = [sys.executable, "-c", f"{script}fcntl.lockf = lockf\n{TOGETHER}", "0"]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert int(ended.stdout) == 1
 
 
 @inlined

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""One process compiles a loop, and others that need the same one wait for it.
+
+Ranks of a run come to the same loops at the same time. Each of them would compile all loops, on
+cores that they share, to throw all but one of the results away.
+"""
+
+import fcntl
+import time
+from functools import cache
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+from flexfem._files import open_lock
+
+__all__ = ["compile_once"]
+
+#: Seconds between two looks at a lock.
+_PAUSE = 0.01
+#: Seconds after which a loop is compiled in any case: no loop takes a tenth of that, so whoever
+#: holds the lock has been stopped.
+_PATIENCE = 60.0
+
+
+@cache
+def _lock_file(folder: str) -> int | None:
+    """Descriptor of the file of a cache folder whose bytes are the locks of its loops.
+
+    It stays open, since closing any descriptor of a file gives all its locks back.
+    """
+    return open_lock(Path(folder) / "compiling.lock")
+
+
+def _lock(file: int, at: int) -> bool:
+    """Whether a lock could be had, within some time."""
+    end = time.monotonic() + _PATIENCE
+    while time.monotonic() < end:
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, at)
+        except (BlockingIOError, PermissionError):
+            time.sleep(_PAUSE)
+        except OSError:  # a file system without locks
+            return False
+        else:
+            return True
+    return False
+
+
+def compile_once(loop: Any) -> None:
+    """Let a loop be compiled by one process at a time.
+
+    Args:
+        loop: numba's dispatcher, with a cache on disk.
+    """
+    kept, compile_loop = loop._cache, loop.compile
+    load = kept.load_overload
+    held: list[tuple[int, int]] = []
+
+    def load_or_lock(signature: Any, context: Any) -> Any:
+        found = load(signature, context)
+        file = None if found is not None else _lock_file(kept.cache_path)
+        if file is None:
+            return found
+        at = crc32(f"{kept._cache_file._index_name} {signature}".encode())
+        if not _lock(file, at):
+            return None
+        held.append((file, at))
+        return load(signature, context)  # another process may have been quicker
+
+    def compile_alone(signature: Any) -> Any:
+        before = len(held)
+        try:
+            return compile_loop(signature)
+        finally:
+            for file, at in held[before:]:
+                fcntl.lockf(file, fcntl.LOCK_UN, 1, at)
+            del held[before:]
+
+    kept.load_overload, loop.compile = load_or_lock, compile_alone

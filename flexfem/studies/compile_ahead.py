@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Short runs of cases that leave compiled loops and forms behind for all later runs."""
+
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from flexfem.studies.processes import Processes, run_command
+
+__all__ = ["KINDS_OF_MODELS", "Compiled", "compile_ahead"]
+
+#: Shipped cases that together have all kinds of bodies, joints, contacts and results that any of
+#: them has; what takes longest comes first.
+KINDS_OF_MODELS = (
+    "circular_strips", "slider_crank", "connecting_rod", "deployable_truss", "solar_array",
+    "sliding_beam", "draping", "nonlinear_beam", "bend_45", "heavy_top",
+)  # fmt: skip
+
+
+class Compiled(NamedTuple):
+    """How the short run of a case ended.
+
+    Attributes:
+        case: its name.
+        seconds: that it took.
+        fault: what it said last if it failed, else empty.
+    """
+
+    case: str
+    seconds: float
+    fault: str
+
+
+def compile_ahead(cases: Sequence[str], jobs: int) -> Iterator[Compiled]:
+    """Run cases for some steps each, several at a time, and yield them as they end.
+
+    Loops that two of them need at the same time are compiled by one.
+
+    Args:
+        cases: names of shipped cases, or paths of case files.
+        jobs: number of runs at the same time.
+    """
+    processes = Processes(1, jobs)
+    begun: dict[str, float] = {}
+    left = list(cases)
+    with tempfile.TemporaryDirectory(prefix="flexfem-compile-") as folder:
+        try:
+            while left or processes.running:
+                while left and not processes.full:
+                    case = left.pop(0)
+                    begun[case] = time.monotonic()
+                    own = Path(folder) / str(len(begun))
+                    line = [case, "--smoke", "--quiet", "--output", str(own / "results")]
+                    processes.start((case, own / "log"), run_command(line, 1), own / "log")
+                for (case, log), code in processes.ended():
+                    said = log.read_text(errors="replace").strip().splitlines()
+                    fault = f"exit code {code}: {said[-1] if said else 'nothing was said'}"
+                    yield Compiled(case, time.monotonic() - begun[case], fault if code else "")
+        finally:
+            processes.stop()
