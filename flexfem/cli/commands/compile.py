@@ -23,7 +23,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
     parser = Parser(prog=prog, description=_TEXT)
     parser.add_argument(
         "names", metavar="NAME", nargs="*",
-        help="cases, or files that define CASE (default: shipped ones that have all kinds of bodies)",
+        help="cases, or files that define CASE (default: shipped ones with all kinds of bodies)",
     )  # fmt: skip
     count = reader(Option("jobs", int, 1, "", minimum=1))
     parser.add_argument(
