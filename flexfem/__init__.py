@@ -146,6 +146,8 @@ _MODULES = {
     "Planar": "joints.planar",
     "Gear": "joints.gear",
     "Coupling": "joints.coupling",
+    "CustomJoint": "joints.custom_joint",
+    "CustomForce": "joints.custom_force",
     "Distance": "joints.distance",
     "Generic": "joints.generic",
     "RigidNodes": "joints.rigid_nodes",

@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.user_function import UserFunction
 
 __all__ = [
     "START_GAP",
@@ -44,6 +45,8 @@ class RowKind(IntEnum):
     ANGLE = 4
     #: arc length of the place of marker a on its line, in the undeformed state
     ARC = 5
+    #: a user's function of R_a^T (x_b - x_a) and R_a^T R_b
+    FUNCTION = 6
 
 
 class LawKind(IntEnum):
@@ -55,10 +58,12 @@ class LawKind(IntEnum):
     SPRING = 1
     #: zero within lower <= x <= upper; beyond by d, F = k d (1 + tanh(c v / (k d))) against it
     LIMIT = 2
-    #: F = F_c tanh(v / v_0) + c v
-    FRICTION = 3
+    #: F(x, v, t), a user's function
+    FUNCTION = 3
+    #: F = F_c tanh(v / v_0) + c v; F_c may be a user's function of abs(v)
+    FRICTION = 4
     #: the same with F_c = mu N, N the resultant of other rows
-    NORMAL_FRICTION = 4
+    NORMAL_FRICTION = 5
 
 
 @dataclass(frozen=True)
@@ -72,6 +77,7 @@ class Law:
         first, second: ``SPRING``: F_0 (N or N m) and nothing; ``LIMIT``: lower and upper limit;
             ``FRICTION``: F_c (N or N m) and v_0 (m/s or rad/s); ``NORMAL_FRICTION``: mu (1, or m
             for a moment) and v_0.
+        function: what gives the force, or a factor of F_c or mu; None for the laws above alone.
     """
 
     kind: LawKind
@@ -79,6 +85,7 @@ class Law:
     damping: float = 0.0
     first: float = 0.0
     second: float = 0.0
+    function: UserFunction | None = None
 
 
 def spring(stiffness: float, damping: float) -> Law:
@@ -101,10 +108,19 @@ def limit(lower: float | None, upper: float | None, stiffness: float, damping: f
     return Law(LawKind.LIMIT, stiffness, damping, low, high)
 
 
-def friction(force: float, velocity: float, viscous: float, normal: bool = False) -> Law:
-    """Regularised Coulomb friction and a viscous part; ``normal``: ``force`` is a coefficient."""
+def friction(
+    force: float,
+    velocity: float,
+    viscous: float,
+    normal: bool = False,
+    function: UserFunction | None = None,
+) -> Law:
+    """Regularised Coulomb friction and a viscous part; ``normal``: ``force`` is a coefficient.
+
+    ``function`` of the absolute velocity multiplies ``force``.
+    """
     kind = LawKind.NORMAL_FRICTION if normal else LawKind.FRICTION
-    return Law(kind, 0.0, viscous, force, velocity)
+    return Law(kind, 0.0, viscous, force, velocity, function)
 
 
 @dataclass(frozen=True)
@@ -118,6 +134,8 @@ class Term:
         p: zero direction of an angle, in the axes of marker a, perpendicular to ``u``.
         a, b: numbers of the two markers within the joint.
         factor: coefficient in the row's sum.
+        function: of ``FUNCTION``; None for the others.
+        component: which number of those that it returns.
     """
 
     kind: RowKind
@@ -127,6 +145,21 @@ class Term:
     a: int = 0
     b: int = 1
     factor: float = 1.0
+    function: UserFunction | None = None
+    component: int = 0
+
+    @property
+    def data(self) -> FloatArray:
+        """(3, 3) what the function needs besides the markers: u, v and p.
+
+        For a user's function its component and its parameters.
+        """
+        if self.function is None:
+            return np.array([self.u, self.v, self.p])
+        out = np.zeros(9)
+        out[0] = self.component
+        out[1 : 1 + len(self.function.parameters)] = self.function.parameters
+        return out.reshape(3, 3)
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Friction in a joint."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from flexfem import _checks
 from flexfem.core.joint import Joint, JointAction
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, friction
+from flexfem.core.user_function import FunctionKind, UserFunction
 
 __all__ = ["JointFriction"]
 
@@ -23,15 +24,17 @@ class JointFriction(JointAction):
     Attributes:
         joint: the joint that rubs; in the model too.
         motion: "translation" along or "rotation" about its axis; None if it leaves only one.
-        force: F_c, N or N m; None with a coefficient.
-        coefficient: mu; None with a force.
+        force: F_c, N or N m, or a function of abs(v) that returns it; None with a coefficient.
+        coefficient: mu, or a function of abs(v) that returns it (a Stribeck curve, for example);
+            None with a force. Functions are plain Python with arithmetic on numbers and the
+            functions of ``math`` or NumPy; they are compiled with their derivatives.
         radius: r of the rubbing surface, m; for a rotation with a coefficient.
         velocity: v_0, m/s or rad/s.
         viscous: c, N s/m or N m s/rad.
     """
 
-    force: float | None = None
-    coefficient: float | None = None
+    force: float | Callable[[float], float] | None = None
+    coefficient: float | Callable[[float], float] | None = None
     radius: float | None = None
     velocity: float = 1e-3
     viscous: float = 0.0
@@ -56,7 +59,9 @@ class JointFriction(JointAction):
             )
         for what in ("force", "coefficient", "viscous"):
             value = getattr(self, what)
-            if value is not None:
+            if callable(value) and what != "viscous":
+                _ = self._user(what)
+            elif value is not None:
                 _checks.number(self.owner, what, value, nonnegative=True)
         _checks.number(self.owner, "velocity", self.velocity, positive=True)
         arm = self.coefficient is not None and self.motions == ("rotation",)
@@ -67,6 +72,13 @@ class JointFriction(JointAction):
                 f"{self.owner}: radius goes with the coefficient of a rotation, got {self.radius}"
             )
 
+    def _user(self, what: str) -> UserFunction | None:
+        """The function that gives the force or the coefficient, None where it is a number."""
+        value = getattr(self, what)
+        if not callable(value):
+            return None
+        return UserFunction.checked(self.owner, what, value, FunctionKind.SPEED)
+
     @property
     def partner(self) -> Joint:
         """See :attr:`Joint.partner`."""
@@ -75,8 +87,9 @@ class JointFriction(JointAction):
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
         arm = 1.0 if self.radius is None else self.radius
-        if self.coefficient is None:
-            law = friction(self.force or 0.0, self.velocity, self.viscous)
-        else:
-            law = friction(self.coefficient * arm, self.velocity, self.viscous, normal=True)
+        normal = self.coefficient is not None
+        what = "coefficient" if normal else "force"
+        user, size = self._user(what), getattr(self, what)
+        factor = arm if user is not None else arm * (size or 0.0)
+        law = friction(factor, self.velocity, self.viscous, normal, user)
         return tuple(Row((term,), 0.0, law) for term in self.terms(poses))

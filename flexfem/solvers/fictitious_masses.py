@@ -82,13 +82,14 @@ def physical_masses(tangent: TangentSolver) -> list[FloatArray]:
 
 
 def _springs(system: System) -> list[FloatArray]:
-    """Sums of the stiffness of springs, stops and contacts over the rows of every block."""
+    """Sums of the stiffness of force elements and contacts over the rows of every block."""
     rows = system.constraints
     kind, stiffness = rows.elastic[:, 0], rows.elastic[:, 1]
     elastic = (kind == LawKind.SPRING) | (kind == LawKind.LIMIT)
     sizes = np.abs(rows.force_jacobian)
     whole = np.bincount(rows.row_of_term, sizes.sum(axis=(1, 2)), minlength=rows.size)
-    factor = np.where(elastic & rows.active, stiffness, 0.0) * whole
+    stiffness = np.where(elastic, stiffness, np.abs(rows.function_forces()[:, 1]))
+    factor = np.where(rows.active, stiffness, 0.0) * whole
     every = []
     for part in system.parts:
         out, width = np.zeros((part.block.owned, 6)), part.block.width

@@ -51,7 +51,8 @@ class RowProjection:
             values = rows.sums() - rows.targets
             beyond = values - np.clip(values, lower, upper)
             stretch = np.select([kind == LawKind.SPRING, kind == LawKind.LIMIT], [values, beyond])
-            pull = np.where(rows.active, stiffness * stretch + applied, 0.0)
+            pull = stiffness * stretch + applied + rows.function_forces()[:, 0]
+            pull = np.where(rows.active, pull, 0.0)
             rows.multipliers[:] = np.where(rows.rigid, rows.multipliers, pull)
         self._system.add_constraint_forces(rows.multipliers)
 

@@ -25,6 +25,7 @@ from flexfem.system.node_key import NodeKey
 from flexfem.system.node_table import NodeTable
 from flexfem.system.placed_joint import PlacedJoint
 from flexfem.system.placement import Placement
+from flexfem.system.row_faults import check_functions
 from flexfem.system.surface_places import SurfacePlace, carrier_frame, turning
 
 __all__ = ["JointEnds", "all_ends", "connect", "connect_alone", "joint_ends"]
@@ -103,6 +104,7 @@ def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:
         frames.append(frame)
         poses.append(pose)
     rows = joint.rows(poses, 0.0)
+    check_functions(rows, poses)
     for number, place in surfaces.items():
         nodes[number], points[number], frames[number] = _on_surface(
             serial, joint.markers[number], place, poses[number], turning(rows, number)

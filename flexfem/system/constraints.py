@@ -15,6 +15,7 @@ from flexfem.system.action_kernels import add_turning_forces
 from flexfem.system.interface import Interface
 from flexfem.system.numbered_rows import NumberedRows
 from flexfem.system.placed_joint import PlacedJoint
+from flexfem.system.row_faults import Functions
 from flexfem.system.row_hessians import (
     add_dampers,
     add_hessians,
@@ -30,6 +31,7 @@ from flexfem.system.row_kernels import (
     sums_of_terms,
     update_angles,
 )
+from flexfem.system.row_laws import static_forces
 
 __all__ = ["Constraints"]
 
@@ -74,9 +76,10 @@ class Constraints(NumberedRows):
         self.reported: FloatArray | None = None
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
         self.poses = np.zeros((len(self.marker_slot), 12))
-        damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] > LawKind.LIMIT)
+        damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] >= LawKind.FUNCTION)
         self._damped = bool(damping.any())
         self._holds = bool(interface.held.any())
+        self._functions = Functions(self)
 
     def state(self) -> State:
         """What the rows remember of the accepted state, and which of them hold what."""
@@ -106,6 +109,7 @@ class Constraints(NumberedRows):
         for side in range(2):
             marker, slot = self.term_marker[:, side], self.term_slots[:, side]
             turning = (self.kinds == RowKind.AXES) | (self.kinds == RowKind.ANGLE)
+            turning |= self.kinds >= RowKind.FUNCTION
             if side == 0:
                 turning |= self.kinds == RowKind.ALONG
             turning |= np.any(self.marker_offset[marker, :3] != 0.0, axis=1)
@@ -198,6 +202,13 @@ class Constraints(NumberedRows):
         return held
 
     @property
+    def working(self) -> BoolArray:
+        """(r,) rows whose forces count as work on the model: drives, and functions of forces."""
+        driven = np.array([j.joint.driven for j in self.joints], dtype=np.bool_)
+        works: BoolArray = driven[self.joint_of_row] | (self.elastic[:, 0] == LawKind.FUNCTION)
+        return works
+
+    @property
     def size(self) -> int:
         """Number of rows of this rank, shared ones included."""
         return len(self.values)
@@ -208,7 +219,8 @@ class Constraints(NumberedRows):
         return bool(self._driven)
 
     def set_time(self, t: float) -> None:
-        """Update the rows of driven joints to time ``t``."""
+        """Update the rows of driven joints, and what functions of forces see, to time ``t``."""
+        self.function_data[:, 0] = t
         for i, joint in self._driven:
             if not self.held[self.start[i]]:
                 self._drive(i, joint, t)
@@ -251,11 +263,14 @@ class Constraints(NumberedRows):
         evaluate_rows(
             face.frames, face.velocities, self.marker_slot, self.marker_offset, self.term_marker,
             self.term_slots, self.lines.sums, self.kinds, self.directions, self.factors,
-            self.angles, self.term_start, self.targets, self.active, self.elastic, self.relaxation,
+            self.angles, self.term_start, self.targets, self.active, self.elastic, self.functions,
+            self.function_data, self.relaxation,
             self.coupled, dynamics, self.multipliers, self.poses, self.force_jacobian,
             self.step_jacobian,
             self.values, self.compliance, self.coupling, self.slopes,
         )  # fmt: skip
+        if self._functions:
+            self._functions.watch(self)
         if self._damped:
             add_dampers(
                 self.poses, face.increments, face.velocities, self.marker_slot,
@@ -266,6 +281,13 @@ class Constraints(NumberedRows):
             self._add_line_dampers(self.slopes[:, 1], dynamics[0])
         self._hold(self.force_jacobian)
         self._hold(self.step_jacobian)
+
+    def function_forces(self) -> FloatArray:
+        """(r, 2) forces of users' functions at rest and their slopes; zero for other rows."""
+        out = np.zeros((self.size, 2))
+        values = self.sums() - self.targets
+        static_forces(self.elastic, self.functions, self.function_data, values, out)
+        return out
 
     def _hold(self, gradient: FloatArray) -> None:
         """Set gradients (t, 2, 6) to zero along unknowns that stay as they are."""

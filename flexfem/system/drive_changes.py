@@ -85,8 +85,7 @@ class DriveChanges:
             size: of the model, m.
         """
         self._table = rows
-        driven = np.array([j.joint.driven for j in rows.joints], dtype=np.bool_)[rows.joint_of_row]
-        driven &= rows.owned > 0.0
+        driven = rows.working & (rows.owned > 0.0)
         turning = np.zeros(rows.size, dtype=np.bool_)
         turning[rows.row_of_term[rows.kinds == RowKind.AXES]] = True
         self.complete = not bool((driven & turning).any())

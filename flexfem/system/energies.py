@@ -113,7 +113,7 @@ class EnergyMeter:
         # rows that also act on a body left out
         crossing = np.bincount(rows.row_of_term, ~sides.all(axis=1), rows.size) > 0.0
         owned = rows.owned > 0.0
-        driven = np.array([j.joint.driven for j in rows.joints], dtype=np.bool_)[rows.joint_of_row]
+        driven = rows.working
         # a drive works on all its sides, any row works on a chosen body against another one
         self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
         self._springs = owned & ~crossing

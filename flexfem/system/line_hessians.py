@@ -27,8 +27,8 @@ def _add_term_second(
 ) -> None:  # fmt: skip
     """Add ``factor`` times gradient and second derivative of a term on the markers' twists."""
     Ha, Hb = poses[marker[first + a]], poses[marker[first + b]]
-    term(kind, Ha, Hb, d[0], d[1], d[2], 0.0, g, scratch)
-    term_hessian(kind, Ha, Hb, d[0], d[1], d[2], h)
+    term(kind, Ha, Hb, d, 0.0, g, scratch)
+    term_hessian(kind, Ha, Hb, d, h)
     for i in range(12):
         row = 6 * (a if i < 6 else b) + i % 6
         work.forces[row] += factor * g[i]

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.compiled_functions import kind_number
 from flexfem.core.line_points import arc_length
 from flexfem.core.row import Row, RowKind
 from flexfem.core.runs import starts
@@ -151,7 +152,7 @@ class LineJoints:
             row=index,
             entry=table.term_start[index],
             term=starts([len(row.terms) for row in own]),
-            kinds=np.array([term.kind for term in terms], dtype=np.int64),
+            kinds=np.array([kind_number(term) for term in terms], dtype=np.int64),
             directions=np.zeros((len(terms), 3, 3)),
             factors=np.zeros(len(terms)),
             memory=np.zeros(len(terms)),
@@ -168,7 +169,7 @@ class LineJoints:
         for number, row in enumerate(rows, start=int(self._table.start[joint])):
             for term in row.terms:
                 self._rows.factors[t] = term.factor
-                self._rows.directions[t] = term.u, term.v, term.p
+                self._rows.directions[t] = term.data
                 t += 1
                 if row.switchable and term.kind is RowKind.ARC:
                     place = self.accepted[self._points.first[c] + term.a]

@@ -23,11 +23,12 @@ from flexfem.core.line_points import (
     turn_frames,
 )
 from flexfem.core.row import RowKind
+from flexfem.core.terms.vectors import rotate_back_into, rotate_into
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
 from flexfem.system.row_hessians import marker_map
-from flexfem.system.row_kernels import ALONG, ANGLE, rotate_back_into, rotate_into, term
+from flexfem.system.row_kernels import ALONG, ANGLE, term
 
 __all__ = [
     "ARC",
@@ -185,9 +186,9 @@ def place_markers(
 @kernel
 def _along_first(poses: FloatArray, a: int, b: int, g: FloatArray, scratch: FloatArray) -> None:
     """Gradient ``g`` (12) of the slider's equation with respect to both markers' twists."""
-    u = np.zeros(3)
-    u[0] = 1.0
-    term(ALONG, poses[a], poses[b], u, u, u, 0.0, g, scratch)
+    d = np.zeros((3, 3))
+    d[0, 0] = 1.0
+    term(ALONG, poses[a], poses[b], d, 0.0, g, scratch)
 
 
 @kernel
@@ -239,8 +240,8 @@ def _row_value(
             continue
         d, at = rows.directions[t], points.first[c]
         value += rows.factors[t] * term(
-            rows.kinds[t], poses[points.marker[at + a]], poses[points.marker[at + b]], d[0], d[1],
-            d[2], rows.memory[t], g, scratch,
+            rows.kinds[t], poses[points.marker[at + a]], poses[points.marker[at + b]], d,
+            rows.memory[t], g, scratch,
         )  # fmt: skip
         _add_to_nodes(g, a, b, rows.factors[t], work, size, work.gradient)
     return value
@@ -320,7 +321,7 @@ def update_line_angles(points: PointData, rows: RowData, poses: FloatArray) -> N
                     poses[marker[rows.ends[t, 1]]],
                     rows.directions[t],
                 )
-                rows.memory[t] = term(ANGLE, a, b, d[0], d[1], d[2], rows.memory[t], g, scratch)
+                rows.memory[t] = term(ANGLE, a, b, d, rows.memory[t], g, scratch)
 
 
 @kernel
@@ -369,7 +370,7 @@ def _add_forces(
         a, b = rows.ends[t]
         d = rows.directions[t]
         Ha, Hb = poses[points.marker[first + a]], poses[points.marker[first + b]]
-        term(rows.kinds[t], Ha, Hb, d[0], d[1], d[2], rows.memory[t], g, scratch)
+        term(rows.kinds[t], Ha, Hb, d, rows.memory[t], g, scratch)
         for i in range(6):
             work.forces[6 * a + i] += force * rows.factors[t] * g[i]
             work.forces[6 * b + i] += force * rows.factors[t] * g[6 + i]

@@ -5,17 +5,10 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_kernels import step_rates_into
+from flexfem.core.terms.function import function_hessian
+from flexfem.core.terms.vectors import cross_into, dot, rotate_back_into
 from flexfem.lie.compiled import kernel
-from flexfem.system.row_kernels import (
-    ALONG,
-    ANGLE,
-    AXES,
-    DISTANCE,
-    ON_LINES,
-    cross_into,
-    dot,
-    rotate_back_into,
-)
+from flexfem.system.row_kernels import ALONG, ANGLE, AXES, DISTANCE, FUNCTION, ON_LINES
 
 __all__ = [
     "add_dampers",
@@ -64,13 +57,16 @@ def _add(out: FloatArray, i: int, j: int, sign: float, B: FloatArray) -> None:
 
 @kernel
 def term_hessian(
-    kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
-    h: FloatArray,
+    kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatArray
 ) -> None:  # fmt: skip
     """Derivative of a term's gradient (12) along the local twists (12) in ``h`` (12, 12).
 
     It is not symmetric: increments of rotation do not commute.
     """
+    if kind >= FUNCTION:
+        function_hessian(kind, Ha, Hb, d, h)
+        return
+    u, v, p = d[0], d[1], d[2]
     h[:] = 0.0
     Ra, Rb = Ha[3:].copy().reshape(3, 3), Hb[3:].copy().reshape(3, 3)
     Rab = _product(Ra.T.copy(), Rb)
@@ -221,7 +217,7 @@ def add_hessians(
             continue
         a, b = term_marker[t, 0], term_marker[t, 1]
         d = directions[t]
-        term_hessian(kinds[t], poses[a], poses[b], d[0], d[1], d[2], h)
+        term_hessian(kinds[t], poses[a], poses[b], d, h)
         for side in range(2):
             m = term_marker[t, side]
             J[side] = 0.0
@@ -269,9 +265,7 @@ def second_rates(
         if kinds[t] == ON_LINES:
             continue
         d = directions[t]
-        term_hessian(
-            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2], h
-        )
+        term_hessian(kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d, h)
         _marker_twists(velocities, marker_node, marker_offset, term_marker[t], J, v)
         for i in range(12):
             for j in range(12):
@@ -297,9 +291,7 @@ def add_dampers(
         if slope == 0.0 or kinds[t] == ON_LINES:
             continue
         d = directions[t]
-        term_hessian(
-            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2], h
-        )
+        term_hessian(kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d, h)
         _marker_twists(velocities, marker_node, marker_offset, term_marker[t], J, v)
         for side in range(2):
             node = marker_node[term_marker[t, side]]

@@ -10,6 +10,8 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import RowKind
+from flexfem.core.terms.function import evaluate_function
+from flexfem.core.terms.vectors import cross_into, dot, rotate_back_into, rotate_into
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.system.row_laws import RIGID, force_law
@@ -22,53 +24,18 @@ __all__ = [
     "INERTIAL",
     "ON_LINES",
     "add_forces",
-    "cross_into",
-    "dot",
     "evaluate_rows",
     "marker_poses",
     "marker_wrenches",
-    "rotate_back_into",
-    "rotate_into",
     "sums_of_terms",
     "term",
     "to_node",
     "update_angles",
 ]
 
-INERTIAL, ALONG, AXES, DISTANCE, ANGLE, _ = (int(kind) for kind in RowKind)
+INERTIAL, ALONG, AXES, DISTANCE, ANGLE, _, FUNCTION = (int(kind) for kind in RowKind)
 #: Kind of a term that holds two nodes of the gradient of a row on lines, see ``line_kernels``.
 ON_LINES = -1
-
-
-@kernel
-def rotate_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
-    """``R v`` of a frame stored as 12 numbers."""
-    for i in range(3):
-        k = 3 + 3 * i
-        out[at + i] = H[k] * v[0] + H[k + 1] * v[1] + H[k + 2] * v[2]
-
-
-@kernel
-def rotate_back_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
-    """``R^T v`` of a frame stored as 12 numbers."""
-    for i in range(3):
-        k = 3 + i
-        out[at + i] = H[k] * v[0] + H[k + 3] * v[1] + H[k + 6] * v[2]
-
-
-@kernel
-def cross_into(a: FloatArray, b: FloatArray, out: FloatArray, at: int) -> None:
-    """``a x b``."""
-    out[at] = a[1] * b[2] - a[2] * b[1]
-    out[at + 1] = a[2] * b[0] - a[0] * b[2]
-    out[at + 2] = a[0] * b[1] - a[1] * b[0]
-
-
-@kernel
-def dot(a: FloatArray, b: FloatArray) -> float:
-    """``a . b``."""
-    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return product
 
 
 @kernel
@@ -95,10 +62,18 @@ def _angle(
 
 @kernel
 def term(
-    kind: int, Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray,
-    memory: float, g: FloatArray, s: FloatArray,
+    kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, memory: float, g: FloatArray,
+    s: FloatArray,
 ) -> float:  # fmt: skip
-    """Value of one elementary function; gradient in ``g`` (12), scratch ``s`` (5, 3)."""
+    """Value of one elementary function; gradient in ``g`` (12), scratch ``s`` (5, 3).
+
+    ``kind`` is a ``RowKind`` or the address of a compiled function of the user's; ``d`` (3, 3)
+    holds u, v and p, or the data of that function, see ``Term``.
+    """
+    if kind >= FUNCTION:
+        own: float = evaluate_function(kind, Ha, Hb, d, g)
+        return own
+    u, v, p = d[0], d[1], d[2]
     g[:] = 0.0
     if kind == AXES:
         rotate_into(Hb, v, s[0], 0)
@@ -168,7 +143,7 @@ def update_angles(
         if kinds[t] == ANGLE:
             d = directions[t]
             memory[t] = term(
-                ANGLE, poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
+                ANGLE, poses[term_marker[t, 0]], poses[term_marker[t, 1]], d,
                 memory[t], g, scratch,
             )  # fmt: skip
 
@@ -186,7 +161,7 @@ def sums_of_terms(
             continue
         d = directions[t]
         out[row_of_term[t]] += factors[t] * term(
-            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
+            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d,
             memory[t], g, scratch,
         )  # fmt: skip
 
@@ -206,7 +181,7 @@ def marker_wrenches(
             continue
         d = directions[t]
         term(
-            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
+            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d,
             0.0, g, scratch,
         )  # fmt: skip
         size = -factors[t] * forces[row_of_term[t]]
@@ -235,8 +210,8 @@ def add_forces(
 
 @kernel
 def _apply_law(
-    r: int, law: FloatArray, value: float, rate: float, dynamics: FloatArray,
-    multipliers: FloatArray, coupled: IntArray, at: int, values: FloatArray,
+    r: int, law: FloatArray, function: int, data: FloatArray, value: float, rate: float,
+    dynamics: FloatArray, multipliers: FloatArray, coupled: IntArray, at: int, values: FloatArray,
     compliance: FloatArray, coupling: FloatArray, slopes: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Equation ``scale (F - L/s) = 0`` of row ``r`` with its derivatives.
@@ -250,14 +225,16 @@ def _apply_law(
         squares += multipliers[coupled[end, 1]] ** 2
         end += 1
     size = np.sqrt(squares)
-    force_law(law, value, rate, multipliers[r] / dynamics[1], size / dynamics[1], out)
+    force_law(
+        law, function, data, value, rate, multipliers[r] / dynamics[1], size / dynamics[1], out
+    )
     scale = 1.0 / (1.0 / dynamics[1] + abs(out[1]) + abs(out[2]) * dynamics[0])
     values[r] = scale * (out[0] - multipliers[r] / dynamics[1])
     compliance[r] = scale / dynamics[1]
     slopes[r, 0], slopes[r, 1] = scale * out[1], scale * out[2]
     for k in range(at, end):
         part = multipliers[coupled[k, 1]] / size if size > 0.0 else 0.0
-        coupling[k] = -compliance[r] * law[3] * out[3] * part
+        coupling[k] = -compliance[r] * out[3] * part
 
 
 @inlined
@@ -304,10 +281,10 @@ def evaluate_rows(
     term_marker: IntArray, term_slots: IntArray, line_sums: FloatArray, kinds: IntArray,
     directions: FloatArray, factors: FloatArray,
     memory: FloatArray, term_start: IntArray, targets: FloatArray, active: BoolArray,
-    elastic: FloatArray, relaxation: float, coupled: IntArray,
-    dynamics: FloatArray, multipliers: FloatArray, poses: FloatArray, force_jacobian: FloatArray,
-    step_jacobian: FloatArray, values: FloatArray, compliance: FloatArray, coupling: FloatArray,
-    slopes: FloatArray,
+    elastic: FloatArray, functions: IntArray, data: FloatArray, relaxation: float,
+    coupled: IntArray, dynamics: FloatArray, multipliers: FloatArray, poses: FloatArray,
+    force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
+    compliance: FloatArray, coupling: FloatArray, slopes: FloatArray,
 ) -> None:  # fmt: skip
     """Evaluate every row at the trial configuration.
 
@@ -319,14 +296,16 @@ def evaluate_rows(
         term_marker: (t, 2) markers a and b of each term.
         term_slots: (t, 2) their nodes.
         line_sums: (r,) sums of the rows on lines, whose gradients are known.
-        kinds: (t,) values of ``RowKind``.
-        directions: (t, 3, 3) u, v and p.
+        kinds: (t,) values of ``RowKind``, or addresses of functions, see ``term``.
+        directions: (t, 3, 3) u, v and p, see ``Term.data``.
         factors: (t,) coefficients of the terms.
         memory: (t,) continuous angles at the accepted state.
         term_start: (r + 1,) first term of each row.
         targets: (r,) values that the sums take.
         active: (r,) rows that are not released.
         elastic: (r, 5) law, stiffness, damping and two parameters, see ``Law``.
+        functions: (r,) addresses of functions of the user's that laws call, 0 for none.
+        data: (r, 9) time and parameters of these functions.
         relaxation: compliance of rigid rows.
         coupled: (k, 2) rows with friction, and rows whose resultant presses on them.
         dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
@@ -349,7 +328,7 @@ def evaluate_rows(
                 continue
             d = directions[t]
             value += factors[t] * term(
-                kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d[0], d[1], d[2],
+                kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d,
                 memory[t], g, scratch,
             )  # fmt: skip
             rate += _to_nodes(
@@ -363,8 +342,8 @@ def evaluate_rows(
             while at < coupling.size and coupled[at, 0] < r:
                 at += 1
             _apply_law(
-                r, elastic[r], value, rate, dynamics, multipliers, coupled, at, values,
-                compliance, coupling, slopes, law,
+                r, elastic[r], functions[r], data[r], value, rate, dynamics, multipliers, coupled,
+                at, values, compliance, coupling, slopes, law,
             )  # fmt: skip
         else:
             values[r], compliance[r], slopes[r, 0], slopes[r, 1] = -multipliers[r], 1.0, 0.0, 0.0

@@ -3,13 +3,14 @@
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.compiled_functions import call
 from flexfem.core.row import LawKind
 from flexfem.lie.compiled import kernel
 
-__all__ = ["LIMIT", "NORMAL_FRICTION", "RIGID", "SPRING", "elastic_part", "force_law"]
+__all__ = ["FUNCTION", "LIMIT", "RIGID", "SPRING", "elastic_part", "force_law", "static_forces"]
 
-RIGID, SPRING, LIMIT, FRICTION, NORMAL_FRICTION = (int(kind) for kind in LawKind)
+RIGID, SPRING, LIMIT, FUNCTION, FRICTION, NORMAL_FRICTION = (int(kind) for kind in LawKind)
 
 
 @kernel
@@ -76,12 +77,15 @@ def _friction(
 
 @kernel
 def force_law(
-    law: FloatArray, value: float, rate: float, force: float, normal: float, out: FloatArray
-) -> None:
-    """Force of a row in ``out``: (F, dF/dvalue, dF/drate, dF/dF_c), see ``LawKind``.
+    law: FloatArray, function: int, data: FloatArray, value: float, rate: float, force: float,
+    normal: float, out: FloatArray,
+) -> None:  # fmt: skip
+    """Force of a row in ``out``: (F, dF/dvalue, dF/drate, dF/dnormal), see ``LawKind``.
 
     Args:
         law: (5,) kind, stiffness, damping and two more.
+        function: address of a function of the user's, 0 for none.
+        data: (9,) time and parameters of that function.
         value: of the row, less its target.
         rate: its time derivative.
         force: present iterate of the force.
@@ -93,10 +97,37 @@ def force_law(
         out[1], out[2], out[3] = law[1], law[2], 0.0
     elif law[0] == LIMIT:
         _limit(law, value, rate, out)
-    elif law[0] == NORMAL_FRICTION:
-        _friction(law[3] * normal, law[4], law[2], rate, force, out)
+    elif law[0] == FUNCTION:
+        given = np.empty(2)
+        given[0], given[1] = value, rate
+        call(function, given, data, out)
+        out[3] = 0.0
     else:
-        _friction(law[3], law[4], law[2], rate, force, out)
+        press, size, slope = 1.0, law[3], 0.0
+        if law[0] == NORMAL_FRICTION:
+            press = normal
+        if function != 0:
+            given, found = np.empty(1), np.empty(2)
+            given[0] = abs(rate)
+            call(function, given, data, found)
+            slope = size * press * (found[1] if rate >= 0.0 else -found[1])
+            size *= found[0]
+        _friction(size * press, law[4], law[2], rate, force, out)
+        out[2] += slope * out[3]
+        out[3] = size * out[3] if law[0] == NORMAL_FRICTION else 0.0
+
+
+@kernel
+def static_forces(
+    laws: FloatArray, functions: IntArray, data: FloatArray, values: FloatArray, out: FloatArray
+) -> None:
+    """Forces and slopes of functions of the user's at rest in ``out`` (r, 2), nothing elsewhere."""
+    force = np.empty(4)
+    out[:] = 0.0
+    for r in range(values.size):
+        if laws[r, 0] == FUNCTION:
+            force_law(laws[r], functions[r], data[r], values[r], 0.0, 0.0, 0.0, force)
+            out[r, 0], out[r, 1] = force[0], force[1]
 
 
 @kernel

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.compiled_functions import address, kind_number
 from flexfem.core.row import LawKind, Row, RowKind
 from flexfem.core.runs import starts
 from flexfem.system.line_joints import LineJoints
@@ -27,9 +28,12 @@ class RowTable:
         targets: (r,) values that the rows' sums take.
         active, switchable: (r,) rows that are not released, and those that may be.
         elastic: (r, 5) law (a ``LawKind``, 0 for rigid), stiffness, damping, two parameters.
+        functions: (r,) addresses of the users' functions that laws call, 0 for none.
+        function_data: (r, 9) time (s) and parameters of these functions.
         term_start: (r + 1,) first term of each row.
         row_of_term: (t,) its row.
-        kinds, directions, factors: (t,), (t, 3, 3) and (t,) of the terms.
+        kinds, directions, factors: (t,), (t, 3, 3) and (t,) of the terms; a kind is a ``RowKind``
+            or the address of a user's function.
         angles: (t,) continuous angles at the accepted state.
         term_marker, term_slots: (t, 2) both markers and the slots of their nodes.
         pair_of_term: (t,) pair of markers of a term, ``pair_slots`` (p, 2), ``pair_owned`` (p,).
@@ -54,6 +58,8 @@ class RowTable:
         self._connect(rows, line_rows[self.row_of_term])
         count, terms = len(rows), len(self.row_of_term)
         self.targets, self.elastic = np.zeros(count), np.zeros((count, 5))
+        self.functions: IntArray = np.zeros(count, dtype=np.int64)
+        self.function_data = np.zeros((count, 9))
         self.switchable: BoolArray = np.array([row.switchable for row in rows], dtype=np.bool_)
         self.active: BoolArray = np.array([row.locked for row in rows], dtype=np.bool_)
         self.kinds: IntArray = np.zeros(terms, dtype=np.int64)
@@ -111,13 +117,17 @@ class RowTable:
             if row.law is not None:
                 law = row.law
                 self.elastic[i] = law.kind, law.stiffness, law.damping, law.first, law.second
+                if law.function is not None:
+                    self.functions[i] = address(law.function)
+                    given = law.function.parameters
+                    self.function_data[i, 1 : 1 + len(given)] = given
         if self.joints[joint].on_lines:
             self.lines.write(joint, rows)
             return
         for row in rows:
             for term in row.terms:
-                self.kinds[t], self.factors[t] = term.kind, term.factor
-                self.directions[t] = term.u, term.v, term.p
+                self.kinds[t], self.factors[t] = kind_number(term), term.factor
+                self.directions[t] = term.data
                 t += 1
 
     def _normals(self, rows: Sequence[Row]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.row import LawKind
+from flexfem.core.row import LawKind, RowKind
 from flexfem.system.constraints import Constraints
 from flexfem.system.row_kernels import marker_poses
 from flexfem.system.step_rows import add_step_hessians, evaluate_step
@@ -133,7 +133,9 @@ class StepRows:
 
 def _check_laws(rows: Constraints) -> None:
     laws = np.unique(rows.joint_of_row[~np.isin(rows.elastic[:, 0], _SUPPORTED)]).tolist()
-    found = [(i, "neither friction nor stops") for i in laws]
+    found = [(i, "neither friction nor stops nor functions of forces") for i in laws]
+    functions = np.unique(rows.joint_of_row[rows.row_of_term[rows.kinds >= RowKind.FUNCTION]])
+    found += [(i, "no functions as constraints") for i in functions.tolist()]
     found += [(i, "no sliding along beams") for i in rows.lines.joints]
     named = [(rows.joints[i].index, rows.joints[i].joint.owner, what) for i, what in found]
     everywhere = min((one for part in rows.comm.allgather(named) for one in part), default=None)

@@ -88,10 +88,14 @@ def carrier_frame(point: LinePoint, points: FloatArray) -> FloatArray:
     return H
 
 
+#: Kinds of terms that are about the axes of both markers.
+_TURNING = (RowKind.AXES, RowKind.ANGLE, RowKind.FUNCTION)
+
+
 def turning(rows: Sequence[Row], marker: int) -> bool:
     """Whether rows need the axes of a marker, given by its number, and not its position alone."""
     for term in (term for row in rows for term in row.terms):
-        if marker in (term.a, term.b) and term.kind in (RowKind.AXES, RowKind.ANGLE):
+        if marker in (term.a, term.b) and term.kind in _TURNING:
             return True
         if marker == term.a and term.kind is RowKind.ALONG:
             return True

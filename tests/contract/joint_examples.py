@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """An example of every joint class, and one joint between nodes of its own."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -53,6 +54,13 @@ class Example:
 
 def _vector(t: float) -> np.ndarray:
     return np.array([0.3 * t, -0.2 * t * t, np.sin(t)])
+
+
+def _custom(p, R, c):
+    """Three functions of all coordinates and axes that vanish where the points coincide."""
+    angle = math.atan2(R[1][0], R[0][0])
+    bent = R[0][2] * p[1] + np.sin(p[2]) * R[1][1] - c[0] * R[1][2] * p[0] ** 2
+    return p[0] + 0.1 * p[1] * p[2], bent, (angle + 2.0) * p[2] - R[2][2] * p[1] / 3
 
 
 HERE, ALONG, APART = np.zeros(3), 1.3 * UNIT, np.array([0.4, 1.1, -0.7])
@@ -183,6 +191,27 @@ EXAMPLES |= {
         make=lambda: ff.JointFriction(
             "joint", ff.Revolute("hinge", *_ground(2), axis=AXIS), coefficient=0.6, radius=0.3,
             **RADIAL
+        ),
+    ),
+    "CustomJoint": Example(
+        ff.CustomJoint, 3,
+        {"function": _custom, "parameters": (0.5,)}, HERE,
+    ),
+    "CustomForce": Example(
+        ff.CustomForce, 1,
+        {"force": lambda x, v, t, k: k[0] * (x - 0.9) ** 3 + 4.0 * v, "parameters": (70.0,)},
+        APART, elastic=True,
+    ),
+    "CustomForce-rotation": Example(
+        ff.CustomForce, 1,
+        {"axis": AXIS, "motion": "rotation", "force": lambda x, v: 7.0 * math.sin(x) + 0.3 * v * v},
+        APART, elastic=True,
+    ),
+    "JointFriction-function": Example(
+        ff.JointFriction, 1, {}, ALONG, elastic=True,
+        make=lambda: ff.JointFriction(
+            "joint", _slider(), "translation",
+            coefficient=lambda v: 0.5 / (1.0 + 0.1 * v), **RADIAL,
         ),
     ),
     "Actuator": Example(

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from flexfem.core.row import LawKind
 from flexfem.lie import se3
 from tests.contract.line_examples import FIXED, LINES, SLIDING, PlacedOnLine
 
@@ -75,14 +76,14 @@ def test_laws_with_rates(name, line, inertial, rng):
     row = joint.rows.size - 1
     compliance = joint.rows.compliance[row]
     law = joint.rows.elastic[row].copy()
-    if law[0] == 3 or law[0] == 4:  # friction's tangent is a secant: only its viscous part is exact
+    if law[0] >= LawKind.FRICTION:  # friction's tangent is a secant: only its viscous part is exact
         joint.rows.elastic[row] = (1.0, 0.0, 0.3, 0.0, 0.0)
     expected = joint.derivative(joint.evaluate).reshape(-1, joint.count, 6)
     joint.evaluate()
     found = joint.dense(joint.rows.step_jacobian)
     assert compliance > 0.0
     scale = np.abs(expected[row]).max()
-    if law[0] == 2:  # the scale of a stop's equation changes with its slopes and is held
+    if law[0] == LawKind.LIMIT:  # the scale of its equation changes with its slopes and is held
         cosine = np.sum(found[row] * expected[row]) / np.linalg.norm(found[row])
         assert cosine / np.linalg.norm(expected[row]) > 0.9
         return

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Force element whose law is a function of the user's."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from flexfem import _checks
+from flexfem.core.joint import AxisJoint, distance, turn_angle
+from flexfem.core.pose import Pose
+from flexfem.core.row import Law, LawKind, Row, RowKind, Term
+from flexfem.core.user_function import FunctionKind, UserFunction
+
+__all__ = ["CustomForce"]
+
+_MOTIONS = ("distance", "translation", "rotation")
+
+
+@dataclass(frozen=True, eq=False)
+class CustomForce(AxisJoint):
+    """Spring, damper or drive between two markers with any law ``F(x, v, t)``.
+
+    A positive force pulls as a stretched spring does: it acts on marker b against a growing x, and
+    the other way on marker a. The law is plain Python with arithmetic on numbers and the functions
+    of ``math`` or NumPy; it is compiled with its derivatives by hyper-dual numbers, so that it may
+    be stiff and enters the equations implicitly. Its work counts as work of applied forces in
+    energy probes, since what of it is stored is not known.
+
+    Attributes:
+        axis: fixed in marker a, inertial axes at the start; not needed for "distance".
+        motion: what x is: "distance" of the markers (m), displacement of b from a along the axis
+            for "translation" (m), or angle since the start about it for "rotation" (rad).
+        force: ``force(x, v)``, ``force(x, v, t)`` or ``force(x, v, t, parameters)`` that returns N
+            or N m; v is the rate of x, t the time in s.
+        parameters: up to eight numbers that the function is given as a tuple. Functions are
+            compiled once and can be shared by elements with other parameters.
+    """
+
+    motion: str = "distance"
+    force: Callable[..., float] = lambda x, v: 0.0
+    parameters: Sequence[float] = ()
+
+    def __post_init__(self) -> None:
+        """Check motion, function and parameters.
+
+        Raises:
+            TypeError: the force is no function, or parameters are no numbers.
+            ValueError: an unknown motion, a function of other arguments, too many parameters.
+        """
+        super().__post_init__()
+        if self.motion not in _MOTIONS:
+            raise ValueError(
+                f"{self.owner}: motion must be one of {', '.join(_MOTIONS)}, got "
+                f"{_checks.show(self.motion)}"
+            )
+        _ = self._user
+
+    @property
+    def _user(self) -> UserFunction:
+        kind = FunctionKind.FORCE
+        return UserFunction.checked(self.owner, "force", self.force, kind, self.parameters)
+
+    def coordinate(self, poses: Sequence[Pose]) -> Term:
+        """The distance (m), displacement (m) or angle (rad) that it acts on.
+
+        Raises:
+            ValueError: the distance is zero at the start.
+        """
+        a, b = poses
+        if self.motion == "rotation":
+            return turn_angle(self.direction, a, b)
+        if self.motion == "distance":
+            distance(self.owner, poses)
+            return Term(RowKind.DISTANCE)
+        return Term(RowKind.ALONG, u=a.rotation.T @ self.direction)
+
+    def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
+        """See :meth:`Joint.rows`."""
+        law = Law(LawKind.FUNCTION, function=self._user)
+        return (Row((self.coordinate(poses),), 0.0, law),)
