@@ -126,10 +126,9 @@ def test_only_io_opens_files(path: Path) -> None:
     assert not names & {"open", "write_text", "write_bytes", "savetxt", "savez", "tofile", "File"}
 
 
-# Modules that know one another: the equations of a step are exchanged while it runs, and the
-# stabilisation of load steps works on the state of the equilibrium that holds it.
+# Modules that know one another: the stabilisation of load steps works on the state of the
+# equilibrium that holds it.
 KNOTS = [
-    {"flexfem.system.mechanics", "flexfem.system.system"},
     {"flexfem.solvers.held_steps", "flexfem.solvers.statics"},
 ]
 

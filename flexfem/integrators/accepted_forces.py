@@ -36,6 +36,7 @@ from flexfem.integrators.start import laws_settled
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.action_kernels import add_products
+from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import GYROSCOPIC, MASS, System
 
 __all__ = ["AcceptedForces"]
@@ -110,7 +111,7 @@ class AcceptedForces:
             block = part.block
             if part.elements is None:
                 block.residual[:] = 0.0
-                matrices = system.mechanics.masses(system, part, GYROSCOPIC)
+                matrices = END_POINT.masses(system, part, GYROSCOPIC)
                 add_products(matrices, part.masses.nodes, block.step, -1.0, block.residual)
                 right[k] += block.owned_residual
         system.interface.update_steps()

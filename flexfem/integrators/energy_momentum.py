@@ -84,19 +84,18 @@ class EnergyMomentum(Integrator):
         system.constraints.mean_forces = True
 
     @property
-    def mechanics(self) -> StepMechanics | None:
+    def mechanics(self) -> StepMechanics:
         """See :attr:`Integrator.mechanics`."""
+        assert self._mechanics is not None  # prepared
         return self._mechanics
 
     def state(self, system: System) -> State:
         """See :meth:`Integrator.state`."""
-        assert self._mechanics is not None
-        return self._mechanics.state(system)
+        return self.mechanics.state(system)
 
     def restore(self, system: System, state: State) -> None:
         """See :meth:`Integrator.restore`."""
-        assert self._mechanics is not None
-        self._mechanics.restore(system, state)
+        self.mechanics.restore(system, state)
 
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
@@ -105,19 +104,16 @@ class EnergyMomentum(Integrator):
 
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
-        mechanics, rows, begin = self._mechanics, system.constraints, system.time
-        assert mechanics is not None  # prepared
+        mechanics, rows, begin = self.mechanics, system.constraints, system.time
         system.set_time(begin + 0.5 * h)
         factors = system.factors.copy()
         system.set_time(begin + h)
         mechanics.begin(system, h, factors)
-        others, system.mechanics = system.mechanics, mechanics
         status = solve_from_predictions(
             system,
             partial(_predict, mechanics, rows),
             lambda restart: policy.solve(self.shifts(h), restart),
         )
-        system.mechanics = others  # events and starts state equilibrium at one time
         if status is not Status.OK:
             discard(system, begin)
         return status
@@ -127,15 +123,13 @@ class EnergyMomentum(Integrator):
 
         From the change of the mean accelerations since the last step.
         """
-        assert self._mechanics is not None
-        return self._mechanics.error(system)
+        return self.mechanics.error(system)
 
     def accept(self, system: System, h: float) -> None:
         """See :meth:`Integrator.accept`."""
-        assert self._mechanics is not None
         rows = system.constraints
-        rows.forces[:] = rows.multipliers / self._mechanics.weight
-        self._mechanics.accept(system)
+        rows.forces[:] = rows.multipliers / self.mechanics.weight
+        self.mechanics.accept(system)
 
 
 def _predict(mechanics: StepMechanics, rows: Constraints, prediction: Prediction) -> None:

@@ -26,6 +26,7 @@ from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
 from flexfem.solvers.newton import Equations, PositionLevel
 from flexfem.solvers.policy import Policy
+from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import Shifts, System
 
 __all__ = ["TURN_LIMIT", "GeneralizedAlpha", "StepLaws", "step_laws"]
@@ -147,7 +148,7 @@ class GeneralizedAlpha(Integrator):
         for part in system.parts:
             part.block.jump_to_step(laws.accept, constant * h * h)
         shifts = laws.shifts
-        system.multiply_mass(shifts.acceleration * shifts.scale)
+        END_POINT.multiply_mass(system, shifts.acceleration * shifts.scale)
         if not policy.again(np.zeros(system.constraints.size)):
             return inf
         return system.largest_step()

@@ -28,7 +28,7 @@ from flexfem.integrators.integrator import Integrator, discard, solve_from_predi
 from flexfem.integrators.start import drives, second_rates
 from flexfem.solvers.independent_motions import IndependentMotions
 from flexfem.solvers.policy import Policy
-from flexfem.system.mechanics import Mechanics
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 
 __all__ = ["IndependentCoordinates"]
@@ -79,9 +79,9 @@ class IndependentCoordinates(Integrator):
         return self._usual.turn_limit
 
     @property
-    def mechanics(self) -> Mechanics | None:
+    def mechanics(self) -> Mechanics:
         """See :attr:`Integrator.mechanics`."""
-        return None
+        return END_POINT
 
     def state(self, system: System) -> State:
         """See :meth:`Integrator.state`."""
@@ -123,7 +123,7 @@ class IndependentCoordinates(Integrator):
         constant = 1.0 / 6.0 - scheme.beta - 0.5 * (scheme.alpha_m - scheme.alpha_f)
         for part in system.parts:
             part.block.jump_to_step(laws.accept, constant * h * h)
-        system.multiply_mass(laws.shifts.acceleration * laws.shifts.scale)
+        END_POINT.multiply_mass(system, laws.shifts.acceleration * laws.shifts.scale)
         residual = motions.project(motions.of_nodes("residual"))
         step, _ = motions.solve(residual, np.zeros(len(motions.rigid)))
         motions.to_steps(step)
@@ -191,7 +191,7 @@ class _Step:
                 return Status.DIVERGED
             renew = size > _SLOW * previous and size > self._tolerance
             motions.to_steps(-step)
-            system.correct(1.0)
+            END_POINT.correct(system, 1.0)
             rows.multipliers -= motions.to_rows(laws)
         return Status.NOT_CONVERGED
 
@@ -210,7 +210,7 @@ class _Step:
                 return gap <= self._tolerance
             before = gap
             motions.to_steps(-motions.follow(gaps))
-            system.correct(1.0)
+            END_POINT.correct(system, 1.0)
         return gap <= self._tolerance
 
     def _rates(self) -> bool:
@@ -248,7 +248,7 @@ class _Step:
         system, motions, rows = self._system, self._motions, self._system.constraints
         rigid = rows.rigid
         rows.multipliers[rigid] = 0.0
-        system.evaluate(self._shifts)
+        END_POINT.evaluate(system, self._shifts)
         residual = motions.of_nodes("residual")
         rows.multipliers[rigid] = motions.to_rows(motions.multipliers(residual))[rigid]
         return residual

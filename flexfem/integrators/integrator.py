@@ -18,7 +18,7 @@ from flexfem.core.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.solvers.policy import Policy
-from flexfem.system.mechanics import Mechanics
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Integrator", "create_integrator", "discard", "solve_from_predictions"]
@@ -51,9 +51,9 @@ class Integrator(Protocol):
         return inf
 
     @property
-    def mechanics(self) -> Mechanics | None:
-        """Equations of its own that steps are solved with, None for those of the system."""
-        return None
+    def mechanics(self) -> Mechanics:
+        """Equations that its steps solve, once it is prepared."""
+        return END_POINT
 
     def state(self, system: System) -> State:
         """What it remembers from step to step, besides the accepted state of the system."""

@@ -22,6 +22,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.solvers.newton import Equations, SolveAgain
+from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import Shifts, System
 
 __all__ = ["StabilizedIndex2"]
@@ -49,7 +50,7 @@ class _PositionsAndRates:
 
     def evaluate(self, system: System, shifts: Shifts) -> None:
         """See :class:`Equations`."""
-        system.evaluate(shifts)
+        END_POINT.evaluate(system, shifts)
         by_time = self._by_time(system, shifts)
         self._gaps = system.constraints.use_rates(shifts.velocity, by_time)
 
@@ -69,7 +70,7 @@ class _PositionsAndRates:
     def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
         """See :class:`Equations`."""
         assert again is not None
-        largest = system.correct(-1.0)
+        largest = END_POINT.correct(system, -1.0)
         system.interface.update_steps()
         rows = system.constraints
         gaps = self._gaps - rows.rigid * rows.changes(system.interface.steps)

@@ -14,6 +14,7 @@ from flexfem.solvers.statics import Equilibrium, Limits, Loading, settle
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.assembly import Assembly
 from flexfem.system.extent import model_extent
+from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import System
 
 __all__ = ["check_held", "rest", "start_in_equilibrium"]
@@ -84,7 +85,7 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
     """
     system, tangent = equilibrium.system, equilibrium.tangent
     equilibrium.loading.set(0.0)
-    system.evaluate(equilibrium.shifts)
+    END_POINT.evaluate(system, equilibrium.shifts)
     equilibrium.assemble()
     # loads out of balance would link motions without stiffness to each other
     tangent.add_at_nodes(equilibrium.turning())

@@ -12,6 +12,7 @@ from flexfem.core.status import Status
 from flexfem.solvers.arc_length import ArcLength
 from flexfem.solvers.stability import softest_motion
 from flexfem.solvers.statics import Equilibrium
+from flexfem.system.mechanics import END_POINT
 
 __all__ = ["CriticalPoint", "Path", "Point"]
 
@@ -98,7 +99,7 @@ class Path:
         equilibrium = self.equilibrium
         unstable = 0
         if self._count:
-            equilibrium.system.evaluate(equilibrium.shifts)
+            END_POINT.evaluate(equilibrium.system, equilibrium.shifts)
             equilibrium.assemble()
             unstable = equilibrium.inertia.unstable()
         return Point(equilibrium.loading.t, 1.0 if arc is None else arc.slope, unstable)
@@ -207,7 +208,7 @@ class Path:
         equilibrium, trial = self.equilibrium, self.trial
         kind = "limit point" if before.slope * trial.slope < 0.0 else "bifurcation"
         columns = self._columns()
-        equilibrium.system.evaluate(equilibrium.shifts)
+        END_POINT.evaluate(equilibrium.system, equilibrium.shifts)
         equilibrium.assemble()
         _, motion = softest_motion(equilibrium.tangent, equilibrium.weights)
         return CriticalPoint(kind, trial.t, (before.unstable, trial.unstable), columns, motion)

@@ -104,10 +104,12 @@ class Simulation:
         self._integrator.prepare(self.system)
         newton = NewtonOptions(options.tolerance)
         self._policy: Policy = create_policy(
-            options.iteration_matrix, self.system, newton, self._tangent
+            options.iteration_matrix, self.system, newton, self._tangent, self._integrator.mechanics
         )
         # steps to and from events have sizes of their own: no factors are worth keeping
-        self._fresh: Policy = UpdatedPolicy(self.system, newton, self._tangent)
+        self._fresh: Policy = UpdatedPolicy(
+            self.system, newton, self._tangent, self._integrator.mechanics
+        )
         self.events = Events(self.system, self.serial, self._tangent, options.dt)
         self.steps = self.rejected = 0
         self.step_seconds: list[float] = []
@@ -171,9 +173,7 @@ class Simulation:
         self.events.restore(state.values)
         self.controls.restore(state.values)
         system = self.system
-        usual, system.mechanics = system.mechanics, self._integrator.mechanics or system.mechanics
         self._policy.restore(state)
-        system.mechanics = usual
         system.restore(state)
         self._integrator.restore(system, state)
         self.controls.resume(state.values)

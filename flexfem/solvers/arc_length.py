@@ -14,6 +14,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.solvers.statics import Equilibrium
+from flexfem.system.mechanics import END_POINT
 
 __all__ = ["ArcLength"]
 
@@ -44,7 +45,7 @@ class ArcLength:
             False if the matrix is singular or nothing depends on the load parameter.
         """
         equilibrium = self._equilibrium
-        equilibrium.system.evaluate(equilibrium.shifts)
+        END_POINT.evaluate(equilibrium.system, equilibrium.shifts)
         solution = self._by_load()
         if solution is None:
             return False

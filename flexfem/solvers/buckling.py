@@ -13,6 +13,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.solvers.statics import Equilibrium
+from flexfem.system.mechanics import END_POINT
 
 __all__ = ["LinearBuckling"]
 
@@ -31,7 +32,7 @@ class LinearBuckling:
 
     def _matrix(self) -> PETSc.Mat:
         equilibrium = self._equilibrium
-        equilibrium.system.evaluate(equilibrium.shifts)
+        END_POINT.evaluate(equilibrium.system, equilibrium.shifts)
         equilibrium.assemble()
         return equilibrium.tangent.matrix.convert("aij", PETSc.Mat())
 

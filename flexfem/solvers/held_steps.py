@@ -15,6 +15,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.solvers.schur_kernels import largest_entry
+from flexfem.system.mechanics import END_POINT
 
 if TYPE_CHECKING:
     from flexfem.solvers.statics import Equilibrium
@@ -116,7 +117,7 @@ class HeldSteps:
         factor = 1.0
         for _ in range(_TRIALS):
             equilibrium.move(-factor, change, 0.0)
-            system.evaluate(equilibrium.shifts)
+            END_POINT.evaluate(system, equilibrium.shifts)
             work = self._work(steps)
             if not work < _TOO_FAR * abs(before):
                 break

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.solvers.statics import Equilibrium, Snapshot
+from flexfem.system.mechanics import END_POINT
 
 __all__ = ["LinearSolution", "solve_linear"]
 
@@ -80,7 +81,7 @@ def solve_linear(equilibrium: Equilibrium, start: Snapshot, t: float) -> LinearS
     equilibrium.restore(start)
     loading.fraction = 0.0  # loads have no part in the stiffness
     loading.set(t)
-    system.evaluate(equilibrium.shifts)
+    END_POINT.evaluate(system, equilibrium.shifts)
     equilibrium.assemble()
     system.counters.factorizations += 1
     factored = tangent.factor()
@@ -88,7 +89,7 @@ def solve_linear(equilibrium: Equilibrium, start: Snapshot, t: float) -> LinearS
     loading.set(t)
     if not factored:
         return None
-    system.evaluate(equilibrium.shifts)
+    END_POINT.evaluate(system, equilibrium.shifts)
     system.counters.newton_iterations += 1
     residuals = [part.block.owned_residual.copy() for part in system.parts]
     success = tangent.solve(residuals, system.constraints.values.copy())
@@ -103,7 +104,7 @@ def solve_linear(equilibrium: Equilibrium, start: Snapshot, t: float) -> LinearS
 def _step_size(equilibrium: Equilibrium) -> float | None:
     """Size of Newton's step at the present state, None without any (collective)."""
     system = equilibrium.system
-    system.evaluate(equilibrium.shifts)
+    END_POINT.evaluate(system, equilibrium.shifts)
     system.counters.newton_iterations += 1
     success, change = equilibrium.tangent.step(equilibrium.shifts, equilibrium.strains)
     size, _, failed = equilibrium.measure(change, success)

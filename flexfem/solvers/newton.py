@@ -13,6 +13,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.solvers.schur_kernels import largest_entry
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = [
@@ -69,13 +70,17 @@ class Equations(Protocol):
 class PositionLevel:
     """Dynamics, and the constraints on positions: index 3."""
 
+    def __init__(self, mechanics: Mechanics = END_POINT) -> None:
+        """Take the equations of the blocks."""
+        self._mechanics = mechanics
+
     def evaluate(self, system: System, shifts: Shifts) -> None:
         """See :class:`Equations`."""
-        system.evaluate(shifts)
+        self._mechanics.evaluate(system, shifts)
 
     def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
         """See :class:`Equations`."""
-        return True, system.correct(-1.0)
+        return True, self._mechanics.correct(system, -1.0)
 
 
 _POSITIONS = PositionLevel()

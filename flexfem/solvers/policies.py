@@ -11,19 +11,24 @@ from flexfem.solvers.frozen.policy import AutoPolicy, FrozenPolicy
 from flexfem.solvers.newton import NewtonOptions
 from flexfem.solvers.policy import MaterialPolicy, Policy, UpdatedPolicy
 from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import System
 
 __all__ = ["create_policy"]
 
 
 def create_policy(
-    name: str, system: System, options: NewtonOptions, tangent: TangentSolver
+    name: str,
+    system: System,
+    options: NewtonOptions,
+    tangent: TangentSolver,
+    mechanics: Mechanics = END_POINT,
 ) -> Policy:
-    """Policy of the given name: "updated", "material", "frozen" or "auto"."""
+    """Policy of the given name for some equations: "updated", "material", "frozen" or "auto"."""
     kinds: dict[str, type[UpdatedPolicy] | type[FrozenPolicy]] = {
         "updated": UpdatedPolicy,
         "material": MaterialPolicy,
         "frozen": FrozenPolicy,
         "auto": AutoPolicy,
     }
-    return kinds[name](system, options, tangent)
+    return kinds[name](system, options, tangent, mechanics)

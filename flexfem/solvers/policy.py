@@ -10,11 +10,10 @@ from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, iterate
 from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["MaterialPolicy", "Policy", "UpdatedPolicy"]
-
-_POSITIONS = PositionLevel()
 
 
 class Policy(Protocol):
@@ -30,9 +29,15 @@ class Policy(Protocol):
         ...
 
     def solve(
-        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations | None = None
     ) -> Status:
-        """Iterate from the predicted state; ``restart`` returns to it for a second attempt."""
+        """Iterate from the predicted state.
+
+        Args:
+            shifts: factors of the scheme.
+            restart: returns to the predicted state for a second attempt.
+            equations: what is solved; None for the policy's own at the level of positions.
+        """
         ...
 
     def again(self, values: FloatArray) -> bool:
@@ -55,9 +60,13 @@ class UpdatedPolicy:
     and of iterates far from equilibrium have nothing to do with those of the solution.
     """
 
-    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
-        """Store what is needed."""
+    def __init__(
+        self, system: System, options: NewtonOptions, tangent: TangentSolver,
+        mechanics: Mechanics = END_POINT,
+    ) -> None:  # fmt: skip
+        """Store what is needed; the iteration matrix is that of ``mechanics``."""
         self._system, self._options, self._tangent = system, options, tangent
+        self._mechanics, self._positions = mechanics, PositionLevel(mechanics)
 
     @property
     def tolerance(self) -> float:
@@ -65,14 +74,16 @@ class UpdatedPolicy:
         return self._options.tolerance
 
     def solve(
-        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations | None = None
     ) -> Status:
         """See :class:`Policy`."""
-        tangent = self._tangent
         return iterate(
-            self._system, shifts, tangent.step, self._options, None, equations, tangent.again,
-            thin=False,
+            self._system, shifts, self._fresh_step, self._options, None,
+            equations or self._positions, self._tangent.again, thin=False,
         )  # fmt: skip
+
+    def _fresh_step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
+        return self._tangent.step(shifts, strains, self._mechanics)
 
     def again(self, values: FloatArray) -> bool:
         """See :class:`Policy`."""
@@ -92,13 +103,16 @@ class MaterialPolicy(UpdatedPolicy):
     Newton's method converges linearly then; the matrix with it is the fallback.
     """
 
-    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
+    def __init__(
+        self, system: System, options: NewtonOptions, tangent: TangentSolver,
+        mechanics: Mechanics = END_POINT,
+    ) -> None:  # fmt: skip
         """Refuse systems whose matrices have no geometric stiffness.
 
         Raises:
             InputError: there are no beams and no shells.
         """
-        super().__init__(system, options, tangent)
+        super().__init__(system, options, tangent, mechanics)
         if not any(part.elements is not None and part.elements.stressed for part in system.parts):
             raise InputError(
                 "iteration_matrix 'material' leaves out the geometric stiffness of beams and "
@@ -106,11 +120,17 @@ class MaterialPolicy(UpdatedPolicy):
             )
 
     def solve(
-        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations | None = None
     ) -> Status:
         """See :class:`Policy`."""
         status = iterate(
-            self._system, shifts, self._step, self._options, None, equations, self._tangent.again
+            self._system,
+            shifts,
+            self._unstressed_step,
+            self._options,
+            None,
+            equations or self._positions,
+            self._tangent.again,
         )
         if status is Status.OK:
             return status
@@ -118,5 +138,5 @@ class MaterialPolicy(UpdatedPolicy):
         restart()
         return super().solve(shifts, restart, equations)
 
-    def _step(self, shifts: Shifts, _: PartStrains) -> tuple[bool, FloatArray]:
-        return self._tangent.step(shifts, self._system.unstressed())
+    def _unstressed_step(self, shifts: Shifts, _: PartStrains) -> tuple[bool, FloatArray]:
+        return self._tangent.step(shifts, self._system.unstressed(), self._mechanics)

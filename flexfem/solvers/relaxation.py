@@ -31,6 +31,7 @@ from flexfem.solvers.relaxation_kernels import (
 from flexfem.solvers.row_projection import RowProjection
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.contacts import ContactGroup
+from flexfem.system.mechanics import END_POINT
 
 __all__ = ["Progression", "Relaxation", "Scheme"]
 
@@ -140,7 +141,7 @@ class Relaxation:
         system.interface.update()
         system.constraints.accept()
         self._applied = self._forces()
-        system.evaluate(REST)
+        END_POINT.evaluate(system, REST)
         masses = fictitious_masses(
             self._tangent, self._damping.stable / self._scheme.margin, self._scheme.least,
             self._physical,
@@ -172,7 +173,7 @@ class Relaxation:
         """Residual at the present positions and sums over it; False if not finite (collective)."""
         system, sums = self.system, self._sums
         system.counters.residual_evaluations += 1
-        system.mechanics.evaluate(system, REST, system.present)
+        END_POINT.compute_residuals(system, REST, system.present)
         self._projection.add_forces()
         sums[:] = 0.0
         for part, previous, velocity, inverse in zip(

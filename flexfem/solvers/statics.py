@@ -23,6 +23,7 @@ from flexfem.solvers.held_steps import HeldSteps
 from flexfem.solvers.schur_kernels import largest_entry
 from flexfem.solvers.stability import Inertia
 from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Equilibrium", "Limits", "Loading", "Snapshot", "settle"]
@@ -189,10 +190,10 @@ class Equilibrium:
         loads = []
         for t in (0.0, self.loading.span):
             self.loading.set(t)
-            system.evaluate(self.shifts)
+            END_POINT.evaluate(system, self.shifts)
             loads.append(max(largest_entry(p.block.residual[:, :3].ravel()) for p in system.parts))
         self.loading.set(0.0)
-        system.evaluate(self.shifts)
+        END_POINT.evaluate(system, self.shifts)
         self.assemble()
         # what is held has a stiffness of no meaning
         diagonals = [
@@ -275,7 +276,7 @@ class Equilibrium:
         system, limits, held, previous = self.system, self.limits, self._held, inf
         self.cut = 0.5
         for self.iterations in range(1, limits.max_iterations + 1):
-            system.evaluate(self.shifts)
+            END_POINT.evaluate(system, self.shifts)
             system.counters.newton_iterations += 1
             success, change, load = linear_step()
             size, turn, failed = self.measure(change, success)
@@ -345,12 +346,12 @@ class Equilibrium:
         matrix are those of the stresses of :attr:`strains`.
         """
         out = []
-        self.system.evaluate(self.shifts, self.strains)
+        END_POINT.evaluate(self.system, self.shifts, self.strains)
         for part in self.system.parts:
             residual, width = part.block.owned_residual, part.block.width
             out.append(np.zeros((len(residual), width, width)))
             out[-1][:, :3, 3:] = -so3.skew(residual[:, :3])[:, :, : width - 3]
-        self.system.evaluate(self.shifts)
+        END_POINT.evaluate(self.system, self.shifts)
         return out
 
 

@@ -21,6 +21,7 @@ from flexfem.la.nest import (
     create_nest_matrix,
     create_nest_vector,
 )
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with_contacts"]
@@ -102,26 +103,29 @@ class TangentSolver:
         rows = self.system.constraints
         return rows.owned[rows.coupled[:, 0]] > 0.0
 
-    def assemble(self, shifts: Shifts, strains: PartStrains | None = None) -> None:
+    def assemble(
+        self, shifts: Shifts, strains: PartStrains | None = None, mechanics: Mechanics = END_POINT
+    ) -> None:
         """Set the numbers of all blocks at the trial state (collective).
 
         Args:
             shifts: factors of the scheme.
             strains: of each part, whose stresses count; None for the present ones.
+            mechanics: the equations.
         """
         system, rows = self.system, self.system.constraints
         if self._sliding and system.comm.allreduce(self._version != rows.lines.version, op=MPI.LOR):
             self._create()
         owned = rows.owned
         factor = owned * rows.multipliers * shifts.stiffness
-        hessians = system.mechanics.hessians(system, factor)
+        hessians = mechanics.hessians(system, factor)
         count, strains = len(system.parts), strains or system.present
         for i, part in enumerate(system.parts):
             for j in range(count):
                 values = [self._couplings.values(i, j, hessians)]
                 if i == j:
                     request = shifts.request(strains[i])
-                    values.insert(0, part_values(system, part, shifts, request))
+                    values.insert(0, part_values(system, part, shifts, request, mechanics))
                 self._grid[i][j].assemble(np.concatenate(values))
             if rows.size_global:
                 forces = self._couplings.side_values(i, rows.force_jacobian)
@@ -219,17 +223,20 @@ class TangentSolver:
         self.multiplier_step = np.array(self._multipliers.getArray(readonly=True))
         return success
 
-    def step(self, shifts: Shifts, strains: PartStrains | None = None) -> tuple[bool, FloatArray]:
+    def step(
+        self, shifts: Shifts, strains: PartStrains | None = None, mechanics: Mechanics = END_POINT
+    ) -> tuple[bool, FloatArray]:
         """One Newton step from the evaluated residuals: blocks' steps (to be subtracted).
 
         Args:
             shifts: factors of the scheme.
             strains: as in :meth:`assemble`.
+            mechanics: the equations.
 
         Returns:
             Success, and the step of the multipliers (r,), to be subtracted.
         """
-        self.assemble(shifts, strains)
+        self.assemble(shifts, strains, mechanics)
         self.system.counters.factorizations += 1
         if not self.factor():
             return False, np.zeros(self.system.constraints.size)
@@ -275,8 +282,9 @@ def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
 
 
 def part_values(
-    system: System, part: BlockPart, shifts: Shifts, request: TangentRequest | None = None
-) -> FloatArray:
+    system: System, part: BlockPart, shifts: Shifts, request: TangentRequest | None = None,
+    mechanics: Mechanics = END_POINT,
+) -> FloatArray:  # fmt: skip
     """Values of the entries of ``part_pattern``.
 
     Held unknowns have rows and columns of their own.
@@ -286,8 +294,9 @@ def part_values(
         part: whose matrix it is.
         shifts: factors of the scheme.
         request: of its elements, None for that of ``shifts`` at the present stresses.
+        mechanics: the equations.
     """
-    mechanics, width = system.mechanics, part.block.width
+    width = part.block.width
     at_nodes = mechanics.masses(system, part, shifts), mechanics.forces(system, part, shifts)
     values = [matrices[:, :width, :width].ravel() for matrices in at_nodes]
     if part.elements is not None:

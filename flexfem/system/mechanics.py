@@ -2,79 +2,137 @@
 """The equations that a time integrator asks a system for, and their derivatives.
 
 Most schemes state equilibrium at the end of a step: :class:`EndPoint`. A scheme with equations of
-its own brings another object with the same methods and puts it into ``System.mechanics``.
+its own derives a class from :class:`Mechanics`; solvers and policies are told which ones to solve.
 """
 
-from __future__ import annotations
-
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.elements.request import TangentRequest
+from flexfem.system.action_kernels import add_products, subtract_forces
+from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
-if TYPE_CHECKING:
-    from flexfem.elements.request import TangentRequest
-    from flexfem.system.system import BlockPart, PartStrains, Shifts, System
-
-__all__ = ["EndPoint", "Mechanics"]
+__all__ = ["END_POINT", "EndPoint", "Mechanics"]
 
 
-class Mechanics(Protocol):
+class Mechanics(ABC):
     """Residuals of blocks and rows at the trial state, and their derivatives along local twists."""
 
-    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
-        """Residuals of blocks, without constraint forces, and rows (collective)."""
-        ...
+    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
+        """Residuals of blocks, with constraint forces, and of rows (collective).
 
+        Args:
+            system: at the trial state.
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses count; None for the present ones.
+        """
+        system.counters.residual_evaluations += 1
+        for contacts in system.contacts:
+            contacts.prepare(shifts.acceleration)
+        self.compute_residuals(system, shifts, strains or system.present)
+        system.add_constraint_forces(system.constraints.multipliers)
+
+    def subtract_tangent(
+        self, system: System, shifts: Shifts, hessians: FloatArray,
+        strains: PartStrains | None = None,
+    ) -> None:  # fmt: skip
+        """Subtract the tangent's action on the blocks' steps from the residuals (collective).
+
+        Residuals of ghosts must be zero.
+
+        Args:
+            system: at the trial state.
+            shifts: factors of the scheme.
+            hessians: those of :meth:`hessians` for the multipliers.
+            strains: of each part, whose stresses count; None for the present ones.
+        """
+        self._add_action(system, shifts, -1.0, strains)
+        system.interface.update_steps()
+        turning = system.constraints.turning_forces(hessians, system.interface.steps)
+        for part in system.parts:
+            if len(part.slots):
+                subtract_forces(turning, part.slots, part.block.residual)
+
+    def multiply_mass(self, system: System, factor: float) -> None:
+        """Residuals become ``factor`` times mass matrix times the blocks' steps (collective)."""
+        for part in system.parts:
+            part.block.residual[:] = 0.0
+        self._add_action(system, MASS, factor)
+
+    def _add_action(
+        self, system: System, shifts: Shifts, factor: float, strains: PartStrains | None = None
+    ) -> None:
+        """Add ``factor`` times the blocks' own tangents times their steps to the residuals."""
+        for part, own in zip(system.parts, strains or system.present, strict=True):
+            block = part.block
+            block.spread_step()
+            if part.elements is not None:
+                block.residual[block.owned :] = 0.0
+                self.add_cells(system, part, shifts, shifts.request(own), factor)
+                block.add_ghosts()
+            for nodes, tangent in (
+                (part.masses.nodes, self.masses), (part.forces.nodes, self.forces),
+            ):  # fmt: skip
+                if len(nodes):
+                    matrices = tangent(system, part, shifts)
+                    add_products(matrices, nodes, block.step, factor, block.residual)
+            if part.contacts is not None and shifts.stiffness:
+                part.contacts.add_action(factor * shifts.scale * shifts.stiffness)
+
+    @abstractmethod
+    def compute_residuals(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
+        """Residuals of blocks, without constraint forces, and rows (collective)."""
+
+    @abstractmethod
     def correct(self, system: System, sign: float) -> float:
         """Apply the blocks' steps; largest entry on this rank (collective)."""
-        ...
 
+    @abstractmethod
     def cells(
         self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
     ) -> FloatArray:
         """Entries of the matrices of a part's elements and of forces inside them, flat."""
-        ...
 
+    @abstractmethod
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """Matrices (k, 6, 6) of a part's masses."""
-        ...
 
+    @abstractmethod
     def forces(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """Matrices (k, 6, 6) of a part's forces."""
-        ...
 
+    @abstractmethod
     def hessians(self, system: System, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(force gradient)``, (n_pairs, 12, 12)."""
-        ...
 
+    @abstractmethod
     def add_cells(
         self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest,
         factor: float,
     ) -> None:  # fmt: skip
         """Add ``factor`` times the action of these matrices on a part's steps to its residual."""
-        ...
 
+    @abstractmethod
     def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
         """What a part's matrices are computed from: arrays of its nodes, and numbers.
 
         The arrays are those that are worked with, the numbers are the same on all ranks.
         """
-        ...
 
+    @abstractmethod
     def recall(
         self, system: System, part: BlockPart, nodes: Mapping[str, FloatArray], numbers: FloatArray
     ) -> None:
         """Put a part where :meth:`origin` found it; the accepted state may be lost."""
-        ...
 
 
-class EndPoint:
+class EndPoint(Mechanics):
     """Equilibrium at the end of the step."""
 
-    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
+    def compute_residuals(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
         """See :class:`Mechanics`."""
         for part, own in zip(system.parts, strains, strict=True):
             part.add_residual(system.gravity, system.factors, shifts.scale, own)
@@ -138,3 +196,7 @@ class EndPoint:
         for name, values in part.block.trial().items():
             values[:] = nodes[name]
         system.factors[:] = numbers
+
+
+#: Equilibrium at the end of a step: what all analyses but those of other schemes solve.
+END_POINT = EndPoint()

@@ -28,6 +28,7 @@ from flexfem.elements.energy_beam import EnergyBeams, StepState
 from flexfem.elements.request import TangentRequest
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
+from flexfem.system.mechanics import Mechanics
 from flexfem.system.step_constraints import StepRows
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
@@ -154,7 +155,7 @@ class _Part:
         return whole, first, second
 
 
-class StepMechanics:
+class StepMechanics(Mechanics):
     """Equations of a step between two states; see :class:`flexfem.system.mechanics.Mechanics`.
 
     Attributes:
@@ -254,7 +255,7 @@ class StepMechanics:
         system.constraints.accept()
         self._last_h = self.h
 
-    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
+    def compute_residuals(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         self._cells = None
         for part in system.parts:

@@ -21,13 +21,11 @@ from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
 from flexfem.elements.family import ElementFamily
 from flexfem.elements.request import EXACT, Strains, TangentRequest
-from flexfem.system.action_kernels import add_products, subtract_forces
 from flexfem.system.constraints import Constraints
 from flexfem.system.contacts import Contacts, ContactShare
 from flexfem.system.family import Family
 from flexfem.system.inner_forces import InnerForces
 from flexfem.system.interface import Interface
-from flexfem.system.mechanics import EndPoint, Mechanics
 from flexfem.system.node_loads import NodeForces, NodeMasses
 
 __all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "PartStrains", "Shifts", "System"]
@@ -189,7 +187,6 @@ class System:
         part_of_slot, body_of_slot, cluster_of_slot: part, body and cluster of every interface slot.
         gravity: (3,) acceleration in inertial axes, m/s^2.
         counters: what the run has counted so far.
-        mechanics: the equations at the trial state; a time integrator may bring its own.
         time: time of the trial state, s.
         lead: loads and drives are those so much later, s: not zero just before or after a jump.
         prediction: the best one for the last step.
@@ -221,7 +218,6 @@ class System:
         self._loads, self.gravity = list(loads), gravity
         self._factors = np.ones(len(self._loads))
         self.counters = Counters()
-        self.mechanics: Mechanics = EndPoint()
         self.time = self.lead = 0.0
         self.prediction = Prediction.VELOCITY
         self.row_forces: Callable[[], FloatArray] | None = None
@@ -321,78 +317,11 @@ class System:
         """Strains without stresses."""
         return [None if p.elements is None else p.elements.unstressed() for p in self.parts]
 
-    def evaluate(self, shifts: Shifts, strains: PartStrains | None = None) -> None:
-        """Residuals of blocks and constraints at the trial state (collective).
-
-        Args:
-            shifts: factors of the scheme.
-            strains: of each part, whose stresses count; None for the present ones.
-        """
-        self.counters.residual_evaluations += 1
-        for contacts in self.contacts:
-            contacts.prepare(shifts.acceleration)
-        self.mechanics.evaluate(self, shifts, strains or self.present)
-        self.add_constraint_forces(self.constraints.multipliers)
-
     def add_constraint_forces(self, multipliers: FloatArray) -> None:
         """Add ``G^T multipliers`` to the residuals of the blocks."""
         for part in self.parts:
             if len(part.slots):
                 self.constraints.add_forces(multipliers, part.slots, part.block.residual)
-
-    def hessians(self) -> FloatArray:
-        """Of the joints at the trial state, for :meth:`subtract_tangent`."""
-        return self.mechanics.hessians(self, self.constraints.multipliers)
-
-    def subtract_tangent(
-        self, shifts: Shifts, hessians: FloatArray, strains: PartStrains | None = None
-    ) -> None:
-        """Subtract the tangent's action on the blocks' steps from the residuals (collective).
-
-        Residuals of ghosts must be zero.
-
-        Args:
-            shifts: factors of the scheme.
-            hessians: those of :meth:`hessians`.
-            strains: of each part, whose stresses count; None for the present ones.
-        """
-        self._add_action(shifts, -1.0, strains)
-        self.interface.update_steps()
-        turning = self.constraints.turning_forces(hessians, self.interface.steps)
-        for part in self.parts:
-            if len(part.slots):
-                subtract_forces(turning, part.slots, part.block.residual)
-
-    def multiply_mass(self, factor: float) -> None:
-        """Residuals become ``factor`` times mass matrix times the blocks' steps (collective)."""
-        for part in self.parts:
-            part.block.residual[:] = 0.0
-        self._add_action(MASS, factor)
-
-    def _add_action(
-        self, shifts: Shifts, factor: float, strains: PartStrains | None = None
-    ) -> None:
-        """Add ``factor`` times the blocks' own tangents times their steps to the residuals."""
-        mechanics = self.mechanics
-        for part, own in zip(self.parts, strains or self.present, strict=True):
-            block = part.block
-            block.spread_step()
-            if part.elements is not None:
-                block.residual[block.owned :] = 0.0
-                mechanics.add_cells(self, part, shifts, shifts.request(own), factor)
-                block.add_ghosts()
-            for nodes, tangent in (
-                (part.masses.nodes, mechanics.masses), (part.forces.nodes, mechanics.forces),
-            ):  # fmt: skip
-                if len(nodes):
-                    matrices = tangent(self, part, shifts)
-                    add_products(matrices, nodes, block.step, factor, block.residual)
-            if part.contacts is not None and shifts.stiffness:
-                part.contacts.add_action(factor * shifts.scale * shifts.stiffness)
-
-    def correct(self, sign: float) -> float:
-        """Apply the blocks' steps; largest entry on this rank."""
-        return self.mechanics.correct(self, sign)
 
     def shift(self, sign: float) -> float:
         """Apply the blocks' steps to the positions alone; largest entry on this rank."""

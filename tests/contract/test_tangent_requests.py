@@ -9,7 +9,7 @@ from flexfem.elements.request import EXACT, TangentRequest
 from flexfem.lie import se3
 from flexfem.simulation.setup import set_up
 from flexfem.solvers.tangent import part_pattern, part_values
-from flexfem.system.mechanics import EndPoint
+from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import BlockPart, Shifts, System
 from tests.unit.particle_body import bar
 
@@ -83,7 +83,7 @@ def test_action_is_the_matrix_times_the_step(family: str, damping: float) -> Non
         values = part_values(system, part, shifts, request)
         product = np.bincount(rows, values * step[columns], step.size)
         block.residual[:] = 0.0
-        EndPoint().add_cells(system, part, shifts, request, 1.0)
+        END_POINT.add_cells(system, part, shifts, request, 1.0)
         action = block.residual[:, :width].ravel()
         # round-off; a part of the request that one of them ignores is off by 1e-4 and more
         np.testing.assert_allclose(action, product, rtol=0, atol=1e-11 * np.abs(product).max())

@@ -22,18 +22,17 @@ def _end(*sizes: float) -> tuple[Status, int]:
         comm=MPI.COMM_SELF,
         counters=SimpleNamespace(newton_iterations=0),
         constraints=SimpleNamespace(multipliers=np.zeros(0)),
-        evaluate=lambda shifts: None,
         accepted_strains=lambda **_: (),
         continued_strains=lambda **_: (),
-        correct=lambda sign: next(steps),
+    )
+    equations = SimpleNamespace(
+        evaluate=lambda system, shifts: None, correct=lambda system, again: (True, next(steps))
     )
     options = NewtonOptions(tolerance=1e-6, max_iterations=len(sizes))
+    shifts = Shifts(1.0, 1.0, 1.0, 1.0, False)
     status = iterate(
-        system,
-        Shifts(1.0, 1.0, 1.0, 1.0, False),
-        lambda shifts, strains: (True, np.zeros(0)),
-        options,
-    )
+        system, shifts, lambda *_: (True, np.zeros(0)), options, equations=equations
+    )  # fmt: skip
     return status, system.counters.newton_iterations
 
 

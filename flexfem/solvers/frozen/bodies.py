@@ -17,6 +17,7 @@ from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.solvers.schur_kernels import interface_response, multiply_blocks, rigid_responses
 from flexfem.solvers.tangent import part_pattern, part_values
+from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
@@ -106,17 +107,17 @@ class RigidBodies:
 
     _inverses: FloatArray
 
-    def __init__(self, system: System, group: Bodies) -> None:
-        """Take the bodies."""
-        self._system, self.group = system, group
+    def __init__(self, system: System, group: Bodies, mechanics: Mechanics) -> None:
+        """Take the bodies and the equations."""
+        self._system, self.group, self._mechanics = system, group, mechanics
 
     def invert(self, shifts: Shifts) -> bool:
         """Invert the matrices at the trial state, with compliances; False if one is singular."""
         system, group, part = self._system, self.group, self.group.part
         blocks = np.zeros((part.block.owned, 6, 6))
-        np.add.at(blocks, part.masses.nodes, system.mechanics.masses(system, part, shifts))
+        np.add.at(blocks, part.masses.nodes, self._mechanics.masses(system, part, shifts))
         if len(part.forces.nodes):
-            np.add.at(blocks, part.forces.nodes, system.mechanics.forces(system, part, shifts))
+            np.add.at(blocks, part.forces.nodes, self._mechanics.forces(system, part, shifts))
         self._inverses, regular = inverted(blocks)
         rigid_responses(
             self._inverses, group.columns, group.column_start, group.response_start,
@@ -144,9 +145,9 @@ class FlexibleBodies:
 
     _kept: KeptFactor
 
-    def __init__(self, system: System, group: Bodies) -> None:
+    def __init__(self, system: System, group: Bodies, mechanics: Mechanics) -> None:
         """Set up the pattern (collective)."""
-        self._system, self.group = system, group
+        self._system, self.group, self._mechanics = system, group, mechanics
         block = group.part.block
         # always the same view, by which PETSc's vector is found again
         self._right = group.right[: block.owned, : block.width]
@@ -194,11 +195,11 @@ class FlexibleBodies:
                 of them, on all ranks.
         """
         system, part = self._system, self.group.part
-        self._matrix.assemble(part_values(system, part, shifts, request))
+        self._matrix.assemble(part_values(system, part, shifts, request, self._mechanics))
         destroy_dropped(system.comm)  # older factors
         numbers = self.every if chosen is None else chosen
         factors = {k: self._factor(self.pieces[k]) for k in numbers}
-        origin = system.mechanics.origin(system, part)[0]
+        origin = self._mechanics.origin(system, part)[0]
         if chosen is None:
             self.use(self._keep(list(factors.values()), origin))
         else:

@@ -13,6 +13,7 @@ from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, SolveAgain, iterate
 from flexfem.solvers.policy import UpdatedPolicy
 from flexfem.solvers.tangent import TangentSolver
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["AutoPolicy", "FrozenPolicy"]
@@ -30,8 +31,6 @@ _RELAX = 0.2
 #: The multipliers' system is kept within a step while iterations contract like this, or, where
 #: steps are refined, while they are smaller than this, m or rad.
 _WELL, _NEAR = 0.02, 0.01
-
-_POSITIONS = PositionLevel()
 
 
 class _Attempt:
@@ -96,11 +95,15 @@ class FrozenPolicy:
     #: contraction above which steps are refined
     limit = _REFINE_FROZEN
 
-    def __init__(self, system: System, options: NewtonOptions, tangent: TangentSolver) -> None:
+    def __init__(
+        self, system: System, options: NewtonOptions, tangent: TangentSolver,
+        mechanics: Mechanics = END_POINT,
+    ) -> None:  # fmt: skip
         """Set up the frozen solver (collective)."""
         self._system, self._options = system, options
-        self._fallback = UpdatedPolicy(system, options, tangent)
-        self._frozen = FrozenSolver(system)
+        self._positions = PositionLevel(mechanics)
+        self._fallback = UpdatedPolicy(system, options, tangent, mechanics)
+        self._frozen = FrozenSolver(system, mechanics)
         self._again: SolveAgain = self._frozen.again
         # what the next step begins with
         self._refine, self._defect = False, 0.0
@@ -111,10 +114,10 @@ class FrozenPolicy:
         return self._options.tolerance
 
     def solve(
-        self, shifts: Shifts, restart: Callable[[], None], equations: Equations = _POSITIONS
+        self, shifts: Shifts, restart: Callable[[], None], equations: Equations | None = None
     ) -> Status:
         """See :class:`Policy`."""
-        frozen = self._frozen
+        frozen, equations = self._frozen, equations or self._positions
         self._again = frozen.again
         if frozen.shifts != shifts:
             frozen.use(shifts, self._system.accepted_strains())

@@ -16,6 +16,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.runs import starts
 from flexfem.solvers.minimal_residual import minimal_residual
+from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["Refined", "Refinement"]
@@ -47,9 +48,9 @@ class Refinement:
         sizes: (n_parts + 1,) where the unknowns of each part begin in vectors.
     """
 
-    def __init__(self, system: System) -> None:
-        """Take the system whose equations are solved."""
-        self._system = system
+    def __init__(self, system: System, mechanics: Mechanics) -> None:
+        """Take the system whose equations ``mechanics`` are solved."""
+        self._system, self._mechanics = system, mechanics
         self.sizes = starts([p.block.sizes[0] for p in system.parts])
 
     def correct(
@@ -72,21 +73,22 @@ class Refinement:
         Returns:
             The multipliers' correction, the blocks' steps being corrected, and how it went.
         """
-        system, count, hessians = self._system, self.sizes[-1], self._system.hessians()
+        system, mechanics, count = self._system, self._mechanics, self.sizes[-1]
         rows = system.constraints
+        hessians = mechanics.hessians(system, rows.multipliers)
 
         def apply(vector: FloatArray) -> FloatArray:
             multipliers = self._put(vector)
             for part in system.parts:
                 part.block.residual[:] = 0.0
-            system.subtract_tangent(shifts, hessians, strains)
+            mechanics.subtract_tangent(system, shifts, hessians, strains)
             system.add_constraint_forces(-multipliers)
             return -self._collect(solve(rows.yielding(multipliers)))
 
         solution = self._collect(correction)
         # residual of the linearised equations
         system.add_constraint_forces(correction)
-        system.subtract_tangent(shifts, hessians, strains)
+        mechanics.subtract_tangent(system, shifts, hessians, strains)
         residual = self._collect(solve(rows.values + rows.yielding(solution[count:])))
         size, missed = np.sqrt(self.squares(solution, residual)).tolist()
         more, exact = minimal_residual(

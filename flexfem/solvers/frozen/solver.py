@@ -28,6 +28,7 @@ from flexfem.elements.request import TangentRequest
 from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.solvers.frozen.refine import Refined, Refinement
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["FrozenSolver", "Worst"]
@@ -74,21 +75,23 @@ class FrozenSolver:
         keepable: factors of the multipliers' system may serve several iterations.
     """
 
-    def __init__(self, system: System) -> None:
-        """Set up patterns (collective)."""
-        self.system = system
+    def __init__(self, system: System, mechanics: Mechanics = END_POINT) -> None:
+        """Set up patterns for the matrices of ``mechanics`` (collective)."""
+        self.system, self._mechanics = system, mechanics
         self.shifts: Shifts | None = None
         self._kept: dict[Shifts, _Kept] = {}
         self._multipliers = MultiplierSystem(system)
         self.keepable = self._multipliers.keepable
         groups = self._multipliers.groups
-        self._rigid = [RigidBodies(system, g) for g in groups if g.part.elements is None]
-        self._flexible = [FlexibleBodies(system, g) for g in groups if g.part.elements is not None]
+        self._rigid = [RigidBodies(system, g, mechanics) for g in groups if g.part.elements is None]
+        self._flexible = [
+            FlexibleBodies(system, g, mechanics) for g in groups if g.part.elements is not None
+        ]
         # right-hand side, residual, and local node of each slot, of every part
         self._loads = [(g.right, g.part.block.residual, g.part.slots) for g in groups]
         self._nothing = np.zeros(0)
         self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
-        self._refinement = Refinement(system)
+        self._refinement = Refinement(system, mechanics)
 
     def use(self, shifts: Shifts, strains: PartStrains) -> None:
         """Take the kept factors of a step size, or factorise at the trial state (collective)."""
@@ -124,7 +127,7 @@ class FrozenSolver:
             flexible.factorise(shifts, request)
             for flexible, request in zip(self._flexible, requests, strict=True)
         ]
-        _, numbers = system.mechanics.origin(system, self._flexible[0].group.part)
+        _, numbers = self._mechanics.origin(system, self._flexible[0].group.part)
         self._kept[shifts] = _Kept(parts, numbers.copy())
 
     def _requests(self, shifts: Shifts, strains: PartStrains | None) -> list[TangentRequest]:
@@ -209,7 +212,7 @@ class FrozenSolver:
             part = flexible.group.part
             rows = state.rows[part.block.name]
             nodes = {n.removeprefix(first): x for n, x in rows.items() if n.startswith(first)}
-            self.system.mechanics.recall(self.system, part, nodes, numbers)
+            self._mechanics.recall(self.system, part, nodes, numbers)
 
     def step(
         self, shifts: Shifts, strains: PartStrains, *, keep_interface: bool = False,
