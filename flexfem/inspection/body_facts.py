@@ -14,11 +14,12 @@ from flexfem.model.bodies import Beam, PointMass, RigidBody
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.shapes import Box, CompoundShape, Shape, Sphere, SurfaceShape
 from flexfem.model.shell import Shell
+from flexfem.model.ufl_body import UFLBody
 from flexfem.system.assembly import Assembly
 
 __all__ = ["AnyBody", "BodyFacts", "MassFacts", "body_facts", "total"]
 
-AnyBody = Beam | Shell | RigidBody | FloatingBody | PointMass
+AnyBody = Beam | Shell | RigidBody | FloatingBody | UFLBody | PointMass
 
 #: What the kinds of bodies are called, in the order in which they are told.
 KINDS: dict[type, str] = {
@@ -26,6 +27,7 @@ KINDS: dict[type, str] = {
     Shell: "shell",
     RigidBody: "rigid body",
     FloatingBody: "floating body",
+    UFLBody: "UFL body",
     PointMass: "point mass",
 }
 
@@ -51,7 +53,8 @@ class BodyFacts:
 
     Attributes:
         body: the body of the model.
-        kind: "beam", "shell", "rigid body", "floating body" or "point mass".
+        kind: "beam", "shell", "rigid body", "floating body", "UFL body" or
+            "point mass".
         masses: its mass properties; flexible bodies as they are unstrained.
         size: edges of its box along the inertial axes, (3,), m.
         elements: number of its finite elements.
@@ -87,6 +90,7 @@ def body_facts(serial: Assembly) -> list[BodyFacts]:
     facts += [_shell(serial, number, shell) for number, shell in enumerate(model.shells)]
     facts += [_rigid(serial, body) for body in model.rigid_bodies]
     facts += [_floating(serial, number, body) for number, body in enumerate(model.floating_bodies)]
+    facts += [_energy(serial, body) for body in model.ufl_bodies]
     for mass in model.point_masses:
         at = serial.marker_pose(mass.marker).position
         facts.append(BodyFacts(mass, KINDS[PointMass], _masses(serial, mass, at), np.zeros(3)))
@@ -118,7 +122,7 @@ def _masses(serial: Assembly, body: AnyBody, near: FloatArray) -> MassFacts:
 
 
 def _flexible(
-    serial: Assembly, body: Beam | Shell, points: FloatArray, elements: int,
+    serial: Assembly, body: Beam | Shell | UFLBody, points: FloatArray, elements: int,
     unknowns: tuple[int, int, int],
 ) -> BodyFacts:  # fmt: skip
     nodes, width, held = unknowns
@@ -150,6 +154,11 @@ def _shell(serial: Assembly, number: int, shell: Shell) -> BodyFacts:
     return _flexible(
         serial, shell, points, count, (len(own), surface.held.shape[1], int(held.sum()))
     )
+
+
+def _energy(serial: Assembly, body: UFLBody) -> BodyFacts:
+    points, held = body.mesh.points, int(body.held.sum())
+    return _flexible(serial, body, points, len(body.mesh.cells), (len(points), 3, held))
 
 
 def _rigid(serial: Assembly, body: RigidBody) -> BodyFacts:

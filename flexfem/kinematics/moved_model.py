@@ -22,6 +22,7 @@ from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.shell import Shell
+from flexfem.model.ufl_body import UFLBody
 
 __all__ = ["moved_model"]
 
@@ -67,6 +68,8 @@ class _Mover:
             return self._marker(thing)
         if isinstance(thing, RigidBody):
             return _moved_body(thing, self._motions[thing.name])
+        if isinstance(thing, UFLBody):
+            return thing.moved(self._motions[thing.name])
         if isinstance(thing, FloatingBody):
             return _moved_body(thing, self._motions[thing.name])
         if isinstance(thing, Beam):

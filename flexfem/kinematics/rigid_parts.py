@@ -13,6 +13,7 @@ from flexfem.lie import se3
 from flexfem.model.bodies import Beam, RigidBody
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.shell import Shell
+from flexfem.model.ufl_body import UFLBody
 from flexfem.system.assembly import Assembly
 
 __all__ = ["RigidParts"]
@@ -35,7 +36,9 @@ class RigidParts:
         whole: list[RigidBody | FloatingBody] = [*model.rigid_bodies, *model.floating_bodies]
         self.names: list[tuple[str, ...]] = [(body.name,) for body in whole]
         frames = [np.empty((0, 12)), *(se3.frame(b.position, b.rotation)[None] for b in whole)]
-        bodies: list[Beam | Shell] = [*model.beams, *model.shells]
+        bodies: list[Beam | Shell | UFLBody] = [
+            *model.beams, *model.shells, *model.ufl_bodies
+        ]  # fmt: skip
         nodes = {body.name: _nodes(serial, body) for body in bodies}
         for names in _clusters(nodes):
             self.names.append(names)
@@ -82,9 +85,13 @@ class RigidParts:
         return part, se3.compose(se3.inverse(self.frames[part]), frame)
 
 
-def _nodes(serial: Assembly, body: Beam | Shell) -> tuple[FloatArray, list[tuple[object, ...]]]:
+def _nodes(
+    serial: Assembly, body: Beam | Shell | UFLBody
+) -> tuple[FloatArray, list[tuple[object, ...]]]:
     """Positions (k, 3) of the nodes of a body, and keys that are equal where bodies share nodes."""
     model = serial.model
+    if isinstance(body, UFLBody):
+        return body.mesh.points, [(body.name,)]
     if isinstance(body, Shell):
         assert model.surface is not None  # checked by validate()
         nodes = model.surface.body_nodes(body.body)

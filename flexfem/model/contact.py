@@ -10,6 +10,7 @@ from flexfem.model.probe import AnyProbe, check_columns
 from flexfem.model.rigid_surface import RigidSurface
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
+from flexfem.model.ufl_body import UFLBody
 
 __all__ = ["Contact", "ContactProbe"]
 
@@ -116,10 +117,11 @@ class Contact:
             body = model.get(name)
             if isinstance(body, Beam):
                 self._check_beam(owner, body)
-            elif not isinstance(body, Shell):
+            elif not (isinstance(body, Shell) or _has_surface(body)):
                 raise ValueError(f'{owner}: {model!r} has no shell or beam "{name}"')
         for name in self.masters:
-            if not isinstance(model.get(name), Shell):
+            body = model.get(name)
+            if not (isinstance(body, Shell) or _has_surface(body)):
                 raise ValueError(f'{owner}: masters: {model!r} has no shell "{name}"')
         for surface in self.surfaces:
             surface.check(model, owner)
@@ -185,6 +187,11 @@ class ContactProbe(AnyProbe):
             raise ValueError(
                 f'ContactProbe "{self.name}": {model!r} has no contact "{self.contact}"'
             )
+
+
+def _has_surface(body: object) -> bool:
+    """Whether a body has triangles and a thickness, so that it can touch others."""
+    return isinstance(body, UFLBody) and body.touches
 
 
 def _names(owner: str, what: str, names: str | Sequence[str]) -> tuple[str, ...]:

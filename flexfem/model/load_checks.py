@@ -6,10 +6,13 @@ import numpy as np
 from flexfem import _checks
 from flexfem.core.load import Load
 from flexfem.loads.line_load import LineLoad
+from flexfem.loads.pressure import Pressure
 from flexfem.loads.shell_load import ShellLoad
+from flexfem.loads.surface_load import SurfaceLoad
 from flexfem.model.bodies import Beam
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
+from flexfem.model.ufl_body import UFLBody
 
 __all__ = ["check_load"]
 
@@ -29,6 +32,12 @@ def check_load(model: Structure, load: Load) -> None:
             function of a load fails.
     """
     owner = f'{type(load).__name__} "{load.name}"'
+    for marker in load.markers:
+        if isinstance(model.get(marker.body), UFLBody) and (load.follower or load.has_moment):
+            raise ValueError(
+                f'{owner}: nodes of UFLBody "{marker.body}" have no axes for moments and forces '
+                "that follow them"
+            )
     for name in load.beams:
         body = model.get(name)
         if isinstance(body, Shell):
@@ -41,6 +50,10 @@ def check_load(model: Structure, load: Load) -> None:
         _check_functions(model, load)
     for name in load.shells:
         body = model.get(name)
+        if isinstance(body, UFLBody) and isinstance(load, (Pressure, SurfaceLoad)):
+            if body.surface is None:
+                raise ValueError(f'{owner}: UFLBody "{name}" has no linear triangles')
+            continue
         if not isinstance(body, Shell):
             raise ValueError(f'{owner}: {model!r} has no shell "{name}"')
         if isinstance(load, ShellLoad):

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
-from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.bodies import Beam
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.probe import AnyProbe, check_columns, strings
 from flexfem.model.resolve import beam_cell
@@ -71,7 +71,7 @@ class _BodiesProbe(AnyProbe):
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         for name in self.bodies or ():
-            if not isinstance(model.get(name), (Beam, FloatingBody, RigidBody, Shell)):
+            if model.get(name) not in model.bodies:
                 raise ValueError(
                     f'{type(self).__name__} "{self.name}": {model!r} has no body "{name}"'
                 )

@@ -21,6 +21,7 @@ from flexfem.model.floating_body import FloatingBody
 from flexfem.model.place import Place
 from flexfem.model.resolve import beam_place, curve_place, group_curve, node_row, shell_node
 from flexfem.model.shell import Shell
+from flexfem.model.ufl_body import UFLBody
 
 __all__ = ["Structure"]
 
@@ -49,6 +50,7 @@ class Structure:
         self.shells: list[Shell] = []
         self.rigid_bodies: list[RigidBody] = []
         self.floating_bodies: list[FloatingBody] = []
+        self.ufl_bodies: list[UFLBody] = []
         self.point_masses: list[PointMass] = []
         self.joints: list[Joint] = []
         self.loads: list[Load] = []
@@ -73,9 +75,12 @@ class Structure:
         return tuple(self._named.values())
 
     @property
-    def bodies(self) -> tuple[Beam | Shell | RigidBody | FloatingBody, ...]:
+    def bodies(self) -> tuple[Beam | Shell | RigidBody | FloatingBody | UFLBody, ...]:
         """All bodies, kind by kind; point masses are none."""
-        return (*self.beams, *self.shells, *self.rigid_bodies, *self.floating_bodies)
+        return (
+            *self.beams, *self.shells, *self.rigid_bodies, *self.floating_bodies,
+            *self.ufl_bodies,
+        )  # fmt: skip
 
     def of[Thing](self, kind: type[Thing]) -> list[Thing]:
         """Return the named objects of a class in the order they were added."""
@@ -103,7 +108,7 @@ class Structure:
                     "give an offset"
                 )
             return None
-        if isinstance(body, FloatingBody):
+        if isinstance(body, (FloatingBody, UFLBody)):
             return Place(body.node(marker))
         if isinstance(body, Shell):
             assert self.surface is not None  # checked by validate()

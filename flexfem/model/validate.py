@@ -29,6 +29,7 @@ from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
+from flexfem.model.ufl_body import UFLBody
 
 
 def validate(model: Structure) -> None:
@@ -38,7 +39,7 @@ def validate(model: Structure) -> None:
         TypeError: An orientation function returns something else than numbers.
         ValueError: The first mistake found, in one line naming object and value.
     """
-    if not (model.beams or model.shells or model.rigid_bodies or model.floating_bodies):
+    if not model.bodies:
         raise ValueError(f"{model!r}: it has no bodies")
     if model.beams:
         _check_beams(model)
@@ -247,6 +248,13 @@ def _check_carrier(model: Structure, carrier: Carrier) -> None:
 def _check_surface(model: Structure, marker: SurfaceMarker) -> None:
     """Check that the nodes of a place are those of a triangle of its shell."""
     shell = model.get(marker.body)
+    if isinstance(shell, UFLBody):
+        count = len(shell.mesh.points)
+        if max(marker.nodes) >= count:
+            raise ValueError(
+                f'SurfaceMarker on "{marker.body}": node {max(marker.nodes)}, it has {count} nodes'
+            )
+        return
     if not isinstance(shell, Shell) or model.surface is None:
         raise ValueError(f'SurfaceMarker: {model!r} has no shell "{marker.body}"')
     triangles = model.surface.triangles[model.surface.bodies[shell.body]]

@@ -42,6 +42,7 @@ BUILT_IN = (
     "flexfem.families.shells:ShellFamily",
     "flexfem.families.rigid_bodies:RigidBodyFamily",
     "flexfem.families.floating_bodies:FloatingBodyFamily",
+    "flexfem.families.ufl_bodies:UFLBodyFamily",
 )
 
 
