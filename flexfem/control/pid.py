@@ -80,12 +80,13 @@ class PID:
         """Take one measurement, shape (1,), at a sample ``t`` (s); returns the output.
 
         Raises:
-            ValueError: there is not one measurement.
+            TypeError: the setpoint is not a number.
+            ValueError: there is not one measurement, or the setpoint is not finite.
         """
         if len(y) != 1:
             raise ValueError(f"PID: takes one measurement, got {len(y)}")
         last, seen, slope, integral, error, excess = self.state.tolist()
-        target = float(self.setpoint(t)) if callable(self.setpoint) else float(self.setpoint)
+        target = self._target(t)
         value, h = float(y[0]), t - last
         b, c = self.weights
         now = c * target - value
@@ -100,6 +101,14 @@ class PID:
         output: float = min(max(wanted, self.lower), self.upper)
         self.state = np.array([t, now, slope, integral, target - value, output - wanted])
         return output
+
+    def _target(self, t: float) -> float:
+        """r at a time."""
+        if not callable(self.setpoint):
+            return self.setpoint
+        value = self.setpoint(t)
+        _checks.number("PID", f"setpoint({t:.6g})", value)
+        return float(value)
 
     def _tracking(self, h: float) -> float:
         """T_t, s."""

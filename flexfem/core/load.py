@@ -2,12 +2,12 @@
 """What the model knows of a load."""
 
 from collections.abc import Callable
-from math import nan
+from math import isfinite, nan
 
 import numpy as np
 
 from flexfem import _checks
-from flexfem._faults import FAILURES, noted
+from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray
 from flexfem.core.marker import Marker
 
@@ -65,11 +65,17 @@ class Load:
         return bool(self.wrench[1].any())
 
     def factor(self, t: float) -> float:
-        """Return the amplitude at time `t` in seconds; nan in a run where the function fails."""
+        """Return the amplitude at time `t` in seconds; nan in a run where the function fails.
+
+        It fails where it raises something, and where it does not return a finite number.
+        """
         if self.amplitude is None:
             return 1.0
         try:
-            return _checks.returned_number("amplitude", self.amplitude(t))
+            value = _checks.returned_number("amplitude", self.amplitude(t))
+            if isfinite(value):
+                return value
+            raise ReturnError(f"amplitude is {value} at t = {t:.6g} s")
         except FAILURES as error:
             noted(f'{type(self).__name__} "{self.name}"', self.amplitude, error)
             return nan

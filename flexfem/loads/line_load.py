@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._faults import FAILURES, located
 from flexfem._types import FloatArray
 from flexfem.core.load import NOTHING, Amplitude, Load
 from flexfem.loads.line_table import LineTable
@@ -118,19 +119,27 @@ class LineLoad(Load):
 
         Raises:
             TypeError: A function does not return numbers.
-            ValueError: It does not return three finite ones.
+            ValueError: It fails, or does not return three finite ones.
         """
-        owner = f'LineLoad "{self.name}"'
         force, moment = (
-            _checks.vector(owner, f"{what}({place:.6g})", given(place))
-            if callable(given)
-            else given
+            self._value(what, given, place) if callable(given) else given
             for what, given in (
                 ("force_per_length", self.force_per_length),
                 ("moment_per_length", self.moment_per_length),
             )
         )
         return force, moment
+
+    def _value(
+        self, what: str, function: Callable[[float], npt.ArrayLike], place: float
+    ) -> FloatArray:
+        """What a function of the place returns."""
+        owner = f'LineLoad "{self.name}"'
+        try:
+            value = function(place)
+        except FAILURES as error:
+            raise ValueError(f"{owner}: {what}: {located(function, error)}") from error
+        return _checks.vector(owner, f"{what}({place:.6g})", value)
 
 
 def _distribution(owner: str, what: str, value: object) -> Distribution:

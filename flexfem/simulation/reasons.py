@@ -95,7 +95,7 @@ def modes_hint(status: Status, spin: float) -> str:
 
 
 def not_finite(serial: Assembly, times: Iterable[float]) -> str | None:
-    """The first drive or load that is not a number at one of the times; None if all are."""
+    """The first drive that is not a number at one of the times; None if all are."""
     times = list(times)
     for joint in serial.joints:
         if joint.driven:
@@ -103,9 +103,6 @@ def not_finite(serial: Assembly, times: Iterable[float]) -> str | None:
             targets = [row.target for t in times for row in joint.rows(poses, t)]
             if not np.isfinite(targets).all():
                 return f"{joint.owner}: the motion is not finite"
-    for load in serial.model.loads:
-        if not np.isfinite([load.factor(t) for t in times]).all():
-            return f'{type(load).__name__} "{load.name}": the amplitude is not finite'
     return None
 
 

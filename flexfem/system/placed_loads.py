@@ -16,11 +16,11 @@ from flexfem.model.bodies import Beam
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
 from flexfem.system.line_loads import LineForce
-from flexfem.system.lines import ElementPlace
+from flexfem.system.lines import ElementPlace, Line
 from flexfem.system.node_loads import Force
 from flexfem.system.nurbs_lines import NurbsLines
 
-__all__ = ["line_forces", "marker_forces", "nurbs_beam_forces", "se3_beam_forces"]
+__all__ = ["line_forces", "load_at_points", "marker_forces", "nurbs_beam_forces", "se3_beam_forces"]
 
 #: Gauss points of an element for loads that vary, at least; as many as nodes if these are more.
 _GAUSS = 3
@@ -143,20 +143,34 @@ def _pieces(
     """A load along a beam at the Gauss points of pieces of those elements that this rank holds."""
     line = serial.line(load.body)
     offset = se3.frame(np.zeros(3), np.eye(3))
+    for e in range(len(line.nodes)):
+        if holds(block, ElementPlace.on(line, e, 0.0)):
+            for xi, force, moment in load_at_points(line, load, e):
+                place = ElementPlace.on(line, e, xi)
+                yield LineForce(place, offset, force, moment, load.follower, number)
+
+
+def load_at_points(
+    line: Line, load: LineLoad, element: int, parts: int = 1
+) -> Iterator[tuple[float, FloatArray, FloatArray]]:
+    """Coordinate, force (N) and moment (N m) of each Gauss point of an element under a load.
+
+    Args:
+        line: the beam's elements.
+        load: varies along the beam.
+        element: its number along the line.
+        parts: that each piece between the load's breakpoints is divided into.
+    """
     unit = line.length if load.coordinate == "fraction" else 1.0
     at, weights = np.polynomial.legendre.leggauss(max(line.nodes.shape[1], _GAUSS))
-    for e in range(len(line.nodes)):
-        if not holds(block, ElementPlace.on(line, e, 0.0)):
-            continue
-        cuts = line.cuts(e, unit * load.breakpoints)
-        for low, high in pairwise(cuts):
+    for start, end in pairwise(line.cuts(element, unit * load.breakpoints)):
+        for low, high in pairwise(np.linspace(start, end, parts + 1)):
             for x, w in zip(at, weights, strict=True):
                 xi = float(low + 0.5 * (1.0 + x) * (high - low))
-                s, speed, _ = arc_length(line.arc[e], xi)
+                s, speed, _ = arc_length(line.arc[element], xi)
                 ds = 0.5 * w * (high - low) * speed
-                force, moment = load.at((line.starts[e] + s) / unit)
-                place = ElementPlace.on(line, e, xi)
-                yield LineForce(place, offset, ds * force, ds * moment, load.follower, number)
+                force, moment = load.at((line.starts[element] + s) / unit)
+                yield xi, ds * force, ds * moment
 
 
 def _half_cells(

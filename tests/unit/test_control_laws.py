@@ -36,6 +36,15 @@ def test_pid_does_not_wind_up():
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("value", ["1.5", None, np.nan])
+def test_setpoints_are_numbers(value: object) -> None:
+    law = ff.PID(1.0, setpoint=lambda t: value if t else 0.0)
+    law.update(0.0, np.zeros(1))
+    with pytest.raises((TypeError, ValueError), match=r"PID: setpoint\(1\) must be"):
+        law.update(1.0, np.zeros(1))
+
+
+@pytest.mark.serial
 def test_continuous_state_space_is_made_discrete():
     """Step response of a second-order lag about an operating point, against its exponential."""
     A, B, C = np.array([[0.0, 1.0], [-9.0, -1.2]]), np.array([[0.0], [9.0]]), np.array([[1.0, 0.0]])

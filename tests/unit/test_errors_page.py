@@ -97,7 +97,6 @@ def watched() -> ff.Event:
 FAILURES = {
     "out of reach": lambda: moved(bob(drive(lambda t: 50.0 * t))),
     "drive": lambda: moved(bob(drive(lambda t: NAN if t > 0.055 else 0.0))),
-    "load": lambda: moved(bob(pushed(float("inf")))),
     "jump": lambda: moved(bob(pushed(1e9)), adaptive=True, error_tolerance=1e-9),
     "event": lambda: moved(bob(watched())),
     "relaxation": relaxed,
@@ -110,6 +109,12 @@ def test_failures_are_on_the_page(kind: str) -> None:
     assert status != "ok"
     assert "\n" not in status
     assert_on_page(status)
+
+
+def test_a_load_without_end_is_on_the_page() -> None:
+    with pytest.raises(ff.FunctionError) as raised:
+        moved(bob(pushed(float("inf"))))
+    assert_on_page(str(raised.value))
 
 
 def test_a_failure_says_where_and_what_to_try() -> None:

@@ -54,6 +54,9 @@ def pendulum(fails: Failing) -> ff.Model:
     def shape(t: float) -> Any:
         return np.zeros(2) if fails("shape", t) else 0.0
 
+    def endless(t: float) -> float:
+        return np.inf if fails("endless", t) else 1.0
+
     def leaves(t: float) -> float:
         return exit(0) if fails("exit", t) else 1.0
 
@@ -88,6 +91,7 @@ def pendulum(fails: Failing) -> ff.Model:
         ff.PointForce("push", bob, (1.0, 0.0, 0.0), amplitude=amplitude),
         ff.PointForce("pull", bob, (1.0, 0.0, 0.0), amplitude=shape),
         ff.PointForce("hold", weight, (1.0, 0.0, 0.0), amplitude=leaves),
+        ff.PointForce("blow", weight, (1.0, 0.0, 0.0), amplitude=endless),
         ff.PointForce("kept", bob, (1.0, 0.0, 0.0)),
         ff.PointForce("steered", bob, (1.0, 0.0, 0.0)),
         ff.PositionProbe("path", bob),
@@ -103,6 +107,7 @@ def pendulum(fails: Failing) -> ff.Model:
 LINES = {
     "amplitude": "PointForce \"push\": amplitude (…): KeyError: 'no key'",
     "shape": 'PointForce "pull": amplitude must return a number, got shape (2,), from shape (…)',
+    "endless": 'PointForce "blow": amplitude is inf at t = ',
     "exit": 'PointForce "hold": leaves (…): sys.exit(0)',
     "motion": 'PrescribedTranslation "drive": motion (…): ZeroDivisionError: float division',
     "sampled": 'Controller "computer": sampled (…): IndexError: pop from empty list',
@@ -206,6 +211,21 @@ def test_what_is_no_number(value: Any) -> None:
     ):
         with pytest.raises(ReturnError, match=r"^(angle|displacement|force) must return a number"):
             drive.rows((place, place), 1.0)
+
+
+@pytest.mark.serial
+def test_a_load_along_a_beam_fails() -> None:
+    """Its function is called where elements are made, in no run yet."""
+    bar = ff.LineMesh.straight({"bar": [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]}, elements=2)
+    model = ff.Model(mesh=bar)
+    model.add(
+        ff.Beam("bar", ff.Section.circle(0.01, ff.Material(2.1e11, 0.3, 7850.0))),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("bar", "start")),
+        ff.LineLoad("snow", "bar", lambda s: (0.0, 0.0, 1.0 / (s - s))),
+    )
+    line = r'LineLoad "snow": force_per_length: lambda \(test_faults.py, line \d+\): ZeroDivision'
+    with pytest.raises(ValueError, match=line):
+        ff.solve_static(model, ff.StaticOptions(quiet=True))
 
 
 def test_results_fail(shared_tmp_path: Path) -> None:

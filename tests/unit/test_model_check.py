@@ -39,6 +39,29 @@ def beam(
     return model
 
 
+def loaded_from(place: float, *breakpoints: float) -> ff.Model:
+    """A clamped beam with a load per length that begins somewhere."""
+
+    def load(s: float) -> tuple[float, float, float]:
+        return (0.0, 0.0, -1.0 if s > place else 0.0)
+
+    model = beam()
+    model.add(ff.LineLoad("snow", "rod", load, breakpoints=breakpoints))
+    return model
+
+
+def waves(number: float) -> ff.Model:
+    """A clamped beam with a moment per length in waves, counted by the beam's length."""
+    model = beam()
+    model.add(
+        ff.LineLoad(
+            "twist", "rod", moment_per_length=lambda x: (np.sin(6.28 * number * x), 0.0, 0.0),
+            coordinate="fraction",
+        )
+    )  # fmt: skip
+    return model
+
+
 def two(joined: bool) -> ff.Model:
     """Two beams that meet at a corner, both on the ground, one with another beam in its middle."""
     lines = {"a": [(0, 0, 0), (1, 0, 0)], "b": [(1, 0, 0), (1, 1, 0)]}
@@ -377,6 +400,13 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "pulse in a spline": (
         "unresolved", "within a step it is 1 at t = 0.2505 s", lambda: splined(1e-4),
         lambda: splined(0.01), MOTION,
+    ),
+    "jump along a beam": (
+        "line_loads", "between 0.25 and 0.5 that 5", lambda: loaded_from(0.3),
+        lambda: loaded_from(0.3, 0.3), None,
+    ),
+    "short waves along a beam": (
+        "line_loads", "shorter elements", lambda: waves(8.0), lambda: waves(1.0), None
     ),
     "nothing acts": ("loads", "no gravity", lambda: still(False), lambda: still(True), None),
     "statics": (
