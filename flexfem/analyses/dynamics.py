@@ -163,6 +163,11 @@ class RunOptions(Settings):
                 f"RunOptions: iteration_matrix 'material' needs the integrator "
                 f"{' or '.join(_WITH_STRESSES)}, got {self.integrator!r}"
             )
+        if self.iteration_matrix != "auto" and self.integrator == "independent_coordinates":
+            raise ValueError(
+                f"RunOptions: iteration_matrix must be 'auto' with the integrator "
+                f"{self.integrator!r}, got {self.iteration_matrix!r}"
+            )
         if self.t_end > MAX_STEPS * self.dt:
             raise ValueError(
                 f"RunOptions: dt {self.dt:g} s up to t_end {self.t_end:g} s takes more than "

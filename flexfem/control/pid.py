@@ -103,7 +103,7 @@ class PID:
         return output
 
     def _target(self, t: float) -> float:
-        """r at a time."""
+        """Setpoint at a time, s."""
         if not callable(self.setpoint):
             return self.setpoint
         value = self.setpoint(t)

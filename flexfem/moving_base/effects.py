@@ -7,7 +7,7 @@ from typing import Any
 
 from flexfem.moving_base.rotations import ROTATIONS
 
-__all__ = ["THEORIES", "Effects", "effects_of", "left_out"]
+__all__ = ["THEORIES", "Effects", "effect_names", "effects_of", "left_out"]
 
 #: Names of several effects at once.
 _GROUPS = {
@@ -93,17 +93,21 @@ class Effects:
         return replace(self, **changes)
 
 
+def effect_names() -> list[str]:
+    """Names of single effects, then of groups of them."""
+    return [*(f.name for f in fields(Effects) if f.type is bool), *_GROUPS]
+
+
 def left_out(names: Iterable[str]) -> list[str]:
     """Names of single effects.
 
     Raises:
         ValueError: there is no such effect.
     """
-    known = [f.name for f in fields(Effects) if f.type is bool]
-    out: list[str] = []
+    known, out = effect_names(), list[str]()
     for name in names:
-        if name not in _GROUPS and name not in known:
-            raise ValueError(f"effect '{name}': there are {', '.join([*known, *_GROUPS])}")
+        if name not in known:
+            raise ValueError(f"effect '{name}': there are {', '.join(known)}")
         out += _GROUPS.get(name, (name,))
     return out
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from flexfem.moving_base.effects import THEORIES, left_out
+from flexfem.moving_base.effects import THEORIES, effect_names, left_out
 from flexfem.moving_base.rotations import ROTATIONS
 from flexfem.options import Option
 
@@ -39,7 +39,7 @@ class EffectsOption(Option):
 
     def describe(self) -> str:
         """See :meth:`Option.describe`."""
-        return "none, or names of effects joined by +"
+        return f"none, or names of effects joined by + ({', '.join(effect_names())})"
 
 
 def _names(text: str) -> list[str]:

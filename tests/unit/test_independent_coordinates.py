@@ -21,6 +21,13 @@ Z = (0.0, 0.0, 1.0)
 OPTIONS = ff.RunOptions(dt=1e-2, t_end=1.0, integrator="independent_coordinates", tolerance=1e-10)
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("matrix", ["frozen", "updated", "material"])
+def test_its_matrix_cannot_be_chosen(matrix: str) -> None:
+    with pytest.raises(ValueError, match="iteration_matrix"):
+        replace(OPTIONS, iteration_matrix=matrix)
+
+
 def run(model: ff.Model, end: float, comm: Any = MPI.COMM_SELF, **options: Any) -> Simulation:
     """Steps of one size to the end."""
     chosen = replace(OPTIONS, t_end=end, **options)

@@ -289,6 +289,9 @@ def test_a_failed_run_does_not_end_a_sweep(
     assert float(good["path_x_mean"]) == pytest.approx(0.61, abs=1e-6)
     assert " at t = 0.007" in bad["status"]  # out of reach at t = 0.008
     made = {name: (Path("study") / name / "summary.json").stat().st_mtime_ns for name in rows}
+    # what ended well is drawn
+    assert cli.command(["sweep", str(driven), *line.split(), "--plot", "path_x"]) == 1
+    assert (Path("study") / "comparison.png").is_file()
 
     again = ff.sweep(
         str(driven), {"speed": [1, 50.0, -1]}, reduce=["final:path_x", "mean:path_x"],

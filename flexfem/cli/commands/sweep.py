@@ -56,7 +56,9 @@ def execute(argv: Sequence[str], prog: str) -> int:
     except (OSError, TypeError, ValueError) as error:
         raise UsageError(str(error)) from error
     code = _tell(made, output, own.quiet)
-    return code if code or own.plot is None else _picture(made, own, output)
+    if own.plot is not None and made.failed < len(made):
+        code = max(code, _picture(made, own, output))
+    return code
 
 
 def _parser(prog: str) -> Parser:
@@ -124,16 +126,19 @@ def _sweep(name: str, case: Case, own: Any, given: dict[str, Any], output: Path)
 
 
 def _picture(made: "Sweep", own: Any, output: Path) -> int:
-    """Draw the columns of all runs; returns the exit code.
+    """Draw the columns of all runs that have not failed; returns the exit code.
 
     Raises:
         UsageError: They have no such columns, or nothing can be drawn here.
     """
     target = output / "comparison.png"
+    done = [
+        folder
+        for folder, result in zip(made.folders, made.results, strict=True)
+        if result["status"] == "ok"
+    ]
     return print_files(
-        lambda: [
-            script("compare_runs").make(made.folders, own.plot, output=target, clipped=own.clip)
-        ]
+        lambda: [script("compare_runs").make(done, own.plot, output=target, clipped=own.clip)]
     )
 
 
