@@ -31,7 +31,7 @@ _ZERO = np.zeros(3)
 
 
 class RowKind(IntEnum):
-    """Elementary functions of marker a (pose x_a, R_a) and marker b (x_b, R_b)."""
+    """Elementary functions of marker a (pose x_a, R_a) and marker b (x_b, R_b): ``core.terms``."""
 
     #: u . (x_b - x_a), u in inertial axes
     INERTIAL = 0
@@ -47,6 +47,12 @@ class RowKind(IntEnum):
     ARC = 5
     #: a user's function of R_a^T (x_b - x_a) and R_a^T R_b
     FUNCTION = 6
+
+    @property
+    def axes(self) -> tuple[bool, bool]:
+        """Whether it depends on the axes of marker a and of marker b, or on positions alone."""
+        both = self in (RowKind.AXES, RowKind.ANGLE, RowKind.FUNCTION)
+        return both or self is RowKind.ALONG, both
 
 
 class LawKind(IntEnum):

@@ -35,6 +35,9 @@ from flexfem.system.row_laws import static_forces
 
 __all__ = ["Constraints"]
 
+#: (kinds, 2) of ``RowKind.axes``
+_BY_AXES = np.array([kind.axes for kind in RowKind])
+
 
 class Constraints(NumberedRows):
     """Rows of all joints of this rank, their values, derivatives and multipliers.
@@ -108,10 +111,7 @@ class Constraints(NumberedRows):
         active = np.full(len(self.interface.keys), 3, dtype=np.int64)
         for side in range(2):
             marker, slot = self.term_marker[:, side], self.term_slots[:, side]
-            turning = (self.kinds == RowKind.AXES) | (self.kinds == RowKind.ANGLE)
-            turning |= self.kinds >= RowKind.FUNCTION
-            if side == 0:
-                turning |= self.kinds == RowKind.ALONG
+            turning = _BY_AXES[np.minimum(self.kinds, RowKind.FUNCTION), side]
             turning |= np.any(self.marker_offset[marker, :3] != 0.0, axis=1)
             turning |= self.kinds == ON_LINES
             active[slot[turning & (slot >= 0)]] = 6

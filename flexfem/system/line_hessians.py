@@ -5,17 +5,18 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.line_points import add_line_second, arc_length, turn_second
+from flexfem.core.terms.dispatch import term, term_hessian
 from flexfem.lie.compiled import kernel
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
 from flexfem.system.line_kernels import (
+    ALONG,
     ARC,
     coefficients,
     element_frames,
     place_markers,
     slide_gradient,
 )
-from flexfem.system.row_hessians import term_hessian
-from flexfem.system.row_kernels import ALONG, term, to_node
+from flexfem.system.row_kernels import to_node
 
 __all__ = ["add_line_hessians", "line_hessian"]
 

@@ -23,14 +23,15 @@ from flexfem.core.line_points import (
     turn_frames,
 )
 from flexfem.core.row import RowKind
+from flexfem.core.terms.dispatch import term
 from flexfem.core.terms.vectors import rotate_back_into, rotate_into
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
 from flexfem.system.row_hessians import marker_map
-from flexfem.system.row_kernels import ALONG, ANGLE, term
 
 __all__ = [
+    "ALONG",
     "ARC",
     "add_line_wrenches",
     "coefficients",
@@ -43,7 +44,7 @@ __all__ = [
     "update_line_angles",
 ]
 
-ARC = int(RowKind.ARC)
+ARC, ALONG, ANGLE = int(RowKind.ARC), int(RowKind.ALONG), int(RowKind.ANGLE)
 
 #: Newton steps for the place of a slider, and their size at which it is found.
 _STEPS, _SMALL = 50, 1e-13

@@ -14,9 +14,9 @@ from flexfem._types import FloatArray
 from flexfem.core.compiled_functions import check, kind_number
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind
+from flexfem.core.terms.dispatch import term as evaluate_term
 from flexfem.core.user_function import FunctionKind, UserFunction
 from flexfem.lie import se3
-from flexfem.system.row_kernels import term as evaluate_term
 
 if TYPE_CHECKING:
     from flexfem.system.numbered_rows import NumberedRows

@@ -10,101 +10,27 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import RowKind
-from flexfem.core.terms.function import evaluate_function
-from flexfem.core.terms.vectors import cross_into, dot, rotate_back_into, rotate_into
+from flexfem.core.terms.dispatch import term
+from flexfem.core.terms.vectors import rotate_into
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.system.row_laws import RIGID, force_law
 
 __all__ = [
-    "ALONG",
     "ANGLE",
-    "AXES",
-    "DISTANCE",
-    "INERTIAL",
     "ON_LINES",
     "add_forces",
     "evaluate_rows",
     "marker_poses",
     "marker_wrenches",
     "sums_of_terms",
-    "term",
     "to_node",
     "update_angles",
 ]
 
-INERTIAL, ALONG, AXES, DISTANCE, ANGLE, _, FUNCTION = (int(kind) for kind in RowKind)
+ANGLE = int(RowKind.ANGLE)
 #: Kind of a term that holds two nodes of the gradient of a row on lines, see ``line_kernels``.
 ON_LINES = -1
-
-
-@kernel
-def _angle(
-    Ha: FloatArray, Hb: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray, memory: float,
-    g: FloatArray, s: FloatArray,
-) -> float:  # fmt: skip
-    """Angle about ``R_a u`` from ``R_a p`` to ``R_b v``; turning parts of the gradient in ``g``."""
-    rotate_into(Hb, v, s[0], 0)
-    rotate_back_into(Ha, s[0], s[1], 0)  # y
-    cross_into(u, p, s[2], 0)
-    cosine, sine = dot(p, s[1]), dot(s[2], s[1])
-    square = cosine * cosine + sine * sine
-    for i in range(3):
-        s[3, i] = (cosine * s[2, i] - sine * p[i]) / square
-    cross_into(s[3], s[1], g, 3)
-    rotate_into(Ha, s[3], s[4], 0)
-    rotate_back_into(Hb, s[4], s[0], 0)
-    cross_into(v, s[0], g, 9)
-    angle = np.arctan2(sine, cosine)
-    turned: float = memory + np.arctan2(np.sin(angle - memory), np.cos(angle - memory))
-    return turned
-
-
-@kernel
-def term(
-    kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, memory: float, g: FloatArray,
-    s: FloatArray,
-) -> float:  # fmt: skip
-    """Value of one elementary function; gradient in ``g`` (12), scratch ``s`` (5, 3).
-
-    ``kind`` is a ``RowKind`` or the address of a compiled function of the user's; ``d`` (3, 3)
-    holds u, v and p, or the data of that function, see ``Term``.
-    """
-    if kind >= FUNCTION:
-        own: float = evaluate_function(kind, Ha, Hb, d, g)
-        return own
-    u, v, p = d[0], d[1], d[2]
-    g[:] = 0.0
-    if kind == AXES:
-        rotate_into(Hb, v, s[0], 0)
-        rotate_back_into(Ha, s[0], s[1], 0)  # R_ab v
-        cross_into(u, s[1], g, 3)
-        rotate_into(Ha, u, s[2], 0)
-        rotate_back_into(Hb, s[2], s[3], 0)
-        cross_into(v, s[3], g, 9)
-        return dot(s[2], s[0])
-    if kind == ANGLE:
-        angle: float = _angle(Ha, Hb, u, v, p, memory, g, s)
-        return angle
-    for i in range(3):
-        s[0, i] = Hb[i] - Ha[i]
-    if kind == ALONG:
-        rotate_back_into(Ha, s[0], s[1], 0)  # p = R_a^T (x_b - x_a)
-        cross_into(u, s[1], g, 3)
-        rotate_into(Ha, u, s[2], 0)
-        value = dot(u, s[1])
-    elif kind == DISTANCE:
-        value = np.sqrt(dot(s[0], s[0]))
-        for i in range(3):
-            s[2, i] = s[0, i] / value
-    else:
-        s[2, :] = u
-        value = dot(u, s[0])
-    rotate_back_into(Ha, s[2], g, 0)
-    for i in range(3):
-        g[i] = -g[i]
-    rotate_back_into(Hb, s[2], g, 6)
-    return value
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.line_points import FIXED, TRIANGLE, line_pose
-from flexfem.core.row import Row, RowKind
+from flexfem.core.row import Row
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.system.lines import Line, LinePoint
 
@@ -88,15 +88,10 @@ def carrier_frame(point: LinePoint, points: FloatArray) -> FloatArray:
     return H
 
 
-#: Kinds of terms that are about the axes of both markers.
-_TURNING = (RowKind.AXES, RowKind.ANGLE, RowKind.FUNCTION)
-
-
 def turning(rows: Sequence[Row], marker: int) -> bool:
     """Whether rows need the axes of a marker, given by its number, and not its position alone."""
     for term in (term for row in rows for term in row.terms):
-        if marker in (term.a, term.b) and term.kind in _TURNING:
-            return True
-        if marker == term.a and term.kind is RowKind.ALONG:
+        by_a, by_b = term.kind.axes
+        if (by_a and marker == term.a) or (by_b and marker == term.b):
             return True
     return False
