@@ -126,13 +126,6 @@ def test_only_io_opens_files(path: Path) -> None:
     assert not names & {"open", "write_text", "write_bytes", "savetxt", "savez", "tofile", "File"}
 
 
-# Modules that know one another: the stabilisation of load steps works on the state of the
-# equilibrium that holds it.
-KNOTS = [
-    {"flexfem.solvers.held_steps", "flexfem.solvers.statics"},
-]
-
-
 def dotted(path: Path) -> str:
     """Name of a module, that of the package for an ``__init__``."""
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
@@ -156,10 +149,74 @@ def test_modules_import_each_other_in_one_direction() -> None:
     modules = {dotted(path): path for path in FILES}
     files = {name for name, path in modules.items() if path.name != "__init__.py"}
     graph = {name: imported_modules(modules[name], modules) & files for name in sorted(files)}
-    for knot in KNOTS:
-        for name in knot:
-            graph[name] -= knot
     TopologicalSorter(graph).prepare()  # its error names the modules of a cycle
+
+
+# Attributes of others that are set around calls, and why; no more shall come.
+SET_AROUND_CALLS = {
+    "lead": "the instant of loads and drives beside a jump, while a step is solved",
+}
+
+
+def set_around_calls(function: ast.FunctionDef) -> Iterator[str]:
+    """Attributes of other objects that a function assigns, goes on with calls, and assigns again.
+
+    That is how a mode is switched on and off: what the calls do cannot be read from their
+    arguments. Assignments in different branches of one condition do not follow each other.
+    """
+    yield from _around(function.body, {})
+
+
+def _around(body: list[ast.stmt], assigned: dict[str, bool]) -> Iterator[str]:
+    """Go through statements in order; ``assigned`` tells which attributes calls have followed."""
+    for statement in body:
+        own = {ast.unparse(target): target.attr for target in _foreign(statement)}
+        first, other, last = (
+            getattr(statement, name, []) for name in ("body", "orelse", "finalbody")
+        )
+        handlers = [handler.body for handler in getattr(statement, "handlers", [])]
+        inner = [[*first, *last], other, *handlers]
+        yield from (attribute for name, attribute in own.items() if assigned.get(name))
+        branches = [dict(assigned) for _ in inner]
+        if not isinstance(statement, (ast.FunctionDef, ast.ClassDef)):
+            for part, known in zip(inner, branches, strict=True):
+                yield from _around(part, known)
+        if any(isinstance(node, ast.Call) for node in ast.walk(statement)):
+            assigned.update(dict.fromkeys(assigned, True))
+        assigned.update(dict.fromkeys(own, False))
+
+
+def _foreign(statement: ast.stmt) -> list[ast.Attribute]:
+    """Attributes that a statement assigns of what is not ``self``."""
+    targets = statement.targets if isinstance(statement, ast.Assign) else []
+    flat = [e for t in targets for e in (t.elts if isinstance(t, ast.Tuple) else [t])]
+    return [e for e in flat if isinstance(e, ast.Attribute) and ast.unparse(e.value) != "self"]
+
+
+def test_modes_set_around_calls_are_seen() -> None:
+    """The rule itself: a flag, a swap, a try; but neither branches nor a loop over objects."""
+
+    def found(text: str) -> list[str]:
+        (function,) = ast.parse(text).body
+        assert isinstance(function, ast.FunctionDef)
+        return list(set_around_calls(function))
+
+    flag = "def f(a):\n a.on = True\n a.run()\n a.on = False"
+    swap = "def f(self):\n old, self.a.b = self.a.b, 1\n run()\n self.a.b = old"
+    assert found(flag) == ["on"]
+    assert found(swap) == ["b"]
+    assert found("def f(a):\n a.on = 1\n try:\n  run()\n finally:\n  a.on = 0") == ["on"]
+    assert not found("def f(a):\n if a.x():\n  a.on = 1\n  run()\n else:\n  a.on = 2")
+    assert not found("def f(self):\n self.on = 1\n run()\n self.on = 2")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_modes_are_set_around_calls(path: Path) -> None:
+    """What a call does is said by its arguments."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef):
+            assert set(set_around_calls(node)) <= SET_AROUND_CALLS.keys(), node.name
 
 
 @pytest.mark.serial

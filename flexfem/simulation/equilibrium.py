@@ -9,6 +9,7 @@ from flexfem._checks import InputError
 from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.start import check_start
+from flexfem.solvers.held_steps import HeldEquilibrium
 from flexfem.solvers.stability import softest_motion
 from flexfem.solvers.statics import Equilibrium, Limits, Loading, settle
 from flexfem.solvers.tangent import TangentSolver
@@ -56,9 +57,9 @@ def rest(
         load.follower or load.has_moment for load in loads
     )
     loading = Loading(system, growing, gravity_grows, span)
-    return Equilibrium(
+    kind = HeldEquilibrium if stabilise else Equilibrium
+    return kind(
         system, tangent, loading, model_extent(serial), limits, conservative=conservative,
-        stabilise=stabilise,
     )  # fmt: skip
 
 

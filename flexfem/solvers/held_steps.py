@@ -6,21 +6,17 @@ as it is: a step of Newton's method for a body in a viscous fluid. Where contact
 step, it is shortened to where they balance what drives it, and no longer than they can follow.
 """
 
-from __future__ import annotations
-
 from math import isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.status import Status
 from flexfem.solvers.schur_kernels import largest_entry
+from flexfem.solvers.statics import Equilibrium
 from flexfem.system.mechanics import END_POINT
 
-if TYPE_CHECKING:
-    from flexfem.solvers.statics import Equilibrium
-
-__all__ = ["HeldSteps"]
+__all__ = ["HeldEquilibrium"]
 
 #: Stabilisation relative to the initial diagonal: smallest and largest, and how it changes.
 _SMALLEST, _LARGEST, _GROWTH, _DECAY = 1e-12, 1e6, 10.0, 0.1
@@ -32,55 +28,55 @@ _HIDDEN, _NOTHING = 1e-6, 1e-16
 _TOO_FAR, _SHORTER, _TRIALS = -0.5, 0.9, 60
 
 
-class HeldSteps:
-    """Newton steps with as much stabilisation as keeps them downhill and short."""
+class HeldEquilibrium(Equilibrium):
+    """Equilibrium found by steps with as much stabilisation as keeps them downhill and short."""
 
-    def __init__(self, equilibrium: Equilibrium) -> None:
-        """Start with hardly any stabilisation."""
-        self._equilibrium = equilibrium
-        self._hold = self._used = _SMALLEST
-        self._load = 0.0
+    _hold = _used = _SMALLEST
+    _load = 0.0
 
     @property
     def memory(self) -> FloatArray:
-        """(2,) what the next load step begins with."""
+        """(2,) what the next load step begins with: hardly any stabilisation at first."""
         return np.array([self._hold, self._used])
 
     @memory.setter
     def memory(self, values: FloatArray) -> None:
         self._hold, self._used = values.tolist()
 
-    def load(self) -> None:
-        """Take note of the loads that act now (collective)."""
-        equilibrium = self._equilibrium
-        system, scale = equilibrium.system, equilibrium.shifts.scale
-        largest = 0.0
+    def solve(self, t: float, fraction: float = 1.0) -> Status:
+        """See :class:`Equilibrium`."""
+        self.loading.set(t, fraction)
+        self._load = self._largest_load()
+        return self.iterate(self._held_step)
+
+    def _largest_load(self) -> float:
+        """Largest force of the loads that act now (collective)."""
+        system, scale, largest = self.system, self.shifts.scale, 0.0
         for part in system.parts:
             part.add_residual(system.gravity, system.factors, scale)
             force = part.block.owned_residual.copy()
             part.add_residual(np.zeros(3), np.zeros_like(system.factors), scale)
             force -= part.block.owned_residual
             largest = max(largest, largest_entry(force[:, :3].ravel()))
-        self._load = equilibrium.largest(largest)
+        return self.largest(largest)
 
-    def step(self) -> tuple[bool, FloatArray, float]:
+    def _held_step(self) -> tuple[bool, FloatArray, float]:
         """Step from the evaluated residuals; see ``LinearStep`` (collective)."""
-        equilibrium = self._equilibrium
-        system, tangent, weights = equilibrium.system, equilibrium.tangent, equilibrium.weights
+        system, tangent, weights = self.system, self.tangent, self.weights
         rows = system.constraints
         blocks = [p.block.owned_residual for p in system.parts]
-        longest = min([1.0, *(c.longest_step / equilibrium.size for c in system.contacts)])
-        equilibrium.assemble()
-        tangent.add_at_nodes(equilibrium.turning())
+        longest = min([1.0, *(c.longest_step / self.size for c in system.contacts)])
+        self.assemble()
+        tangent.add_at_nodes(self.turning())
         added = 0.0
         while self._hold < _LARGEST:
             more, added = self._hold - added, self._hold
             tangent.add_at_nodes([more * w[:, np.newaxis] * np.eye(w.shape[1]) for w in weights])
             system.counters.factorizations += 1
-            if equilibrium.inertia.unstable() == 0 and tangent.factor():
+            if self.inertia.unstable() == 0 and tangent.factor():
                 success = tangent.solve(blocks, rows.values)
-                size, turn, failed = equilibrium.measure(tangent.multiplier_step, success)
-                short = turn <= equilibrium.limits.turn and size <= longest
+                size, turn, failed = self.measure(tangent.multiplier_step, success)
+                short = turn <= self.limits.turn and size <= longest
                 if isfinite(size) and not failed and short:
                     self._used = self._hold
                     self._hold = max(_DECAY * self._hold, _SMALLEST)
@@ -89,40 +85,38 @@ class HeldSteps:
         self._hold = _SMALLEST
         return False, np.zeros(rows.size), 0.0
 
-    def carries(self) -> bool:
-        """Whether the stabilisation carried a part of the loads in the last step (collective)."""
-        equilibrium = self._equilibrium
+    def _balanced(self) -> bool:
+        """Whether the stabilisation carried no part of the loads in the last step (collective)."""
         force = max(
             largest_entry((w[:, :3] * p.block.owned_step[:, :3]).ravel())
-            for w, p in zip(equilibrium.weights, equilibrium.system.parts, strict=True)
+            for w, p in zip(self.weights, self.system.parts, strict=True)
         )
-        limit = max(_HIDDEN * self._load, _NOTHING * equilibrium.size)
-        return self._used * equilibrium.largest(force) > limit
+        limit = max(_HIDDEN * self._load, _NOTHING * self.size)
+        return not self._used * self.largest(force) > limit
 
-    def move(self, change: FloatArray) -> None:
+    def _advance(self, change: FloatArray, load: float) -> None:
         """Move by the blocks' steps, shortened where contacts close, and the multipliers' step.
 
         The work that the forces do on the step is followed along it. A contact that pushes back is
         as good as linear in what goes too far, so that secants lead to where it holds the balance.
         """
-        equilibrium = self._equilibrium
-        system = equilibrium.system
+        system = self.system
         if not system.contacts:
-            equilibrium.move(-1.0, change, 0.0)
+            self.move(-1.0, change, load)
             return
         steps = [part.block.owned_step.copy() for part in system.parts]
-        start = equilibrium.keep()
+        start = self.keep()
         before = self._work(steps)
         points: list[tuple[float, float]] = []  # factors that go too far, and works
         factor = 1.0
         for _ in range(_TRIALS):
-            equilibrium.move(-factor, change, 0.0)
-            END_POINT.evaluate(system, equilibrium.shifts)
+            self.move(-factor, change, 0.0)
+            END_POINT.evaluate(system, self.shifts)
             work = self._work(steps)
             if not work < _TOO_FAR * abs(before):
                 break
             points.append((factor, work))
-            equilibrium.put_back(start)
+            self.put_back(start)
             for part, step in zip(system.parts, steps, strict=True):
                 part.block.owned_step[:] = step
             factor = _secant(points)
@@ -131,11 +125,11 @@ class HeldSteps:
 
     def _work(self, steps: list[FloatArray]) -> float:
         """Work of the residuals on steps, over all ranks."""
-        parts = self._equilibrium.system.parts
+        parts = self.system.parts
         local = sum(
             float((s * p.block.owned_residual).sum()) for s, p in zip(steps, parts, strict=True)
         )
-        return float(self._equilibrium.system.comm.allreduce(local))
+        return float(self.system.comm.allreduce(local))
 
 
 def _secant(points: list[tuple[float, float]]) -> float:

@@ -79,13 +79,11 @@ def solve_linear(equilibrium: Equilibrium, start: Snapshot, t: float) -> LinearS
     """Displacements from a start under what acts at ``t``, None without any (collective)."""
     system, tangent, loading = equilibrium.system, equilibrium.tangent, equilibrium.loading
     equilibrium.restore(start)
-    loading.fraction = 0.0  # loads have no part in the stiffness
-    loading.set(t)
+    loading.set(t, fraction=0.0)  # loads have no part in the stiffness
     END_POINT.evaluate(system, equilibrium.shifts)
     equilibrium.assemble()
     system.counters.factorizations += 1
     factored = tangent.factor()
-    loading.fraction = 1.0
     loading.set(t)
     if not factored:
         return None

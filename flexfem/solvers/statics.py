@@ -19,7 +19,6 @@ from flexfem._types import BoolArray, FloatArray
 from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.lie import so3
-from flexfem.solvers.held_steps import HeldSteps
 from flexfem.solvers.schur_kernels import largest_entry
 from flexfem.solvers.stability import Inertia
 from flexfem.solvers.tangent import TangentSolver
@@ -95,9 +94,9 @@ class Loading:
         self._gravity = system.gravity.copy()
         self.t, self.span, self.fraction = 0.0, span, 1.0
 
-    def set(self, t: float) -> None:
-        """Set loads and drives to parameter ``t``."""
-        system = self._system
+    def set(self, t: float, fraction: float = 1.0) -> None:
+        """Set loads and drives to parameter ``t``, loads and gravity to a fraction of theirs."""
+        system, self.fraction = self._system, fraction
         system.set_time(t)
         system.factors[self._growing] = t
         system.factors[:] *= self.fraction
@@ -116,10 +115,10 @@ class Loading:
         low, high = (0.0, step) if t == 0.0 else (t - step, t + step)  # none before the start
         values = []
         for at in (low, high):
-            self.set(at)
+            self.set(at, self.fraction)
             rows.evaluate(shifts.dynamics)
             values.append((system.factors.copy(), system.gravity.copy(), rows.values.copy()))
-        self.set(t)
+        self.set(t, self.fraction)
         rows.evaluate(shifts.dynamics)
         factors, gravity, by_t = (
             (after - before) / (high - low)
@@ -154,7 +153,7 @@ class Equilibrium:
 
     def __init__(
         self, system: System, tangent: TangentSolver, loading: Loading, size: float,
-        limits: Limits, *, conservative: bool, stabilise: bool = False,
+        limits: Limits, *, conservative: bool,
     ) -> None:  # fmt: skip
         """Put all nodes to rest and choose the scale (collective).
 
@@ -165,13 +164,11 @@ class Equilibrium:
             size: of the model, m.
             limits: when iterations stop.
             conservative: all loads have a potential, so that the matrix is symmetric.
-            stabilise: hold motions without stiffness and move downhill only.
         """
         self.system, self.tangent, self.loading = system, tangent, loading
         self.size, self.limits = size, limits
         self.iterations, self.cut, self.room = 0, 0.5, 1.0
         self.strains = system.present
-        self._held = HeldSteps(self) if stabilise else None
         rows = system.constraints
         self._elastic = rows.elastic.copy()
         system.predict(_REST, _NO_RATES)
@@ -215,12 +212,11 @@ class Equilibrium:
     @property
     def memory(self) -> FloatArray:
         """What an iteration remembers of those before, besides the state; empty for most."""
-        return np.empty(0) if self._held is None else self._held.memory
+        return np.empty(0)
 
     @memory.setter
     def memory(self, values: FloatArray) -> None:
-        if self._held is not None:
-            self._held.memory = values
+        assert not len(values)
 
     def release(self) -> None:
         """Give dampers and springs back what dynamics needs of them."""
@@ -258,13 +254,15 @@ class Equilibrium:
         self.system.interface.update()
         self.system.constraints.accept()
 
-    def solve(self, t: float) -> Status:
-        """Find the equilibrium at load parameter ``t`` from the present state (collective)."""
-        self.loading.set(t)
-        if self._held is None:
-            return self.iterate(self._newton_step)
-        self._held.load()
-        return self.iterate(self._held.step)
+    def solve(self, t: float, fraction: float = 1.0) -> Status:
+        """Find the equilibrium at load parameter ``t`` from the present state (collective).
+
+        Args:
+            t: load parameter.
+            fraction: of all loads that acts, drives left out.
+        """
+        self.loading.set(t, fraction)
+        return self.iterate(self._newton_step)
 
     def iterate(self, linear_step: LinearStep) -> Status:
         """Iterate until steps are below the tolerance or round-off (collective)."""
@@ -273,7 +271,7 @@ class Equilibrium:
         return status
 
     def _iterate(self, linear_step: LinearStep) -> Status:
-        system, limits, held, previous = self.system, self.limits, self._held, inf
+        system, limits, previous = self.system, self.limits, inf
         self.cut = 0.5
         for self.iterations in range(1, limits.max_iterations + 1):
             END_POINT.evaluate(system, self.shifts)
@@ -289,16 +287,20 @@ class Equilibrium:
                 self.cut = max(self.room, 0.1) if self.iterations == 1 else 0.5
                 return Status.DIVERGED
             noise = size > _STAGNATION * previous and size <= _NOISE * limits.tolerance
-            done = size <= limits.tolerance or noise
-            if held is None:
-                self.move(-1.0, change, load)
-            else:
-                done = done and not held.carries()
-                held.move(change)
+            done = (size <= limits.tolerance or noise) and self._balanced()
+            self._advance(change, load)
             if done:
                 return Status.OK
             previous = size
         return Status.NOT_CONVERGED
+
+    def _balanced(self) -> bool:
+        """Whether nothing but the system itself carries the loads in the last step (collective)."""
+        return True
+
+    def _advance(self, change: FloatArray, load: float) -> None:
+        """Move by the blocks' steps, the multipliers' step and that of the load (collective)."""
+        self.move(-1.0, change, load)
 
     def measure(self, change: FloatArray, success: bool = True) -> tuple[float, float, bool]:
         """Size of the step in the blocks, its largest rotation (rad), failure on some rank."""
@@ -360,7 +362,7 @@ def settle(equilibrium: Equilibrium) -> Status:
 
     At once where that converges, else by growing the loads from nothing in adaptive steps.
     """
-    loading, start = equilibrium.loading, equilibrium.keep()
+    start = equilibrium.keep()
     status = equilibrium.solve(0.0)
     if status is Status.OK:
         equilibrium.accept()
@@ -368,16 +370,15 @@ def settle(equilibrium: Equilibrium) -> Status:
     reached, h = 0.0, _SETTLING
     while reached < 1.0:
         equilibrium.restore(start)
-        loading.fraction = min(reached + h, 1.0)
-        status = equilibrium.solve(0.0)
+        fraction = min(reached + h, 1.0)
+        status = equilibrium.solve(0.0, fraction)
         if status is Status.OK:
             equilibrium.accept()
-            start, reached, h = equilibrium.keep(), loading.fraction, min(2.0 * h, _SETTLING)
+            start, reached, h = equilibrium.keep(), fraction, min(2.0 * h, _SETTLING)
         else:
             h *= equilibrium.cut
         if h < _SETTLING * 0.5**_HALVINGS:
             break
-    loading.fraction = 1.0
     return status
 
 
