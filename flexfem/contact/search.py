@@ -4,6 +4,10 @@
 Every box of one set is put into the cells of a grid that it touches; those of the other set look
 into theirs. The cells are hashed, so that the grid has no bounds, and costs grow as the number
 of boxes and of pairs.
+
+For 100, 900 and 10,000 nodes above a sheet of triangles a search takes 0.06, 0.82 and 21 ms, one by
+SciPy's cKDTree of their centres, cut down to the same pairs, 0.15, 3.0 and 130 ms
+(``tests/benchmarks/boxes_against_kdtree.py``).
 """
 
 import numpy as np

@@ -2,6 +2,10 @@
 """Compiled LU factorisation of a banded matrix, without pivoting.
 
 Entry (i, j) of the matrix is stored at ``[i, j - i + b]`` of an array (n, 2 b + 1).
+
+Bands of chains are narrow: with b = 5 a factorisation takes 0.96, 2.7 and 9.7 us for 12, 48 and 192
+rows, LAPACK's dgbtrf 2.2, 4.9 and 15.4 us. For 192 rows and b = 20 it is 66 against 47 us
+(``tests/benchmarks/banded_against_lapack.py``).
 """
 
 import numpy as np

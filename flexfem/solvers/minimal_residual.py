@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""GMRES for a few vectors, for operators that are close to the identity."""
+"""GMRES for a few vectors, for operators that are close to the identity.
+
+Inner products are the caller's: those of frozen steps leave out the multipliers, which several
+ranks may hold, and take one reduction a vector, with the norm. PETSc's GMRES has neither. By itself
+it is faster on one rank, 11 against 45 us for three vectors of 54 unknowns and 58 against 99 us of
+5000; an application takes more (``tests/benchmarks/gmres_against_petsc.py``).
+"""
 
 from collections.abc import Callable
 from math import hypot, isfinite, sqrt
