@@ -95,8 +95,7 @@ def part_rows(inspection: Inspection, chosen: BoolArray) -> NodeRows:
 def holding(inspection: Inspection) -> BoolArray:
     """(r,) rows that hold a value or resist like springs."""
     rows = inspection.rows.rows
-    springs: BoolArray = rows.active & (rows.elastic[:, 1] > 0.0)
-    return rows.rigid | springs
+    return rows.rigid | rows.pulling
 
 
 def _between(inspection: Inspection, chosen: BoolArray) -> BoolArray:

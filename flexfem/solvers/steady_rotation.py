@@ -17,7 +17,6 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.la.direct import DirectSolver
 from flexfem.lie import se3, so3
@@ -356,8 +355,7 @@ def _standing(system: System, rotation: Rotation) -> tuple[str, float] | None:
         system.interface.update()
         rows.evaluate(np.array([1.0, 1.0]))
         # dampers and friction feel no position
-        felt = rows.active & ((rows.elastic[:, 0] == LawKind.RIGID) | (rows.elastic[:, 1] > 0.0))
-        values.append(rows.sums() * felt)
+        values.append(rows.sums() * (rows.rigid | rows.pulling))
     for part, kept in zip(system.parts, frames, strict=True):
         part.block.frames[:] = kept
     change = np.max([np.abs(v - values[0]) for v in values[1:]], axis=0, initial=0.0)

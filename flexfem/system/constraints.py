@@ -202,6 +202,12 @@ class Constraints(NumberedRows):
         return held
 
     @property
+    def pulling(self) -> BoolArray:
+        """(r,) rows with forces that depend on positions: springs, stops, functions of forces."""
+        pulls: BoolArray = (self.elastic[:, 1] > 0.0) | self.function_forces().any(axis=1)
+        return self.active & pulls
+
+    @property
     def working(self) -> BoolArray:
         """(r,) rows whose forces count as work on the model: drives, and functions of forces."""
         driven = np.array([j.joint.driven for j in self.joints], dtype=np.bool_)

@@ -2,6 +2,9 @@
 """Joints, force elements and friction by functions of the user's against those of the package."""
 
 import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -11,6 +14,8 @@ import pytest
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
+from flexfem.inspection.inspection import Inspection
+from flexfem.inspection.mobility import free_motions, holding
 from flexfem.simulation.stepping import Simulation
 
 COMM = MPI.COMM_WORLD
@@ -187,3 +192,71 @@ def test_static_equilibrium() -> None:
     simulation = Simulation(made, options)
     stretch = -1.0 - positions(simulation)[0, 2]
     assert 50.0 * stretch + 400.0 * stretch**3 == pytest.approx(2.0 * 9.81, rel=1e-8)
+
+
+def _sprung(own: bool) -> ff.Model:
+    """A cantilever whose end a spring and damper pulls sideways."""
+    made = ff.Model("sprung", mesh=ff.LineMesh.straight({"arm": [(0, 0, 0), (1, 0, 0)]}, 4))
+    hook = ff.Ground((1.0, 1.0, 0.0))
+    given = (200.0, 50.0, 0.9)
+    made.add(
+        ff.Beam("arm", ff.Section.circle(0.02, STEEL)),
+        ff.Rigid("clamp", GROUND, ff.Marker("arm", "start")),
+        ff.CustomForce("spring", hook, TIP, force=linear, parameters=given)
+        if own
+        else ff.SpringDamper(
+            "spring", hook, TIP, stiffness=given[0], damping=given[1], rest_length=given[2]
+        ),
+        ff.PositionProbe("tip", TIP),
+        ff.Gravity((0.0, 0.0, -9.81)),
+    )
+    return made
+
+
+ANALYSES = {
+    "static": lambda model: ff.solve_static(model, ff.StaticOptions(quiet=True)),
+    "relaxation": lambda model: ff.relax(model, ff.RelaxationOptions(quiet=True)),
+    "modes": lambda model: ff.find_modes(model, ff.ModeOptions(modes=3, quiet=True)),
+}
+
+
+@pytest.mark.parametrize("analysis", ANALYSES.values(), ids=ANALYSES)
+def test_other_analyses(analysis: Callable[[ff.Model], Any]) -> None:
+    ours, theirs = analysis(_sprung(True)), analysis(_sprung(False))
+    assert ours.status == theirs.status == "ok"
+    for name in theirs.history or ():
+        # relaxation ends within its own tolerance; a force left out moves the end by 0.1 m
+        scale = np.abs(theirs.history[name]).max()
+        np.testing.assert_allclose(
+            ours.history[name][-1:], theirs.history[name][-1:], rtol=0.0, atol=1e-6 * scale + 1e-9
+        )
+
+
+def test_restart(shared_tmp_path: Path) -> None:
+    """Functions of time go on where they were."""
+    more = (ff.PositionProbe("place", ff.Marker("bob")),)
+    options = {"dt": 2e-3, "quiet": True, "tolerance": 1e-11}
+    whole = ff.simulate(model(True, *more), ff.RunOptions(t_end=0.08, **options))
+    ff.simulate(
+        model(True, *more),
+        ff.RunOptions(t_end=0.04, output=shared_tmp_path, checkpoint_every=20, **options),
+    )
+    file = shared_tmp_path / "checkpoint_000020.h5"
+    rest = ff.simulate(model(True, *more), ff.RunOptions(t_end=0.08, restart=file, **options))
+    if whole.history:
+        for name in ("place_x", "place_y", "place_z"):
+            assert rest.history[name][-1] == pytest.approx(whole.history[name][-1], abs=1e-11)
+
+
+@pytest.mark.serial
+def test_inspection_knows_what_functions_hold() -> None:
+    """A body that a function of its position holds is not told to be free along it."""
+    for force, motions in ((lambda x, v: 3.0 * x, 0), (lambda x, v: 3.0 * v, 1)):
+        made = ff.Model("held")
+        made.add(
+            ff.RigidBody("bob", 2.0, (0.1, 0.1, 0.1), position=(0.0, 0.0, -1.0)),
+            ff.Prismatic("guide", GROUND, ff.Marker("bob"), axis=(0.0, 0.0, 1.0)),
+            ff.CustomForce("spring", GROUND, ff.Marker("bob"), force=force),
+        )
+        inspection = Inspection(made)
+        assert free_motions(inspection, holding(inspection))[0] == motions
