@@ -169,7 +169,7 @@ class StepMechanics(Mechanics):
             InputError: a part of the model has no such equations; named on all ranks.
         """
         self.chi, self.h, self._last_h = chi, 0.0, np.inf
-        _check_beams(system)
+        _check_parts(system)
         self._parts = {id(p): _Part(system, p, chi) for p in system.parts}
         self._check_offsets(system)
         self._rows = StepRows(system.constraints, chi)
@@ -350,8 +350,12 @@ class StepMechanics(Mechanics):
         return self._rows.hessians(factor)
 
 
-def _check_beams(system: System) -> None:
-    """Raise on all ranks for NURBS beams, shells, contacts, and beams with a law of the user."""
+def _check_parts(system: System) -> None:
+    """Raise on all ranks for what has no discrete derivatives along a step.
+
+    The guide's page on limits says why. Families tell by ``Family.energy_momentum``; of rows
+    :mod:`flexfem.system.step_constraints` decides.
+    """
     for contacts in system.contacts:
         name = contacts.groups[0].surfaces.contact.name
         raise InputError(f'Contact "{name}": the integrator energy_momentum does not know contact')
