@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What goes wrong outside flexfem while a run goes on: functions of the user's, and files.
+"""Errors from outside flexfem during a run: functions of the user's, and files.
 
 A function of the user's may fail on one rank only, while the others wait for it in a collective
 call. So whoever calls one notes the exception and goes on with nan, which makes the step fail on

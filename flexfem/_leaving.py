@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How a rank leaves the program, together with the others or ending all."""
+"""The end of a rank: together with the others, or ending all of them."""
 
 import os
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How much memory there is, and a refusal of what will not fit before room is made for it."""
+"""Available memory, and the refusal of what will not fit before room is made for it."""
 
 import os
 import resource

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What flexfem needs of other packages: found and checked in one place, refused in one line.
+"""Requirements of other packages: found and checked in one place, refused in one line.
 
 DOLFINx and its PETSc come in many builds (wheels, conda-forge, Debian, containers). With a wrong
 one a run would fail somewhere deep, or each rank would compute by itself; here they are looked at

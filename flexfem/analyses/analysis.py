@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What an analysis is: its options, and the driver that carries it out."""
+"""An analysis: its options, and the driver that carries it out."""
 
 from dataclasses import dataclass
 from importlib import import_module

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What all command lines share: parser, wrong input in one line, exit codes."""
+"""Common parts of all command lines: parser, wrong input in one line, exit codes."""
 
 import argparse
 import contextlib

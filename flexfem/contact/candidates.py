@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Lists of the triangles that each node may touch before it has moved far."""
+"""Neighbour (Verlet) lists of contact: triangles that a node may touch until it has moved far."""
 
 from dataclasses import dataclass
 from typing import Any, Self

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What contact needs to know of a surface: rims, areas of nodes, sizes, stiffness."""
+"""Data of a contact surface: rims, areas of nodes, sizes, stiffness."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which nodes touch which triangles now.
+"""Narrow phase of contact: nodes against the triangles that they touch.
 
 A node touches a surface where its distance has a local minimum: inside a triangle, on an edge when
 the same holds for all triangles there, or at a node. The surface seen from outside is thus round at

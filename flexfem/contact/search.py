@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Boxes that overlap, found by a uniform grid.
+"""Broad phase of contact: boxes that overlap, found by a hashed uniform grid.
 
 Every box of one set is put into the cells of a grid that it touches; those of the other set look
 into theirs. The cells are hashed, so that the grid has no bounds, and costs grow as the number

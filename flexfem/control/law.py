@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a law of feedback is.
+"""Protocol of feedback laws.
 
 A static law is a function ``law(t, y)`` of the time (s) and of the measurements ``y`` (n,) that
 returns one number per output. A law with memory is an object with a method ``update(t, y)`` that

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the model knows of a load."""
+"""Base class of the loads that a model holds by name."""
 
 from collections.abc import Callable
 from math import isfinite, nan

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the increments of a step are predicted from."""
+"""Predictors of the increments of a step."""
 
 from enum import IntEnum
 

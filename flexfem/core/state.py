@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a checkpoint holds of a run, as arrays that do not depend on the number of ranks.
+"""Contents of a checkpoint, as arrays that do not depend on the number of ranks.
 
 Whatever has a memory offers two methods: ``state()`` returns it, ``restore(...)`` takes it back.
 """

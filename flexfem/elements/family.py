@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What every family of flexible elements offers to the system."""
+"""Interface of a family of flexible elements to the system."""
 
 from __future__ import annotations
 

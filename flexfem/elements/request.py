@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a family of elements is asked for: which stresses, and along which motion."""
+"""Request to a family of elements: stresses of the tangent, and the motion that it is for."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What rotation-free triangles depend on, in steps of compiled loops.
+"""Dependence of rotation-free triangles on positions, in steps of compiled loops.
 
 What the energy of ``forms.shell`` depends on are five vectors ``w_s = sum over nodes of W_sI q_I``:
 the derivatives ``f_1, f_2`` and the curvature vectors ``k`` (to which clamps add a given part).

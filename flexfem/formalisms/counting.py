@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How large the expressions of a formalism are, and the code that is generated from them.
+"""Sizes of the expressions of a formalism, and of the code that is generated from them.
 
 derivatives   operators d/dq that the derivation applies: nodes of the form as it is written,
               counted once where they are shared

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What bodies are made of: the positions of their points and their strain energy, in UFL.
+"""Matter of bodies: the positions of their points and their strain energy, in UFL.
 
 Matter says of which cells the mesh is, which fields describe the elastic displacement, where a
 point is in the floating frame and what energy a displacement stores. Everything else is derived.

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a model comes to, and what looks wrong in it, before anything is computed."""
+"""Summary of a model, and checks of it, before anything is computed."""

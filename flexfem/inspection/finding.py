@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a check of a model has found."""
+"""A finding of a check of a model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the joints of a model connect, and how many constraints they are."""
+"""Joints of a model: bodies that they connect, and numbers of constraint equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

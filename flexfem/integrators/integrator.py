@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What every time integrator offers, and integrators by name.
+"""Base class of time integrators, and integrators by name.
 
 A new scheme is a new file and its line in ``flexfem.analyses.dynamics.INTEGRATORS``.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What schemes for equations in a vector of coordinates have in common."""
+"""Common parts of schemes for equations in a vector of coordinates."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a Jupyter notebook needs of a progress bar."""
+"""Progress bar in a Jupyter notebook."""
 
 import sys
 import warnings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which of many forces of redundant actuators: the ones of least norm."""
+"""Distribution of forces among redundant actuators: the ones of least norm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

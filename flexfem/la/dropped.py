@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What becomes of PETSc objects that Python lets go of."""
+"""Fate of PETSc objects that Python lets go of."""
 
 from mpi4py import MPI
 from petsc4py import PETSc

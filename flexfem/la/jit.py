@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How forms are compiled: options that no file in the working folder changes, and where to.
+"""Options and folder of the compilation of forms, which no file in the working folder changes.
 
 DOLFINx and FFCx read ``dolfinx_jit_options.json`` and ``ffcx_options.json`` of the working folder,
 which may name a folder of compiled code, libraries and tolerances. Whoever left them there would

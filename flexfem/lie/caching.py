@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where compiled loops are kept on disk, and when they are out of date.
+"""Cache of compiled loops on disk: its place, and when entries are out of date.
 
 They are kept where numba keeps them, but nowhere that others can write (``flexfem._trust``).
 Numba compiles a loop anew when its own file has changed. Ours contain code of other files, whose

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How all compiled loops of the package are compiled."""
+"""Decorators of all compiled loops of the package."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What forces and moments at a marker have in common."""
+"""Common parts of forces and moments at a marker."""
 
 import numpy.typing as npt
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What dead forces spread over a shell or along a line of it have in common."""
+"""Common parts of dead forces spread over a shell or along a line of it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which rank gets which body.
+"""Partition of bodies over ranks.
 
 Bodies stay whole, so that their factors and solves are local to a rank and only joints cross ranks.
 They are the vertices of a graph whose edges count the rows of joints between two bodies; rows

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where markers on beams and shells are."""
+"""Places of markers on beams and shells."""
 
 import numpy as np
 

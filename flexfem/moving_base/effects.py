@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a theory of the beam on a moving base takes into account."""
+"""Effects that a theory of the beam on a moving base takes into account."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How sections are turned by theta1, theta2, theta3: exactly, and to second order."""
+"""Rotation of sections by theta1, theta2, theta3: exactly, and to second order."""
 
 from functools import cache
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a URDF file says, checked.
+"""Contents of a URDF file, checked.
 
 Format: ROS wiki, urdf/XML (link, joint), as the parser urdfdom reads it. The rotation of an origin
 is ``rpy``: about the fixed axes x, y, z in this order, ``R = Rz(yaw) Ry(pitch) Rx(roll)``.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What carries the links of a robot: the ground, or a body that several links may share."""
+"""Carriers of a robot's links: the ground, or a body that several links may share."""
 
 from typing import Protocol
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How far a path of equilibria has come: what its checkpoints hold."""
+"""Progress along a path of equilibria: the contents of its checkpoints."""
 
 from dataclasses import dataclass, field
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the formalisms cost: counts and times."""
+"""Costs of the formalisms: counts and times."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whether functions of the user's give the same on all ranks: loads, laws and drives of joints.
+"""Agreement of the user's functions between ranks: loads, laws and drives of joints.
 
 Loads and laws are evaluated on every rank, a drive by the ranks that hold its joint. Of a joint
 that several hold its owner counts as often as the others together and they count against it, so

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whether a motion has made up energy that nothing gave it: a sign of too large steps."""
+"""Detection of spurious energy, a sign of too large steps: growth that nothing explains."""
 
 from collections.abc import Iterator, Mapping
 

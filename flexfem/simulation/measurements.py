@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What controllers measure: columns of probes of any kind, the same numbers on every rank."""
+"""Measurements of controllers: columns of probes of any kind, the same numbers on every rank."""
 
 from collections.abc import Sequence
 

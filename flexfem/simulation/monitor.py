@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is shown of a run while it lasts, evaluated when it is shown and not in every step."""
+"""Progress display of a run, evaluated when it is shown and not in every step."""
 
 from __future__ import annotations
 

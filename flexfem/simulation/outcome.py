@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What an analysis comes to."""
+"""Outcome of an analysis."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

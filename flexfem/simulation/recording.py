@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a run leaves: history, ParaView fields, progress."""
+"""Results of a run: history, ParaView fields, progress."""
 
 import time
 from collections.abc import Sequence

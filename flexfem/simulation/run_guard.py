@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What all runs share: a folder of their own, and an end in good order whatever goes wrong."""
+"""Frame of all runs: a folder of their own, and an orderly end whatever goes wrong."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which step is taken next: the largest one or 2^-k of it.
+"""Step-size control on a dyadic grid: the largest step or 2^-k of it.
 
 Sizes are quantised so that the factors of few sizes serve a whole run, and steps are only doubled
 where they lie on the grid of the doubled step, so that every multiple of the largest step is hit.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whether flexible bodies turn so far in a step that unresolved vibrations grow.
+"""Steps in which flexible bodies rotate so far that unresolved vibrations grow.
 
 See ``GeneralizedAlpha.turn_limit``. What grows does so until steps fail, and shorter ones in their
 places leave vibrations behind that nothing has excited.

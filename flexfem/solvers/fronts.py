@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""LU factors of sparse matrices by fronts (Duff and Reid, 1983), without pivoting.
+"""Multifrontal LU factors of sparse matrices (Duff and Reid, 1983), without pivoting.
 
 Rows that are eliminated together, and the rows that they touch, make a dense matrix, a front. What
 its elimination leaves on the other rows is added to the front that eliminates the first of them.

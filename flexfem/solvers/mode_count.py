@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""How many modes lie in a range: a count by inertia that needs no eigenvalue.
+r"""Number of modes in a range: a count by inertia (Sylvester) that needs no eigenvalue.
 
 By Sylvester's law a symmetric matrix has as many negative eigenvalues as pivots, and
 ``[[P, G^T], [G, 0]]`` with m conditions has m more than P has on the motions that G lets be. N is

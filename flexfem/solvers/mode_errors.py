@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How far eigenpairs can be trusted: their residuals, and round-off."""
+"""Error bounds of eigenpairs: their residuals, and round-off."""
 
 from dataclasses import dataclass
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How dynamic relaxation loses energy: the factors of its next step.
+"""Damping of dynamic relaxation: the factors of its next step.
 
 A step is ``v <- keep v - smooth M^-1 (r - r_before) - push M^-1 r``. Along a motion with eigenvalue
 ``lambda`` of ``M^-1 K`` it is stable for ``(push + 2 smooth) lambda < 2 (1 + keep)``.

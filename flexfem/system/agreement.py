@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whether all ranks have the same model, before anything is built on them together."""
+"""Agreement of all ranks on the model, before anything is built on them together."""
 
 import hashlib
 from collections.abc import Callable

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How stiff contacts are that are closed or may soon close."""
+"""Stiffness of contacts that are closed or may soon close."""
 
 from collections.abc import Sequence
 

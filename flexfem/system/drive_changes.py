@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What drives do from step to step: their work, how sure it is, and whether they jump."""
+"""Changes of drives from step to step: their work, its uncertainty, and jumps."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What measures the probes that are not functions of markers.
+"""Sensors of probes that are not functions of markers.
 
 Probes of single families have theirs. A gauge gives the share of this rank in the columns of its
 probe; the shares of all ranks add up.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nodes that are held along some directions, which become axes of theirs."""
+"""Dirichlet conditions of nodes along arbitrary directions, which become axes of the nodes."""
 
 from collections.abc import Iterator
 

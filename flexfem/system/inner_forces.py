@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a part knows of forces inside its elements."""
+"""Forces inside the elements of a part."""
 
 from typing import Protocol
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How much memory a computation with a model takes, told from its sizes before it begins."""
+"""Memory that a computation with a model takes, estimated from its sizes before it begins."""
 
 from mpi4py import MPI
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rows of nodes that other ranks own: brought here, and sums brought back."""
+"""Halo exchange of nodal rows: values of other ranks' nodes brought here, sums brought back."""
 
 from mpi4py import MPI
 

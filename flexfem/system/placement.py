@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where bodies, joints and their nodes live: computed alike on every rank from the serial model."""
+"""Placement of bodies, joints and nodes on ranks, the same on every rank."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a file says about a curve, and the curve made of it."""
+"""Data of a curve in a file, and the curve made of it."""
 
 from dataclasses import dataclass
 from pathlib import Path

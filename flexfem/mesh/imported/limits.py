@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a mesh file may ask for: memory in proportion to its size, text that is text, numbers.
+"""Limits of a mesh file: memory in proportion to its size, text that is text, numbers.
 
 Files come from anywhere. What one says about itself (counts, ranges, other files, compression) is
 compared here with what it holds before anything is allocated, so that a few bytes cannot ask for

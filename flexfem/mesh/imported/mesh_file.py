@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a mesh file holds, in a form that does not depend on its format."""
+"""Contents of a mesh file, in a form that does not depend on its format."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

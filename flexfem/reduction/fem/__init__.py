@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What needs a mesh: linear elastic bodies as forms, and their reduction."""
+"""Linear elastic bodies on meshes: their forms and their model order reduction."""
 
 from flexfem.installation import load_dolfinx
 

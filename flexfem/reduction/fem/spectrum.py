@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How many modes are kept: by number, by frequency, or by the mass that they move."""
+"""Number of modes that are kept: given, by frequency, or by the mass that they move."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
