@@ -50,7 +50,12 @@ __version__ = "0.1.0"
 # The one list of public names: where each is defined.
 _MODULES = {
     "Material": "materials.material",
+    "OrthotropicMaterial": "materials.orthotropic",
     "Section": "materials.section",
+    "SectionMesh": "sections.section_mesh",
+    "OrientedMaterial": "sections.section_material",
+    "SectionProperties": "sections.section_properties",
+    "section_properties": "sections.section_properties",
     "BeamLaw": "materials.section_law",
     "LineMesh": "mesh.line_mesh",
     "read_mesh": "mesh.line_mesh",

@@ -34,7 +34,7 @@ LAYERS = [
     {"forms", "mesh"},
     {"core"},
     {"joints", "loads"},
-    {"reduction"},
+    {"reduction", "sections"},
     {"model"},
     {"elements", "bodies", "contact"},
     {"system"},
