@@ -86,6 +86,7 @@ _MODULES = {
     "RigidBody": "model.bodies",
     "FloatingBody": "model.floating_body",
     "UFLBody": "model.ufl_body",
+    "Body": "model.body",
     "NodeSetMarker": "model.ufl_body",
     "PointMass": "model.bodies",
     "BodyLine": "reduction.body_line",

@@ -40,8 +40,8 @@ class FloatingBodyFamily(Family):
 
     serial: Assembly
 
-    @staticmethod
-    def members(model: Model) -> list[FloatingBody]:
+    @classmethod
+    def members(cls, model: Model) -> list[FloatingBody]:
         """Bodies of a model that belong to the family."""
         return model.floating_bodies
 

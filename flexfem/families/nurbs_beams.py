@@ -41,8 +41,8 @@ class NurbsBeamFamily(Family):
 
     serial: Assembly
 
-    @staticmethod
-    def members(model: Model) -> list[Beam]:
+    @classmethod
+    def members(cls, model: Model) -> list[Beam]:
         """Bodies of a model that belong to the family."""
         return model.beams_of("nurbs")
 

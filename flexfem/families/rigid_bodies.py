@@ -30,8 +30,8 @@ class RigidBodyFamily(Family):
 
     serial: Assembly
 
-    @staticmethod
-    def members(model: Model) -> list[RigidBody]:
+    @classmethod
+    def members(cls, model: Model) -> list[RigidBody]:
         """Bodies of a model that belong to the family."""
         return model.rigid_bodies
 

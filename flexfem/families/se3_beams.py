@@ -43,8 +43,8 @@ class SE3BeamFamily(Family):
 
     serial: Assembly
 
-    @staticmethod
-    def members(model: Model) -> list[Beam]:
+    @classmethod
+    def members(cls, model: Model) -> list[Beam]:
         """Bodies of a model that belong to the family."""
         return model.beams_of("se3")
 

@@ -60,8 +60,8 @@ class ShellFamily(Family):
 
     serial: Assembly
 
-    @staticmethod
-    def members(model: Model) -> list[Shell]:
+    @classmethod
+    def members(cls, model: Model) -> list[Shell]:
         """Bodies of a model that belong to the family."""
         return model.shells
 

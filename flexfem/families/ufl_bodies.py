@@ -22,7 +22,6 @@ from flexfem.lie import se3
 from flexfem.loads.pressure import Pressure
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.contact import Contact
-from flexfem.model.model import Model
 from flexfem.model.place import Place
 from flexfem.model.ufl_body import UFLBody, cells_of
 from flexfem.system.assembly import Assembly
@@ -50,14 +49,10 @@ class UFLBodyFamily(Family):
     """See :class:`flexfem.system.family.Family`."""
 
     axes = False
+    name = "ufl_bodies"
     series = "flexfem.io.energy_series:EnergySeries"
 
     serial: Assembly
-
-    @staticmethod
-    def members(model: Model) -> list[UFLBody]:
-        """Bodies of a model that belong to the family."""
-        return model.ufl_bodies
 
     def __init__(self, serial: Assembly, kind: int) -> None:
         """Number the nodes body after body.
@@ -66,7 +61,7 @@ class UFLBodyFamily(Family):
             ValueError: an energy that is no scalar in UFL of its positions and parameters.
         """
         super().__init__(serial, kind)
-        self._bodies = self.members(serial.model)
+        self._bodies: list[UFLBody] = list(self.members(serial.model))
         self.first = starts([len(body.mesh.points) for body in self._bodies])
         self.first_cell = starts([len(body.mesh.cells) for body in self._bodies])
         places = np.concatenate([body.mesh.points for body in self._bodies])
@@ -173,7 +168,7 @@ class UFLBodyFamily(Family):
             touched.append(nodes[own[-1]].ravel())
         ids, index_map = distributed(comm, owner, np.concatenate(touched))
         block = FrameBlock(
-            "ufl_bodies", comm, self._frames[ids], self._velocities[ids], ids, index_map,
+            self.name, comm, self._frames[ids], self._velocities[ids], ids, index_map,
             inertial=True, width=3, held=self._held[ids] if self._held.any() else None,
         )  # fmt: skip
         groups = []

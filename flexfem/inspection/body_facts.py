@@ -11,15 +11,15 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.kinematics.body_inertia import body_inertia
 from flexfem.lie import se3
 from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.body import Body
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.shapes import Box, CompoundShape, Shape, Sphere, SurfaceShape
 from flexfem.model.shell import Shell
-from flexfem.model.ufl_body import UFLBody
 from flexfem.system.assembly import Assembly
 
 __all__ = ["AnyBody", "BodyFacts", "MassFacts", "body_facts", "total"]
 
-AnyBody = Beam | Shell | RigidBody | FloatingBody | UFLBody | PointMass
+AnyBody = Beam | Shell | RigidBody | FloatingBody | Body | PointMass
 
 #: What the kinds of bodies are called, in the order in which they are told.
 KINDS: dict[type, str] = {
@@ -27,7 +27,7 @@ KINDS: dict[type, str] = {
     Shell: "shell",
     RigidBody: "rigid body",
     FloatingBody: "floating body",
-    UFLBody: "UFL body",
+    Body: "element body",
     PointMass: "point mass",
 }
 
@@ -53,7 +53,7 @@ class BodyFacts:
 
     Attributes:
         body: the body of the model.
-        kind: "beam", "shell", "rigid body", "floating body", "UFL body" or
+        kind: "beam", "shell", "rigid body", "floating body", "element body" or
             "point mass".
         masses: its mass properties; flexible bodies as they are unstrained.
         size: edges of its box along the inertial axes, (3,), m.
@@ -90,7 +90,7 @@ def body_facts(serial: Assembly) -> list[BodyFacts]:
     facts += [_shell(serial, number, shell) for number, shell in enumerate(model.shells)]
     facts += [_rigid(serial, body) for body in model.rigid_bodies]
     facts += [_floating(serial, number, body) for number, body in enumerate(model.floating_bodies)]
-    facts += [_energy(serial, body) for body in model.ufl_bodies]
+    facts += [_energy(serial, body) for body in model.other_bodies]
     for mass in model.point_masses:
         at = serial.marker_pose(mass.marker).position
         facts.append(BodyFacts(mass, KINDS[PointMass], _masses(serial, mass, at), np.zeros(3)))
@@ -122,13 +122,14 @@ def _masses(serial: Assembly, body: AnyBody, near: FloatArray) -> MassFacts:
 
 
 def _flexible(
-    serial: Assembly, body: Beam | Shell | UFLBody, points: FloatArray, elements: int,
+    serial: Assembly, body: Beam | Shell | Body, points: FloatArray, elements: int,
     unknowns: tuple[int, int, int],
 ) -> BodyFacts:  # fmt: skip
     nodes, width, held = unknowns
     masses = _masses(serial, body, points.mean(axis=0))
     size = np.ptp(points, axis=0)
-    return BodyFacts(body, KINDS[type(body)], masses, size, elements, nodes, nodes * width, held)
+    kind = next(word for kind, word in KINDS.items() if isinstance(body, kind))
+    return BodyFacts(body, kind, masses, size, elements, nodes, nodes * width, held)
 
 
 def _beam(serial: Assembly, beam: Beam) -> BodyFacts:
@@ -156,9 +157,9 @@ def _shell(serial: Assembly, number: int, shell: Shell) -> BodyFacts:
     )
 
 
-def _energy(serial: Assembly, body: UFLBody) -> BodyFacts:
-    points, held = body.mesh.points, int(body.held.sum())
-    return _flexible(serial, body, points, len(body.mesh.cells), (len(points), 3, held))
+def _energy(serial: Assembly, body: Body) -> BodyFacts:
+    points = body.points
+    return _flexible(serial, body, points, body.elements, (len(points), body.width, body.holds))
 
 
 def _rigid(serial: Assembly, body: RigidBody) -> BodyFacts:

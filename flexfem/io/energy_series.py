@@ -46,12 +46,12 @@ class EnergySeries:
     ) -> None:  # fmt: skip
         """See ``flexfem.io.family_series.Series``."""
         self._parts = list(parts)
-        widths = {body.mesh.dimension + 1 for body in serial.model.ufl_bodies}
+        bodies = [body for part in parts for body in part.family.bodies]
+        self._written = sorted({body.mesh.dimension + 1 for body in bodies})
         self._series = {
             corners: VtuSeries(folder, name, comm, resume=resume)
             for corners, (name, _) in _SERIES.items()
         }
-        self._written = sorted(widths)
 
     def write(self, time: float, step: int) -> None:
         """See ``flexfem.io.family_series.Series``."""

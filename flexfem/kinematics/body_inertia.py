@@ -8,9 +8,9 @@ from flexfem.core.line_points import line_jacobian
 from flexfem.lie import se3
 from flexfem.materials.shell_section import ShellSection
 from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.body import Body
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.shell import Shell
-from flexfem.model.ufl_body import UFLBody
 from flexfem.system.assembly import Assembly
 
 __all__ = ["body_inertia", "carried"]
@@ -30,7 +30,7 @@ _TRIANGLE = np.array(
 
 
 def body_inertia(
-    serial: Assembly, body: Beam | Shell | RigidBody | FloatingBody | UFLBody | PointMass,
+    serial: Assembly, body: Beam | Shell | RigidBody | FloatingBody | Body | PointMass,
     origin: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """Inertia matrix (6, 6) of a body at the start, translation first.
@@ -49,7 +49,7 @@ def body_inertia(
     if isinstance(body, PointMass):
         at = se3.frame(serial.marker_pose(body.marker).position, np.eye(3))
         return carried(origin, at[np.newaxis], np.diag([body.mass] * 3 + [0.0] * 3))
-    if isinstance(body, UFLBody):
+    if isinstance(body, Body):
         points, weights = body.masses
         frames = se3.frame(points, np.tile(np.eye(3), (len(points), 1, 1)))
         return carried(origin, frames, np.diag([1.0] * 3 + [0.0] * 3), weights)

@@ -19,10 +19,10 @@ from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.nurbs_frames import control_frames
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.body import Body
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.shell import Shell
-from flexfem.model.ufl_body import UFLBody
 
 __all__ = ["moved_model"]
 
@@ -68,7 +68,7 @@ class _Mover:
             return self._marker(thing)
         if isinstance(thing, RigidBody):
             return _moved_body(thing, self._motions[thing.name])
-        if isinstance(thing, UFLBody):
+        if isinstance(thing, Body):
             return thing.moved(self._motions[thing.name])
         if isinstance(thing, FloatingBody):
             return _moved_body(thing, self._motions[thing.name])

@@ -11,9 +11,9 @@ from flexfem.core.marker import Attachment, Ground
 from flexfem.kinematics.body_inertia import body_inertia
 from flexfem.lie import se3
 from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.body import Body
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.shell import Shell
-from flexfem.model.ufl_body import UFLBody
 from flexfem.system.assembly import Assembly
 
 __all__ = ["RigidParts"]
@@ -36,8 +36,8 @@ class RigidParts:
         whole: list[RigidBody | FloatingBody] = [*model.rigid_bodies, *model.floating_bodies]
         self.names: list[tuple[str, ...]] = [(body.name,) for body in whole]
         frames = [np.empty((0, 12)), *(se3.frame(b.position, b.rotation)[None] for b in whole)]
-        bodies: list[Beam | Shell | UFLBody] = [
-            *model.beams, *model.shells, *model.ufl_bodies
+        bodies: list[Beam | Shell | Body] = [
+            *model.beams, *model.shells, *model.other_bodies
         ]  # fmt: skip
         nodes = {body.name: _nodes(serial, body) for body in bodies}
         for names in _clusters(nodes):
@@ -86,12 +86,12 @@ class RigidParts:
 
 
 def _nodes(
-    serial: Assembly, body: Beam | Shell | UFLBody
+    serial: Assembly, body: Beam | Shell | Body
 ) -> tuple[FloatArray, list[tuple[object, ...]]]:
     """Positions (k, 3) of the nodes of a body, and keys that are equal where bodies share nodes."""
     model = serial.model
-    if isinstance(body, UFLBody):
-        return body.mesh.points, [(body.name,)]
+    if isinstance(body, Body):
+        return body.points, [(body.name,)]
     if isinstance(body, Shell):
         assert model.surface is not None  # checked by validate()
         nodes = model.surface.body_nodes(body.body)

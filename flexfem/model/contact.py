@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from flexfem import _checks
 from flexfem.model.bodies import Beam
+from flexfem.model.body import Body
 from flexfem.model.probe import AnyProbe, check_columns
 from flexfem.model.rigid_surface import RigidSurface
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
-from flexfem.model.ufl_body import UFLBody
 
 __all__ = ["Contact", "ContactProbe"]
 
@@ -191,7 +191,7 @@ class ContactProbe(AnyProbe):
 
 def _has_surface(body: object) -> bool:
     """Whether a body has triangles and a thickness, so that it can touch others."""
-    return isinstance(body, UFLBody) and body.touches
+    return isinstance(body, Body) and body.touches
 
 
 def _names(owner: str, what: str, names: str | Sequence[str]) -> tuple[str, ...]:

@@ -10,9 +10,9 @@ from flexfem.loads.pressure import Pressure
 from flexfem.loads.shell_load import ShellLoad
 from flexfem.loads.surface_load import SurfaceLoad
 from flexfem.model.bodies import Beam
+from flexfem.model.body import Body
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
-from flexfem.model.ufl_body import UFLBody
 
 __all__ = ["check_load"]
 
@@ -33,9 +33,9 @@ def check_load(model: Structure, load: Load) -> None:
     """
     owner = f'{type(load).__name__} "{load.name}"'
     for marker in load.markers:
-        if isinstance(model.get(marker.body), UFLBody) and (load.follower or load.has_moment):
+        if _without_axes(model.get(marker.body)) and (load.follower or load.has_moment):
             raise ValueError(
-                f'{owner}: nodes of UFLBody "{marker.body}" have no axes for moments and forces '
+                f'{owner}: nodes of "{marker.body}" have no axes for moments and forces '
                 "that follow them"
             )
     for name in load.beams:
@@ -50,15 +50,20 @@ def check_load(model: Structure, load: Load) -> None:
         _check_functions(model, load)
     for name in load.shells:
         body = model.get(name)
-        if isinstance(body, UFLBody) and isinstance(load, (Pressure, SurfaceLoad)):
+        if isinstance(body, Body) and isinstance(load, (Pressure, SurfaceLoad)):
             if body.surface is None:
-                raise ValueError(f'{owner}: UFLBody "{name}" has no linear triangles')
+                raise ValueError(f'{owner}: "{name}" has no linear triangles')
             continue
         if not isinstance(body, Shell):
             raise ValueError(f'{owner}: {model!r} has no shell "{name}"')
         if isinstance(load, ShellLoad):
             assert model.surface is not None  # checked before
             load.check(model.surface, body.body)
+
+
+def _without_axes(body: object) -> bool:
+    """Whether the nodes of a body have positions only, no rotations."""
+    return isinstance(body, Body) and body.width == 3
 
 
 def _check_functions(model: Structure, load: LineLoad) -> None:

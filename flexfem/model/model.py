@@ -10,6 +10,7 @@ from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.body import Body
 from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
@@ -18,7 +19,6 @@ from flexfem.model.probe import AnyProbe
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
 from flexfem.model.table import model_table
-from flexfem.model.ufl_body import UFLBody
 from flexfem.model.validate import validate
 
 # Kinds of named things and the lists they are kept in
@@ -27,7 +27,7 @@ _LISTS: tuple[tuple[type, str], ...] = (
     (Shell, "shells"),
     (RigidBody, "rigid_bodies"),
     (FloatingBody, "floating_bodies"),
-    (UFLBody, "ufl_bodies"),
+    (Body, "other_bodies"),
     (PointMass, "point_masses"),
     (Joint, "joints"),
     (Load, "loads"),
@@ -50,7 +50,7 @@ class Model(Structure):
         shells: Shells in the order they were added.
         rigid_bodies: Rigid bodies in the order they were added.
         floating_bodies: Bodies in floating frames in the order they were added.
-        ufl_bodies: Bodies with an energy in UFL in the order they were added.
+        other_bodies: Bodies of further families in the order they were added.
         point_masses: Point masses in the order they were added.
         joints: Joints in the order they were added.
         loads: Loads in the order they were added.

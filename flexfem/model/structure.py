@@ -17,11 +17,11 @@ from flexfem.mesh.nurbs import NurbsCurve
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.mesh.topology import arc_length
 from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.body import Body
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.place import Place
 from flexfem.model.resolve import beam_place, curve_place, group_curve, node_row, shell_node
 from flexfem.model.shell import Shell
-from flexfem.model.ufl_body import UFLBody
 
 __all__ = ["Structure"]
 
@@ -50,7 +50,7 @@ class Structure:
         self.shells: list[Shell] = []
         self.rigid_bodies: list[RigidBody] = []
         self.floating_bodies: list[FloatingBody] = []
-        self.ufl_bodies: list[UFLBody] = []
+        self.other_bodies: list[Body] = []
         self.point_masses: list[PointMass] = []
         self.joints: list[Joint] = []
         self.loads: list[Load] = []
@@ -75,11 +75,11 @@ class Structure:
         return tuple(self._named.values())
 
     @property
-    def bodies(self) -> tuple[Beam | Shell | RigidBody | FloatingBody | UFLBody, ...]:
+    def bodies(self) -> tuple[Beam | Shell | RigidBody | FloatingBody | Body, ...]:
         """All bodies, kind by kind; point masses are none."""
         return (
             *self.beams, *self.shells, *self.rigid_bodies, *self.floating_bodies,
-            *self.ufl_bodies,
+            *self.other_bodies,
         )  # fmt: skip
 
     def of[Thing](self, kind: type[Thing]) -> list[Thing]:
@@ -108,7 +108,7 @@ class Structure:
                     "give an offset"
                 )
             return None
-        if isinstance(body, (FloatingBody, UFLBody)):
+        if isinstance(body, (FloatingBody, Body)):
             return Place(body.node(marker))
         if isinstance(body, Shell):
             assert self.surface is not None  # checked by validate()

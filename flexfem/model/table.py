@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from flexfem.model.body import Body
 from flexfem.model.controller import Controller
 from flexfem.model.probe import AnyProbe
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
-from flexfem.model.ufl_body import UFLBody
 
 # Rows shown of each kind before the rest is counted only
 _MAX_ROWS = 8
@@ -30,7 +30,7 @@ def model_table(model: Structure) -> str:
         ("shells", model.shells),
         ("rigid bodies", model.rigid_bodies),
         ("floating bodies", model.floating_bodies),
-        ("UFL bodies", model.ufl_bodies),
+        ("other bodies", model.other_bodies),
         ("point masses", model.point_masses),
         ("joints", model.joints),
         ("loads", model.loads),
@@ -65,8 +65,8 @@ def _details(model: Structure, thing: Any) -> str:
         return _shell(model, thing)
     if hasattr(thing, "section"):
         return f"{_line(model, thing)}, {thing.section.mass_per_length:.4g} kg/m"
-    if isinstance(thing, UFLBody):
-        return f"{len(thing.mesh.cells)} cells, {thing.mesh.cell} of degree {thing.mesh.degree}"
+    if isinstance(thing, Body):
+        return thing.details
     if isinstance(thing, Controller):
         return f"{', '.join(thing.inputs)} -> {', '.join(thing.outputs)}"
     if hasattr(thing, "columns"):

@@ -17,6 +17,7 @@ from flexfem.core.marker import Marker, SurfaceMarker
 from flexfem.core.pose import Pose
 from flexfem.mesh.element_mesh import ElementMesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
+from flexfem.model.body import Body
 
 __all__ = ["NodeSetMarker", "UFLBody"]
 
@@ -50,7 +51,7 @@ class NodeSetMarker(SurfaceMarker):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class UFLBody:
+class UFLBody(Body):
     """Body of finite elements with a strain energy in UFL, for example bars, membranes, solids.
 
     The unknowns are the positions of the nodes. A node has no axes: forces act there, joints hold
@@ -170,9 +171,29 @@ class UFLBody:
         return int(nodes[0])
 
     @property
-    def touches(self) -> bool:
+    def touches(self) -> bool:  # type: ignore[override]
         """Whether it is a membrane of linear triangles whose thickness is given."""
         return self.thickness is not None and self.surface is not None
+
+    @property
+    def points(self) -> FloatArray:
+        """See :attr:`Body.points`."""
+        return self.mesh.points
+
+    @property
+    def elements(self) -> int:
+        """See :attr:`Body.elements`."""
+        return len(self.mesh.cells)
+
+    @property
+    def holds(self) -> int:
+        """See :attr:`Body.holds`."""
+        return int(self.held.sum())
+
+    @property
+    def details(self) -> str:
+        """See :attr:`Body.details`."""
+        return f"{self.elements} cells, {self.mesh.cell} of degree {self.mesh.degree}"
 
     @cached_property
     def surface(self) -> SurfaceMesh | None:

@@ -20,6 +20,7 @@ from flexfem.core.marker import (
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs_frames import control_rotations
 from flexfem.model.bodies import Beam, RigidBody
+from flexfem.model.body import Body
 from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
@@ -29,7 +30,6 @@ from flexfem.model.place import Place
 from flexfem.model.probe import AnyProbe
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
-from flexfem.model.ufl_body import UFLBody
 
 
 def validate(model: Structure) -> None:
@@ -248,8 +248,8 @@ def _check_carrier(model: Structure, carrier: Carrier) -> None:
 def _check_surface(model: Structure, marker: SurfaceMarker) -> None:
     """Check that the nodes of a place are those of a triangle of its shell."""
     shell = model.get(marker.body)
-    if isinstance(shell, UFLBody):
-        count = len(shell.mesh.points)
+    if isinstance(shell, Body):
+        count = len(shell.points)
         if max(marker.nodes) >= count:
             raise ValueError(
                 f'SurfaceMarker on "{marker.body}": node {max(marker.nodes)}, it has {count} nodes'

@@ -108,10 +108,10 @@ class Family:
         """
         self.serial, self.kind = serial, kind
 
-    @staticmethod
-    def members(model: Model) -> Sequence[Any]:
+    @classmethod
+    def members(cls, model: Model) -> Sequence[Any]:
         """Bodies of a model that belong to the family, in its order."""
-        raise NotImplementedError
+        return [body for body in model.other_bodies if _loaded(body.family) is cls]
 
     # -- Layout: the same on every rank ---------------------------------------------------------
 
@@ -277,9 +277,8 @@ class Family:
 
 def registry(model: Model) -> list[type[Family]]:
     """Families by kind: those of the package, then those of the model's other bodies."""
-    named = [getattr(body, "family", None) for body in model.bodies]
-    families = [*map(_loaded, BUILT_IN), *(_loaded(one) for one in named if one is not None)]
-    return list(dict.fromkeys(families))
+    others = [body.family for body in model.other_bodies]
+    return list(dict.fromkeys(map(_loaded, [*BUILT_IN, *others])))
 
 
 def _loaded(family: str | type[Family]) -> type[Family]:

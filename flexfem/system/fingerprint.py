@@ -41,7 +41,7 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
         "controllers": [
             (c.name, c.inputs, c.outputs, c.sample_time, c.law) for c in model.controllers
         ],
-        "UFL bodies": model.ufl_bodies,
+        "other bodies": model.other_bodies,
         "events": (model.events, model.released),
         "floating bodies": [_floating(body) for body in model.floating_bodies],
         "gravity": model.gravity,
@@ -71,7 +71,7 @@ def _named(serial: Assembly) -> Iterator[tuple[str, Any]]:
     yield "Gravity", model.gravity
     lists: Iterable[Iterable[Any]] = (
         model.beams, model.shells, model.rigid_bodies, model.floating_bodies,
-        model.ufl_bodies, model.point_masses,
+        model.other_bodies, model.point_masses,
         model.joints, model.loads, model.contacts, model.events, model.controllers, model.probes,
     )  # fmt: skip
     for things in lists:

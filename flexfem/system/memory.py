@@ -26,7 +26,7 @@ def memory_of_run(model: Model) -> float:
     if model.surface is not None and model.shells:
         width = _WIDTHS[model.shells[0].element]
         total += SHELL_NODE * width * len(model.surface.points)
-    total += sum(SHELL_NODE * 3.0 * len(body.mesh.points) for body in model.ufl_bodies)
+    total += sum(SHELL_NODE * float(body.width) * len(body.points) for body in model.other_bodies)
     widths = [float(body.reduced.size) for body in model.floating_bodies]
     return float(total + 8.0 * _DENSE * sum(width**2 for width in widths))
 

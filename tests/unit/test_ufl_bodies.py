@@ -10,6 +10,7 @@ import pytest
 import ufl
 
 import flexfem as ff
+from flexfem.families.ufl_bodies import UFLBodyFamily
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.system import MASS, Shifts
@@ -182,6 +183,36 @@ def ff_rotation(vector: tuple[float, float, float]) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_rotvec(vector).as_matrix()
+
+
+class CableFamily(UFLBodyFamily):
+    """A family of the user: that of the package with nodes of its own."""
+
+    name = "cables"
+
+
+class Cable(ff.UFLBody):
+    """A body of that family."""
+
+    family = CableFamily
+
+
+def test_a_family_of_the_user_has_a_block_of_its_own():
+    """It follows those of the package, and its bodies join and are asked for like theirs."""
+    model = ff.Model("two")
+    for kind, name in ((ff.UFLBody, "rope"), (Cable, "cable")):
+        model.add(kind(name, line(), bar, density=1.0, parameters={"EA": 1e3}))
+        start = ff.Marker(name, "start")
+        model.add(ff.Spherical(f"{name} pin", ff.Ground(), start))
+        model.add(ff.PositionProbe(f"{name}_end", ff.Marker(name, "end")))
+    model.add(ff.EnergyProbe("energy", bodies=["cable"]), ff.Gravity((0.0, 0.0, -9.81)))
+    model.validate()
+    found = build(Assembly(model), COMM, split_above=1)
+    assert [part.block.name for part in found.parts] == ["ufl_bodies", "cables"]
+    history = ff.simulate(model, ff.RunOptions(dt=2e-3, t_end=0.02, quiet=True)).history
+    if COMM.rank == 0:
+        np.testing.assert_allclose(history["rope_end_z"], history["cable_end_z"], atol=1e-12)
+        assert history["cable_end_z"][-1] < -1e-3
 
 
 REFUSED = {
