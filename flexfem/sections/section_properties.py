@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import atan2
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +18,6 @@ from flexfem.materials.orthotropic import OrthotropicMaterial
 from flexfem.materials.section import Section
 from flexfem.sections.section_material import OrientedMaterial, SectionMaterial, elastic_matrices
 from flexfem.sections.section_mesh import SectionMesh
-
-if TYPE_CHECKING:
-    from flexfem.sections.warping import Warping
 
 __all__ = ["SectionProperties", "section_properties"]
 
@@ -44,7 +41,7 @@ class SectionProperties:
     inertia: FloatArray
     mesh: SectionMesh
     reference: FloatArray
-    _warping: Warping = field(repr=False)
+    _warping: Any = field(repr=False)  # a Warping, whose module loads DOLFINx
     _units: _Units = field(repr=False)
 
     @property
@@ -91,7 +88,8 @@ class SectionProperties:
     @property
     def nodes(self) -> FloatArray:
         """Points (y, z) of the warping, in the axes of the mesh, shape (k, 2), metres."""
-        return self._warping.nodes * self._units.length + self._units.centre
+        result: FloatArray = self._warping.nodes * self._units.length + self._units.centre
+        return result
 
     def warping(self, resultants: npt.ArrayLike) -> FloatArray:
         """Return the warping displacements of given forces and moments.
@@ -107,7 +105,8 @@ class SectionProperties:
             TypeError: The argument does not consist of numbers.
             ValueError: It has another shape, or is not finite.
         """
-        return self._units.length * self._warping.displacement(self._scaled(resultants))
+        result: FloatArray = self._warping.displacement(self._scaled(resultants))
+        return self._units.length * result
 
     def stress(self, resultants: npt.ArrayLike) -> FloatArray:
         """Return the stresses of given forces and moments in the middle of the cells.
@@ -122,7 +121,8 @@ class SectionProperties:
             TypeError: The argument does not consist of numbers.
             ValueError: It has another shape, or is not finite.
         """
-        return self._units.modulus * self._warping.stress(self._scaled(resultants))
+        result: FloatArray = self._warping.stress(self._scaled(resultants))
+        return self._units.modulus * result
 
     def _scaled(self, resultants: npt.ArrayLike) -> FloatArray:
         """Return resultants about the centroid, without units."""
