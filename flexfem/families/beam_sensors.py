@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Gauges of beams: strains, stress resultants, elongations."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
@@ -11,7 +15,9 @@ from flexfem.model.place import element_at_fraction
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
 from flexfem.system.lines import ElementPlace
-from flexfem.system.system import BlockPart
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
 
 __all__ = ["BeamElongation", "CurveStrainGauge", "StrainGauge"]
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Reduced elastic bodies in floating frames, each of them whole on one rank."""
 
-from typing import override
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, override
 
 from mpi4py import MPI
 
@@ -24,7 +26,9 @@ from flexfem.system.body_lines import floating_line
 from flexfem.system.family import Family, Gauge
 from flexfem.system.floating_nodes import FloatingNodes, body_data
 from flexfem.system.lines import Line
-from flexfem.system.system import BlockPart
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
 
 __all__ = ["FloatingBodyFamily"]
 

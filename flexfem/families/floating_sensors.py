@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Gauges of bodies in floating frames: elongations."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,7 +12,9 @@ from flexfem._types import FloatArray
 from flexfem.elements.floating_bodies import FloatingBodies
 from flexfem.model.floating_body import FloatingBody
 from flexfem.model.measured import ElongationProbe
-from flexfem.system.system import BlockPart
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
 
 __all__ = ["BodyElongation"]
 

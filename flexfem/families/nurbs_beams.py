@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Beams along NURBS curves."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from typing import Any, override
+from typing import TYPE_CHECKING, Any, override
 
 from mpi4py import MPI
 
@@ -29,7 +31,9 @@ from flexfem.system.lines import Line
 from flexfem.system.node_loads import Force
 from flexfem.system.nurbs_lines import NurbsLines
 from flexfem.system.placed_loads import line_forces, nurbs_beam_forces
-from flexfem.system.system import BlockPart
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
 
 __all__ = ["NurbsBeamFamily"]
 

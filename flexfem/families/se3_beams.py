@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Beams of two-node elements that interpolate on SE(3)."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from typing import Any, override
+from typing import TYPE_CHECKING, Any, override
 
 from mpi4py import MPI
 
@@ -30,7 +32,9 @@ from flexfem.system.line_loads import by_kind
 from flexfem.system.lines import Line, se3_line
 from flexfem.system.node_loads import Force
 from flexfem.system.placed_loads import line_forces, se3_beam_forces
-from flexfem.system.system import BlockPart
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
 
 __all__ = ["SE3BeamFamily"]
 

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Gauges of shells: strains, stress resultants, strain energies."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from flexfem._types import FloatArray
@@ -8,7 +12,9 @@ from flexfem.elements.director_shells import DirectorShells
 from flexfem.elements.rotation_free_shells import RotationFreeShells
 from flexfem.model.measured import ShellEnergyProbe, ShellStrainProbe
 from flexfem.system.assembly import Assembly
-from flexfem.system.system import BlockPart
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
 
 __all__ = ["ShellEnergyGauge", "ShellStrainGauge"]
 

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Shells on the model's surface mesh, rotation-free or with directors."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from itertools import combinations
-from typing import Any, override
+from typing import TYPE_CHECKING, Any, override
 
 from mpi4py import MPI
 
@@ -40,7 +42,9 @@ from flexfem.system.shell_couples import shell_couples
 from flexfem.system.shell_loads import pressures, shell_forces
 from flexfem.system.shell_surface import ShellSurface
 from flexfem.system.surface_places import SurfacePlace
-from flexfem.system.system import BlockPart
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
 
 __all__ = ["ShellFamily"]
 
