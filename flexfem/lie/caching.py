@@ -27,7 +27,10 @@ from flexfem._trust import private_folder, trusted
 __all__ = ["install", "source_stamp"]
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-_IMPORT = re.compile(r"^\s*(?:from|import) flexfem\.([\w.]+)", re.MULTILINE)
+#: A module, or a package and the names that are imported from it, which may be modules.
+_IMPORT = re.compile(
+    r"^\s*(?:from|import) flexfem\.([\w.]+)(?: import (\([^)]*\)|.*))?", re.MULTILINE
+)
 
 
 def source_stamp(
@@ -50,7 +53,14 @@ def source_stamp(
 @cache
 def _imported(path: Path, package: Path) -> list[Path]:
     """Files of the package that a module imports from."""
-    names = (package / name.replace(".", "/") for name in _IMPORT.findall(path.read_text()))
+    found = _IMPORT.findall(path.read_text())
+    names = [package / name.replace(".", "/") for name, _ in found]
+    names += [
+        home / name
+        for home, (_, imported) in zip(names, found, strict=True)
+        if home.is_dir()
+        for name in re.findall(r"\w+", imported)
+    ]
     files = (name / "__init__.py" if name.is_dir() else name.with_suffix(".py") for name in names)
     # where loops are kept changes none of them
     return [file for file in files if file.is_file() and file != Path(__file__)]

@@ -21,6 +21,9 @@ FILES = {
     "middle.py": "from flexfem.low import A\n",
     "deep/high.py": "import numpy\nfrom flexfem.middle import (\n    A,\n)\n",
     "other.py": "B = 2\n",
+    "deep/__init__.py": "",
+    "deep/part.py": "C = 3\n",
+    "highest.py": "from flexfem.deep import (\n    part,\n)\n",
 }
 
 
@@ -36,6 +39,11 @@ def test_stamps_follow_all_that_is_imported(tmp_path):
     # numba's own stamp, that of high.py alone, would not change
     (tmp_path / "low.py").write_text("A = 2\n")
     assert source_stamp(high, tmp_path) != first
+    # a module that is imported from its package
+    highest = tmp_path / "highest.py"
+    first = source_stamp(highest, tmp_path)
+    (tmp_path / "deep/part.py").write_text("C = 4\n")
+    assert source_stamp(highest, tmp_path) != first
 
 
 def test_loops_of_the_package_have_such_stamps():
