@@ -13,6 +13,11 @@ Shear: the stress of a force along the bar's changing bending, `tau = grad chi` 
 `div grad chi = -(alpha y + beta z)`, alpha and beta from the force and the second moments, and no
 stress on the boundary. This is Saint-Venant's flexure without lateral contraction (nu = 0), as in
 Gruttmann and Wagner (2001, doi:10.1007/s004660100239); shear factors follow from the energy.
+
+`flexfem.sections` solves the same problems by DOLFINx for sections of any shape, with the lateral
+contraction. This one stays for the profiles of `Section`: a model is built without DOLFINx, which
+takes two seconds to load. A channel with sharp corners takes 0.03 s, with errors of 6e-5 of the
+torsion constant and 3e-4 of the shear factors; quadratic triangles as fine take 0.2 s.
 """
 
 from collections.abc import Sequence

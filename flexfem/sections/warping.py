@@ -91,20 +91,27 @@ class Warping:
 
         to_warp, to_strain = g.T @ rigid, m @ rigid
         stiff = rigid.T @ to_strain
-        factors = splu(
-            csc_array(
-                block_array(
-                    [
-                        [k, csc_array(to_warp), csc_array(means)],
-                        [csc_array(to_warp.T), csc_array(stiff), None],
-                        [csc_array(means.T), None, csc_array((6, 6))],
-                    ]
-                )
+        bordered = csc_array(
+            block_array(
+                [
+                    [k, csc_array(to_warp), csc_array(means)],
+                    [csc_array(to_warp.T), csc_array(stiff), None],
+                    [csc_array(means.T), None, csc_array((6, 6))],
+                ]
             )
         )
+        # Minimum degree of A + A^T eliminates the twelve full rows last: 22 times faster than the
+        # columns' ordering for 6000 cubic triangles, where 5 s are left. The refinement makes up
+        # for pivots on the diagonal.
+        factors = splu(
+            bordered, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
+            options={"SymmetricMode": True},
+        )  # fmt: skip
 
         def solve(forces: FloatArray, resultants: FloatArray) -> tuple[FloatArray, FloatArray]:
-            found = factors.solve(np.vstack([forces, resultants, np.zeros((6, 6))]))
+            right = np.vstack([forces, resultants, np.zeros((6, 6))])
+            found = factors.solve(right)
+            found += factors.solve(right - bordered @ found)
             return found[:-12], found[-12:-6]
 
         slope, change = solve(np.zeros_like(rigid), _ALONG)
