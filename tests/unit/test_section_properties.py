@@ -195,9 +195,9 @@ def test_a_box_whose_fibres_wind_around_it() -> None:
 def test_a_pipe_of_two_layers() -> None:
     """Two flat walls, two half circles, two layers (Yu, Volovoi, Hodges, Hong 2005).
 
-    The values are those that the manual of PreVABS quotes, in inches and pounds. Ours differ by up to
-    0.6 % on this mesh and 0.4 % on one twice as fine; exchanged layers change the couplings' signs,
-    angles of 40 degrees S11 by 4 %.
+    The values are those that the manual of PreVABS quotes, in inches and pounds. Ours differ by up
+    to 0.6 % on this mesh and 0.4 % on one twice as fine; exchanged layers change the couplings'
+    signs, angles of 40 degrees S11 by 4 %.
     """
     ply = ff.OrthotropicMaterial(
         (20.59e6, 1.42e6, 1.42e6), (0.87e6,) * 3, (0.42,) * 3, 0.057
