@@ -11,8 +11,8 @@ EXTRAS := dolfinx,post,test,fmi,docs
 # A user's own scripts may lie beside these.
 SOURCES := flexfem cases meshes postprocess tests
 CASE ?= slider_crank
-# More ranks than cores would spend their time waiting: MPICH polls.
-RANKS := $(shell test "$$(nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
+# More ranks than cores would spend their time waiting: MPICH polls. To nproc, threads are cores.
+RANKS := $(shell test "$$(env -u OMP_NUM_THREADS nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
 
 # MPICH's own way to wait: ranks that poll leave their core to others. For more ranks than cores.
 GIVE_WAY := MPIR_CVAR_ENABLE_HEAVY_YIELD=1
@@ -54,9 +54,8 @@ lint: $(STAMP) ## style, types, architecture
 # Tests compile generated C more often than they need it fast: half the time for half the effort.
 test: export FLEXFEM_CFLAGS := -O1 -march=native -fno-math-errno
 test: $(STAMP) ## lint, documentation, then all tests on 1 and 2 ranks, some on 3
-	@# loops that all tests of floating bodies need are compiled on the core that these leave idle
-	@$(BIN)/python -m tests.warm_up & compiled=$$!; \
-		$(MAKE) --no-print-directory lint docs && wait $$compiled
+	# the linters leave one core idle: loops that many tests need are compiled beside them
+	@$(MAKE) --no-print-directory -j $(RANKS) compiled-sliding compiled-floating lint docs
 	# each process starts with its share of the tests and takes over from the other one at the end
 	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist worksteal \
 		--ignore tests/cases --ignore tests/test_architecture.py
@@ -64,6 +63,10 @@ test: $(STAMP) ## lint, documentation, then all tests on 1 and 2 ranks, some on 
 	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist loadfile --no-loadscope-reorder tests/cases
 	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
 	$(GIVE_WAY) $(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
+
+# what two processes of tests would wait for at the same time
+compiled-%: $(STAMP)
+	@$(BIN)/python -m tests.warm_up $*
 
 verification: $(STAMP) ## all benchmarks at full meshes: writes tests/verification/TABLE.md
 	$(BIN)/python -m tests.verification.table

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compile the loops that take longest before several processes of tests would all compile them.
 
-``make test`` runs this beside the linters, which leave one core idle.
+``make test`` runs both parts beside the linters, which leave one core idle.
 """
+
+import sys
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from tests.contract.line_examples import SLIDING, PlacedOnLine
 from tests.unit.particle_body import bar
 
 
-def slider() -> None:
+def sliding() -> None:
     """Rows of a joint that slides on a line, with their derivatives."""
     joint = PlacedOnLine(SLIDING["Sliding"], "se3", np.random.default_rng(1))
     joint.evaluate()
@@ -19,7 +21,7 @@ def slider() -> None:
     joint.rows.second_rates()
 
 
-def floating_frames() -> None:
+def floating() -> None:
     """A short motion of bodies in floating frames of all kinds."""
     for stiffening in (False, True):
         reduced = bar(stiffening=stiffening)
@@ -35,5 +37,4 @@ def floating_frames() -> None:
 
 
 if __name__ == "__main__":
-    slider()
-    floating_frames()
+    {"sliding": sliding, "floating": floating}[sys.argv[1]]()
