@@ -8,9 +8,17 @@ from typing import Any
 from flexfem._checks import InputError
 from flexfem.options import Option, Settings
 
-__all__ = ["SPLIT_ABOVE", "Analysis"]
+__all__ = ["KERNELS", "SPLIT_ABOVE", "Analysis"]
 
 #: What every analysis has among its options.
+KERNELS = Option(
+    "kernels",
+    str,
+    "fast",
+    "elements of shells by hand-written loops (fast), or by the derivatives of their UFL forms "
+    "(ufl); all others with strain are made of UFL forms anyway",
+    choices=("fast", "ufl"),
+)
 SPLIT_ABOVE = Option(
     "split_above",
     int,

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
+from flexfem.analyses.analysis import KERNELS, SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings
 
 __all__ = ["DYNAMICS", "INTEGRATORS", "RunOptions"]
@@ -98,6 +98,7 @@ _RUN_OPTIONS = (
         minimum=0,
     ),
     SPLIT_ABOVE,
+    KERNELS,
 )
 _DEFAULTS = {option.name: option.default for option in _RUN_OPTIONS}
 
@@ -127,6 +128,8 @@ class RunOptions(Settings):
         checkpoint_every: A checkpoint is written every that many steps and at the end; 0 writes one
             only if the run fails or is interrupted. None is written without an output folder.
         split_above: Elements above which one beam may be split over ranks.
+        kernels: "fast" for hand-written loops over shells, "ufl" for the derivatives of their UFL
+            forms; the results are the same.
         restart: Checkpoint to go on from; None starts at t = 0.
 
     Raises:
@@ -151,6 +154,7 @@ class RunOptions(Settings):
     every: int = _DEFAULTS["every"]
     checkpoint_every: int = _DEFAULTS["checkpoint_every"]
     split_above: int = _DEFAULTS["split_above"]
+    kernels: str = _DEFAULTS["kernels"]
     restart: Path | None = None
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from flexfem import _checks
 from flexfem._files import number_in
-from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
+from flexfem.analyses.analysis import KERNELS, SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings
 
 __all__ = ["CAMPBELL", "MODES", "CampbellOptions", "LinearOptions", "ModeOptions", "StateOptions"]
@@ -26,6 +26,7 @@ _STATE_OPTIONS: tuple[Option, ...] = (
     Option("centre", str, "0,0,0", "a point on the axis: three numbers X,Y,Z", unit="m"),
     Option("time", float, 0.0, "instant at which loads and drives are taken", unit="s", minimum=0),
     SPLIT_ABOVE,
+    KERNELS,
 )
 _MODE_OPTIONS: tuple[Option, ...] = (
     Option("modes", int, 10, "number of modes", minimum=1),
@@ -74,6 +75,8 @@ class StateOptions(Settings):
         centre: A point on it, m.
         time: Instant at which loads and drives are taken, s.
         split_above: Elements above which one beam may be split over ranks.
+        kernels: "fast" for hand-written loops over shells, "ufl" for the derivatives of their UFL
+            forms; the results are the same.
         state: Checkpoint of a motion of the same model, whose configuration and time take the place
             of those given; the motion itself does not count.
 
@@ -91,6 +94,7 @@ class StateOptions(Settings):
     centre: str = "0,0,0"
     time: float = 0.0
     split_above: int = SPLIT_ABOVE.default
+    kernels: str = KERNELS.default
     state: Path | None = None
 
     def __post_init__(self) -> None:

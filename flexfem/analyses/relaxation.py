@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
+from flexfem.analyses.analysis import KERNELS, SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings
 
 __all__ = ["RELAXATION", "RelaxationOptions"]
@@ -70,6 +70,7 @@ _OPTIONS = (
         minimum=0,
     ),
     SPLIT_ABOVE,
+    KERNELS,
 )  # fmt: skip
 _DEFAULTS = {option.name: option.default for option in _OPTIONS}
 
@@ -96,6 +97,8 @@ class RelaxationOptions(Settings):
         checkpoint_every: A checkpoint is written every that many iterations, a multiple of
             ``record_every``, and at the end; 0 writes one only if the run fails or is interrupted.
         split_above: Elements above which one beam may be split over ranks.
+        kernels: "fast" for hand-written loops over shells, "ufl" for the derivatives of their UFL
+            forms; the results are the same.
         restart: Checkpoint to go on from; None starts anew.
 
     Raises:
@@ -120,6 +123,7 @@ class RelaxationOptions(Settings):
     every: int = _DEFAULTS["every"]
     checkpoint_every: int = _DEFAULTS["checkpoint_every"]
     split_above: int = _DEFAULTS["split_above"]
+    kernels: str = _DEFAULTS["kernels"]
     restart: Path | None = None
 
     def __post_init__(self) -> None:

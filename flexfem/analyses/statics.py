@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from flexfem.analyses.analysis import SPLIT_ABOVE, Analysis
+from flexfem.analyses.analysis import KERNELS, SPLIT_ABOVE, Analysis
 from flexfem.options import Option, Settings, TargetsOption
 
 __all__ = ["StaticOptions"]
@@ -99,6 +99,7 @@ _OPTIONS = (
         minimum=0,
     ),
     SPLIT_ABOVE,
+    KERNELS,
 )
 #: Options of paths, which a linear solution is none of.
 _NOT_LINEAR = (
@@ -144,6 +145,8 @@ class StaticOptions(Settings):
         checkpoint_every: A checkpoint is written every that many load steps and at the end; 0
             writes one only if the run fails or is interrupted. There are none along arc lengths.
         split_above: Elements above which one beam may be split over ranks.
+        kernels: "fast" for hand-written loops over shells, "ufl" for the derivatives of their UFL
+            forms; the results are the same.
         restart: Checkpoint to go on from; None starts at t = 0.
 
     Raises:
@@ -174,6 +177,7 @@ class StaticOptions(Settings):
     every: int = _DEFAULTS["every"]
     checkpoint_every: int = _DEFAULTS["checkpoint_every"]
     split_above: int = _DEFAULTS["split_above"]
+    kernels: str = _DEFAULTS["kernels"]
     restart: Path | None = None
 
     def __post_init__(self) -> None:

@@ -2,8 +2,9 @@
 """Director triangles: energy, internal forces, tangents and masses from frames of their nodes.
 
 The energy is that of ``forms.director_shell``: quadratic positions, and one director in the middle
-of each edge, which a frame there carries. Differentiated by hand, a tangent costs a fraction of
-what the generated code of the form takes; the form is what the loops are compared with.
+of each edge, which a frame there carries. Differentiated by hand, a residual costs 0.7 and
+a tangent 9.9 us a triangle; by the form (``ufl_triangles``) they cost 32 and 56 us
+(``tests/benchmarks/shell_kernels.py``).
 """
 
 from collections.abc import Sequence

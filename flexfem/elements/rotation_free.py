@@ -2,8 +2,8 @@
 """Rotation-free triangles: energy, internal forces, tangents and masses from nodal positions.
 
 The energy is that of ``forms.shell``, with the curvatures of ``mesh.patches``. Differentiated by
-hand, a tangent costs a fraction of what the generated code of the form takes; the form is what the
-loops are compared with.
+hand, a residual costs 0.09 and a tangent 1.6 us a triangle; by the form (``ufl_triangles``) they
+cost 1.6 and 8.6 us (``tests/benchmarks/shell_kernels.py``).
 """
 
 from dataclasses import dataclass, replace

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, override
 
@@ -17,7 +18,10 @@ from flexfem.core.marker import Marker, SurfaceMarker
 from flexfem.elements.director_shells import DirectorShells
 from flexfem.elements.family import ElementFamily
 from flexfem.elements.rotation_free_shells import RotationFreeShells
+from flexfem.elements.strain_kernels import StrainKernels
+from flexfem.elements.ufl_triangles import UFLDirectorTriangles, UFLRotationFreeTriangles
 from flexfem.families.shell_sensors import ShellEnergyGauge, ShellStrainGauge
+from flexfem.forms.strain_forms import director_strains, rotation_free_strains
 from flexfem.lie import se3
 from flexfem.mesh.partition import strips
 from flexfem.mesh.patches import EdgeRule
@@ -194,8 +198,8 @@ class ShellFamily(Family):
     @override
     def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
         if self.surface.directors is None:
-            return _rotation_free(self.surface, comm, ranks)
-        return _directors(self.surface, comm, ranks)
+            return _rotation_free(self.surface, comm, ranks, self.serial.kernels)
+        return _directors(self.surface, comm, ranks, self.serial.kernels)
 
     @override
     def forces(
@@ -218,7 +222,7 @@ class ShellFamily(Family):
 
 
 def _rotation_free(
-    surface: ShellSurface, comm: MPI.Intracomm, ranks: IntArray
+    surface: ShellSurface, comm: MPI.Intracomm, ranks: IntArray, kernels: str
 ) -> tuple[FrameBlock, RotationFreeShells]:
     """Nodes and triangles of all rotation-free shells."""
     # averaged slopes are those of neighbours, too
@@ -239,11 +243,17 @@ def _rotation_free(
         for rows in [own[np.isin(surface.section[own], numbers)]]
         for kind in np.unique(kinds[np.isin(surface.section, numbers)], axis=0)
     ]  # fmt: skip
+    if kernels == "ufl":
+        forms = StrainKernels(comm, rotation_free_strains())
+        groups = [
+            replace(group, triangles=UFLRotationFreeTriangles.of(group.triangles, forms))
+            for group in groups
+        ]
     return block, RotationFreeShells(groups, block)
 
 
 def _directors(
-    surface: ShellSurface, comm: MPI.Intracomm, ranks: IntArray
+    surface: ShellSurface, comm: MPI.Intracomm, ranks: IntArray, kernels: str
 ) -> tuple[FrameBlock, DirectorShells]:
     """Nodes and triangles of all director shells."""
     assert surface.directors is not None
@@ -257,6 +267,9 @@ def _directors(
         inertial=True, held=surface.held[ids],
     )  # fmt: skip
     cells = director_cells(surface, own, shell_laws(comm, surface), block.local_index)
+    if kernels == "ufl":
+        forms = StrainKernels(comm, director_strains())
+        cells = replace(cells, triangles=UFLDirectorTriangles.of(cells.triangles, forms))
     return block, DirectorShells(cells, block)
 
 

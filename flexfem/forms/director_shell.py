@@ -41,7 +41,16 @@ import ufl
 
 from flexfem.forms.lie import Expr
 
-__all__ = ["RELAXATION", "DirectorFields", "director_energy"]
+__all__ = [
+    "MEMBRANE_PLACES",
+    "RELAXATION",
+    "DirectorFields",
+    "curvature_products",
+    "director_energy",
+    "membrane_weights",
+    "shear_products",
+    "stretch_products",
+]
 
 #: Factor c of the shear beyond the edge element. Square plates of thickness 1e-4, clamped and
 #: hinged, under uniform loads and forces amid them, on regular, perturbed, union-jack and crossed
@@ -51,6 +60,62 @@ RELAXATION = 0.05
 
 _MIDDLES = ((0.5, 0.5), (0.0, 0.5), (0.5, 0.0))
 _EDGES = ((-1.0, 1.0), (0.0, -1.0), (1.0, 0.0))
+
+
+def stretch_products(g1: Expr, g2: Expr) -> list[Expr]:
+    """Products g_1.g_1/2, g_2.g_2/2 and g_1.g_2, whose changes are membrane strains."""
+    return [ufl.dot(g1, g1) / 2, ufl.dot(g2, g2) / 2, ufl.dot(g1, g2)]
+
+
+def curvature_products(g1: Expr, g2: Expr, d1: Expr, d2: Expr) -> list[Expr]:
+    """Products g_1.d,1, g_2.d,2 and g_1.d,2 + g_2.d,1, whose changes are curvatures."""
+    return [ufl.dot(g1, d1), ufl.dot(g2, d2), ufl.dot(g1, d2) + ufl.dot(g2, d1)]
+
+
+def shear_products(g1: Expr, g2: Expr, d: Expr) -> list[Expr]:
+    """Products g_1.d and g_2.d, whose changes are shear strains."""
+    return [ufl.dot(g1, d), ufl.dot(g2, d)]
+
+
+#: Distance from the middle of an edge to its Gauss points, in lengths of the edge.
+_GAUSS = 12**-0.5
+
+
+#: Two on each edge, then the middles of the edges: where products make up the membrane strains.
+MEMBRANE_PLACES = np.array([
+    *(
+        np.add(middle, sign * np.array(edge))
+        for middle, edge in zip(_MIDDLES, _EDGES, strict=True)
+        for sign in (-_GAUSS, _GAUSS)
+    ),
+    *_MIDDLES,
+])  # fmt: skip
+
+
+def membrane_weights(place: tuple[Expr, Expr]) -> list[list[list[Expr]]]:
+    """Weights (3, 9, 3) of the products at the places in the three membrane strains at a point.
+
+    The Regge element of degree 1: linear functions with the same tangential strains at the places
+    on the edges and the same mean as the products.
+
+    Args:
+        place: reference coordinates of the point.
+    """
+    along = [[e[0] ** 2, e[1] ** 2, e[0] * e[1]] for e in _EDGES for _ in range(2)]
+    ends = zip(along, MEMBRANE_PLACES[:6], strict=True)
+    rows = [np.kron(weights, [1.0, x, y]) for weights, (x, y) in ends]
+    rows += [np.kron(np.eye(3)[c], [1.0, 1.0 / 3.0, 1.0 / 3.0]) for c in range(3)]
+    maps = np.linalg.inv(np.array(rows)).reshape(3, 3, 9)
+    monomials = [1.0, *place]
+
+    def value(c: int, r: int) -> Expr:
+        return sum(float(maps[c, k, r]) * monomials[k] for k in range(3))
+
+    return [
+        [[value(c, r) * along[r][i] for i in range(3)] for r in range(6)]
+        + [[value(c, 6 + i) / 3 for i in range(3)] for _ in range(3)]
+        for c in range(3)
+    ]
 
 
 @dataclass(frozen=True)
@@ -107,42 +172,29 @@ class DirectorFields:
 
     def stretch(self, at: tuple[float, float]) -> list[Expr]:
         """Products g_1.g_1/2, g_2.g_2/2 and g_1.g_2 at reference coordinates."""
-        g1, g2 = self.base(at)
-        return [ufl.dot(g1, g1) / 2, ufl.dot(g2, g2) / 2, ufl.dot(g1, g2)]
+        return stretch_products(*self.base(at))
 
     def membrane(self) -> Expr:
         """Interpolated products at the point, (3,)."""
-        rows, values = [], []
-        for k, edge in enumerate(_EDGES):
-            weights = [edge[0] ** 2, edge[1] ** 2, edge[0] * edge[1]]
-            for sign in (-1.0, 1.0):
-                x, y = (m + sign * t / 12**0.5 for m, t in zip(_MIDDLES[k], edge, strict=True))
-                rows.append(np.kron(weights, [1.0, x, y]))
-                values.append(ufl.dot(ufl.as_vector(weights), ufl.as_vector(self.stretch((x, y)))))
-        means = [self.stretch(at) for at in _MIDDLES]
-        for c in range(3):
-            rows.append(np.kron(np.eye(3)[c], [1.0, 1.0 / 3.0, 1.0 / 3.0]))
-            values.append(sum(mean[c] for mean in means) / 3)
-        monomials = [1.0, self.place[0], self.place[1]]
-        maps = np.linalg.inv(np.array(rows)).reshape(3, 3, 9)
+        products = [self.stretch((x, y)) for x, y in MEMBRANE_PLACES.tolist()]
         return ufl.as_vector([
             sum(
-                float(maps[c, k, r]) * monomials[k] * value
-                for k in range(3) for r, value in enumerate(values)
+                weight * product
+                for row, values in zip(rows, products, strict=True)
+                for weight, product in zip(row, values, strict=True)
             )
-            for c in range(3)
+            for rows in membrane_weights((self.place[0], self.place[1]))
         ])  # fmt: skip
 
     def curvature(self) -> Expr:
         """Products g_1.d,1, g_2.d,2 and g_1.d,2 + g_2.d,1 at the point, (3,)."""
-        (g1, g2), (d1, d2) = self.base(), self.turns()
-        mixed = ufl.dot(g1, d2) + ufl.dot(g2, d1)
-        return ufl.as_vector([ufl.dot(g1, d1), ufl.dot(g2, d2), mixed])
+        return ufl.as_vector(curvature_products(*self.base(), *self.turns()))
 
     def shear(self, k: int) -> Expr:
         """Products g_1.d, g_2.d in the middle of edge k, (2,)."""
-        d = self.director_at(_MIDDLES[k])
-        return ufl.as_vector([ufl.dot(g, d) for g in self.base(_MIDDLES[k])])
+        at = _MIDDLES[k]
+        g1, g2 = self.base(at)
+        return ufl.as_vector(shear_products(g1, g2, self.director_at(at)))
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ _OF_MODELS = (
 #: Options of multibody models that equations know nothing of, with the values they must have.
 _FOREIGN = {
     "integrator": "generalized_alpha", "redundant_constraints": "refuse", "start": "given",
-    "adaptive": False,
+    "adaptive": False, "kernels": "fast",
 }  # fmt: skip
 
 

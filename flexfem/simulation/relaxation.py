@@ -98,7 +98,9 @@ class _Run:
         comm: MPI.Intracomm, restart: Restart | None, begin: float,
     ) -> None:  # fmt: skip
         self._begin, self._options, self._case, self._results = begin, options, case, results
-        self._serial, self.system = set_up(model, comm, options.split_above)
+        self._serial, self.system = set_up(
+            model, comm, options.split_above, kernels=options.kernels
+        )
         self._cautions = Cautions(self._serial, options, self.system)
         if restart is not None:
             restart.check(self._serial)

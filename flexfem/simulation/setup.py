@@ -23,6 +23,7 @@ __all__ = ["set_up"]
 def set_up(
     model: Model, comm: MPI.Intracomm | None, split_above: int,
     check: Callable[[Assembly], None] | None = None, outputs: Outputs | None = None,
+    kernels: str = "fast",
 ) -> tuple[Assembly, System]:  # fmt: skip
     """Serial data and system of a model (collective).
 
@@ -32,6 +33,7 @@ def set_up(
         split_above: elements above which one beam may be split over ranks.
         check: raises a ValueError for serial data that will not do.
         outputs: of the model's controllers at a time (s); zero by default.
+        kernels: "fast" or "ufl", see ``flexfem.analyses.analysis.KERNELS``.
 
     Raises:
         InputError: a mistake in the model, or it differs between ranks (a ValueError).
@@ -41,7 +43,7 @@ def set_up(
 
     def make() -> Assembly:
         model.validate()
-        return Assembly(driven_model(model, outputs))
+        return Assembly(driven_model(model, outputs), kernels)
 
     try:
         serial = agreed(comm, make)

@@ -135,7 +135,9 @@ class _Run:
         self._begin = time.perf_counter()
         self._options, self._case, self._results = options, case, results
         check = None if restart is None else restart.check
-        self._serial, self.system = set_up(model, comm, options.split_above, check)
+        self._serial, self.system = set_up(
+            model, comm, options.split_above, check, kernels=options.kernels
+        )
         self._cautions = Cautions(self._serial, options, self.system)
         self._probes = ProbeRecorder(self.system, self._serial, depth=1)
         self._check_column()

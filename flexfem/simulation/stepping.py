@@ -83,7 +83,9 @@ class Simulation:
         grid = TimeGrid.of(options.dt, options.t_end) if restart is None else restart.grid
         self.controls = Controls(model, grid.h)
         outputs = self.controls.outputs
-        self.serial, self.system = set_up(model, comm, options.split_above, check, outputs)
+        self.serial, self.system = set_up(
+            model, comm, options.split_above, check, outputs, options.kernels
+        )
         self.options = options
         self.cautions = Cautions(self.serial, options, self.system)
         self.breakpoints = Breakpoints(model, grid, options.t_end)

@@ -49,6 +49,8 @@ class Assembly:
 
     Attributes:
         model: the validated model.
+        kernels: whether elements with hand-written loops take these ("fast") or their UFL forms
+            ("ufl").
         cells: all SE(3) cells with their frames; node numbers count the nodes used by them.
         points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6); body_of_node: (n,).
         sections: the different sections of the SE(3) beams, by the numbers in ``cells``.
@@ -59,9 +61,9 @@ class Assembly:
         families: families of the model's bodies by their numbers, in the order of the nest.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, kernels: str = "fast") -> None:
         """Number the nodes of all beams and compute all frames at the start."""
-        self.model = model
+        self.model, self.kernels = model, kernels
         self._places: dict[Observed, Place | None] = {}
         self.points, self.frames = np.empty((0, 3)), np.empty((0, 12))
         self.sections: list[Section] = []
