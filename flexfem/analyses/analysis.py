@@ -15,8 +15,8 @@ KERNELS = Option(
     "kernels",
     str,
     "fast",
-    "elements of shells by hand-written loops (fast), or by the derivatives of their UFL forms "
-    "(ufl); all others with strain are made of UFL forms anyway",
+    "assemble shells by hand-written loops (fast) or from their UFL forms (ufl); everything else "
+    "that has a strain comes from UFL forms in any case",
     choices=("fast", "ufl"),
 )
 SPLIT_ABOVE = Option(
