@@ -10,14 +10,15 @@ import pytest
 
 import flexfem as ff
 import flexfem.joints
-from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.joint import Joint
 from flexfem.core.row import RowKind
 from flexfem.joints.hinge_line import LinePart
 from flexfem.lie import se3, so3
-from flexfem.simulation.stepping import Simulation
 from tests.contract.joint_examples import DYNAMICS, EXAMPLES, UNIT, Placed
 from tests.contract.line_examples import SLIDING
+
+# rows and terms of one process; what models make of joints is tested on all ranks elsewhere
+pytestmark = pytest.mark.serial
 
 EVERY = pytest.mark.parametrize("example", EXAMPLES.values(), ids=EXAMPLES)
 ELASTIC = [name for name, example in EXAMPLES.items() if example.elastic]
@@ -262,48 +263,6 @@ def test_step_jacobian_of_elastic_rows(name, ground, inertial, rng):
         got = (sides[0] - sides[1]) / (2.0 * eps) * rows.compliance
         # a coupling to the normal forces left out is of order 1e-1
         np.testing.assert_allclose(got[~rows.rigid], -column[~rows.rigid], atol=1e-8)
-
-
-def _model(joint: Joint) -> ff.Model:
-    model = ff.Model("test")
-    model.add(ff.RigidBody("body", 2.0, (0.2, 0.3, 0.4), position=(0.5, -0.2, 0.3)), joint)
-    return model
-
-
-@pytest.mark.parametrize("name", ["Spherical", "Revolute", "Rigid", "Cylindrical", "PointOnLine",
-                                  "PointOnPlane", "Prismatic"])  # fmt: skip
-def test_joint_with_a_gap_at_the_start_is_refused(name):
-    example = EXAMPLES[name]
-    marker = ff.Marker("body", offset=(0.1, 0.2, 0.3))
-    joint = example.cls("elbow", ff.Ground((0.0, 1.0, 0.0)), marker, **example.arguments)
-    with pytest.raises(ValueError, match=f'^{name} "elbow": .*violate') as raised:
-        Simulation(_model(joint), RunOptions(dt=1e-3, t_end=1.0))
-    assert "\n" not in str(raised.value)
-
-
-@pytest.mark.parametrize("name", [n for n, e in EXAMPLES.items() if e.cls.driven and not e.elastic])
-def test_drive_that_starts_elsewhere_is_refused(name):
-    example = EXAMPLES[name]
-    late = {
-        key: (lambda t, f=value: f(t + 0.5)) if callable(value) else value
-        for key, value in example.arguments.items()
-    }
-    joint = example.cls("motor", ff.Ground((3.0, 0.0, 0.0)), ff.Marker("body"), **late)
-    with pytest.raises(ValueError, match=f'^{example.cls.__name__} "motor": .*violate'):
-        Simulation(_model(joint), RunOptions(dt=1e-3, t_end=1.0))
-
-
-def test_redundant_joints_are_named():
-    axis, arm = np.array([0.3, 0.5, -0.8]), np.array([0.1, 0.2, 0.3])
-    model = ff.Model("test")
-    model.add(ff.RigidBody("body", 2.0, (0.2, 0.3, 0.4), position=(0.5, -0.2, 0.3)))
-    for name, shift in (("one", 0.0), ("two", 0.7)):
-        place, marker = arm + shift * axis, ff.Marker("body", offset=arm + shift * axis)
-        ground = ff.Ground(place + np.array([0.5, -0.2, 0.3]))
-        model.add(ff.Revolute(name, ground, marker, axis=axis))
-    # an answer would have arbitrary multipliers
-    with pytest.raises(ValueError, match=r'"one".*"two".*redundant'):
-        Simulation(model, RunOptions(dt=1e-3, t_end=1.0))
 
 
 @pytest.mark.parametrize("name", ["Bushing", "Bushing-full"])

@@ -3,16 +3,24 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+import pytest
 
-__all__ = ["FORGERIES", "HEADERS", "endless", "forge", "seal"]
+__all__ = ["FORGERIES", "HEADERS", "each_kind", "endless", "forge", "seal"]
 
 _BLOCK = 512
+
+
+def each_kind(kinds: Iterable[str], *on_three_ranks: str) -> list[Any]:
+    """Parameters of a test of all kinds on one and two ranks, and of the named ones on three."""
+    chosen = dict.fromkeys(on_three_ranks, pytest.mark.three_ranks)
+    assert chosen.keys() <= set(kinds)
+    return [pytest.param(kind, marks=chosen.get(kind, ())) for kind in kinds]
 
 
 def seal(path: Path) -> None:

@@ -16,10 +16,9 @@ import pytest
 import flexfem.io.checkpoint as module
 from flexfem.core.state import Numbering, State
 from flexfem.io.checkpoint import Checkpoint, write_checkpoint
+from tests.unit.forged import each_kind
 
 COMM = MPI.COMM_WORLD
-
-pytestmark = pytest.mark.three_ranks
 
 
 def scattered(count: int = 23) -> tuple[State, dict[str, Numbering]]:
@@ -35,6 +34,7 @@ def scattered(count: int = 23) -> tuple[State, dict[str, Numbering]]:
     return state, {name: Numbering(numbers, owned, count) for name in ("nodes", "rows")}
 
 
+@pytest.mark.three_ranks
 def test_rows_come_back_in_any_distribution(shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "c.h5"
     state, numberings = scattered()
@@ -92,7 +92,7 @@ DAMAGES: dict[str, tuple[Callable[[bytes], bytes], str]] = {
 }
 
 
-@pytest.mark.parametrize("kind", DAMAGES)
+@pytest.mark.parametrize("kind", each_kind(DAMAGES, "text", "half", "row flipped", "other format"))
 def test_damage_is_named(kind: str, shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "c.h5"
     write_checkpoint(path, COMM, {"step": 7}, *scattered())
@@ -142,6 +142,7 @@ def assert_whole(folder: Path, step: int) -> None:
     assert Checkpoint(folder / "c.h5", COMM).header == {"step": step}
 
 
+@pytest.mark.three_ranks
 @pytest.mark.parametrize("limit", [0, 100, 600, 5000, 40000])
 def test_full_disk_leaves_the_former_checkpoint(limit: int, shared_tmp_path: Path) -> None:
     """A limit on the size of files stands for a full disk."""
@@ -161,6 +162,7 @@ def test_full_disk_leaves_the_former_checkpoint(limit: int, shared_tmp_path: Pat
     assert_whole(shared_tmp_path, 3)
 
 
+@pytest.mark.three_ranks
 def test_error_of_one_rank_is_raised_on_all(shared_tmp_path: Path, monkeypatch: Any) -> None:
     def fail(self: Any) -> None:
         raise OSError(5, "E")
@@ -175,6 +177,7 @@ def test_error_of_one_rank_is_raised_on_all(shared_tmp_path: Path, monkeypatch: 
     assert_whole(shared_tmp_path, 1)
 
 
+@pytest.mark.three_ranks
 def test_killed_write_leaves_the_former_checkpoint(shared_tmp_path: Path) -> None:
     """Whatever a killed process left under the temporary name is no obstacle."""
     path = shared_tmp_path / "c.h5"
@@ -187,6 +190,7 @@ def test_killed_write_leaves_the_former_checkpoint(shared_tmp_path: Path) -> Non
     assert_whole(shared_tmp_path, 2)
 
 
+@pytest.mark.three_ranks
 def test_header_survives_as_json(shared_tmp_path: Path) -> None:
     header = {"dt": 0.1 + 0.2, "name": 'Beam "träger"', "grid": [1e-300, 7]}
     write_checkpoint(shared_tmp_path / "c.h5", COMM, header, *scattered())

@@ -16,12 +16,10 @@ import pytest
 
 import flexfem as ff
 from flexfem.io import hdf5_structure
-from tests.unit.forged import FORGERIES, HEADERS, endless, forge, seal, with_header
+from tests.unit.forged import FORGERIES, HEADERS, each_kind, endless, forge, seal, with_header
 from tests.unit.refusals import assert_on_page
 
 COMM = MPI.COMM_WORLD
-
-pytestmark = pytest.mark.three_ranks
 
 OPTIONS: dict[str, Any] = {"dt": 1e-2, "t_end": 0.05, "quiet": True}
 
@@ -76,7 +74,21 @@ def forged(written: Path, folder: Path, change: Callable[[Any], object]) -> Path
     return path
 
 
-@pytest.mark.parametrize("kind", FORGERIES)
+# what each rank reads for itself, and one of what all read
+@pytest.mark.parametrize(
+    "kind",
+    each_kind(
+        FORGERIES,
+        "no frames",
+        "rows of another shape",
+        "fewer rows",
+        "a row without rows",
+        "rows without end",
+        "frames are none",
+        "rotations are none",
+        "another time",
+    ),
+)
 def test_forged_contents(kind: str, written: Path, shared_tmp_path: Path) -> None:
     change, reason = FORGERIES[kind]
     text = refused(forged(written, shared_tmp_path, change), shared_tmp_path)
@@ -84,7 +96,7 @@ def test_forged_contents(kind: str, written: Path, shared_tmp_path: Path) -> Non
     assert_on_page(text)
 
 
-@pytest.mark.parametrize("kind", HEADERS)
+@pytest.mark.parametrize("kind", each_kind(HEADERS, "other step"))
 def test_forged_headers(kind: str, written: Path, shared_tmp_path: Path) -> None:
     change, reason = HEADERS[kind]
     text = refused(forged(written, shared_tmp_path, with_header(change)), shared_tmp_path)
@@ -96,6 +108,7 @@ def assert_matches(reason: str, text: str) -> None:
     assert text.startswith("checkpoint")
 
 
+@pytest.mark.three_ranks
 def test_what_is_left_alone_goes_on(written: Path, shared_tmp_path: Path) -> None:
     """Sealing alone changes nothing: the refusals above are of what was changed."""
     path = forged(written, shared_tmp_path, lambda file: None)
@@ -103,6 +116,7 @@ def test_what_is_left_alone_goes_on(written: Path, shared_tmp_path: Path) -> Non
     assert ff.simulate(falling(), options).status == "ok"
 
 
+@pytest.mark.three_ranks
 def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
     """Nor is a device read."""
     pipe, device = shared_tmp_path / "pipe", shared_tmp_path / "device"
@@ -116,6 +130,7 @@ def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
     assert refused(shared_tmp_path, shared_tmp_path).endswith("': Is a directory")
 
 
+@pytest.mark.three_ranks
 def test_what_the_library_never_ends_with(
     written: Path, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -132,6 +147,7 @@ def test_what_the_library_never_ends_with(
     assert_on_page(text)
 
 
+@pytest.mark.three_ranks
 def test_what_the_library_crashes_on(
     written: Path, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
