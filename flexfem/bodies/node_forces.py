@@ -8,6 +8,7 @@ point. The point is carried by its node as the frame ``offset`` (12 numbers rela
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.lie._blocks import copy_entries
 from flexfem.lie.compiled import kernel
 from flexfem.lie.se3 import compose_into
 
@@ -77,7 +78,8 @@ def force_tangent(
         _add_turned(wrench[:3], 0, -scale, out[k])
         _add_turned(wrench[3:], 3, -scale, out[k])
         o = offsets[k]
-        turned[:] = out[k, :3]
+        for i in range(3):
+            copy_entries(out[k, i], turned[i])
         for i in range(3):
             i1, i2 = (i + 1) % 3, (i + 2) % 3
             for j in range(6):

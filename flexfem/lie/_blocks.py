@@ -11,7 +11,26 @@ from flexfem._types import FloatArray
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined
 
-__all__ = ["cross", "dot", "first_block", "map_block", "second_block", "triple", "zero_block"]
+__all__ = [
+    "copy_entries",
+    "cross",
+    "dot",
+    "first_block",
+    "map_block",
+    "second_block",
+    "triple",
+    "zero_block",
+]
+
+
+@inlined
+def copy_entries(source: FloatArray, out: FloatArray) -> None:
+    """Write all of ``source`` (n,) to the front of ``out``.
+
+    ``out[:] = source`` would bring numba's message of shapes that differ: forty functions.
+    """
+    for i in range(source.size):
+        out[i] = source[i]
 
 
 @inlined

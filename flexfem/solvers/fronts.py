@@ -17,7 +17,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.runs import starts
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import inlined, kernel
 
 __all__ = ["Fronts"]
 
@@ -238,11 +238,19 @@ def _factor(
             waiting[depth] = f
             depth += 1
             rest = (n - m) * (n - m)
-            stack[top : top + rest].reshape(n - m, n - m)[:] = F[m:, m:]
+            _copy(F[m:, m:], stack[top : top + rest].reshape(n - m, n - m))
             top += rest
         elif m == 0:
-            complement[:] = F
+            _copy(F, complement)
     return True
+
+
+@inlined
+def _copy(source: FloatArray, out: FloatArray) -> None:
+    """Copy a matrix."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            out[i, j] = source[i, j]
 
 
 @kernel
@@ -268,7 +276,7 @@ def _eliminate(F: FloatArray, upper: FloatArray, lower: FloatArray) -> bool:
         lower: (m, n - m) becomes those in the other rows, transposed: long loops.
     """
     m, n = upper.shape
-    upper[:] = F[:m]
+    _copy(F[:m], upper)
     for i in range(m):
         largest = 0.0
         for j in range(n):
@@ -280,7 +288,7 @@ def _eliminate(F: FloatArray, upper: FloatArray, lower: FloatArray) -> bool:
                 upper[i, j] -= factor * upper[p, j]
         if not abs(upper[i, i]) > _ZERO * largest:
             return False
-    lower[:] = F[m:, :m].T
+    _copy(F[m:, :m].T, lower)
     for p in range(m):
         for q in range(p):
             factor = upper[q, p]

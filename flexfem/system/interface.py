@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.lie._blocks import copy_entries
 from flexfem.lie.compiled import kernel
 from flexfem.system.node_key import NodeKey
 
@@ -63,9 +64,9 @@ def _collect(
 ) -> None:  # fmt: skip
     for k in range(local.size):
         node, slot = local[k], slots[k]
-        to_frames[slot] = frames[node]
-        to_increments[slot] = increment[node]
-        to_velocities[slot] = velocity[node]
+        copy_entries(frames[node], to_frames[slot])
+        copy_entries(increment[node], to_increments[slot])
+        copy_entries(velocity[node], to_velocities[slot])
 
 
 class Interface:

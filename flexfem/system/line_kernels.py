@@ -25,6 +25,7 @@ from flexfem.core.line_points import (
 from flexfem.core.row import RowKind
 from flexfem.core.terms.dispatch import term
 from flexfem.core.terms.vectors import rotate_back_into, rotate_into
+from flexfem.lie._blocks import copy_entries
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
@@ -55,7 +56,7 @@ def element_frames(lines: LineData, line: int, e: int, frames: FloatArray, work:
     """Frames of the sections at the nodes of an element in ``work.frames``."""
     k = lines.width[line]
     for i in range(k):
-        work.frames[i] = frames[lines.nodes[e, i]]
+        copy_entries(frames[lines.nodes[e, i]], work.frames[i])
     if lines.turned[line]:
         turn_frames(work.frames[:k], lines.turns[e], work.frames[:k])
 
@@ -168,14 +169,14 @@ def place_markers(
     for m in range(last - 1, first - 1, -1):  # what slides follows a later marker
         pose, J, at = poses[points.marker[m]], work.point[m - first], 6 * points.column[m]
         if points.slot[m] == -1:
-            pose[:] = points.offset[m]
+            copy_entries(points.offset[m], pose)
         elif points.slot[m] >= 0:
             compose_into(frames[points.slot[m]], points.offset[m], pose)
             marker_map(points.offset[m], J[:, at : at + 6])
         else:
             line = points.line[m]
             if points.slides[m]:
-                places[m] = start[m]
+                copy_entries(start[m], places[m])
                 other = poses[points.marker[first + 1]]
                 _slide_to(lines, line, other[:3], frames, work, places[m])
             _section(lines, line, int(places[m, 0]), places[m, 1], frames, work, H)
@@ -404,7 +405,7 @@ def slider_motions(
         slide_gradient(c, points, poses, work, g, scratch)
         first = points.first[c]
         e = int(places[first, 0])
-        out[k, :12] = poses[points.marker[first]]
+        copy_entries(poses[points.marker[first]], out[k])
         rate = _section_twist(c, lines, points, velocities, work, places, out[k])
         s, slope, _ = arc_length(lines.arc[e], places[first, 1])
         out[k, 18], out[k, 19] = lines.start[e] + s, slope * rate

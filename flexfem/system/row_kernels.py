@@ -12,6 +12,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import RowKind
 from flexfem.core.terms.dispatch import term
 from flexfem.core.terms.vectors import rotate_into
+from flexfem.lie._blocks import copy_entries
 from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.se3 import compose_into
 from flexfem.system.row_laws import RIGID, force_law
@@ -50,7 +51,7 @@ def marker_poses(
     """Poses of all markers from the frames of their nodes (-1: ground, -2: on a line, left)."""
     for m in range(marker_node.size):
         if marker_node[m] == -1:
-            poses[m] = marker_offset[m]
+            copy_entries(marker_offset[m], poses[m])
         elif marker_node[m] < 0:
             continue
         else:
