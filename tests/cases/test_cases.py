@@ -23,7 +23,10 @@ ROOT = Path(__file__).parents[2]
 EVERY = sorted(path.stem for path in (ROOT / "cases").glob("[!_]*.py"))
 CASES = [name for name in EVERY if load_case(name).analysis is DYNAMICS]
 POLICIES = ("auto", "frozen", "updated")
-SPLITS = ("4000", "1")
+#: Values of --split-above that leave beams and shells whole, and that split them.
+WHOLE, SPLIT = "4000", "1"
+ON_ONE = [(policy, WHOLE) for policy in POLICIES]
+ON_RANKS = [("auto", WHOLE), *((policy, SPLIT) for policy in POLICIES)]
 
 # Runs files of cases as scripts, one after the other; one argument a run: the file and its options.
 SCRIPTS = """\
@@ -83,7 +86,7 @@ def histories(
     folders = {ranks: tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2, 3)}
     for ranks, folder in folders.items():
         runs, outputs = [], []
-        for case, policy, split in product(CASES, POLICIES, SPLITS[: min(ranks, 2)]):
+        for case, (policy, split) in product(CASES, ON_RANKS if ranks > 1 else ON_ONE):
             output = str(folder / f"{case}-{policy}-{split}")
             runs.append([
                 case, "--smoke", "--iteration-matrix", policy, "--split-above", split,
@@ -174,8 +177,7 @@ def test_help_lists_every_option(case: str, helps: dict[str, str]) -> None:
         assert flag in text
 
 
-@pytest.mark.parametrize("split", SPLITS)
-@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize(("policy", "split"), ON_RANKS)
 @pytest.mark.parametrize("case", CASES)
 def test_same_history_on_any_number_of_ranks(
     case: str, policy: str, split: str, histories: dict[int, Path]
