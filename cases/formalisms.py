@@ -44,6 +44,7 @@ import numpy as np
 import numpy.typing as npt
 
 import flexfem as ff
+from flexfem import research
 
 ELEMENTS, MOTIONS = ("beam", "plane", "solid"), ("planar", "spatial")
 Numbers = Mapping[str, Any]
@@ -68,21 +69,21 @@ def link_mesh(element: str, length: float, n: Numbers) -> Callable[[Any], Any]:
 
 def link(
     name: str, element: str, kind: str, length: float, n: Numbers, **start: Any
-) -> ff.EnergyBody:
+) -> research.EnergyBody:
     """A link of the given element in the given kind of frame."""
     material = ff.Material(
         youngs_modulus=n["youngs_modulus"], poisson_ratio=n["poisson_ratio"], density=n["density"]
     )
     width, more = n["width"], {"damping": n["damping"]}
     matter = {
-        "beam": lambda: ff.BeamMatter(
+        "beam": lambda: research.BeamMatter(
             material, width, n["height"], spatial=kind == "spatial", **more
         ),
-        "plane": lambda: ff.PlaneStress(material, width, **more),
-        "solid": lambda: ff.Solid(material, **more),
+        "plane": lambda: research.PlaneStress(material, width, **more),
+        "solid": lambda: research.Solid(material, **more),
     }[element]()
-    frame = ff.PlanarFrame() if kind == "planar" else ff.SpatialFrame()
-    return ff.EnergyBody(name, matter, frame, link_mesh(element, length, n), **start)
+    frame = research.PlanarFrame() if kind == "planar" else research.SpatialFrame()
+    return research.EnergyBody(name, matter, frame, link_mesh(element, length, n), **start)
 
 
 def first_motion(n: Numbers, spin: npt.NDArray[np.float64]) -> dict[str, Any]:
@@ -91,14 +92,16 @@ def first_motion(n: Numbers, spin: npt.NDArray[np.float64]) -> dict[str, Any]:
         return {"angular_velocity": spin}
     speed = float(np.linalg.norm(spin))
     axis = spin / speed if speed > 0.0 else (0.0, 0.0, 1.0)
-    return {"motion": ff.FrameMotion(rotations=[(axis, lambda t: (speed * t, speed, 0.0))])}
+    return {"motion": research.FrameMotion(rotations=[(axis, lambda t: (speed * t, speed, 0.0))])}
 
 
-def on_ground(n: Numbers, name: str, body: str) -> tuple[ff.Constraint, ...]:
+def on_ground(n: Numbers, name: str, body: str) -> tuple[research.Constraint, ...]:
     """The joint of the first link, which a prescribed motion of its frame makes superfluous."""
     if n["prescribed"]:
         return ()
-    return (ff.Constraint(name, (ff.End(body),), ff.end_position, (0.0, 0.0, 0.0)),)
+    return (
+        research.Constraint(name, (research.End(body),), research.end_position, (0.0, 0.0, 0.0)),
+    )
 
 
 def turned(angle: float) -> npt.NDArray[np.float64]:
@@ -107,7 +110,7 @@ def turned(angle: float) -> npt.NDArray[np.float64]:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def slider_crank(element: str, n: Numbers) -> ff.Mechanism:
+def slider_crank(element: str, n: Numbers) -> research.Mechanism:
     """Crank on a hinge, rod on the crank, end of the rod on the first axis."""
     short, long, rate = n["crank_length"], n["rod_length"], n["crank_speed"]
     first = math.radians(n["crank_angle"])
@@ -128,26 +131,26 @@ def slider_crank(element: str, n: Numbers) -> ff.Mechanism:
         "rod", element, "planar", long, n, origin=pin, rotation=turned(second),
         velocity=np.cross(spin, pin), angular_velocity=(0.0, 0.0, back),
     )  # fmt: skip
-    slider = ff.End("rod", (long, 0.0, 0.0))
-    pins = (ff.End("crank", (short, 0.0, 0.0)), ff.End("rod"))
+    slider = research.End("rod", (long, 0.0, 0.0))
+    pins = (research.End("crank", (short, 0.0, 0.0)), research.End("rod"))
     axes = 2
     if element == "solid":  # positions of nodes have three components
-        pins, axes = (pins[0], ff.End("rod", (0.0, 0.0, 0.0))), 3
+        pins, axes = (pins[0], research.End("rod", (0.0, 0.0, 0.0))), 3
     line = (0.0,) * axes + (0.0, 1.0, 0.0)[:axes]
-    return ff.Mechanism(
+    return research.Mechanism(
         f"slider_crank_{element}",
         (crank, rod),
         (
             *on_ground(n, "hinge", "crank"),
-            ff.Constraint("pin", pins, ff.coincidence),
-            ff.Constraint("slide", (slider,), ff.on_line, line),
+            research.Constraint("pin", pins, research.coincidence),
+            research.Constraint("slide", (slider,), research.on_line, line),
         ),
         gravity=(0.0, -n["gravity"], 0.0),
         observed=slider,
     )
 
 
-def double_pendulum(element: str, n: Numbers) -> ff.Mechanism:
+def double_pendulum(element: str, n: Numbers) -> research.Mechanism:
     """Two links on spherical joints, with an initial rotation."""
     upper_length, lower_length = n["upper_length"], n["lower_length"]
     spin, other = (
@@ -160,22 +163,22 @@ def double_pendulum(element: str, n: Numbers) -> ff.Mechanism:
         rotation=turned(math.radians(n["lower_angle"])), velocity=np.cross(spin, pin),
         angular_velocity=other,
     )  # fmt: skip
-    pins = (ff.End("upper", (upper_length, 0.0, 0.0)), ff.End("lower"))
-    return ff.Mechanism(
+    pins = (research.End("upper", (upper_length, 0.0, 0.0)), research.End("lower"))
+    return research.Mechanism(
         f"double_pendulum_{element}",
         (upper, lower),
         (
             *on_ground(n, "suspension", "upper"),
-            ff.Constraint("ball", pins, ff.coincidence),
+            research.Constraint("ball", pins, research.coincidence),
         ),
         gravity=(0.0, -n["gravity"], 0.0),
-        observed=ff.End("lower", (lower_length, 0.0, 0.0)),
+        observed=research.End("lower", (lower_length, 0.0, 0.0)),
     )
 
 
 def build(
     *, formalism: str, element: str, motion: str, matrices: bool, **n: Any
-) -> ff.FormalismStudy | ff.ElementMatrixStudy:
+) -> research.FormalismStudy | research.ElementMatrixStudy:
     """The mechanisms of the chosen elements and motions."""
     pairs = product(
         ELEMENTS if element == "all" else (element,), MOTIONS if motion == "all" else (motion,)
@@ -186,9 +189,9 @@ def build(
     if matrices:
         omega, epsilon = ([n[f"{of}_{axis}"] for axis in "xyz"] for of in ("omega", "epsilon"))
         bodies = {key: mechanism.bodies[0] for key, mechanism in mechanisms.items()}
-        return ff.ElementMatrixStudy(bodies, labels, omega, epsilon)
-    return ff.FormalismStudy(
-        mechanisms, labels, ff.FORMALISMS if formalism == "all" else (formalism,)
+        return research.ElementMatrixStudy(bodies, labels, omega, epsilon)
+    return research.FormalismStudy(
+        mechanisms, labels, research.FORMALISMS if formalism == "all" else (formalism,)
     )
 
 
@@ -212,7 +215,7 @@ CASE = ff.Case(
     options=(
         ff.Option(
             "formalism", str, "all", "which sets up the equations",
-            choices=("all", *ff.FORMALISMS),
+            choices=("all", *research.FORMALISMS),
         ),
         ff.Option(
             "element", str, "all", "finite elements of the links", choices=("all", *ELEMENTS)

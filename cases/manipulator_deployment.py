@@ -36,29 +36,31 @@ import numpy as np
 import numpy.typing as npt
 
 import flexfem as ff
+from flexfem import research
 
-LINK = tuple(option.name for option in ff.LINK_OPTIONS)
+LINK = tuple(option.name for option in research.LINK_OPTIONS)
 JOINTS = ("inner", "middle", "outer")
 
 
 def build(*, duration: float, link_1: float, link_2: float, **given: Any) -> Any:
     """The outboard link on its prescribed base, by the theory that is asked for."""
-    link = ff.outboard_link(**{name: given.pop(name) for name in LINK})
+    link = research.outboard_link(**{name: given.pop(name) for name in LINK})
     starts, turns = (
         [math.pi * given.pop(f"{joint}_{what}") for joint in JOINTS] for what in ("start", "turn")
     )
     angles = [
-        ff.smooth_turn(start, -turn, duration) for start, turn in zip(starts, turns, strict=True)
+        research.smooth_turn(start, -turn, duration)
+        for start, turn in zip(starts, turns, strict=True)
     ]
-    base = ff.manipulator_base(*angles, link_1=link_1, link_2=link_2)
-    return ff.beam_by_theory(link, base, "deployment", **given)
+    base = research.manipulator_base(*angles, link_1=link_1, link_2=link_2)
+    return research.beam_by_theory(link, base, "deployment", **given)
 
 
 def results(history: Mapping[str, npt.NDArray[np.float64]], *, duration: float) -> dict[str, float]:
     """Extremes during the deployment, and amplitudes of the vibration that is left."""
     out = {}
     after = history["t"] >= duration
-    for name in ff.TIP_COLUMNS:
+    for name in research.TIP_COLUMNS:
         values = history[name]
         out |= {f"{name}_min": float(values.min()), f"{name}_max": float(values.max())}
         if after.any():
@@ -89,8 +91,8 @@ CASE = ff.Case(
                       maximum=2)
             for joint in JOINTS
         ),
-        *ff.THEORY_OPTIONS,
-        *ff.LINK_OPTIONS,
+        *research.THEORY_OPTIONS,
+        *research.LINK_OPTIONS,
     ),
     dt=0.01,
     t_end=30.0,

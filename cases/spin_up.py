@@ -55,16 +55,17 @@ import numpy as np
 import numpy.typing as npt
 
 import flexfem as ff
+from flexfem import research
 
-LINK = tuple(option.name for option in ff.LINK_OPTIONS)
+LINK = tuple(option.name for option in research.LINK_OPTIONS)
 
 
 def build(*, hub_radius: float, speed: float, spin_up_time: float, **given: Any) -> Any:
     """The outboard link on its prescribed base, by the theory that is asked for."""
-    link = ff.outboard_link(**{name: given.pop(name) for name in LINK})
-    still, turn = ff.constant_angle(0.0), ff.spin_up_angle(speed, spin_up_time)
-    base = ff.manipulator_base(still, turn, still, link_1=0.0, link_2=hub_radius)
-    return ff.beam_by_theory(link, base, "spin_up", **given)
+    link = research.outboard_link(**{name: given.pop(name) for name in LINK})
+    still, turn = research.constant_angle(0.0), research.spin_up_angle(speed, spin_up_time)
+    base = research.manipulator_base(still, turn, still, link_1=0.0, link_2=hub_radius)
+    return research.beam_by_theory(link, base, "spin_up", **given)
 
 
 def results(
@@ -78,7 +79,7 @@ def results(
     }
     after = history["t"] >= spin_up_time
     if after.any():
-        out |= {f"{name}_mean": float(history[name][after].mean()) for name in ff.TIP_COLUMNS}
+        out |= {f"{name}_mean": float(history[name][after].mean()) for name in research.TIP_COLUMNS}
     return out
 
 
@@ -91,8 +92,8 @@ CASE = ff.Case(
         ff.Option("hub_radius", float, 8.0, "from the spin axis to the root", unit="m", minimum=0),
         ff.Option("speed", float, 6.0, "after the spin-up", unit="rad/s"),
         ff.Option("spin_up_time", float, 15.0, "from rest to the speed", unit="s", above=0),
-        *ff.THEORY_OPTIONS,
-        *ff.LINK_OPTIONS,
+        *research.THEORY_OPTIONS,
+        *research.LINK_OPTIONS,
     ),
     dt=0.01,
     t_end=30.0,

@@ -32,6 +32,7 @@ h, rho_inf         time step; spectral radius of an integrator at infinite frequ
 
 import atexit
 import sys
+import warnings
 from importlib import import_module
 from typing import Any
 
@@ -190,47 +191,6 @@ _MODULES = {
     "Robot": "robots.robot",
     "BeamLink": "robots.flexible",
     "FloatingLink": "robots.flexible",
-    "BeamProperties": "moving_base.properties",
-    "Piecewise": "moving_base.properties",
-    "Effects": "moving_base.effects",
-    "effects_of": "moving_base.effects",
-    "PrescribedBase": "moving_base.base",
-    "FreeBase": "moving_base.base",
-    "MovingBaseBeam": "moving_base.beam",
-    "exact_model": "moving_base.exact",
-    "floating_model": "moving_base.floating",
-    "segment_sections": "moving_base.exact",
-    "beam_by_theory": "moving_base.theories",
-    "THEORY_OPTIONS": "moving_base.theories",
-    "TIP_COLUMNS": "moving_base.exact",
-    "LINK_OPTIONS": "moving_base.manipulator",
-    "outboard_link": "moving_base.manipulator",
-    "manipulator_base": "moving_base.manipulator",
-    "constant_angle": "moving_base.manipulator",
-    "smooth_turn": "moving_base.manipulator",
-    "spin_up_angle": "moving_base.manipulator",
-    "EnergyBody": "formalisms.mechanism",
-    "Mechanism": "formalisms.mechanism",
-    "FORMALISMS": "formalisms.mechanism",
-    "FormalismStudy": "formalisms.study",
-    "PlanarFrame": "formalisms.frames",
-    "SpatialFrame": "formalisms.frames",
-    "FrameMotion": "formalisms.frame_motion",
-    "ElementMatrixStudy": "formalisms.matrix_study",
-    "ElementMatrices": "formalisms.element_matrices",
-    "InertiaIntegrals": "formalisms.element_matrices",
-    "element_matrices": "formalisms.element_matrices",
-    "BeamMatter": "formalisms.matter",
-    "PlaneStress": "formalisms.matter",
-    "Solid": "formalisms.matter",
-    "End": "formalisms.joints",
-    "Constraint": "formalisms.joints",
-    "AppliedForce": "formalisms.joints",
-    "end_angle": "formalisms.joints",
-    "end_position": "formalisms.joints",
-    "coincidence": "formalisms.joints",
-    "on_line": "formalisms.joints",
-    "parallel": "formalisms.joints",
     "assemble": "kinematics.assemble",
     "inverse_dynamics": "kinematics.inverse_dynamics",
     "InverseDynamics": "kinematics.inverse_dynamics",
@@ -260,8 +220,6 @@ _MODULES = {
     "Outcome": "simulation.outcome",
     "FunctionError": "_faults",
     "simulate": "simulation.dynamics",
-    "simulate_mechanism": "simulation.formalisms",
-    "compare_formalisms": "simulation.formalisms",
     "solve_static": "simulation.statics",
     "relax": "simulation.relaxation",
     "find_modes": "simulation.modes",
@@ -277,10 +235,23 @@ __all__ = [*_MODULES, "__version__"]  # noqa: PLE0604
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used."""
     if name not in _MODULES:
-        raise AttributeError(f"module 'flexfem' has no attribute '{name}'")
+        return _moved(name)
     value = getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
     globals()[name] = value
     return value
+
+
+def _moved(name: str) -> Any:
+    """The package of studies, or a name of it, which was here in version 0.1 and warns."""
+    research = import_module("flexfem.research")
+    if name == "research":
+        return research
+    if name not in research.__all__:
+        raise AttributeError(f"module 'flexfem' has no attribute '{name}'")
+    warnings.warn(
+        f"flexfem.{name} is flexfem.research.{name} now", DeprecationWarning, stacklevel=3
+    )
+    return getattr(research, name)
 
 
 def __dir__() -> list[str]:

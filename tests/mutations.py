@@ -45,7 +45,7 @@ AREAS: dict[str, tuple[tuple[str, ...], str]] = {
     "readers": (("mesh/imported/*", "robots/*", "io/*table*", "io/reduced*", "mesh/*_reader*"), ""),
     "restarts": (("*",), r"_?(restore|state|recall|resume|kept_rows)$"),
     "outputs": (("io/*", "system/probe*", "system/energies*", "inspection/*"), ""),
-    "papers": (("formalisms/*", "moving_base/*"), ""),
+    "papers": (("research/*",), ""),
 }
 #: Test files that are run because of their names.
 MOST = 3

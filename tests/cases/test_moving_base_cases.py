@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem import research
 from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.cli import command, load_case
 from flexfem.cli.postprocessing import script
@@ -132,13 +133,13 @@ def test_numbers_of_the_cases_are_options() -> None:
     values = {"density": 2000.0, "box_length": 2.0, "channel_second_moment_3": 1e-8, "t_end": 0.1}
     half = case.run(**values, speed=3.0, spin_up_time=0.05, elements=6)
     assert "u2_mean" in half.summary["results"]  # from 0.05 s on
-    link = ff.outboard_link(density=2000.0, box_length=2.0, channel_second_moment_3=1e-8)
+    link = research.outboard_link(density=2000.0, box_length=2.0, channel_second_moment_3=1e-8)
     assert link.length == pytest.approx(2.0 + 16.0 / 3.0)
     at = link.at(np.array([1.0, 3.0]))
     assert at["mass_per_length"] == pytest.approx(2000.0 * np.array([3.84e-4, 7.3e-5]))
     assert at["second_moment_3"] == pytest.approx([1.5e-7, 1e-8])
     with pytest.raises(TypeError, match="unexpected keyword argument 'channel_width'"):
-        ff.outboard_link(channel_width=1.0)
+        research.outboard_link(channel_width=1.0)
 
 
 def test_series_of_an_earlier_model_are_removed(tmp_path: Path) -> None:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 import flexfem as ff
+from flexfem import research
 from flexfem._types import FloatArray
-from flexfem.formalisms.equations import MechanismEquations
-from flexfem.formalisms.formalism import consistent_start
+from flexfem.research.formalisms.equations import MechanismEquations
+from flexfem.research.formalisms.formalism import consistent_start
 
 # soft enough that inertia, gravity and elasticity are of one size
 RUBBER = ff.Material(youngs_modulus=2e6, poisson_ratio=0.3, density=1200.0)
@@ -32,8 +33,12 @@ def mesh(element: str, length: float, elements: int = 1) -> Callable[[Any], Any]
 
 def matter(element: str, spatial: bool, **more: Any) -> Any:
     if element == "beam":
-        return ff.BeamMatter(RUBBER, SIZE, 1.5 * SIZE, spatial=spatial, **more)
-    return ff.PlaneStress(RUBBER, SIZE, **more) if element == "plane" else ff.Solid(RUBBER, **more)
+        return research.BeamMatter(RUBBER, SIZE, 1.5 * SIZE, spatial=spatial, **more)
+    return (
+        research.PlaneStress(RUBBER, SIZE, **more)
+        if element == "plane"
+        else research.Solid(RUBBER, **more)
+    )
 
 
 def chord(length: float, components: int, rotations: bool) -> Callable[[FloatArray], Any]:
@@ -59,25 +64,31 @@ def chord(length: float, components: int, rotations: bool) -> Callable[[FloatArr
 def body(
     name: str, element: str, spatial: bool, length: float, *, elements: int = 1,
     damping: float = 0.0, degree: int = 1, **start: Any,
-) -> ff.EnergyBody:  # fmt: skip
+) -> research.EnergyBody:  # fmt: skip
     own = matter(element, spatial, damping=damping, degree=degree)
-    frame = ff.SpatialFrame() if spatial else ff.PlanarFrame()
+    frame = research.SpatialFrame() if spatial else research.PlanarFrame()
     held = chord(length, own.components, element == "beam")
-    return ff.EnergyBody(name, own, frame, mesh(element, length, elements), held, **start)
+    return research.EnergyBody(name, own, frame, mesh(element, length, elements), held, **start)
 
 
-def pair(element: str, spatial: bool, **more: Any) -> ff.Mechanism:
+def pair(element: str, spatial: bool, **more: Any) -> research.Mechanism:
     """Two bodies, the first on the ground, with a moment or a force between them."""
     first = body("first", element, spatial, 0.5, **more)
     second = body("second", element, spatial, 0.4, origin=(0.5, 0.0, 0.0), **more)
-    end = ff.End("first", (0.5, 0.0, 0.0))
+    end = research.End("first", (0.5, 0.0, 0.0))
     joints = (
-        ff.Constraint("hinge", (ff.End("first", (0.0, 0.0, 0.0)),), ff.end_position, (0.0,) * 3),
-        ff.Constraint("pin", (end, ff.End("second", (0.0, 0.0, 0.0))), ff.coincidence),
+        research.Constraint(
+            "hinge", (research.End("first", (0.0, 0.0, 0.0)),), research.end_position, (0.0,) * 3
+        ),
+        research.Constraint(
+            "pin", (end, research.End("second", (0.0, 0.0, 0.0))), research.coincidence
+        ),
     )
-    tip = ff.End("second", (0.4, 0.0, 0.0))
-    force = ff.AppliedForce("push", (tip,), ff.end_position, lambda t: 0.3 + t, (0.1, 0.2, 0.3))
-    return ff.Mechanism("pair", (first, second), joints, (force,), GRAVITY, observed=tip)
+    tip = research.End("second", (0.4, 0.0, 0.0))
+    force = research.AppliedForce(
+        "push", (tip,), research.end_position, lambda t: 0.3 + t, (0.1, 0.2, 0.3)
+    )
+    return research.Mechanism("pair", (first, second), joints, (force,), GRAVITY, observed=tip)
 
 
 def random_state(

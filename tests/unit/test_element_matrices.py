@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.formalisms.equations import MechanismEquations
-from flexfem.formalisms.formalism import accelerations, consistent_start
-from flexfem.simulation.element_tables import tabulate_elements
+from flexfem import research
+from flexfem.research.formalisms.equations import MechanismEquations
+from flexfem.research.formalisms.formalism import accelerations, consistent_start
+from flexfem.research.formalisms.runs.element_tables import tabulate_elements
 from tests.unit import elastic_bodies as eb
 from tests.unit.refusals import assert_on_page
 
@@ -40,7 +41,7 @@ def by_names(matrices):
 def test_matrices_of_a_spatial_beam_in_closed_form(degree):
     """Integrals of Lagrange's polynomials, taken by NumPy; rotary inertia of the section too."""
     body = one_body("beam", True, degree=degree)
-    found = ff.element_matrices(body, OMEGA, EPSILON, 0)
+    found = research.element_matrices(body, OMEGA, EPSILON, 0)
     places = np.linspace(0.0, 1.0, degree + 1)
     shapes = []
     for xa in places:
@@ -107,14 +108,14 @@ def test_matrices_of_a_spatial_beam_in_closed_form(degree):
 @pytest.mark.parametrize("kind", KINDS, ids=str)
 def test_a_body_is_the_sum_of_its_elements(kind):
     body = one_body(*kind, elements=2)
-    whole = ff.element_matrices(body, OMEGA, EPSILON)
+    whole = research.element_matrices(body, OMEGA, EPSILON)
     number = {
         (tuple(np.round(x, 9)), int(i)): k
         for k, (x, i) in enumerate(zip(whole.points, whole.components, strict=True))
     }
     summed, forces = np.zeros_like(whole.k_omega), np.zeros_like(whole.q_epsilon)
     for element in range(2 if kind[0] == "beam" else 4 if kind[0] == "plane" else 12):
-        one = ff.element_matrices(body, OMEGA, EPSILON, element)
+        one = research.element_matrices(body, OMEGA, EPSILON, element)
         pairs = zip(one.points, one.components, strict=True)
         own = [number[tuple(np.round(x, 9)), int(i)] for x, i in pairs]
         summed[np.ix_(own, own)] += one.k_omega
@@ -135,7 +136,7 @@ def turning(spatial):
         return (2 * t, t**3, out * t * t), (2.0, 3 * t * t, 2 * out * t), (0.0, 6 * t, 2 * out)
 
     about = [((0.0, 0.0, 1.0), lambda t: (0.4 + 5.0 * t + 3.0 * t * t, 5.0 + 6.0 * t, 6.0))]
-    return ff.FrameMotion(path, [*about, ((1.0, 2.0, -1.0), swing)] if spatial else about)
+    return research.FrameMotion(path, [*about, ((1.0, 2.0, -1.0), swing)] if spatial else about)
 
 
 def rotation_rates(body, t):
@@ -157,7 +158,7 @@ def rotation_rates(body, t):
 def test_bodies_in_prescribed_frames_obey_the_element_equations(kind, rng):
     """Accelerations of all formalisms against m^-1 of all terms that the matrices make."""
     body = one_body(*kind, elements=1, motion=turning(kind[1]), origin=(0.1, 0.2, 0.0))
-    model = MechanismEquations(ff.Mechanism("driven", (body,), gravity=eb.GRAVITY))
+    model = MechanismEquations(research.Mechanism("driven", (body,), gravity=eb.GRAVITY))
     t, count = 0.3, body.frame.count
     q, v = np.zeros(model.size), np.zeros(model.size)
     g, gd, gdd = body.prescribed(t)
@@ -166,13 +167,13 @@ def test_bodies_in_prescribed_frames_obey_the_element_equations(kind, rng):
     v[count:] = 0.1 * rng.standard_normal(model.size - count)
     R, omega, epsilon = rotation_rates(body, t)
     rest = np.array([*gdd[:2], gdd[2] if kind[1] else 0.0]) - eb.GRAVITY
-    e = ff.element_matrices(body, omega, epsilon).of_free()
+    e = research.element_matrices(body, omega, epsilon).of_free()
     # the coordinates come node by node, as the matrices' rows do
     u, ud = q[count:], v[count:]
     r = e.c @ ud + (e.k + e.k_epsilon + e.k_omega) @ u + e.q_epsilon + e.q_omega
     r += e.m_origin @ (R.T @ rest)
     expected = -np.linalg.solve(e.m, r)
-    for name in ff.FORMALISMS:
+    for name in research.FORMALISMS:
         found = accelerations(name, model, q, v, t)
         # differences give omega and epsilon to 1e-7; any term left out is 1e-3 of the sum
         np.testing.assert_allclose(found[count:], expected, atol=3e-6 * np.abs(expected).max())
@@ -189,7 +190,7 @@ def test_rates_of_a_prescribed_frame_are_differences(rng):
         # a missing product term is of the size of the rate
         np.testing.assert_allclose(now[k], slope, atol=1e-6 * np.abs(slope).max())
     assert abs(np.linalg.norm(now[0][3:]) - 1.0) < 1e-15
-    q, v = consistent_start(MechanismEquations(ff.Mechanism("driven", (body,))))
+    q, v = consistent_start(MechanismEquations(research.Mechanism("driven", (body,))))
     np.testing.assert_allclose(q[:7], body.prescribed(0.0)[0], atol=1e-15)
     np.testing.assert_allclose(v[:7], body.prescribed(0.0)[1], atol=1e-13)
 
@@ -200,13 +201,15 @@ def still(t):
 
 BAD = {
     "the rate of its motion is": {
-        "motion": ff.FrameMotion(None, [((0, 0, 1), lambda t: (t, 2.0, 0.0))])
+        "motion": research.FrameMotion(None, [((0, 0, 1), lambda t: (t, 2.0, 0.0))])
     },
-    "the second rate of its motion is": {"motion": ff.FrameMotion(lambda t: (t * t, 2 * t, 1.0))},
-    "its motion leaves the plane": {"motion": ff.FrameMotion(None, [((0, 1, 1), still)])},
-    "motion must return value, rate and second rate": {"motion": ff.FrameMotion(lambda t: t)},
+    "the second rate of its motion is": {
+        "motion": research.FrameMotion(lambda t: (t * t, 2 * t, 1.0))
+    },
+    "its motion leaves the plane": {"motion": research.FrameMotion(None, [((0, 1, 1), still)])},
+    "motion must return value, rate and second rate": {"motion": research.FrameMotion(lambda t: t)},
     "its motion is prescribed, leave out its velocities": {
-        "motion": ff.FrameMotion(), "velocity": (1.0, 0.0, 0.0)
+        "motion": research.FrameMotion(), "velocity": (1.0, 0.0, 0.0)
     },
     "must be a FrameMotion": {"motion": still},
 }  # fmt: skip
@@ -216,19 +219,19 @@ BAD = {
 @pytest.mark.parametrize("message", BAD)
 def test_motions_that_are_wrong_are_refused(message):
     with pytest.raises((ValueError, TypeError), match=message) as raised:
-        ff.Mechanism("driven", (one_body("beam", False, **BAD[message]),)).validate()
+        research.Mechanism("driven", (one_body("beam", False, **BAD[message]),)).validate()
     assert_on_page(str(raised.value))
 
 
 @pytest.mark.serial
 def test_wrong_arguments_are_refused():
     body = one_body("beam", False)
-    whole = ff.InertiaIntegrals(body)
+    whole = research.InertiaIntegrals(body)
     for message, make in {
-        "there is no element 7, the mesh has 1": lambda: ff.InertiaIntegrals(body, 7),
+        "there is no element 7, the mesh has 1": lambda: research.InertiaIntegrals(body, 7),
         "omega must hold 3 numbers": lambda: whole.at((1.0, 2.0), EPSILON),
-        "rotations must be pairs": lambda: ff.FrameMotion(None, [still]),
-        "translation must be a function": lambda: ff.FrameMotion(3.0),
+        "rotations must be pairs": lambda: research.FrameMotion(None, [still]),
+        "translation must be a function": lambda: research.FrameMotion(3.0),
     }.items():  # fmt: skip
         with pytest.raises((ValueError, TypeError), match=message) as raised:
             make()
@@ -238,7 +241,7 @@ def test_wrong_arguments_are_refused():
 @pytest.mark.serial
 def test_tables_hold_every_entry(tmp_path, capsys):
     bodies = {("beam",): one_body("beam", False), ("bar",): one_body("beam", True)}
-    study = ff.ElementMatrixStudy(bodies, ("kind",), OMEGA, EPSILON)
+    study = research.ElementMatrixStudy(bodies, ("kind",), OMEGA, EPSILON)
     options = {"dt": 1.0, "t_end": 1.0, "output": tmp_path}
     outcome = tabulate_elements(study, ff.RunOptions(**options))
     assert (outcome.status, outcome.summary["unknowns"]) == ("ok", 6 + 12)
@@ -247,7 +250,7 @@ def test_tables_hold_every_entry(tmp_path, capsys):
     assert "k(omega)" in printed
     rows = list(csv.DictReader((tmp_path / "matrices.csv").read_text().splitlines()))
     for (kind,), body in bodies.items():
-        found = ff.element_matrices(body, OMEGA, EPSILON, 0)
+        found = research.element_matrices(body, OMEGA, EPSILON, 0)
         own = [row for row in rows if row["kind"] == kind]
         assert len(own) == 5 * found.m.size + 2 * len(found.free) + found.m_origin.size
         for title, values in (("k(omega)", found.k_omega), ("m_Oi", found.m_origin)):
@@ -269,6 +272,6 @@ def test_tables_hold_every_entry(tmp_path, capsys):
 
 @pytest.mark.three_ranks
 def test_every_rank_has_the_same_matrices():
-    own = ff.element_matrices(one_body("beam", False), OMEGA, EPSILON)
+    own = research.element_matrices(one_body("beam", False), OMEGA, EPSILON)
     for other in MPI.COMM_WORLD.allgather(own.k_omega + own.m):
         np.testing.assert_array_equal(other, own.k_omega + own.m)

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem import research
 from flexfem._faults import ReturnError
 from flexfem.core.pose import Pose
 from flexfem.io import read_history
@@ -506,7 +507,7 @@ def test_equations_of_mechanisms(start: float, only: int | None, shared_tmp_path
     model = replace(model, forces=(replace(model.forces[0], force=force),))
     folder = shared_tmp_path / "new"
     with pytest.raises((ff.FunctionError, ValueError)) as raised:
-        ff.simulate_mechanism(model, options(folder))
+        research.simulate_mechanism(model, options(folder))
     owner, late = "SchemedMotion" if start else model.forces[0].owner, start == WHEN
     words = re.escape(owner) + r": force \(test_faults.py, line \d+\): KeyError: 'no key'"
     assert re.fullmatch(words, str(raised.value))

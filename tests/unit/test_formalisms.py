@@ -15,12 +15,17 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-import flexfem as ff
-from flexfem.formalisms.compiled import energies_of
-from flexfem.formalisms.counting import Count, count_form, count_operations
-from flexfem.formalisms.equations import MechanismEquations
-from flexfem.formalisms.formalism import accelerations, consistent_start, null_space, partition
-from flexfem.formalisms.motion import FormalismMotion
+from flexfem import research
+from flexfem.research.formalisms.compiled import energies_of
+from flexfem.research.formalisms.counting import Count, count_form, count_operations
+from flexfem.research.formalisms.equations import MechanismEquations
+from flexfem.research.formalisms.formalism import (
+    accelerations,
+    consistent_start,
+    null_space,
+    partition,
+)
+from flexfem.research.formalisms.motion import FormalismMotion
 from tests.unit import elastic_bodies as eb
 
 KINDS = [("beam", False), ("beam", True), ("plane", False), ("solid", True)]
@@ -41,8 +46,8 @@ def pair(request):
 def test_formalisms_give_the_same_accelerations(pair, rng):
     for _ in range(3):
         q, v = eb.random_state(pair, rng)
-        ways = {name: accelerations(name, pair, q, v, 0.2) for name in ff.FORMALISMS}
-        for name in ff.FORMALISMS[1:]:
+        ways = {name: accelerations(name, pair, q, v, 0.2) for name in research.FORMALISMS}
+        for name in research.FORMALISMS[1:]:
             # round-off of a mass matrix of condition 1e3; any term left out is 1e-3 or more
             assert relative(ways[name], ways["lagrange"]) < 1e-12, name
         # the constraints are kept: a wrong bias term would leave 1e-2
@@ -170,7 +175,7 @@ class Hand:
 def solid():
     """A free solid in space, on springs to nothing, with gravity."""
     own = eb.body("free", "solid", True, 0.5, elements=2)
-    return MechanismEquations(ff.Mechanism("free", (own,), gravity=eb.GRAVITY))
+    return MechanismEquations(research.Mechanism("free", (own,), gravity=eb.GRAVITY))
 
 
 def rates_of_parameters(p, omega, epsilon):
@@ -243,9 +248,9 @@ def test_uniform_rotation_gives_nodal_centrifugal_forces(solid):
 def test_beams_bend_twist_and_weigh_as_in_closed_form():
     """Cantilever under a tip load and its weight; solved in the elastic coordinates alone."""
     length, material = 0.5, eb.RUBBER
-    own = ff.BeamMatter(material, eb.SIZE, 1.5 * eb.SIZE, spatial=True)
-    body = ff.EnergyBody("arm", own, ff.SpatialFrame(), eb.mesh("beam", length, 4))
-    equations = MechanismEquations(ff.Mechanism("arm", (body,), gravity=(0.0, -0.1, 0.0)))
+    own = research.BeamMatter(material, eb.SIZE, 1.5 * eb.SIZE, spatial=True)
+    body = research.EnergyBody("arm", own, research.SpatialFrame(), eb.mesh("beam", length, 4))
+    equations = MechanismEquations(research.Mechanism("arm", (body,), gravity=(0.0, -0.1, 0.0)))
     q, v = equations.start
     K = -equations.matrix("hamilton", (0.0, 0.0, 1.0), q, v)[7:, 7:]
     u = np.linalg.solve(K, equations.vector("force", q, v)[7:])
@@ -271,15 +276,15 @@ def test_prescribed_motion_and_revolute_joint_in_space(rng):
     """A driven frame, and a hinge whose axis follows the section of a beam."""
     first = eb.body("first", "beam", True, 0.5)
     second = eb.body("second", "beam", True, 0.4, origin=(0.5, 0.0, 0.0))
-    tip, root = ff.End("first", (0.5, 0.0, 0.0)), ff.End("second", (0.0, 0.0, 0.0))
+    tip, root = research.End("first", (0.5, 0.0, 0.0)), research.End("second", (0.0, 0.0, 0.0))
     axes = (0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     joints = (
-        ff.Constraint("ground", (ff.End("first"),), ff.end_position, (0.0,) * 3),
-        ff.Constraint("drive", (tip,), _height, motion=_sine),
-        ff.Constraint("pin", (tip, root), ff.coincidence),
-        ff.Constraint("hinge", (tip, root), ff.parallel, axes),
+        research.Constraint("ground", (research.End("first"),), research.end_position, (0.0,) * 3),
+        research.Constraint("drive", (tip,), _height, motion=_sine),
+        research.Constraint("pin", (tip, root), research.coincidence),
+        research.Constraint("hinge", (tip, root), research.parallel, axes),
     )
-    equations = MechanismEquations(ff.Mechanism("driven", (first, second), joints))
+    equations = MechanismEquations(research.Mechanism("driven", (first, second), joints))
     t = 0.3
     q, v = equations.start
     equations.start = (
@@ -288,7 +293,7 @@ def test_prescribed_motion_and_revolute_joint_in_space(rng):
     q, v = consistent_start(equations, t)
     assert np.abs(equations.gaps(q, t)).max() < 1e-12  # the start is closed at the given time
     assert equations.position(tip, q)[1] == pytest.approx(_sine(t)[0], rel=1e-12)
-    ways = [accelerations(name, equations, q, v, t) for name in ff.FORMALISMS]
+    ways = [accelerations(name, equations, q, v, t) for name in research.FORMALISMS]
     for other in ways[1:]:
         assert relative(other, ways[0]) < 1e-11  # twice the constraints, ten times the condition
     h = 1e-5

@@ -10,13 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexfem.lie import so3
-from flexfem.moving_base.base import PrescribedBase
-from flexfem.moving_base.basis import Basis, analytic_basis, modal_basis
-from flexfem.moving_base.effects import Effects, effects_of
-from flexfem.moving_base.equations import PrescribedBaseEquations, Setting
-from flexfem.moving_base.inertia import Inertia, inertia_of
-from flexfem.moving_base.properties import BeamProperties, Piecewise
-from flexfem.moving_base.rotations import rotation_matrices
+from flexfem.research.moving_base.base import PrescribedBase
+from flexfem.research.moving_base.basis import Basis, analytic_basis, modal_basis
+from flexfem.research.moving_base.effects import Effects, effects_of
+from flexfem.research.moving_base.equations import PrescribedBaseEquations, Setting
+from flexfem.research.moving_base.inertia import Inertia, inertia_of
+from flexfem.research.moving_base.properties import BeamProperties, Piecewise
+from flexfem.research.moving_base.rotations import rotation_matrices
 
 pytestmark = pytest.mark.serial
 

@@ -10,11 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexfem as ff
-from flexfem.formalisms.equations import MechanismEquations
-from flexfem.formalisms.formalism import accelerations, consistent_start
-from flexfem.simulation.formalism_findings import findings
-from flexfem.simulation.formalism_motion import SideBySide
-from flexfem.simulation.formalisms import compare_formalisms, simulate_mechanism
+from flexfem import research
+from flexfem.research.formalisms.equations import MechanismEquations
+from flexfem.research.formalisms.formalism import accelerations, consistent_start
+from flexfem.research.formalisms.runs.comparison import compare_formalisms, simulate_mechanism
+from flexfem.research.formalisms.runs.findings import findings
+from flexfem.research.formalisms.runs.motion import SideBySide
 from flexfem.simulation.paired_timing import REPEATS, ratio_range, timed_in_turns
 from tests.unit import elastic_bodies as eb
 from tests.unit.refusals import assert_on_page
@@ -61,7 +62,7 @@ def test_all_formalisms_converge_to_the_same_motion(spatial):
     expected = reference(model)
     ends, drifts = [], []
     for steps in (40, 80):
-        both = SideBySide(model, ff.FORMALISMS)
+        both = SideBySide(model, research.FORMALISMS)
         settings = options(END / steps)
         assert both.stepper.begin(both, settings).value == "ok"
         first = np.array(both.observe(both.stepper.motion)).reshape(4, 4)
@@ -101,7 +102,7 @@ def test_a_run_leaves_complete_results_and_goes_on(tmp_path):
 
 def test_a_study_restarts_all_its_formalisms(tmp_path):
     names = ("lagrange", "gibbs_appell", "hamilton")
-    study = ff.FormalismStudy({("beam",): mechanism(False)}, ("element",), names, steps=1)
+    study = research.FormalismStudy({("beam",): mechanism(False)}, ("element",), names, steps=1)
     whole = compare_formalisms(study, options(1e-3, t_end=4e-3))
     compare_formalisms(study, options(1e-3, t_end=2e-3, output=tmp_path, checkpoint_every=2))
     restart = tmp_path / "checkpoint_000002.h5"
@@ -170,25 +171,36 @@ def test_times_are_taken_in_turns():
 
 BAD = {
     'there is no body "third"': {
-        "joints": (ff.Constraint("a", (ff.End("third"),), ff.end_position, (0.0,) * 3),)
+        "joints": (
+            research.Constraint("a", (research.End("third"),), research.end_position, (0.0,) * 3),
+        )
     },
     'the name "first" is used twice': {
-        "joints": (ff.Constraint("first", (ff.End("first"),), ff.end_position, (0.0,) * 3),)
+        "joints": (
+            research.Constraint(
+                "first", (research.End("first"),), research.end_position, (0.0,) * 3
+            ),
+        )
     },
     "formalism must be one of": {"formalism": "newton"},
     "gravity must hold 3 numbers": {"gravity": (0.0, 1.0)},
     "has no node at": {
         "joints": (
-            ff.Constraint("a", (ff.End("first", (0.1, 0.0, 0.0)),), ff.end_position, (0.0,) * 3),
+            research.Constraint(
+                "a", (research.End("first", (0.1, 0.0, 0.0)),), research.end_position, (0.0,) * 3
+            ),
         )
     },
     "hold the same motion twice": {
         "joints": tuple(
-            ff.Constraint(n, (ff.End("first"),), ff.end_position, (0.0,) * 3) for n in "ab"
+            research.Constraint(n, (research.End("first"),), research.end_position, (0.0,) * 3)
+            for n in "ab"
         )
     },
     "must return numbers": {
-        "joints": (ff.Constraint("a", (ff.End("first"),), lambda end, data: [end.position]),)
+        "joints": (
+            research.Constraint("a", (research.End("first"),), lambda end, data: [end.position]),
+        )
     },
 }
 
@@ -217,16 +229,18 @@ def test_bodies_that_slip_in_their_frames_are_refused():
         simulate_mechanism(replace(own, bodies=(other, own.bodies[1])), options(1e-3))
 
 
-@pytest.mark.parametrize("formalism", ff.FORMALISMS)
+@pytest.mark.parametrize("formalism", research.FORMALISMS)
 def test_applied_forces_change_the_momentum_by_their_impulse(formalism):
     """A free beam that starts at rest; forces linear in time, of which no scheme misses a part."""
     start, rate, spans = np.array([3.0, -5.0]), np.array([4e3, 2e3]), 5
-    push = ff.AppliedForce(
-        "push", (ff.End("rod", (0.5, 0.0, 0.0)),), ff.end_position,
+    push = research.AppliedForce(
+        "push", (research.End("rod", (0.5, 0.0, 0.0)),), research.end_position,
         lambda t: start + rate * t, (0.0, 0.0),
     )  # fmt: skip
     rod = eb.body("rod", "beam", False, 0.5)
-    model = MechanismEquations(ff.Mechanism("free", (rod,), (), (push,), observed=push.ends[0]))
+    model = MechanismEquations(
+        research.Mechanism("free", (rod,), (), (push,), observed=push.ends[0])
+    )
     both, h = SideBySide(model, (formalism,)), 2e-4
     assert both.stepper.begin(both, options(h, spans * h)).value == "ok"
     for k in range(spans):

@@ -8,7 +8,8 @@ import pytest
 import scipy.linalg
 
 import flexfem as ff
-from flexfem.moving_base.equations import PrescribedBaseEquations
+from flexfem import research
+from flexfem.research.moving_base.equations import PrescribedBaseEquations
 from flexfem.simulation.equations import simulate_equations
 from tests.unit.refusals import assert_on_page
 from tests.verification.benchmarks.flexible_spin_up import EXTENSION, PEAK, REFERENCE, _angle
@@ -21,33 +22,36 @@ WRIGHT = [
     3.5160, 3.6816, 4.1373, 4.7973, 5.5850, 6.4495, 7.3604, 8.2996, 9.2568, 10.2257, 11.2023,
     12.1843, 13.1702,
 ]  # fmt: skip
-STILL = ff.PrescribedBase()
+STILL = research.PrescribedBase()
 
 
-def unit_beam(**changes: Any) -> ff.BeamProperties:
+def unit_beam(**changes: Any) -> research.BeamProperties:
     """Uniform beam with length, mass per length and bending rigidity one."""
     values: dict[str, Any] = {
         "length": 1.0, "youngs_modulus": 1.0, "shear_modulus": 1.0, "mass_per_length": 1.0,
         "area": 1e6, "second_moment_2": 1.0, "second_moment_3": 1.0, "torsion_constant": 1.0,
     }  # fmt: skip
-    return ff.BeamProperties(**{**values, **changes})
+    return research.BeamProperties(**{**values, **changes})
 
 
 def equations(
-    properties: ff.BeamProperties, base: ff.PrescribedBase, effects: ff.Effects, **more: Any
+    properties: research.BeamProperties,
+    base: research.PrescribedBase,
+    effects: research.Effects,
+    **more: Any,
 ) -> PrescribedBaseEquations:
-    source = ff.MovingBaseBeam(properties=properties, base=base, effects=effects, **more)
+    source = research.MovingBaseBeam(properties=properties, base=base, effects=effects, **more)
     source.validate()
     made = source.equations()
     assert isinstance(made, PrescribedBaseEquations)
     return made
 
 
-def spinning(speed: float, axis: int = 2, hub: float = 0.0) -> ff.PrescribedBase:
+def spinning(speed: float, axis: int = 2, hub: float = 0.0) -> research.PrescribedBase:
     """Steady rotation about an axis through a point ``hub`` before the root."""
     omega = speed * np.eye(3)[axis]
     velocity = np.cross(omega, [hub, 0.0, 0.0])
-    return ff.PrescribedBase(velocity=lambda t: velocity, angular_velocity=lambda t: omega)
+    return research.PrescribedBase(velocity=lambda t: velocity, angular_velocity=lambda t: omega)
 
 
 def ritz(spin: float, count: int = 16) -> Any:
@@ -67,7 +71,7 @@ def ritz(spin: float, count: int = 16) -> Any:
 
 @pytest.mark.parametrize("out_of_plane", [True, False])
 def test_frequencies_of_rotating_beams(out_of_plane: bool) -> None:
-    effects = ff.Effects(in_plane=not out_of_plane, out_of_plane=out_of_plane).without(
+    effects = research.Effects(in_plane=not out_of_plane, out_of_plane=out_of_plane).without(
         "shear", "rotary_inertia", "extension", "torsion"
     )
     for spin, published in enumerate(WRIGHT):
@@ -84,7 +88,7 @@ def test_frequencies_of_rotating_beams(out_of_plane: bool) -> None:
 @pytest.mark.parametrize("theory", ["premature", "conventional"])
 def test_theories_without_stiffening_soften(theory: str) -> None:
     without = ("shear", "rotary_inertia", "extension", "torsion", "out_of_plane")
-    effects = ff.effects_of(theory, without=without)
+    effects = research.effects_of(theory, without=without)
     for spin in (1.0, 3.0, 4.0):
         eq = equations(unit_beam(), spinning(spin), effects, modes=6)
         lowest = np.linalg.eigvalsh(eq.matrices(0.0)[1])[0]
@@ -92,7 +96,9 @@ def test_theories_without_stiffening_soften(theory: str) -> None:
 
 
 def test_functions_need_not_be_modes() -> None:
-    effects = ff.Effects().without("shear", "rotary_inertia", "extension", "torsion", "in_plane")
+    effects = research.Effects().without(
+        "shear", "rotary_inertia", "extension", "torsion", "in_plane"
+    )
     eq = equations(unit_beam(), spinning(6.0), effects, analytic=(0, 0, 10, 0))
     found = np.sqrt(np.linalg.eigvalsh(eq.matrices(0.0)[1])[:3])
     assert np.allclose(found, ritz(6.0), rtol=1e-4)
@@ -107,10 +113,10 @@ def test_static_limits_of_a_beam_on_an_accelerated_base() -> None:
         shear_ratio_3=1.9, eccentricity_3=offset,
     )  # fmt: skip
     a1, a2, a3 = acceleration = np.array([0.3e-6, 0.2e-6, -0.5e-6])  # its stiffness is nothing
-    base = ff.PrescribedBase(
+    base = research.PrescribedBase(
         velocity=lambda t: t * acceleration, acceleration=lambda t: acceleration
     )
-    eq = equations(properties, base, ff.Effects(), modes=40)
+    eq = equations(properties, base, research.Effects(), modes=40)
     _, K, F = eq.matrices(0.0)
     u2, u3, twist, s = eq._tip(np.linalg.solve(K, F))
     load = -rho * acceleration
@@ -135,8 +141,8 @@ def test_warping_held_at_the_root_stiffens_torsion() -> None:
         eccentricity_3=0.1,
     )  # fmt: skip
     rate = np.array([0.0, 1e-6, 0.0])
-    base = ff.PrescribedBase(velocity=lambda t: t * rate, acceleration=lambda t: rate)
-    effects = ff.Effects(in_plane=False, out_of_plane=False, extension=False)
+    base = research.PrescribedBase(velocity=lambda t: t * rate, acceleration=lambda t: rate)
+    effects = research.Effects(in_plane=False, out_of_plane=False, extension=False)
     eq = equations(properties, base, effects, modes=20)
     _, K, F = eq.matrices(0.0)
     twist = eq._tip(np.linalg.solve(K, F))[2]
@@ -151,21 +157,21 @@ def test_warping_held_at_the_root_stiffens_torsion() -> None:
     assert twist < 0.4 * abs(m) * length**2 / (2.0 * g * j)  # what it is without warping
 
 
-def spin_up_beam() -> ff.BeamProperties:
+def spin_up_beam() -> research.BeamProperties:
     """The published beam of 10 that is spun up."""
-    return ff.BeamProperties(
+    return research.BeamProperties(
         length=10.0, youngs_modulus=1.0, shear_modulus=1.0, mass_per_length=1.2, area=2.8e7,
         second_moment_2=1.4e4, second_moment_3=1.4e4, torsion_constant=1.4e4,
         shear_ratio_2=2.8, shear_ratio_3=2.8,
     )  # fmt: skip
 
 
-def _plane(theory: str) -> ff.MovingBaseBeam:
-    still = ff.constant_angle(0.0)
-    base = ff.manipulator_base(still, ff.spin_up_angle(), still, link_1=0.0, link_2=0.0)
-    return ff.MovingBaseBeam(
+def _plane(theory: str) -> research.MovingBaseBeam:
+    still = research.constant_angle(0.0)
+    base = research.manipulator_base(still, research.spin_up_angle(), still, link_1=0.0, link_2=0.0)
+    return research.MovingBaseBeam(
         properties=spin_up_beam(), base=base, modes=6, elements=10,
-        effects=ff.effects_of(theory, without=("torsion", "out_of_plane")),
+        effects=research.effects_of(theory, without=("torsion", "out_of_plane")),
     )  # fmt: skip
 
 
@@ -182,7 +188,7 @@ def test_spin_up_follows_the_exact_beam_and_conventional_theory_diverges() -> No
     short = ff.RunOptions(dt=0.02, t_end=10.0, quiet=True)
     wrong = simulate_equations(_plane("conventional"), short).history["u2"]
     assert wrong.min() < -10.0  # of a beam of length 10
-    assert ff.spin_up_angle()(7.0)[0] == pytest.approx(_angle(7.0))
+    assert research.spin_up_angle()(7.0)[0] == pytest.approx(_angle(7.0))
 
 
 def test_base_of_the_manipulator_moves_as_its_links_do() -> None:
@@ -191,7 +197,7 @@ def test_base_of_the_manipulator_moves_as_its_links_do() -> None:
             a + b * np.sin(b * t), b * b * np.cos(b * t), -(b**3) * np.sin(b * t)
         )  # fmt: skip
 
-    base = ff.manipulator_base(
+    base = research.manipulator_base(
         wobble(0.3, 1.1), wobble(1.0, 0.7), wobble(2.0, -0.9), link_1=3.0, link_2=2.0
     )
     assert base.position is not None
@@ -210,11 +216,11 @@ def test_base_of_the_manipulator_moves_as_its_links_do() -> None:
 
 
 def test_link_at_rest_vibrates_as_exact_elements_do() -> None:
-    link = ff.outboard_link()
-    base = ff.PrescribedBase(position=lambda t: (0, 0, 0), rotation=lambda t: np.eye(3))
-    model = ff.exact_model(link, base, elements=24, warping=False)
+    link = research.outboard_link()
+    base = research.PrescribedBase(position=lambda t: (0, 0, 0), rotation=lambda t: np.eye(3))
+    model = research.exact_model(link, base, elements=24, warping=False)
     exact = ff.find_modes(model, ff.ModeOptions(modes=6, frames=0, quiet=True)).history["frequency"]
-    eq = equations(link, base, ff.effects_of("consistent", without=["warping"]))
+    eq = equations(link, base, research.effects_of("consistent", without=["warping"]))
     modes = eq.basis.frequencies[:6] / (2.0 * np.pi)
     # two-node elements are 1 per cent stiff; without eccentricity the second is 2 per cent higher
     assert np.allclose(modes, exact, rtol=0.012)
@@ -222,12 +228,12 @@ def test_link_at_rest_vibrates_as_exact_elements_do() -> None:
 
 def test_small_motion_is_that_of_exact_elements() -> None:
     """The first second and a half of the spin-up: twist 0.08 rad, acceleration off the axis."""
-    still = ff.constant_angle(0.0)
-    base = ff.manipulator_base(still, ff.spin_up_angle(), still, link_1=0.0)
-    link = ff.outboard_link()
+    still = research.constant_angle(0.0)
+    base = research.manipulator_base(still, research.spin_up_angle(), still, link_1=0.0)
+    link = research.outboard_link()
     options = ff.RunOptions(dt=0.02, t_end=1.5, quiet=True)
-    exact = ff.simulate(ff.exact_model(link, base, elements=12), options).history
-    source = ff.MovingBaseBeam(properties=link, base=base)
+    exact = ff.simulate(research.exact_model(link, base, elements=12), options).history
+    source = research.MovingBaseBeam(properties=link, base=base)
     linear = simulate_equations(source, options).history
     for name, tolerance in (("u2", 0.01), ("theta1", 0.08)):
         size = np.abs(exact[name]).max()
@@ -247,8 +253,8 @@ def test_deflected_beam_vibrates_with_modal_damping() -> None:
     shape = eq.basis.node_fields[1] @ q
     x = eq.basis.nodes
     assert np.allclose(shape, 0.05 * (3.0 * x**2 - x**3), atol=4e-3)
-    source = ff.MovingBaseBeam(
-        properties=slender(), base=STILL, effects=ff.Effects(out_of_plane=False), modes=3,
+    source = research.MovingBaseBeam(
+        properties=slender(), base=STILL, effects=research.Effects(out_of_plane=False), modes=3,
         elements=3, displacement={"u2": 0.1, "theta1": -0.2}, **given,
     )  # fmt: skip
     options = ff.RunOptions(dt=2e-3, t_end=2.0, rho_inf=1.0, quiet=True)
@@ -287,18 +293,18 @@ def test_free_base_starts_with_a_deflected_beam() -> None:
         assert np.abs(history[name] - history[name][0]).max() < 1e-3
 
 
-def free(speed: float = 1.0, **changes: Any) -> ff.MovingBaseBeam:
+def free(speed: float = 1.0, **changes: Any) -> research.MovingBaseBeam:
     """Satellite with a boom; ``speed`` multiplies its rotation."""
-    properties = ff.BeamProperties(
+    properties = research.BeamProperties(
         length=2.0, youngs_modulus=1e4, shear_modulus=4e3, mass_per_length=0.5, area=0.02,
         second_moment_2=2e-4, second_moment_3=1e-4, torsion_constant=1e-4, eccentricity_3=0.02,
         shear_ratio_2=1.2, shear_ratio_3=1.2,
     )  # fmt: skip
-    base = ff.FreeBase(
+    base = research.FreeBase(
         mass=3.0, inertia=(0.4, 0.5, 0.6), centre=(-0.2, 0.1, 0.05), velocity=(0.1, 0.2, -0.3),
         angular_velocity=speed * np.array([0.3, 0.4, 0.8]),
     )  # fmt: skip
-    return ff.MovingBaseBeam(
+    return research.MovingBaseBeam(
         **{"properties": properties, "base": base, "modes": 4, "elements": 6, **changes}
     )
 
@@ -321,13 +327,13 @@ def test_free_base_conserves_momentum_and_energy() -> None:
 def test_free_base_is_that_of_the_multibody_model() -> None:
     source = free(0.25, modes=10)
     base, properties = source.base, source.properties
-    assert isinstance(base, ff.FreeBase)
+    assert isinstance(base, research.FreeBase)
     start, count = np.asarray(base.velocity), 12
     omega = np.asarray(base.angular_velocity)
     points = np.zeros((count + 1, 3))
     points[:, 0] = np.linspace(0.0, properties.length, count + 1)
     cells = np.stack([np.arange(count), np.arange(1, count + 1)], axis=1)
-    [segment] = ff.segment_sections(properties)
+    [segment] = research.segment_sections(properties)
     model = ff.Model("satellite", mesh=ff.LineMesh(points, cells, {"boom": np.arange(count)}))
     model.add(
         ff.RigidBody(
@@ -355,7 +361,7 @@ def test_free_base_is_that_of_the_multibody_model() -> None:
         assert np.abs(exact[name] - linear[name]).max() < 0.01 * size, name
 
 
-def slender() -> ff.BeamProperties:
+def slender() -> research.BeamProperties:
     """A beam that twists as easily as it bends."""
     return unit_beam(
         area=1e3, shear_modulus=10.0, torsion_constant=1e-3, second_moment_2=0.5,
@@ -365,22 +371,28 @@ def slender() -> ff.BeamProperties:
 
 def started(displacement: Any = None, **more: Any) -> PrescribedBaseEquations:
     """A beam that moves in its plane and twists."""
-    given = {"effects": ff.Effects(out_of_plane=False), "modes": 3, "elements": 3, **more}
+    given = {"effects": research.Effects(out_of_plane=False), "modes": 3, "elements": 3, **more}
     return equations(slender(), STILL, displacement=displacement, **given)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: ff.Piecewise((1.0, 0.5), (1.0, 2.0)), "ends must grow"),
-        (lambda: ff.Piecewise((1.0, 2.0), (1.0,)), "1 values for 2 ends"),
+        (lambda: research.Piecewise((1.0, 0.5), (1.0, 2.0)), "ends must grow"),
+        (lambda: research.Piecewise((1.0, 2.0), (1.0,)), "1 values for 2 ends"),
         (lambda: unit_beam(area=-1.0), "area must be > 0, got -1"),
         (lambda: unit_beam(shear_ratio_2=0.5), "shear_ratio_2 must be >= 1, got 0.5"),
-        (lambda: unit_beam(area=ff.Piecewise((0.5,), (1.0,))), "area ends at 0.5 m"),
+        (lambda: unit_beam(area=research.Piecewise((0.5,), (1.0,))), "area ends at 0.5 m"),
         (lambda: unit_beam(area=lambda x: x[:2]), "area returns shape"),
-        (lambda: ff.effects_of("naive"), "theory 'naive': there are consistent, premature"),
-        (lambda: ff.effects_of("consistent", without=["shear", "sheer"]), "effect 'sheer': there"),
-        (lambda: ff.Effects(rotations="euler"), "rotations must be one of sequence, vector, lin"),
+        (lambda: research.effects_of("naive"), "theory 'naive': there are consistent, premature"),
+        (
+            lambda: research.effects_of("consistent", without=["shear", "sheer"]),
+            "effect 'sheer': there",
+        ),
+        (
+            lambda: research.Effects(rotations="euler"),
+            "rotations must be one of sequence, vector, lin",
+        ),
         (lambda: started(displacement={"u4": 1.0}), "displacement 'u4' of the tip: there are s, u"),
         (lambda: started(velocity={"u3": 1.0}), "velocity: the beam has no function of u3, got 1"),
         (lambda: started(displacement=lambda x: x), "displacement: six rows of finite numbers"),
@@ -395,11 +407,11 @@ def started(displacement: Any = None, **more: Any) -> PrescribedBaseEquations:
         (lambda: started(damping_ratio=[0.1] * 9), "damping_ratio: 9 ratios for 5 functions"),
         (lambda: started(damping_ratio=[0.1, -0.1]), "damping_ratio must not be negative"),
         (
-            lambda: started(effects=ff.effects_of("conventional")),
+            lambda: started(effects=research.effects_of("conventional")),
             "without section_inertia .* functions move the axis in fewer ways",
         ),
         (
-            lambda: ff.beam_by_theory(
+            lambda: research.beam_by_theory(
                 unit_beam(),
                 STILL,
                 "beam",
@@ -414,23 +426,29 @@ def started(displacement: Any = None, **more: Any) -> PrescribedBaseEquations:
             "theory 'beam': damping_ratio is for assumed modes, got 0.1",
         ),
         (
-            lambda: ff.PrescribedBase(angular_velocity=lambda t: (0.0, 0.0, t)),
+            lambda: research.PrescribedBase(angular_velocity=lambda t: (0.0, 0.0, t)),
             "angular_acceleration is not the rate of angular_velocity",
         ),
-        (lambda: ff.FreeBase(mass=-1.0, inertia=(1, 1, 1)), "mass must be positive"),
-        (lambda: ff.FreeBase(mass=1.0, inertia=(1, 1, -1)), "inertia must be symmetric and pos"),
+        (lambda: research.FreeBase(mass=-1.0, inertia=(1, 1, 1)), "mass must be positive"),
         (
-            lambda: ff.MovingBaseBeam(properties=unit_beam(), base=STILL, modes=0).validate(),
+            lambda: research.FreeBase(mass=1.0, inertia=(1, 1, -1)),
+            "inertia must be symmetric and pos",
+        ),
+        (
+            lambda: research.MovingBaseBeam(properties=unit_beam(), base=STILL, modes=0).validate(),
             "modes must be at least 1, got 0",
         ),
         (
-            lambda: ff.MovingBaseBeam(
+            lambda: research.MovingBaseBeam(
                 properties=unit_beam(), base=STILL, modes=999, elements=3
             ).equations(),
             "modes 999: 3 elements have no more than",
         ),
-        (lambda: ff.exact_model(unit_beam(), STILL), "needs position and rotation"),
-        (lambda: ff.segment_sections(unit_beam(area=lambda x: 1.0 + x)), "area is a function"),
+        (lambda: research.exact_model(unit_beam(), STILL), "needs position and rotation"),
+        (
+            lambda: research.segment_sections(unit_beam(area=lambda x: 1.0 + x)),
+            "area is a function",
+        ),
     ],
 )
 def test_mistakes_are_named(make: Any, message: str) -> None:

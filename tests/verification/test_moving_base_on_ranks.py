@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem import research
 from flexfem.simulation.equations import simulate_equations
 
 COMM = MPI.COMM_WORLD
@@ -15,11 +16,11 @@ COMM = MPI.COMM_WORLD
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("theory", ["consistent", "conventional"])
 def test_history_is_that_of_one_rank(theory: str) -> None:
-    still = ff.constant_angle(0.0)
-    base = ff.manipulator_base(still, ff.spin_up_angle(), still, link_1=0.0)
-    source = ff.MovingBaseBeam(
-        properties=ff.outboard_link(), base=base, effects=ff.effects_of(theory), modes=5,
-        elements=6, damping_ratio=0.01, displacement={"u2": 0.1}, velocity={"theta1": 0.1},
+    still = research.constant_angle(0.0)
+    base = research.manipulator_base(still, research.spin_up_angle(), still, link_1=0.0)
+    source = research.MovingBaseBeam(
+        properties=research.outboard_link(), base=base, effects=research.effects_of(theory),
+        modes=5, elements=6, damping_ratio=0.01, displacement={"u2": 0.1}, velocity={"theta1": 0.1},
     )  # fmt: skip
     options = ff.RunOptions(dt=0.02, t_end=0.5, quiet=True)
     alone = simulate_equations(source, options, comm=MPI.COMM_SELF).history

@@ -6,6 +6,7 @@ import pytest
 import scipy.linalg
 
 import flexfem as ff
+from flexfem import research
 from tests.verification.benchmarks.straight_beam import angular_frequencies, beam_model
 
 EA, GA, GJ, EI = 1e4, 300.0, 0.05, 1.0
@@ -75,7 +76,7 @@ def _channel(section: ff.Section, lumped: float = 0.0) -> ff.Model:
 
 @pytest.mark.serial
 def test_channel_moves_as_one_with_masses_beside_its_nodes():
-    section = ff.segment_sections(ff.outboard_link())[1].section
+    section = research.segment_sections(research.outboard_link())[1].section
     mass, moments = section.mass_per_length, np.diag(section.inertia)[3:].copy()
     moments -= mass * 0.01875**2 * np.array([1.0, 1.0, 0.0])
     bare = ff.Section.general(section.stiffness, (0.0, 0.0, 0.0, *moments))

@@ -19,7 +19,7 @@ import flexfem
 from flexfem.analyses.analysis import Analysis
 from flexfem.case import Case
 from flexfem.cli import command, commands
-from flexfem.docs.extensions.topics import cases_of, names_of
+from flexfem.docs.extensions.topics import PLACES, cases_of, names_of
 from flexfem.model.structure import Structure
 from flexfem.options import Option
 
@@ -56,23 +56,27 @@ class PublicNames(FromPackage):
     def text(self, arguments: Sequence[str]) -> str:
         """See :meth:`FromPackage.text`."""
         names = names_of(arguments)
-        described = [name for name in names if callable(getattr(flexfem, name))]
-        listed = "\n".join(f"   ~flexfem.{name}" for name in described)
+        described = [name for name in names if callable(_value(name))]
+        listed = "\n".join(f"   ~{name}" for name in described)
         return "\n".join([
             f".. autosummary::\n   :nosignatures:\n\n{listed}\n",
             *(_documented(name) for name in names),
         ])  # fmt: skip
 
 
+def _value(name: str) -> Any:
+    """What a full public name stands for."""
+    module, _, own = name.rpartition(".")
+    return getattr(importlib.import_module(module), own)
+
+
 def _documented(name: str) -> str:
-    value = getattr(flexfem, name)
+    value = _value(name)
     if inspect.isclass(value):
-        more = "".join(
-            f"\n   .. {kind}:: flexfem.{name}.{one}\n" for one, kind in _inherited(value)
-        )
-        return f".. autoclass:: flexfem.{name}\n   :members:\n{more}"
+        more = "".join(f"\n   .. {kind}:: {name}.{one}\n" for one, kind in _inherited(value))
+        return f".. autoclass:: {name}\n   :members:\n{more}"
     if callable(value):
-        return f".. autofunction:: flexfem.{name}\n"
+        return f".. autofunction:: {name}\n"
     return _constant(name, value)
 
 
@@ -94,9 +98,9 @@ def _inherited(value: type) -> list[tuple[str, str]]:
 
 def _constant(name: str, value: Any) -> str:
     """A constant, with the comment above it in its module and what it consists of."""
-    module = ModuleAnalyzer.for_module(f"flexfem.{flexfem._MODULES[name]}")
+    module = ModuleAnalyzer.for_module(f"flexfem.{PLACES[name]}")
     module.analyze()
-    lines = [line for line in module.attr_docs.get(("", name), []) if line]
+    lines = [line for line in module.attr_docs.get(("", name.rpartition(".")[2]), []) if line]
     if isinstance(value, Analysis):
         lines.append(
             f"An analysis of a :class:`~flexfem.Case`, with the options of "
@@ -105,7 +109,7 @@ def _constant(name: str, value: Any) -> str:
     elif isinstance(value, tuple):
         parts = (one.name if isinstance(one, Option) else str(one) for one in value)
         lines.append("Consists of " + ", ".join(f"``{part}``" for part in parts) + ".")
-    return "\n".join([f".. py:data:: flexfem.{name}\n", *(f"   {line}" for line in lines)]) + "\n"
+    return "\n".join([f".. py:data:: {name}\n", *(f"   {line}" for line in lines)]) + "\n"
 
 
 class Cases(FromPackage):

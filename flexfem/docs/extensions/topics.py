@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import flexfem
+from flexfem import research
 from flexfem.case import Case
 from flexfem.cli.case_run import load_case
 from flexfem.resources import shipped_files
@@ -16,8 +17,17 @@ from flexfem.resources import shipped_files
 SOURCES = Path(__file__).parents[1]
 
 
+#: Modules of all public names, by their full names.
+PLACES = {
+    **{f"flexfem.{name}": place for name, place in flexfem._MODULES.items()},
+    **{f"flexfem.research.{name}": f"research.{p}" for name, p in research._MODULES.items()},
+}
+
+
 def names_of(modules: Iterable[str]) -> list[str]:
     """Public names that these modules, or those of these packages, define; in the order given.
+
+    They are full ones, such as "flexfem.Beam".
 
     Raises:
         ValueError: one of them defines no public name.
@@ -26,7 +36,7 @@ def names_of(modules: Iterable[str]) -> list[str]:
     for module in modules:
         inside = [
             name
-            for name, place in flexfem._MODULES.items()
+            for name, place in PLACES.items()
             if place == module or place.startswith(f"{module}.")
         ]
         if not inside:

@@ -3,8 +3,8 @@
 
 import numpy as np
 
-import flexfem as ff
-from flexfem.moving_base.equations import PrescribedBaseEquations
+from flexfem import research
+from flexfem.research.moving_base.equations import PrescribedBaseEquations
 from tests.verification.result import Result
 
 SOURCE = "Wright et al. 1982"
@@ -14,13 +14,15 @@ REFERENCE = {0: 3.5160, 1: 3.6816, 3: 4.7973, 6: 7.3604, 9: 10.2257, 12: 13.1702
 
 def lowest(spin: float, modes: int) -> float:
     """First out-of-plane frequency at a speed."""
-    unit = ff.BeamProperties(
+    unit = research.BeamProperties(
         length=1.0, youngs_modulus=1.0, shear_modulus=1.0, mass_per_length=1.0, area=1e6,
         second_moment_2=1.0, second_moment_3=1.0, torsion_constant=1.0,
     )  # fmt: skip
-    effects = ff.Effects().without("shear", "rotary_inertia", "extension", "torsion", "in_plane")
-    base = ff.PrescribedBase(angular_velocity=lambda t: (0.0, 0.0, spin))
-    source = ff.MovingBaseBeam(properties=unit, base=base, effects=effects, modes=modes)
+    effects = research.Effects().without(
+        "shear", "rotary_inertia", "extension", "torsion", "in_plane"
+    )
+    base = research.PrescribedBase(angular_velocity=lambda t: (0.0, 0.0, spin))
+    source = research.MovingBaseBeam(properties=unit, base=base, effects=effects, modes=modes)
     equations = source.equations()
     assert isinstance(equations, PrescribedBaseEquations)
     return float(np.sqrt(np.linalg.eigvalsh(equations.matrices(0.0)[1])[0]))

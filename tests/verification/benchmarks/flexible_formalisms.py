@@ -6,16 +6,17 @@ from typing import Any
 import numpy as np
 
 import flexfem as ff
+from flexfem import research
 from flexfem.cli import load_case
-from flexfem.formalisms.equations import MechanismEquations
-from flexfem.formalisms.formalism import accelerations, consistent_start
+from flexfem.research.formalisms.equations import MechanismEquations
+from flexfem.research.formalisms.formalism import accelerations, consistent_start
 from tests.verification.result import Result
 
 RUBBER = ff.Material(youngs_modulus=2e6, poisson_ratio=0.3, density=1200.0)
 LENGTH, SIDE, SPEED = 0.5, 0.04, 30.0
 
 
-def bar(elements: int, **more: Any) -> ff.EnergyBody:
+def bar(elements: int, **more: Any) -> research.EnergyBody:
     """A soft bar along the first axis of its frame."""
 
     def mesh(comm: Any) -> Any:
@@ -23,12 +24,14 @@ def bar(elements: int, **more: Any) -> ff.EnergyBody:
 
         return create_interval(comm, elements, (0.0, LENGTH))
 
-    return ff.EnergyBody("bar", ff.BeamMatter(RUBBER, SIDE, SIDE), ff.PlanarFrame(), mesh, **more)
+    return research.EnergyBody(
+        "bar", research.BeamMatter(RUBBER, SIDE, SIDE), research.PlanarFrame(), mesh, **more
+    )
 
 
 def element_rows() -> list[Result]:
     """Entries of the matrices of one quadratic element, where its middle node is."""
-    found = ff.element_matrices(bar(1), (0.0, 0.0, SPEED), (0.0, 0.0, 100.0), 0)
+    found = research.element_matrices(bar(1), (0.0, 0.0, SPEED), (0.0, 0.0, 100.0), 0)
     middle = [
         int(np.flatnonzero((found.points[:, 0] == 0.5 * LENGTH) & (found.components == i))[0])
         for i in (0, 1)
@@ -52,7 +55,7 @@ def element_rows() -> list[Result]:
 
 def stretched_bar(elements: int) -> Result:
     """Elongation of a spinning bar, EA u'' + rho A omega^2 (x + u) = 0: k + k(omega) and q_i."""
-    found = ff.element_matrices(bar(elements), (0.0, 0.0, SPEED), (0.0, 0.0, 0.0)).of_free()
+    found = research.element_matrices(bar(elements), (0.0, 0.0, SPEED), (0.0, 0.0, 0.0)).of_free()
     u = np.linalg.solve(found.k + found.k_omega, -found.q_omega)
     tip = int(np.flatnonzero((found.points[:, 0] == LENGTH) & (found.components == 0))[0])
     wave = SPEED * np.sqrt(RUBBER.density / RUBBER.youngs_modulus)
@@ -74,7 +77,7 @@ def formalism_rows() -> list[Result]:
     return [Result("slider-crank by formalisms", f"largest acceleration, {name}",
                    float(reference[at]), "Lagrange's equations with multipliers",
                    float(accelerations(name, model, q, v)[at]), "1 x 1 quadratic plane stress",
-                   1e-9) for name in ff.FORMALISMS[1:]]  # fmt: skip
+                   1e-9) for name in research.FORMALISMS[1:]]  # fmt: skip
 
 
 def crank_rows(full: bool) -> list[Result]:
@@ -86,13 +89,13 @@ def crank_rows(full: bool) -> list[Result]:
     short, long, angle = 0.3, 0.6, np.radians(60.0) + 20.0 * end
     exact = short * np.cos(angle) + np.sqrt(long**2 - (short * np.sin(angle)) ** 2)
     rows = []
-    for name in ff.FORMALISMS if full else ("lagrange", "maggi"):
-        own = ff.Mechanism(
+    for name in research.FORMALISMS if full else ("lagrange", "maggi"):
+        own = research.Mechanism(
             name, study.first.bodies, study.first.joints, (), study.first.gravity, name,
             study.first.observed,
         )  # fmt: skip
         options = ff.RunOptions(dt=h, t_end=end, rho_inf=0.8, tolerance=1e-10)
-        outcome = ff.simulate_mechanism(own, options)
+        outcome = research.simulate_mechanism(own, options)
         # a motion that is one step late is 5e-3 away
         rows.append(Result("slider-crank, prescribed crank", f"x of the slider, m, {name}",
                            float(exact), "rigid links", float(outcome.history["x"][-1]),

@@ -11,7 +11,8 @@ import numpy as np
 import scipy.optimize
 
 import flexfem as ff
-from flexfem.moving_base.equations import PrescribedBaseEquations
+from flexfem import research
+from flexfem.research.moving_base.equations import PrescribedBaseEquations
 from tests.verification.result import Result
 
 #: Geometrically exact, h = 0.01 s.
@@ -74,9 +75,11 @@ def critical_spin() -> float:
     """Spin at which bending in the plane diverges by the conventional algorithm, rad/s."""
 
     def lowest(spin: float) -> float:
-        base = ff.PrescribedBase(angular_velocity=lambda t: (0.0, 0.0, spin))
-        source = ff.MovingBaseBeam(
-            properties=ff.outboard_link(), base=base, effects=ff.effects_of("conventional")
+        base = research.PrescribedBase(angular_velocity=lambda t: (0.0, 0.0, spin))
+        source = research.MovingBaseBeam(
+            properties=research.outboard_link(),
+            base=base,
+            effects=research.effects_of("conventional"),
         )
         equations = source.equations()
         assert isinstance(equations, PrescribedBaseEquations)

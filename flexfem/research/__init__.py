@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Studies of single papers: a beam on a moving base, mechanisms by four formalisms.
+
+The public names are loaded on first use, as those of the package are::
+
+    from flexfem import research
+
+    base = research.PrescribedBase(
+        velocity=lambda t: (0.1 * t, 0.0, 0.0), acceleration=lambda t: (0.1, 0.0, 0.0)
+    )
+
+Nothing of the package but its command line depends on what is here.
+"""
+
+from importlib import import_module
+from typing import Any
+
+_MODULES = {
+    "BeamProperties": "moving_base.properties",
+    "Piecewise": "moving_base.properties",
+    "Effects": "moving_base.effects",
+    "effects_of": "moving_base.effects",
+    "PrescribedBase": "moving_base.base",
+    "FreeBase": "moving_base.base",
+    "MovingBaseBeam": "moving_base.beam",
+    "exact_model": "moving_base.exact",
+    "floating_model": "moving_base.floating",
+    "segment_sections": "moving_base.exact",
+    "beam_by_theory": "moving_base.theories",
+    "THEORY_OPTIONS": "moving_base.theories",
+    "TIP_COLUMNS": "moving_base.exact",
+    "LINK_OPTIONS": "moving_base.manipulator",
+    "outboard_link": "moving_base.manipulator",
+    "manipulator_base": "moving_base.manipulator",
+    "constant_angle": "moving_base.manipulator",
+    "smooth_turn": "moving_base.manipulator",
+    "spin_up_angle": "moving_base.manipulator",
+    "EnergyBody": "formalisms.mechanism",
+    "Mechanism": "formalisms.mechanism",
+    "FORMALISMS": "formalisms.mechanism",
+    "FormalismStudy": "formalisms.study",
+    "PlanarFrame": "formalisms.frames",
+    "SpatialFrame": "formalisms.frames",
+    "FrameMotion": "formalisms.frame_motion",
+    "ElementMatrixStudy": "formalisms.matrix_study",
+    "ElementMatrices": "formalisms.element_matrices",
+    "InertiaIntegrals": "formalisms.element_matrices",
+    "element_matrices": "formalisms.element_matrices",
+    "BeamMatter": "formalisms.matter",
+    "PlaneStress": "formalisms.matter",
+    "Solid": "formalisms.matter",
+    "End": "formalisms.joints",
+    "Constraint": "formalisms.joints",
+    "AppliedForce": "formalisms.joints",
+    "end_angle": "formalisms.joints",
+    "end_position": "formalisms.joints",
+    "coincidence": "formalisms.joints",
+    "on_line": "formalisms.joints",
+    "parallel": "formalisms.joints",
+    "simulate_mechanism": "formalisms.runs.comparison",
+    "compare_formalisms": "formalisms.runs.comparison",
+}
+__all__ = [*_MODULES]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    if name not in _MODULES:
+        raise AttributeError(f"module 'flexfem.research' has no attribute '{name}'")
+    value = getattr(import_module(f"flexfem.research.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, also those not loaded yet."""
+    return sorted({*globals(), *_MODULES})
