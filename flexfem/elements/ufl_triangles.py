@@ -98,7 +98,7 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
     ) -> None:
         strains, rates = self._strains_of(self._unknowns(points, offsets))
         stresses, _ = self._stresses_of(strains, response)
-        forces = _turned(rates, scale * stresses).reshape(-1, 5, 3)
+        forces = _transposed_times(rates, scale * stresses).reshape(-1, 5, 3)
         self._scatter(np.swapaxes(self._maps_to_points(), 1, 2) @ forces, residual)
 
     def _scatter(self, forces: FloatArray, residual: FloatArray) -> None:
@@ -270,8 +270,8 @@ class UFLDirectorTriangles(DirectorTriangles):
         _, _, begin, planes, _, given = self._data(frames, starts, response)
         strains, by_vectors = self._covariant(self._unknowns(frames))
         stresses, _ = self._stresses_of(strains, begin, DirectorResponse(planes, given), _ALL)
-        forces = _turned(by_vectors, scale * stresses)
-        self._scatter(_turned(self._levers(frames), forces), residual)
+        forces = _transposed_times(by_vectors, scale * stresses)
+        self._scatter(_transposed_times(self._levers(frames), forces), residual)
 
     def _scatter(self, forces: FloatArray, residual: FloatArray) -> None:
         """Add forces (m, 27) of the unknowns to the nodes (n, 6)."""
@@ -300,7 +300,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         second += np.swapaxes(by_vectors, 1, 2) @ material @ by_vectors
         levers = self._levers(frames, rows)
         tangents: FloatArray = np.swapaxes(levers, 1, 2) @ second @ levers
-        forces = _turned(by_vectors, stresses).reshape(-1, 8, 3)
+        forces = _transposed_times(by_vectors, stresses).reshape(-1, 8, 3)
         self._add_turns(frames, forces, rows, tangents)
         return tangents
 
@@ -349,7 +349,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         self._scatter(forces[:, :, 0], residual)
 
 
-def _turned(matrices: FloatArray, values: FloatArray) -> FloatArray:
+def _transposed_times(matrices: FloatArray, values: FloatArray) -> FloatArray:
     """Transposes of matrices (m, i, j) times values (m, i), (m, j)."""
     found: FloatArray = (values[:, None, :] @ matrices)[:, 0]
     return found
