@@ -19,6 +19,7 @@ import numpy as np
 from flexfem._types import FloatArray
 
 __all__ = [
+    "BARYCENTRIC",
     "CROSSED",
     "DEGREE_4",
     "MEMBRANE",
@@ -45,8 +46,8 @@ DEGREE_4 = (
 _CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 #: Edges k of the reference triangle, from corner k + 1 to corner k + 2.
 _EDGES = np.array([[-1.0, 1.0], [0.0, -1.0], [1.0, 0.0]])
-#: Derivatives of the barycentric coordinates.
-_BARYCENTRIC = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+#: Derivatives (3, 2) of the barycentric coordinates.
+BARYCENTRIC = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 def shapes(points: FloatArray) -> FloatArray:
@@ -62,9 +63,9 @@ def slopes(points: FloatArray) -> FloatArray:
     values, result = np.stack([1 - x - y, x, y]), np.empty((len(points), 2, 6))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
-        result[:, :, k] = np.outer(4 * values[k] - 1, _BARYCENTRIC[k])
-        result[:, :, 3 + k] = 4 * np.outer(values[i], _BARYCENTRIC[j])
-        result[:, :, 3 + k] += 4 * np.outer(values[j], _BARYCENTRIC[i])
+        result[:, :, k] = np.outer(4 * values[k] - 1, BARYCENTRIC[k])
+        result[:, :, 3 + k] = 4 * np.outer(values[i], BARYCENTRIC[j])
+        result[:, :, 3 + k] += 4 * np.outer(values[j], BARYCENTRIC[i])
     return result
 
 
@@ -97,7 +98,7 @@ def _membrane() -> FloatArray:
 
 def _crossed() -> FloatArray:
     """Coefficients of curvatures at the quadrature points and of shear at the middles."""
-    g, d = slopes(POINTS)[:, :, 1:], -2.0 * _BARYCENTRIC
+    g, d = slopes(POINTS)[:, :, 1:], -2.0 * BARYCENTRIC
     result = np.zeros((15, 5, 3))
     for p in range(3):
         for a in range(2):

@@ -14,11 +14,11 @@ from flexfem.elements.nurbs_inertia import step_changes, step_rates
 from flexfem.elements.nurbs_loops import add_action, add_residual, point_strains
 from flexfem.elements.nurbs_masses import NurbsMasses
 from flexfem.elements.nurbs_motion import add_element_motion
-from flexfem.elements.nurbs_tables import gauss, lanes, masses, points, unlaned
+from flexfem.elements.nurbs_tables import gauss, masses, points
 from flexfem.elements.nurbs_tangent import tangent_into
 from flexfem.forms.nurbs_beam import nurbs_forms, strain_form
 from flexfem.la.kernel import Kernel, compile_kernel
-from flexfem.la.lanes import LANES
+from flexfem.la.lanes import LANES, lanes, unlaned
 
 __all__ = ["NurbsCells", "NurbsGroup", "NurbsKernels"]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
-from flexfem.la.lanes import LANES
+from flexfem.la.lanes import lanes
 from flexfem.mesh.nurbs_basis import power_table, rational
 
-__all__ = ["Masses", "Points", "gauss", "lanes", "masses", "points", "shape_functions", "unlaned"]
+__all__ = ["Masses", "Points", "gauss", "masses", "points", "shape_functions"]
 
 #: Points for lengths and masses: they cost nothing later, and no curve of an element is so rough.
 _FINE = 16
@@ -96,18 +96,3 @@ def masses(shape: FloatArray, cells: IndexArray, start: FloatArray) -> Masses:
     products = np.einsum("mq,mqi,mqj->mij", fine.lengths, fine.values, fine.values)
     # shape functions add up to one, and so shall the integrals
     return Masses(products, products.sum(axis=2), products.sum(axis=(1, 2)))
-
-
-def lanes(values: FloatArray) -> FloatArray:
-    """Rows (m, ...) side by side, (b, ..., LANES); the last row fills the last batch."""
-    count = len(values)
-    batches = -(-count // LANES)
-    rows = np.minimum(np.arange(batches * LANES), count - 1)
-    split = values[rows].reshape(batches, LANES, *values.shape[1:])
-    return np.ascontiguousarray(np.moveaxis(split, 1, -1))
-
-
-def unlaned(values: FloatArray, count: int) -> FloatArray:
-    """The first ``count`` rows of what :func:`lanes` has put side by side."""
-    rows = np.moveaxis(values, -1, 1)
-    return np.ascontiguousarray(rows.reshape(-1, *rows.shape[2:])[:count])

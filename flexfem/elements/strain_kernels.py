@@ -6,10 +6,9 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.elements.nurbs_tables import lanes, unlaned
 from flexfem.forms.strain_forms import StrainForms
 from flexfem.la.kernel import Kernel, compile_kernel, tabulate
-from flexfem.la.lanes import LANES
+from flexfem.la.lanes import LANES, lanes, unlaned
 from flexfem.lie.compiled import kernel
 
 __all__ = ["StrainKernels"]

@@ -6,7 +6,8 @@ laws: the path on which a shell is assembled from its UFL forms. It checks the l
 measure of strain begins here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Self, override
 
 import numpy as np
@@ -14,10 +15,11 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.elements.director_law import Response as DirectorResponse
 from flexfem.elements.director_shell import DirectorTriangles
-from flexfem.elements.director_tables import MIDDLES, POINTS, slopes
+from flexfem.elements.director_tables import BARYCENTRIC, MIDDLES, POINTS, slopes
 from flexfem.elements.rotation_free import Response, RotationFreeTriangles
 from flexfem.elements.strain_kernels import StrainKernels
 from flexfem.forms.director_shell import MEMBRANE_PLACES, membrane_weights
+from flexfem.lie import so3
 
 __all__ = ["UFLDirectorTriangles", "UFLRotationFreeTriangles"]
 
@@ -28,26 +30,27 @@ _ALL = slice(None)
 class UFLRotationFreeTriangles(RotationFreeTriangles):
     """Rotation-free triangles with the strains of ``forms.shell``."""
 
-    kernels: StrainKernels | None = None
+    kernels: StrainKernels = field(kw_only=True)
 
     @classmethod
     def of(cls, triangles: RotationFreeTriangles, kernels: StrainKernels) -> Self:
         """The same triangles with kernels of ``forms.strain_forms.rotation_free_strains``."""
         return cls(**vars(triangles), kernels=kernels)
 
-    def _maps_to_points(self, rows: slice = _ALL) -> FloatArray:
+    @cached_property
+    def _to_points(self) -> FloatArray:
         """Maps (m, 5, p) from nodal positions to the vectors of a point."""
         patches = self.patches
         maps = np.zeros((len(patches.areas), 5, patches.nodes.shape[1]))
         maps[:, :2, : patches.membrane.shape[2]] = patches.membrane
         maps[:, 2:] = patches.curvatures
-        found: FloatArray = np.where((patches.nodes >= 0)[:, None], maps, 0.0)[rows]
+        found: FloatArray = np.where((patches.nodes >= 0)[:, None], maps, 0.0)
         return found
 
     def _vectors(self, values: FloatArray, rows: slice = _ALL) -> FloatArray:
         """The vectors (m, 5, 3) of nodal values; those relative to a node keep their digits."""
         own = values[self.patches.nodes[rows]]
-        vectors: FloatArray = self._maps_to_points(rows) @ (own - own[:, :1])
+        vectors: FloatArray = self._to_points[rows] @ (own - own[:, :1])
         return vectors
 
     def _unknowns(
@@ -62,7 +65,6 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         self, unknowns: FloatArray, rows: slice = _ALL
     ) -> tuple[FloatArray, FloatArray]:
         """Strains (m, 6) since the start, and their derivatives (m, 6, 15) by the unknowns."""
-        assert self.kernels is not None
         strains, rates = self.kernels.strains(unknowns)
         return strains - self.starts[rows], rates
 
@@ -99,7 +101,7 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         strains, rates = self._strains_of(self._unknowns(points, offsets))
         stresses, _ = self._stresses_of(strains, response)
         forces = _transposed_times(rates, scale * stresses).reshape(-1, 5, 3)
-        self._scatter(np.swapaxes(self._maps_to_points(), 1, 2) @ forces, residual)
+        self._scatter(np.swapaxes(self._to_points, 1, 2) @ forces, residual)
 
     def _scatter(self, forces: FloatArray, residual: FloatArray) -> None:
         """Add forces (m, p, 3) of the triangles to their nodes (n, 3)."""
@@ -111,14 +113,13 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         response: Response | None, rows: slice = _ALL,
     ) -> FloatArray:  # fmt: skip
         """Matrices (m, 3 p, 3 p), see :meth:`tangents_into`."""
-        assert self.kernels is not None
         unknowns = self._unknowns(points, offsets, rows)
         strains, rates = self._strains_of(unknowns, rows)
         stresses, stiffness = self._stresses_of(strains, response, rows)
         inner = self.kernels.geometric(unknowns, factors[0] * stresses)
         weight = factors[0] + factors[1] * self.damping[rows]
         inner += np.swapaxes(rates, 1, 2) @ (weight[:, None, None] * stiffness) @ rates
-        maps = self._maps_to_points(rows)
+        maps = self._to_points[rows]
         width = 3 * maps.shape[2]
         return _to_nodes(maps, inner).reshape(-1, width, width)
 
@@ -157,13 +158,12 @@ def _director_places() -> tuple[FloatArray, FloatArray]:
     those of the curvatures (3). Nodes are five relative positions and three directors.
     """
     places = np.concatenate([MEMBRANE_PLACES, POINTS])
-    turns = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of barycentric coordinates
     x, y = places.T
     vectors = np.zeros((len(places), 5, 8))
     vectors[:, :2, :5] = slopes(places)[:, :, 1:]
     # directors are one in the middle of their edge and zero in those of the others
     vectors[:, 2, 5:] = 1.0 - 2.0 * np.stack([1.0 - x - y, x, y], 1)
-    vectors[:, 3:, 5:] = -2.0 * turns.T
+    vectors[:, 3:, 5:] = -2.0 * BARYCENTRIC.T
     strains = np.zeros((24, len(places), 8))
     for p, place in enumerate(POINTS.tolist()):
         strains[6 * p : 6 * p + 3, :9, :3] = np.array(membrane_weights(tuple(place)), dtype=float)
@@ -180,7 +180,7 @@ _TO_POINTS, _TO_STRAINS = _director_places()
 class UFLDirectorTriangles(DirectorTriangles):
     """Director triangles with the strains of ``forms.director_shell``."""
 
-    kernels: StrainKernels | None = None
+    kernels: StrainKernels = field(kw_only=True)
 
     @classmethod
     def of(cls, triangles: DirectorTriangles, kernels: StrainKernels) -> Self:
@@ -205,7 +205,6 @@ class UFLDirectorTriangles(DirectorTriangles):
 
         These are the five relative positions and three directors.
         """
-        assert self.kernels is not None
         products, rates = self.kernels.strains(unknowns)
         to_strains, count = _TO_STRAINS.reshape(24, -1), len(_TO_POINTS)
         strains = products.reshape(-1, 8 * count) @ to_strains.T
@@ -221,11 +220,9 @@ class UFLDirectorTriangles(DirectorTriangles):
         for i in range(1, 6):
             levers[:, i - 1, :, 3 * i : 3 * i + 3] = turns[:, i]
             levers[:, i - 1, :, :3] = -turns[:, 0]
-        across = -_skew(self.directors[rows])
+        turned = -self._turns(frames, rows) @ so3.skew(self.directors[rows])
         for k in range(3):
-            levers[:, 5 + k, :, 18 + 3 * k : 21 + 3 * k] = (
-                self._turns(frames, rows)[:, k] @ across[:, k]
-            )
+            levers[:, 5 + k, :, 18 + 3 * k : 21 + 3 * k] = turned[:, k]
         return levers.reshape(-1, 24, 27)
 
     @override
@@ -284,7 +281,6 @@ class UFLDirectorTriangles(DirectorTriangles):
         response: DirectorResponse | None, rows: slice = _ALL,
     ) -> FloatArray:  # fmt: skip
         """Matrices (m, 27, 27), see :meth:`tangents_into`."""
-        assert self.kernels is not None
         _, _, begin, planes, _, given = self._data(frames, starts, response)
         unknowns = self._unknowns(frames, rows)
         strains, by_vectors = self._covariant(unknowns)
@@ -315,7 +311,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         spins = np.einsum("mka,mkb->mkab", levered, directors)
         spins -= inner[:, :, None, None] * np.eye(3)
         # a middle whose axes turn with its director
-        shifts = np.where((nodes[:, 3:6] == nodes[:, 6:])[:, :, None, None], _skew(pulled), 0.0)
+        shifts = np.where((nodes[:, 3:6] == nodes[:, 6:])[:, :, None, None], so3.skew(pulled), 0.0)
         for k in range(3):
             turned = slice(18 + 3 * k, 21 + 3 * k)
             tangents[:, turned, turned] += spins[:, k]
@@ -367,12 +363,3 @@ def _to_nodes(maps: FloatArray, inner: FloatArray) -> FloatArray:
     rows = np.swapaxes(maps, -1, -2) @ inner.reshape(*shape, s, 9 * s)
     split = np.swapaxes(rows.reshape(*shape, p, 3, s, 3), -1, -2)
     return np.swapaxes(split @ maps[..., None, None, :, :], -1, -2)
-
-
-def _skew(vectors: FloatArray) -> FloatArray:
-    """Matrices (..., 3, 3) of the cross products ``v x``."""
-    found = np.zeros((*vectors.shape, 3))
-    for a in range(3):
-        b, c = (a + 1) % 3, (a + 2) % 3
-        found[..., a, b], found[..., a, c] = -vectors[..., c], vectors[..., b]
-    return found

@@ -1,7 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Number of cells that one call of a batched kernel treats."""
+"""Cells side by side, as batched kernels take them."""
 
-__all__ = ["LANES"]
+import numpy as np
+
+from flexfem._types import FloatArray
+
+__all__ = ["LANES", "lanes", "unlaned"]
 
 #: Cells of one call: the width of the largest vectors of today's processors.
 LANES = 8
+
+
+def lanes(values: FloatArray) -> FloatArray:
+    """Rows (m, ...) side by side, (b, ..., LANES); the last row fills the last batch."""
+    count = len(values)
+    batches = -(-count // LANES)
+    rows = np.minimum(np.arange(batches * LANES), count - 1)
+    split = values[rows].reshape(batches, LANES, *values.shape[1:])
+    return np.ascontiguousarray(np.moveaxis(split, 1, -1))
+
+
+def unlaned(values: FloatArray, count: int) -> FloatArray:
+    """The first ``count`` rows of what :func:`lanes` has put side by side."""
+    rows = np.moveaxis(values, -1, 1)
+    return np.ascontiguousarray(rows.reshape(-1, *rows.shape[2:])[:count])
