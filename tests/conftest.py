@@ -19,6 +19,9 @@ import pytest
 # module. Tests that need neither must also run where no DOLFINx is installed.
 with contextlib.suppress(ImportError):
     import dolfinx_solver  # noqa: F401
+# Tests that import dolfinx.fem.petsc make another HDF5 library global, which h5py would then use.
+with contextlib.suppress(ImportError):
+    import h5py  # noqa: F401
 
 #: Seconds that a rank on which a test failed waits for the others.
 PATIENCE = 60.0

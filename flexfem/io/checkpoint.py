@@ -30,7 +30,7 @@ from flexfem._checks import InputError
 from flexfem._files import open_file
 from flexfem.core.state import Numbering, State
 from flexfem.io.atomic import raise_together
-from flexfem.io.hdf5 import PlainFile
+from flexfem.io.hdf5 import PlainFile, load_h5py
 from flexfem.io.hdf5_structure import check_structure
 
 if TYPE_CHECKING:
@@ -270,10 +270,8 @@ def _no_number(text: str) -> None:
 
 
 def _hdf5(file: _Stream | Path, mode: str) -> Any:
-    import h5py  # late: it takes a tenth of a second, and most runs need none
-
     block = {"userblock_size": _BLOCK} if mode == "w" else {}
-    return h5py.File(file, mode, libver="v110", **block)
+    return load_h5py().File(file, mode, libver="v110", **block)
 
 
 def _seal(layout: int, size: int, digest: str) -> bytes:

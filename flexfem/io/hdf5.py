@@ -1,20 +1,42 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Arrays in HDF5 files that may be forged: only what the package writes itself is read.
+"""h5py with its own HDF5 library, and arrays in files that may be forged.
 
-A file of this format may name other files as its contents, claim more numbers than it has bytes,
-or have its numbers made by filters. Arrays of ours are whole, in the file, and take as many bytes
-there as in memory.
+Only what the package writes itself is read: a file of this format may name other files as its
+contents, claim more numbers than it has bytes, or have its numbers made by filters. Arrays of ours
+are whole, in the file, and take as many bytes there as in memory.
 """
 
+import os
+import sys
+from functools import cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PlainFile"]
+__all__ = ["PlainFile", "load_h5py"]
 
 #: Kinds of numbers: as ours, whatever the computer.
 _KINDS = "fiub"
+
+
+@cache
+def load_h5py() -> ModuleType:
+    """Import h5py; a tenth of a second, so not before the first file.
+
+    Scripts that import ``dolfinx.fem.petsc`` make the symbols of PETSc's HDF5 library global, where
+    h5py would find them in place of its own: another version with other layouts in memory. So its
+    own libraries come first where the system can say so.
+    """
+    flags = sys.getdlopenflags()
+    sys.setdlopenflags(flags | getattr(os, "RTLD_DEEPBIND", 0))
+    try:
+        import h5py
+    finally:
+        sys.setdlopenflags(flags)
+    module: ModuleType = h5py
+    return module
 
 
 class PlainFile:

@@ -25,7 +25,7 @@ from flexfem._checks import InputError
 from flexfem._files import read_bytes
 from flexfem._types import FloatArray, IntArray
 from flexfem.io.atomic import raise_together, replace_file
-from flexfem.io.hdf5 import PlainFile
+from flexfem.io.hdf5 import PlainFile, load_h5py
 from flexfem.io.hdf5_structure import check_structure
 from flexfem.reduction.body_line import BodyLine
 from flexfem.reduction.reduced_body import Interface, Recovery, ReducedBody
@@ -146,9 +146,7 @@ def _check_made_with(raw: bytes, wanted: Mapping[str, Parameter]) -> None:
     Raises:
         ValueError: it was made with something else, or the file does not say with what.
     """
-    import h5py
-
-    with h5py.File(io.BytesIO(raw), "r") as opened:
+    with load_h5py().File(io.BytesIO(raw), "r") as opened:
         text = _made_with(PlainFile(opened, len(raw)))
     known = json.loads(text) if text else {}
     for name, value in wanted.items():
@@ -169,10 +167,8 @@ def _contents(
     body: ReducedBody, recovery: Recovery | None, made_with: Mapping[str, Parameter]
 ) -> bytes:
     """The file's bytes."""
-    import h5py
-
     stream = io.BytesIO()
-    with h5py.File(stream, "w", libver="v110") as file:
+    with load_h5py().File(stream, "w", libver="v110") as file:
         file.attrs["format"] = _FORMAT
         file.attrs["interfaces"] = json.dumps([i.name for i in body.interfaces])
         file.attrs["mass"] = body.mass
@@ -222,9 +218,7 @@ def _read(raw: bytes) -> dict[str, Any]:
         OSError: no HDF5 file.
         ValueError: something is missing, another format, or the checksum differs.
     """
-    import h5py
-
-    with h5py.File(io.BytesIO(raw), "r") as opened:
+    with load_h5py().File(io.BytesIO(raw), "r") as opened:
         if "format" not in opened.attrs or "digest" not in opened.attrs:
             raise ValueError("this is no file of a reduced body")
         file = PlainFile(opened, len(raw))

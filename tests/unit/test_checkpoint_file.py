@@ -3,6 +3,8 @@
 
 import json
 import resource
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,6 +34,22 @@ def scattered(count: int = 23) -> tuple[State, dict[str, Numbering]]:
     rows[~owned] = np.nan  # never written
     state = State({"time": np.array([0.1])}, {"nodes": {"x": rows}, "rows": {"y": rows[:, 0]}})
     return state, {name: Numbering(numbers, owned, count) for name in ("nodes", "rows")}
+
+
+@pytest.mark.serial
+def test_checkpoints_are_written_by_the_library_of_h5py() -> None:
+    """A script that has made PETSc's HDF5 library global would lend h5py another version."""
+    program = """
+import warnings
+import flexfem
+import flexfem.simulation
+import dolfinx.fem.petsc
+from flexfem.io.hdf5 import load_h5py
+warnings.simplefilter("error")  # h5py warns of another version
+version = load_h5py().version
+assert version.hdf5_version_tuple == version.hdf5_built_version_tuple
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 @pytest.mark.three_ranks
