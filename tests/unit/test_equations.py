@@ -12,10 +12,10 @@ import scipy.sparse
 
 import flexfem as ff
 from flexfem._checks import InputError
-from flexfem.core.equations import DRIVER, Equations, Motion, Picture
 from flexfem.io.history import read_history
 from flexfem.lie import so3
-from flexfem.simulation.equations import simulate_equations
+from flexfem.research.equations.run.simulate import simulate_equations
+from flexfem.research.equations.vector_equations import DRIVER, Motion, Picture, VectorEquations
 
 pytestmark = [pytest.mark.three_ranks]
 
@@ -27,16 +27,16 @@ class Source:
 
     drivers = {"dynamics": DRIVER}  # noqa: RUF012
 
-    def __init__(self, make: Callable[[], Equations]) -> None:
+    def __init__(self, make: Callable[[], VectorEquations]) -> None:
         self._make = make
 
     def validate(self) -> None: ...
 
-    def equations(self, comm: Any) -> Equations:
+    def equations(self, comm: Any) -> VectorEquations:
         return self._make()
 
 
-class Oscillator(Equations):
+class Oscillator(VectorEquations):
     """Two masses with springs and a damper, driven; the exact answer is known."""
 
     size, linear, columns = 2, True, ("x", "y")
@@ -69,7 +69,7 @@ class Oscillator(Equations):
         return (expm(a * t) @ np.concatenate([q, v, [0.0, 1.0]]))[:2]
 
 
-class Pendulum(Equations):
+class Pendulum(VectorEquations):
     """Point mass at distance one from the origin: two coordinates, one multiplier."""
 
     size, multipliers, columns, angles = 2, 1, ("angle", "tension", "energy"), ("angle",)
@@ -102,7 +102,7 @@ class Pendulum(Equations):
         return np.arctan2(q[0], -q[1]), 2.0 * motion.multipliers[0], energy
 
 
-class Top(Equations):
+class Top(VectorEquations):
     """Free rigid body: the increments of its rotation are no coordinates."""
 
     size, columns = 3, ("lx", "ly", "lz")
@@ -125,7 +125,7 @@ class Top(Equations):
         return motion.q.reshape(3, 3) @ (self.inertia * motion.v)
 
 
-def run(make: Callable[[], Equations], **options: Any) -> Any:
+def run(make: Callable[[], VectorEquations], **options: Any) -> Any:
     return simulate_equations(Source(make), ff.RunOptions(quiet=True, **options))
 
 

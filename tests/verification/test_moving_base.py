@@ -9,8 +9,8 @@ import scipy.linalg
 
 import flexfem as ff
 from flexfem import research
+from flexfem.research.equations.run.simulate import simulate_equations
 from flexfem.research.moving_base.equations import PrescribedBaseEquations
-from flexfem.simulation.equations import simulate_equations
 from tests.unit.refusals import assert_on_page
 from tests.verification.benchmarks.flexible_spin_up import EXTENSION, PEAK, REFERENCE, _angle
 

@@ -8,7 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem import research
-from flexfem.simulation.equations import simulate_equations
+from flexfem.research.equations.run.simulate import simulate_equations
 
 COMM = MPI.COMM_WORLD
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, Motion, Picture
+from flexfem.research.equations.vector_equations import Motion, Picture, VectorEquations
 from flexfem.research.formalisms.equations import MechanismEquations
 from flexfem.research.formalisms.formalism import consistent_start, saddle, unknowns
 from flexfem.research.formalisms.joints import End
@@ -23,7 +23,7 @@ __all__ = ["FormalismMotion"]
 _VTK = {"interval": "line", "triangle": "triangle", "tetrahedron": "tetra"}
 
 
-class FormalismMotion(Equations):
+class FormalismMotion(VectorEquations):
     """Equations of motion of a mechanism by one formalism.
 
     The history has the position of the observed end, ``x, y, z`` (m), and the ``energy`` (J).

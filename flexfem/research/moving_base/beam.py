@@ -39,7 +39,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexfem import _checks
-from flexfem.core.equations import DRIVER, Equations
+from flexfem.research.equations.vector_equations import DRIVER, VectorEquations
 from flexfem.research.moving_base.base import FreeBase, PrescribedBase
 from flexfem.research.moving_base.effects import Effects
 from flexfem.research.moving_base.initial import Shape, check_shape
@@ -128,7 +128,7 @@ class MovingBaseBeam:
             if getattr(self, what) < 1:
                 raise ValueError(f"{owner}: {what} must be at least 1, got {getattr(self, what)}")
 
-    def equations(self, comm: Any = None) -> Equations:
+    def equations(self, comm: Any = None) -> VectorEquations:
         """Modes, their integrals and the equations; every rank computes the same.
 
         Raises:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, Motion, Picture
 from flexfem.lie import se3
+from flexfem.research.equations.vector_equations import Motion, Picture, VectorEquations
 from flexfem.research.moving_base.base import FreeBase, PrescribedBase
 from flexfem.research.moving_base.basis import Basis
 from flexfem.research.moving_base.effects import Effects
@@ -57,7 +57,7 @@ class Setting:
         )
 
 
-class _BeamEquations(Equations):
+class _BeamEquations(VectorEquations):
     """What both have in common."""
 
     def __init__(self, basis: Basis, inertia: Inertia, setting: Setting) -> None:
@@ -104,7 +104,7 @@ class _BeamEquations(Equations):
         return {"frequencies": self.basis.frequencies / (2.0 * np.pi)}
 
     def identity(self) -> Mapping[str, str]:
-        """See :meth:`Equations.identity`."""
+        """See :meth:`VectorEquations.identity`."""
         digits = (np.linalg.norm(a) for a in vars(self.inertia).values())
         own = " ".join(f"{x:.6e}" for x in (*digits, np.linalg.norm(self.basis.stiffness)))
         return {**super().identity(), "integrals": own}
@@ -153,7 +153,7 @@ class PrescribedBaseEquations(_BeamEquations):
     def residual(
         self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, multipliers: FloatArray
     ) -> FloatArray:
-        """See :meth:`Equations.residual`."""
+        """See :meth:`VectorEquations.residual`."""
         G, K, F = self.matrices(t)
         r: FloatArray = self.inertia.M @ a + (G + self._damping) @ v + K @ q - F
         return r
@@ -162,12 +162,12 @@ class PrescribedBaseEquations(_BeamEquations):
         self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, multipliers: FloatArray,
         dv: float, da: float,
     ) -> FloatArray:  # fmt: skip
-        """See :meth:`Equations.tangent`."""
+        """See :meth:`VectorEquations.tangent`."""
         G, K, _ = self.matrices(t)
         return K + dv * (G + self._damping) + da * self.inertia.M
 
     def observe(self, motion: Motion) -> Sequence[float]:
-        """See :meth:`Equations.observe`."""
+        """See :meth:`VectorEquations.observe`."""
         return self._tip(motion.q)
 
     def frame(self, motion: Motion) -> FloatArray:
@@ -229,7 +229,7 @@ class FreeBaseEquations(_BeamEquations):
     def residual(
         self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, multipliers: FloatArray
     ) -> FloatArray:
-        """See :meth:`Equations.residual`."""
+        """See :meth:`VectorEquations.residual`."""
         i, eta, nu, rate = self.inertia, q[12:], v[:6], v[6:]
         A, B = self.masses(eta)
         dA, dB = i.A1 @ rate + (i.A2 @ rate) @ eta, i.B1 @ rate  # rates of A and B
@@ -247,7 +247,7 @@ class FreeBaseEquations(_BeamEquations):
         self, t: float, q: FloatArray, v: FloatArray, a: FloatArray, multipliers: FloatArray,
         dv: float, da: float,
     ) -> FloatArray:  # fmt: skip
-        """See :meth:`Equations.tangent`; central differences, exact but for rounding.
+        """See :meth:`VectorEquations.tangent`; central differences, exact but for rounding.
 
         The residual does not depend on the frame and is a polynomial of the third degree.
         """
@@ -268,7 +268,7 @@ class FreeBaseEquations(_BeamEquations):
         return out
 
     def observe(self, motion: Motion) -> Sequence[float]:
-        """See :meth:`Equations.observe`."""
+        """See :meth:`VectorEquations.observe`."""
         x, R, eta = motion.q[:3], motion.q[3:12].reshape(3, 3), motion.q[12:]
         p = self.momentum(eta, motion.v)
         linear = R @ p[:3]

@@ -10,9 +10,9 @@ from typing import Any, cast
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, Motion, Picture, Stepper
 from flexfem.core.status import Status
-from flexfem.integrators.vector_alpha import VectorAlpha
+from flexfem.research.equations.vector_alpha import VectorAlpha
+from flexfem.research.equations.vector_equations import Motion, Picture, Stepper, VectorEquations
 from flexfem.research.formalisms.equations import MechanismEquations
 from flexfem.research.formalisms.motion import FormalismMotion
 from flexfem.research.formalisms.schemes.hamilton_midpoint import HamiltonMidpoint
@@ -36,7 +36,7 @@ class SchemedMotion(FormalismMotion):
         self.stepper = _SCHEMES[formalism]()
 
 
-class SideBySide(Equations):
+class SideBySide(VectorEquations):
     """The same mechanism by several formalisms, advanced with the same steps.
 
     Columns are those of each formalism with its name before them; pictures are of the first.
@@ -56,26 +56,26 @@ class SideBySide(Equations):
         self.stepper = cast(Stepper, self._together)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """See :class:`flexfem.core.equations.Equations`."""
+        """See :class:`VectorEquations`."""
         return self.motions[0].start()
 
     def observe(self, motion: Motion) -> Sequence[float]:
-        """See :class:`flexfem.core.equations.Equations`."""
+        """See :class:`VectorEquations`."""
         pairs = zip(self.motions, self._together.steppers, strict=True)
         return [value for own, stepper in pairs for value in own.observe(stepper.motion)]
 
     def pictures(self, motion: Motion) -> Mapping[str, Picture]:
-        """See :class:`flexfem.core.equations.Equations`."""
+        """See :class:`VectorEquations`."""
         return self.motions[0].pictures(motion)
 
     def summary(self) -> Mapping[str, Any]:
-        """See :class:`flexfem.core.equations.Equations`."""
+        """See :class:`VectorEquations`."""
         names = [motion.formalism for motion in self.motions]
         seconds = self._together.seconds.tolist()
         return {"wall_seconds_of_formalisms": dict(zip(names, seconds, strict=True))}
 
     def identity(self) -> Mapping[str, str]:
-        """See :class:`flexfem.core.equations.Equations`."""
+        """See :class:`VectorEquations`."""
         return {**super().identity(), "mechanism": self.motions[0].model.mechanism.name}
 
 
@@ -103,8 +103,8 @@ class _Together:
         names = self.steppers[0].counters
         return {name: sum(s.counters[name] for s in self.steppers) for name in names}
 
-    def begin(self, equations: Equations, options: Any) -> Status:
-        """See :class:`flexfem.core.equations.Stepper`."""
+    def begin(self, equations: VectorEquations, options: Any) -> Status:
+        """See :class:`Stepper`."""
         self._options = options
         for motion, stepper in zip(self._motions, self.steppers, strict=True):
             status = stepper.begin(motion, options)
@@ -113,7 +113,7 @@ class _Together:
         return Status.OK
 
     def step(self, h: float) -> Status:
-        """See :class:`flexfem.core.equations.Stepper`; all advance, or none does."""
+        """See :class:`Stepper`; all advance, or none does."""
         before = [(s, s.state()) for s in self.steppers]
         for k, (stepper, _) in enumerate(before):
             begin = time.perf_counter()
@@ -127,12 +127,14 @@ class _Together:
         return Status.OK
 
     def state(self) -> Mapping[str, FloatArray]:
-        """See :class:`flexfem.core.equations.Stepper`."""
+        """See :class:`Stepper`."""
         pairs = zip(self._motions, self.steppers, strict=True)
         return {f"{m.formalism}_{k}": v for m, s in pairs for k, v in s.state().items()}
 
-    def restore(self, equations: Equations, options: Any, state: Mapping[str, FloatArray]) -> None:
-        """See :class:`flexfem.core.equations.Stepper`."""
+    def restore(
+        self, equations: VectorEquations, options: Any, state: Mapping[str, FloatArray]
+    ) -> None:
+        """See :class:`Stepper`."""
         self._options = options
         for motion, stepper in zip(self._motions, self.steppers, strict=True):
             start = f"{motion.formalism}_"

@@ -21,9 +21,9 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, Motion
 from flexfem.core.status import Status
-from flexfem.integrators.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper, factor
+from flexfem.research.equations.vector_equations import Motion, VectorEquations
+from flexfem.research.equations.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper, factor
 from flexfem.research.formalisms.formalism import accelerations, saddle
 from flexfem.research.formalisms.motion import FormalismMotion
 
@@ -31,13 +31,13 @@ __all__ = ["HamiltonMidpoint"]
 
 
 class HamiltonMidpoint(VectorStepper):
-    """The scheme with its state; see :class:`flexfem.core.equations.Stepper`.
+    """The scheme with its state; see :class:`Stepper`.
 
     Attributes:
         momenta: p (n,) that belong to ``motion``.
     """
 
-    def begin(self, equations: Equations, options: Any) -> Status:
+    def begin(self, equations: VectorEquations, options: Any) -> Status:
         """See :class:`Stepper`."""
         self._set(equations, options)
         model = self._equations.model
@@ -49,7 +49,7 @@ class HamiltonMidpoint(VectorStepper):
         self.momenta = model.vector("momentum", q, v)
         return Status.OK
 
-    def _set(self, equations: Equations, options: Any) -> None:
+    def _set(self, equations: VectorEquations, options: Any) -> None:
         if not isinstance(equations, FormalismMotion):
             raise InputError(f"HamiltonMidpoint: {type(equations).__name__} is no FormalismMotion")
         self._equations = equations

@@ -20,11 +20,11 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, Motion
 from flexfem.core.state import counts
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.integrators.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper
+from flexfem.research.equations.vector_equations import Motion, VectorEquations
+from flexfem.research.equations.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper
 from flexfem.research.formalisms.formalism import Partition, accelerations, partition
 from flexfem.research.formalisms.motion import FormalismMotion
 
@@ -51,9 +51,9 @@ class _Point:
 
 
 class MaggiAlpha(VectorStepper):
-    """The scheme with its state; see :class:`flexfem.core.equations.Stepper`."""
+    """The scheme with its state; see :class:`Stepper`."""
 
-    def begin(self, equations: Equations, options: Any) -> Status:
+    def begin(self, equations: VectorEquations, options: Any) -> Status:
         """See :class:`Stepper`."""
         self._set(equations, options)
         q, v = (part.copy() for part in self._equations.start())
@@ -65,7 +65,7 @@ class MaggiAlpha(VectorStepper):
         self._w = a.copy()
         return Status.OK
 
-    def _set(self, equations: Equations, options: Any) -> None:
+    def _set(self, equations: VectorEquations, options: Any) -> None:
         if not isinstance(equations, FormalismMotion):
             raise InputError(f"MaggiAlpha: {type(equations).__name__} is no FormalismMotion")
         self._equations = equations

@@ -13,7 +13,7 @@ whose ``equations(comm)`` does the expensive part when the run starts::
 
         def validate(self) -> None: ...
 
-        def equations(self, comm) -> Equations: ...
+        def equations(self, comm) -> VectorEquations: ...
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,10 +23,10 @@ from typing import Any, Protocol
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
 
-__all__ = ["DRIVER", "Equations", "Motion", "Picture", "Stepper"]
+__all__ = ["DRIVER", "Motion", "Picture", "Stepper", "VectorEquations"]
 
 #: What carries out the motion in time of a source of equations.
-DRIVER = "flexfem.simulation.equations:simulate_equations"
+DRIVER = "flexfem.research.equations.run.simulate:simulate_equations"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Motion:
         self.t, self.q, self.v, self.a, self.multipliers = t, q, v, a, multipliers
 
 
-class Equations:
+class VectorEquations:
     """Base class: ``r(t, q, v, a) + G^T lambda = 0`` and ``Phi(t, q) = 0``.
 
     Coordinates are numbers that velocities are the derivatives of, unless :meth:`add` is
@@ -147,7 +147,7 @@ class Stepper(Protocol):
     motion: Motion
     counters: dict[str, int]
 
-    def begin(self, equations: Equations, options: Any) -> Status:
+    def begin(self, equations: VectorEquations, options: Any) -> Status:
         """Start consistently at t = 0; ``options`` are the ``RunOptions``.
 
         Raises:
@@ -160,5 +160,7 @@ class Stepper(Protocol):
     def state(self) -> Mapping[str, FloatArray]:
         """All that the next step depends on."""
 
-    def restore(self, equations: Equations, options: Any, state: Mapping[str, FloatArray]) -> None:
+    def restore(
+        self, equations: VectorEquations, options: Any, state: Mapping[str, FloatArray]
+    ) -> None:
         """Go on from what :meth:`state` returned."""

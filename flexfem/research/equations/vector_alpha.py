@@ -16,10 +16,10 @@ import scipy.sparse
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, Motion
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.integrators.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper, factor
+from flexfem.research.equations.vector_equations import Motion, VectorEquations
+from flexfem.research.equations.vector_stepper import MOST_ITERATIONS, SLOW, VectorStepper, factor
 
 __all__ = ["VectorAlpha"]
 
@@ -31,9 +31,9 @@ _VIOLATED = 1e-6
 
 
 class VectorAlpha(VectorStepper):
-    """The scheme with its state; see :class:`flexfem.core.equations.Stepper`."""
+    """The scheme with its state; see :class:`Stepper`."""
 
-    def begin(self, equations: Equations, options: Any) -> Status:
+    def begin(self, equations: VectorEquations, options: Any) -> Status:
         """See :class:`Stepper`."""
         self._set(equations, options)
         q, v = (np.array(x, dtype=np.float64) for x in equations.start())
@@ -55,7 +55,7 @@ class VectorAlpha(VectorStepper):
         self._w = x[:n].copy()
         return Status.OK
 
-    def _set(self, equations: Equations, options: Any) -> None:
+    def _set(self, equations: VectorEquations, options: Any) -> None:
         self._equations = equations
         self._scheme = GeneralizedAlpha(options.rho_inf)
         self._tolerance, self._matrix = options.tolerance, options.iteration_matrix

@@ -10,9 +10,9 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from flexfem._types import FloatArray
-from flexfem.core.equations import Equations, Motion
 from flexfem.core.state import counts
 from flexfem.core.status import Status
+from flexfem.research.equations.vector_equations import Motion, VectorEquations
 
 __all__ = ["MOST_ITERATIONS", "SLOW", "VectorStepper", "factor"]
 
@@ -22,7 +22,7 @@ SLOW = 0.3
 
 
 class VectorStepper:
-    """State, counts and kept matrix of a scheme; see :class:`flexfem.core.equations.Stepper`.
+    """State, counts and kept matrix of a scheme; see :class:`Stepper`.
 
     A scheme brings ``begin``, ``_set``, which takes the equations and options, ``_attempt``, a step
     with a kept or with fresh matrices, and what it remembers besides the motion.
@@ -41,7 +41,7 @@ class VectorStepper:
         self._solve: Any = None
         self._kept: float | None = None  # step of the kept matrix
 
-    def _set(self, equations: Equations, options: Any) -> None:
+    def _set(self, equations: VectorEquations, options: Any) -> None:
         raise NotImplementedError
 
     def _attempt(self, h: float, fresh: bool) -> Status:
@@ -79,7 +79,9 @@ class VectorStepper:
             "motion_counters": np.array(list(self.counters.values()), dtype=np.float64),
         }  # fmt: skip
 
-    def restore(self, equations: Equations, options: Any, state: Mapping[str, FloatArray]) -> None:
+    def restore(
+        self, equations: VectorEquations, options: Any, state: Mapping[str, FloatArray]
+    ) -> None:
         """See :class:`Stepper`."""
         self._set(equations, options)
         self._solve = self._kept = None

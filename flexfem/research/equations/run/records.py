@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""History, pictures and progress of a run of equations of motion."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._faults import current
+from flexfem._types import FloatArray
+from flexfem.analyses.dynamics import RunOptions
+from flexfem.core.state import State
+from flexfem.io.atomic import raise_together
+from flexfem.io.history import AngleColumns, FolderLostError, HistoryWriter
+from flexfem.io.paraview_state import write_paraview_state
+from flexfem.io.progress import Progress
+from flexfem.io.summary import remove_summary
+from flexfem.io.vtu_series import VtuSeries
+from flexfem.research.equations.run.stepping import SteppedEquations
+from flexfem.research.equations.vector_equations import Motion, VectorEquations
+from flexfem.simulation.recording import last_record
+from flexfem.simulation.run_guard import agreed
+
+__all__ = ["EquationRecords"]
+
+#: Series that a run of a multibody model may have left in the folder.
+_OF_MODELS = (
+    "beams", "beam_surfaces", "shells", "floating_bodies", "floating_lines", "rigid_bodies",
+    "joints", "reactions", "contact_surfaces",
+)  # fmt: skip
+
+
+class EquationRecords:
+    """History, pictures and progress of one run."""
+
+    def __init__(
+        self,
+        equations: VectorEquations,
+        options: RunOptions,
+        comm: MPI.Intracomm,
+        resume: State | None,
+    ) -> None:
+        """Open the history; with a saved state ``resume`` it goes on after that instant."""
+        self._equations, self._comm, self._every = equations, comm, options.every
+        self._columns = list(equations.columns)
+        self._angles = AngleColumns(self._columns, list(equations.angles))
+        self._rows: list[FloatArray] = []
+        self._folder = options.output
+        self._table: HistoryWriter | None = None
+        self._series: dict[str, VtuSeries] = {}
+        self._opened = False  # ParaView's script is written
+        self._faults, self._broken = current(), False  # broken: the table lacks rows
+        row = None if resume is None else last_record(resume, len(self._columns))
+        self._resume = start = None if row is None else float(row[0])
+        if options.output is not None:
+            self._table = HistoryWriter(
+                options.output / "history.csv", self._columns, comm, resume=start
+            )
+            remove_summary(options.output / "summary.json", comm)
+        if row is not None:
+            self._angles.previous = row[1:].copy()
+            kept = [] if self._table is None else list(self._table.kept)
+            if self._table is not None and not kept:
+                self._table.write(row[0], row[1:])
+            self._rows = kept or [row]
+        self._progress = Progress(
+            options.t_end, not options.quiet and comm.rank == 0, t_start=start or 0.0,
+            how=options.progress,
+        )  # fmt: skip
+
+    @property
+    def due(self) -> bool:
+        """This rank shows progress, and it is time for :meth:`show`."""
+        return self._progress.due
+
+    def show(self, simulation: SteppedEquations) -> None:
+        """Show progress."""
+        counters, t = simulation.stepper.counters, simulation.stepper.motion.t
+        self._progress.update(t, counters["newton_iterations"], counters["factorizations"])
+
+    def record(self, step: int, simulation: SteppedEquations, last: bool = False) -> None:
+        """Note the accepted state."""
+        motion = simulation.stepper.motion
+        row = self._angles.unwrap(simulation.observed())
+        self._rows.append(np.concatenate([[motion.t], row]))
+        self._write(motion.t, row)
+        if last or step % self._every == 0:
+            self.picture(step, motion)
+        if last:
+            self.show(simulation)
+
+    def _write(self, t: float, row: FloatArray) -> None:
+        """Append a row to the table, as long as the disk takes them."""
+        table = self._table
+        try:
+            if table is not None:
+                table.write(t, row)
+        except OSError as error:
+            self._faults.note(error)
+            self._table, self._broken = None, True
+
+    def picture(self, step: int, motion: Motion) -> None:
+        """Write what is seen, unless something has failed (collective)."""
+        self._look_after_the_table()
+        if self._folder is not None and agreed(self._faults, self._comm) is None:
+            with self._faults.files():
+                self._picture(self._folder, step, motion)
+
+    def _look_after_the_table(self) -> None:
+        """Write it anew where it was removed; the run ends then."""
+        table = self._table
+        if table is not None and table.lost:
+            self._faults.note(FolderLostError(table.path.parent, table.path.exists()))
+            self._broken = table.path.exists()
+            if self._broken:
+                table.close()
+                self._table = None
+                return
+            with self._faults.files():
+                table.write_anew(self._rows)
+
+    def _picture(self, folder: Path, step: int, motion: Motion) -> None:
+        """Write what is seen (collective); the first rank has all of it."""
+        for name, seen in self._equations.pictures(motion).items():
+            if name not in self._series:
+                self._series[name] = VtuSeries(folder, name, self._comm, resume=self._resume)
+            mine = slice(None) if self._comm.rank == 0 else slice(0)
+            self._series[name].write(
+                motion.t, step, seen.points[mine], seen.cells[mine], seen.cell_type,
+                {key: values[mine] for key, values in seen.point_data.items()},
+                {key: values[mine] for key, values in seen.cell_data.items()},
+            )  # fmt: skip
+        if self._series and not self._opened:
+            write_paraview_state(folder, self._comm)
+            self._opened = True
+
+    def state(self) -> State:
+        """What the records go on from; the table is on disk first (collective)."""
+        error: Exception | None = self._faults.error if self._broken else None
+        try:
+            if self._table is not None:
+                self._table.sync()
+        except OSError as exc:
+            error = exc
+        raise_together(self._comm, error)
+        return State({"history": self._rows[-1]})
+
+    def close(self) -> dict[str, FloatArray]:
+        """Close the files; the columns so far on the first rank."""
+        self._progress.close()
+        self._look_after_the_table()
+        with self._faults.files():
+            if self._table is not None:
+                self._table.close()
+        with self._faults.files():
+            if self._folder is not None and agreed(self._faults, self._comm) is None:
+                for name in _OF_MODELS:
+                    if name not in self._series:
+                        VtuSeries(self._folder, name, self._comm).close()
+            for series in self._series.values():
+                series.close()
+        if self._comm.rank or not self._rows:
+            return {}
+        table = np.array(self._rows)
+        return dict(zip(["t", *self._columns], table.T.copy(), strict=True))
