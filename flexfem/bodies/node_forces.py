@@ -9,13 +9,13 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie._blocks import copy_entries
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 from flexfem.lie.se3 import compose_into
 
 __all__ = ["add_forces", "force_states", "force_tangent"]
 
 
-@kernel
+@subroutine
 def _wrench(
     frame: FloatArray, offset: FloatArray, force: FloatArray, moment: FloatArray, follower: bool,
     factor: float, out: FloatArray,
@@ -50,7 +50,7 @@ def add_forces(
             residual[node, i] -= scale * wrench[i]
 
 
-@kernel
+@subroutine
 def _add_turned(vector: FloatArray, row: int, sign: float, out: FloatArray) -> None:
     """Add ``sign skew(vector)`` to the rotation columns of three rows of ``out`` (6, 6)."""
     for i in range(3):

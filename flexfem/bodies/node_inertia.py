@@ -10,12 +10,12 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_kernels import step_rates_into
 from flexfem.core.motion import add_motion
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 
 __all__ = ["add_inertia", "add_mass_motion", "inertia_tangent"]
 
 
-@kernel
+@subroutine
 def _gravity_in_node(frame: FloatArray, gravity: FloatArray, out: FloatArray) -> None:
     for i in range(3):
         out[i] = frame[3 + i] * gravity[0] + frame[6 + i] * gravity[1] + frame[9 + i] * gravity[2]
@@ -51,7 +51,7 @@ def add_inertia(
             residual[node, i] += scale * a[i]
 
 
-@kernel
+@subroutine
 def _gyroscopic(M: FloatArray, v: FloatArray, C: FloatArray) -> None:
     """Add the derivative of ``-ad_v^T (M v)`` with respect to ``v`` to ``C`` (6, 6)."""
     p = np.zeros(6)

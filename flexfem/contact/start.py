@@ -7,7 +7,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.contact.candidates import Rows
 from flexfem.contact.search import overlaps, triangle_boxes
 from flexfem.contact.triangles import TriangleContact
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 
 __all__ = ["deepest_start", "first_crossing", "winding_numbers"]
 
@@ -102,7 +102,7 @@ def _cross_first(
                 return
 
 
-@kernel
+@subroutine
 def _volume(x: FloatArray, i: int, j: int, k: int, l: int) -> float:  # noqa: E741
     """Six times the volume of a tetrahedron, with its sign."""
     total = 0.0

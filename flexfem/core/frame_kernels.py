@@ -6,7 +6,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.prediction import Misses
 from flexfem.lie import so3
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into, retract_into
 
 __all__ = [
@@ -205,7 +205,7 @@ def shift(
     return largest
 
 
-@kernel
+@subroutine
 def _orthonormalise(H: FloatArray) -> None:
     """``R <- R (3 I - R^T R) / 2``: keeps round-off from adding up over millions of steps."""
     c00 = H[3] * H[3] + H[6] * H[6] + H[9] * H[9]

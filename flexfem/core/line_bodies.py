@@ -23,7 +23,7 @@ from flexfem.core.relative_frames import (
     write_second,
 )
 from flexfem.lie._blocks import triple
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 from flexfem.lie.quaternion import Quaternion, conjugate, matrix_into, product
 from flexfem.lie.se3 import compose_into
 
@@ -39,7 +39,7 @@ def _interfaces(k: int, n: int) -> int:
     return (n - 3 * (k - 1)) // 3
 
 
-@kernel
+@subroutine
 def _coordinates(frames: FloatArray, n: int, X: FloatArray, g: FloatArray, y: FloatArray) -> None:
     """Coordinates ``y`` (n,), relative frames ``X`` (c, 12) and factors ``g`` (c, 4)."""
     count = _interfaces(frames.shape[0], n)
@@ -52,7 +52,7 @@ def _coordinates(frames: FloatArray, n: int, X: FloatArray, g: FloatArray, y: Fl
         y[6 * count + j] = frames[1 + count + j // 3, j % 3]
 
 
-@kernel
+@subroutine
 def _evaluate(shape: FloatArray, xi: float, y: FloatArray, V: FloatArray, B: FloatArray) -> None:
     """Position and quaternion ``V`` (3, 7) with two derivatives by ``xi``, and ``B`` (2, n, 7).
 
@@ -106,7 +106,7 @@ def _twists(V: FloatArray, B: FloatArray, P: FloatArray, M: FloatArray) -> None:
             M[3 + i, j] = 2.0 * turned[i]
 
 
-@kernel
+@subroutine
 def _derivatives(
     frames: FloatArray, shape: FloatArray, X: FloatArray, g: FloatArray, units: FloatArray,
     Y: FloatArray,
@@ -129,7 +129,7 @@ def _derivatives(
         Y[6 * count + j, 6 * (1 + count + j // 3) + j % 3] = 1.0
 
 
-@kernel
+@subroutine
 def body_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) -> None:
     """Frame of a point; arguments as in ``line_points.line_pose``."""
     n = shape.shape[0] - 1
@@ -141,7 +141,7 @@ def body_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) -
     compose_into(frames[0], P, H)
 
 
-@kernel
+@subroutine
 def body_jacobian(
     frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray, J: FloatArray
 ) -> None:
@@ -183,7 +183,7 @@ def _rotate(P: FloatArray, v: FloatArray, out: FloatArray) -> None:
         out[i] = P[3 + 3 * i] * v[0] + P[4 + 3 * i] * v[1] + P[5 + 3 * i] * v[2]
 
 
-@kernel
+@subroutine
 def _by_coordinates(
     V: FloatArray, B: FloatArray, P: FloatArray, M: FloatArray, w: FloatArray, A: FloatArray,
     D: FloatArray,
@@ -224,7 +224,7 @@ def _by_coordinates(
                 D[i, j] += mixed[m] * F[m] + 2.0 * bent[m] * w[3 + m]
 
 
-@kernel
+@subroutine
 def add_body_second(
     frames: FloatArray, shape: FloatArray, xi: float, w: FloatArray, out: FloatArray
 ) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.line_nurbs import add_force_part, put_translations, shape_functions
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 from flexfem.lie.so3 import (
     exp_into,
     inverse_tangent_derivative_into,
@@ -44,7 +44,7 @@ def _apply_transposed(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
         out[i] = A[i] * v[0] + A[3 + i] * v[1] + A[6 + i] * v[2]
 
 
-@kernel
+@subroutine
 def _interpolate(
     frames: FloatArray, N: FloatArray, x: FloatArray, nodal: FloatArray, v: FloatArray,
     H: FloatArray,
@@ -83,7 +83,7 @@ def _interpolate(
             )
 
 
-@kernel
+@subroutine
 def _changes(nodal: FloatArray, N: FloatArray, v: FloatArray, D: FloatArray) -> None:
     """Changes of the rotation vectors along all columns.
 
@@ -109,7 +109,7 @@ def _changes(nodal: FloatArray, N: FloatArray, v: FloatArray, D: FloatArray) -> 
             D[k + m, i, 6 * k] = v[m + 1, i]
 
 
-@kernel
+@subroutine
 def _jacobian(
     frames: FloatArray, N: FloatArray, x: FloatArray, v: FloatArray, D: FloatArray, H: FloatArray,
     J: FloatArray,
@@ -130,7 +130,7 @@ def _jacobian(
             J[3 + i, 6 * r + 3 + j] += A[3 * j + i]
 
 
-@kernel
+@subroutine
 def vectors_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) -> None:
     """Frame of a point; arguments as in ``line_points.line_pose``."""
     k = frames.shape[0]
@@ -139,7 +139,7 @@ def vectors_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray
     _interpolate(frames, N, x, nodal, v, H)
 
 
-@kernel
+@subroutine
 def vectors_jacobian(
     frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray, J: FloatArray
 ) -> None:
@@ -153,7 +153,7 @@ def vectors_jacobian(
     _jacobian(frames, N, x, v, D, H, J)
 
 
-@kernel
+@subroutine
 def _add_moment_part(
     N: FloatArray, nodal: FloatArray, v: FloatArray, D: FloatArray, m: FloatArray,
     out: FloatArray,
@@ -197,7 +197,7 @@ def _add_moment_part(
                 out[6 * r + 3 + i, c] -= other
 
 
-@kernel
+@subroutine
 def add_vectors_second(
     frames: FloatArray, shape: FloatArray, xi: float, g: FloatArray, out: FloatArray
 ) -> None:

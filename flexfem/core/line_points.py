@@ -42,7 +42,7 @@ from flexfem.core.surface_points import (
     triangle_jacobian,
     triangle_pose,
 )
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 from flexfem.lie.se3 import (
     adjoint_into,
     compose_into,
@@ -77,7 +77,7 @@ __all__ = [
 SE3, NURBS, TRIANGLE, FIXED, BODY, NURBS_VECTORS = range(6)
 
 
-@inlined
+@kernel
 def arc_length(coefficients: FloatArray, xi: float) -> tuple[float, float, float]:
     """Polynomial of ``xi`` and its first two derivatives; ``coefficients`` (q,) of its powers."""
     s, first, half = 0.0, 0.0, 0.0
@@ -207,7 +207,7 @@ def _helix_changes(
         S[i, 6] = a[3, i]
 
 
-@kernel
+@subroutine
 def _add_helix_second(frames: FloatArray, xi: float, g: FloatArray, out: FloatArray) -> None:
     d, w, H, a = np.empty(6), np.empty(6), np.empty(12), np.empty((5, 6))
     inverse, back, A, S = np.empty(36), np.empty(36), np.empty(36), np.empty((6, 7))

@@ -12,7 +12,7 @@ derivatives of theta are products of those of g with c and s of the derivatives 
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 
 __all__ = [
     "act",
@@ -30,7 +30,7 @@ __all__ = [
 _NEAR, _TERMS = 0.2, 24
 
 
-@kernel
+@subroutine
 def act(
     X: FloatArray, right: FloatArray, left: FloatArray, affine: float, factor: float,
     out: FloatArray,
@@ -52,7 +52,7 @@ def act(
             out[k + j] += factor * (turned - carried)
 
 
-@kernel
+@subroutine
 def relative_frame(F: FloatArray, H: FloatArray, X: FloatArray) -> None:
     """``H_F^-1 H_I``."""
     for i in range(3):
@@ -81,7 +81,7 @@ def _sine(X: FloatArray, i: int) -> float:
     return half
 
 
-@kernel
+@subroutine
 def _factors(c: float, g: FloatArray) -> None:
     """``g = theta/sin(theta)`` and its first three derivatives by ``c = cos(theta)``.
 
@@ -108,7 +108,7 @@ def _factors(c: float, g: FloatArray) -> None:
     g[3] = (5.0 * c * g[2] + 4.0 * g[1]) / square
 
 
-@kernel
+@subroutine
 def rotation_into(X: FloatArray, g: FloatArray, theta: FloatArray) -> None:
     """Write g and its derivatives (4,) and the rotation vector of a relative frame."""
     _factors(_cosine(X) - 0.5, g)
@@ -140,7 +140,7 @@ def third(X: FloatArray, g: FloatArray, A: FloatArray, B: FloatArray, i: int) ->
     return change
 
 
-@kernel
+@subroutine
 def relative_motion(
     rest: FloatArray, nodes: IndexArray, base: FloatArray, frames: FloatArray,
     velocity: FloatArray, acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray,
@@ -181,7 +181,7 @@ def relative_motion(
         eta[j, 1], eta[j, 2] = velocity[node, i], acceleration[node, i]
 
 
-@kernel
+@subroutine
 def write_columns(X: FloatArray, g: FloatArray, units: FloatArray, columns: FloatArray) -> None:
     """Derivatives of an interface's coordinates by the local twists of the frame and its own.
 
@@ -205,7 +205,7 @@ def write_columns(X: FloatArray, g: FloatArray, units: FloatArray, columns: Floa
             columns[3 + i, j] = first(X, g, units[j], i)
 
 
-@kernel
+@subroutine
 def write_second(
     X: FloatArray, g: FloatArray, units: FloatArray, force: FloatArray, out: FloatArray
 ) -> None:

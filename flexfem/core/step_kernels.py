@@ -16,7 +16,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 __all__ = [
     "add",
@@ -186,7 +186,7 @@ def mean_acceleration(
             out[i, k], out[i, 3 + k] = a[k], spin[k]
 
 
-@kernel
+@subroutine
 def momentum_force(
     mass: float, weight: float, s: FloatArray, J: FloatArray, c: FloatArray, H0: FloatArray,
     H1: FloatArray, r0: FloatArray, r1: FloatArray, gravity: FloatArray, h: float,
@@ -229,7 +229,7 @@ def momentum_force(
         out[k], out[3 + k] = local_f[k], local_m[k]
 
 
-@kernel
+@subroutine
 def momentum_tangent(
     mass: float, weight: float, s: FloatArray, J: FloatArray, c: FloatArray, H0: FloatArray,
     H1: FloatArray, phi: FloatArray, r0: FloatArray, r1: FloatArray, gravity: FloatArray,

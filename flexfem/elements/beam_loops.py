@@ -7,7 +7,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_kernels import step_rates_into
 from flexfem.la.kernel import tabulate
 from flexfem.la.lanes import LANES
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 __all__ = ["add_action", "add_residual", "add_tangent", "law_values", "linear_resultants"]
 
@@ -193,7 +193,7 @@ def add_action(
         _add_force(cells, c, at, turns, turn, force, 0, scale, residual)
 
 
-@kernel
+@subroutine
 def _turn_matrix(Q1: FloatArray, Q2: FloatArray, K: FloatArray, work: FloatArray) -> None:
     """``K <- P K P^T`` with the block diagonal P of both ends' turns."""
     for block in range(4):
@@ -216,7 +216,7 @@ def _turn_matrix(Q1: FloatArray, Q2: FloatArray, K: FloatArray, work: FloatArray
                 K[i * 12 + 3 * block + j] = work[j]
 
 
-@kernel
+@subroutine
 def _combine(
     K: FloatArray, C: FloatArray, M: FloatArray, by_v: FloatArray, by_w: FloatArray,
     stiffness: float, scale: float, values: FloatArray,

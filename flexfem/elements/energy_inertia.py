@@ -13,7 +13,7 @@ from flexfem._types import FloatArray, IndexArray
 from flexfem.core.step_kernels import add, increment_rate, mean_turn, turn, turn_back, unit
 from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 
 __all__ = ["add_mass_tangent", "mass_force"]
 
@@ -35,7 +35,7 @@ def _spin(r0: FloatArray, r1: FloatArray, arm: Triple, h: float) -> Triple:
     return 0.25 * h * s[0], 0.25 * h * s[1], 0.25 * h * s[2]
 
 
-@kernel
+@subroutine
 def mass_force(
     side: int, nodes: IndexArray, mass: float, arms: FloatArray, centres: FloatArray,
     frames0: FloatArray, frames: FloatArray, rates0: FloatArray, rates: FloatArray,
@@ -90,7 +90,7 @@ def _own_change(
     return add(m, 1.0, cross(swing, triple(total, 0)))
 
 
-@kernel
+@subroutine
 def add_mass_tangent(
     a: int, b: int, nodes: IndexArray, mass: float, arms: FloatArray, centres: FloatArray,
     frames0: FloatArray, frames: FloatArray, increments: FloatArray, rates0: FloatArray,

@@ -8,7 +8,7 @@ from flexfem.core.step_kernels import momentum_force, momentum_tangent, turn_bac
 from flexfem.elements.energy_inertia import add_mass_tangent, mass_force
 from flexfem.la.kernel import tabulate
 from flexfem.lie._blocks import triple
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 __all__ = ["add_force", "add_tangent", "relative_frames"]
 
@@ -128,7 +128,7 @@ def _entry(K: FloatArray, a: int, i: int, b: int, j: int) -> float:
     return value
 
 
-@kernel
+@subroutine
 def _turn_blocks(
     K: FloatArray, first: FloatArray, second: FloatArray, a: int, b: int, work: FloatArray,
     out: FloatArray,

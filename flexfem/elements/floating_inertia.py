@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 __all__ = [
     "BodyData", "Fields", "add_elastic", "add_elastic_tangent", "body_acceleration", "extend",
@@ -80,7 +80,7 @@ class Fields(NamedTuple):
     Q: FloatArray
 
 
-@kernel
+@subroutine
 def new_fields(data: BodyData) -> Fields:
     """Room for the fields of a body."""
     n = data.moments.shape[1] - 1
@@ -90,7 +90,7 @@ def new_fields(data: BodyData) -> Fields:
     )  # fmt: skip
 
 
-@kernel
+@subroutine
 def extend(data: BodyData, eta: FloatArray, G: FloatArray) -> FloatArray:
     """All coordinates with their derivatives (N, 3) from the elastic ones (n, 3).
 
@@ -112,7 +112,7 @@ def extend(data: BodyData, eta: FloatArray, G: FloatArray) -> FloatArray:
     return every
 
 
-@kernel
+@subroutine
 def fold(data: BodyData, G: FloatArray, every: FloatArray, force: FloatArray) -> None:
     """Forces (6 + n,) on frame and elastic coordinates from those on all coordinates (6 + N,)."""
     n = len(force) - 6
@@ -122,7 +122,7 @@ def fold(data: BodyData, G: FloatArray, every: FloatArray, force: FloatArray) ->
             force[6 + i] += every[6 + n + k] * G[k * n + i, 0]
 
 
-@kernel
+@subroutine
 def fields_into(data: BodyData, eta: FloatArray, f: Fields) -> None:
     """Write the fields for all coordinates and their derivatives (N, 3)."""
     n = len(eta)
@@ -155,7 +155,7 @@ def put_skew(v: FloatArray, out: FloatArray) -> None:
         out[3 * i + p], out[3 * i + q] = -v[q], v[p]
 
 
-@kernel
+@subroutine
 def body_acceleration(
     base: FloatArray, gravity: FloatArray, A: FloatArray, W: FloatArray, C: FloatArray,
     weight: FloatArray,
@@ -190,7 +190,7 @@ def moment(Z: FloatArray, i: int) -> float:
     return component
 
 
-@kernel
+@subroutine
 def forces_into(
     data: BodyData, f: Fields, A: FloatArray, W: FloatArray, C: FloatArray, force: FloatArray
 ) -> None:
@@ -227,7 +227,7 @@ def interface_strains(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatA
     return pulls, strains
 
 
-@kernel
+@subroutine
 def add_elastic(data: BodyData, eta: FloatArray, force: FloatArray) -> None:
     """Add elastic and damping forces (n,).
 
@@ -247,7 +247,7 @@ def add_elastic(data: BodyData, eta: FloatArray, force: FloatArray) -> None:
                 force[i] += strains[k] * pulls[k, i]
 
 
-@kernel
+@subroutine
 def add_elastic_tangent(data: BodyData, eta: FloatArray, K: FloatArray) -> None:
     """Add the derivatives (n, n) of the elastic forces by the coordinates."""
     n = len(eta)

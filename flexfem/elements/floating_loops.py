@@ -41,12 +41,12 @@ from flexfem.elements.floating_tangent import (
     mass_into,
     stiffness_into,
 )
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 
 __all__ = ["add_motion", "add_residual", "coordinates_into", "energies_into", "tangents_into"]
 
 
-@kernel
+@subroutine
 def _state_into(
     data: BodyData, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
     acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray, base: FloatArray,
@@ -73,7 +73,7 @@ def coordinates_into(
         _state_into(data, nodes[b], frames, velocity, acceleration, X, g, out[b], base[b])
 
 
-@kernel
+@subroutine
 def _add_to_nodes(
     nodes: IndexArray, columns: FloatArray, force: FloatArray, scale: float, residual: FloatArray
 ) -> None:
@@ -122,7 +122,7 @@ def add_residual(
         _add_to_nodes(nodes[b], columns, force, scale, residual)
 
 
-@kernel
+@subroutine
 def _put_changes(
     X: FloatArray, g: FloatArray, units: FloatArray, v: FloatArray, w: FloatArray,
     v_frame: FloatArray, w_frame: FloatArray, by_v: FloatArray, by_w: FloatArray, stiffness: float,
@@ -172,7 +172,7 @@ def _put_changes(
             )
 
 
-@kernel
+@subroutine
 def _put_interface(
     first_row: int, column: int, columns: FloatArray, changes: FloatArray, own_frame: bool,
     to_nodes: FloatArray, places: FloatArray, rates: FloatArray, jerks: FloatArray,
@@ -187,7 +187,7 @@ def _put_interface(
             rates[6 + row, at], jerks[6 + row, at] = changes[1, i, j], changes[2, i, j]
 
 
-@kernel
+@subroutine
 def _put_frame(
     first_row: int, columns: FloatArray, changes: FloatArray, by_twist: FloatArray,
     to_nodes: FloatArray, places: FloatArray, rates: FloatArray, jerks: FloatArray,

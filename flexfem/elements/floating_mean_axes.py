@@ -12,7 +12,7 @@ import numpy as np
 from flexfem._types import FloatArray, IndexArray
 from flexfem.core.relative_frames import relative_motion, write_columns
 from flexfem.elements.floating_inertia import BodyData
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import subroutine
 from flexfem.lie.se3 import retract_into
 
 __all__ = ["carry", "condense", "locate", "respond"]
@@ -21,7 +21,7 @@ __all__ = ["carry", "condense", "locate", "respond"]
 _STEPS, _SMALL = 30, 1e-9
 
 
-@kernel
+@subroutine
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solution (6, s) by elimination with pivots: LAPACK's takes ten seconds to compile."""
     A, X = matrix.copy(), right.copy()
@@ -48,7 +48,7 @@ def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
     return X
 
 
-@kernel
+@subroutine
 def _add_slope(data: BodyData, c: int, columns: FloatArray, slope: FloatArray) -> None:
     """Add an interface's part of the derivatives (6, 6) of the conditions by the frame's twist."""
     for i in range(6):
@@ -57,7 +57,7 @@ def _add_slope(data: BodyData, c: int, columns: FloatArray, slope: FloatArray) -
                 slope[i, j] += data.conditions[i, 6 * c + m] * columns[m, j]
 
 
-@kernel
+@subroutine
 def _slope(data: BodyData, X: FloatArray, g: FloatArray, work: FloatArray) -> FloatArray:
     """Derivatives (6, 6) of the conditions by twists of the frame; ``work`` (18, 12)."""
     slope = np.zeros((6, 6))
@@ -67,7 +67,7 @@ def _slope(data: BodyData, X: FloatArray, g: FloatArray, work: FloatArray) -> Fl
     return slope
 
 
-@kernel
+@subroutine
 def locate(
     data: BodyData, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
     acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray, base: FloatArray,
@@ -100,7 +100,7 @@ def locate(
         relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
 
 
-@kernel
+@subroutine
 def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
     """Add the multipliers' forces to those on coordinates: none is left on the frame.
 
@@ -126,7 +126,7 @@ def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
     force[:6] = 0.0
 
 
-@kernel
+@subroutine
 def respond(
     data: BodyData, places: FloatArray, rates: FloatArray, jerks: FloatArray, turned: FloatArray,
     moved: FloatArray,
@@ -160,7 +160,7 @@ def respond(
     jerks[6:] += np.dot(own, accelerations)
 
 
-@kernel
+@subroutine
 def condense(
     data: BodyData, to_nodes: FloatArray, moved: FloatArray, bent: FloatArray, full: FloatArray
 ) -> FloatArray:

@@ -9,12 +9,12 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.elements.floating_inertia import BodyData, Fields, moment, put_skew
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 
 __all__ = ["damping_into", "fold_matrices", "mass_into", "stiffness_into"]
 
 
-@kernel
+@subroutine
 def _put_field(W: FloatArray, C: FloatArray, f: Fields, Z: FloatArray, out: FloatArray) -> None:
     """Write the forces (6 + n,) of accelerations ``W y + C dy``; ``Z`` (9,) is work space."""
     for i in range(3):
@@ -39,7 +39,7 @@ def _products(data: BodyData, ab: int, i: int) -> FloatArray:
     return data.products[ab * data.moments.shape[1] + 1 + i, 1:]
 
 
-@kernel
+@subroutine
 def mass_into(data: BodyData, f: Fields, M: FloatArray) -> None:
     """Write the mass matrix (6 + N, 6 + N); its first three columns are the derivatives by A."""
     n = f.P.shape[1]
@@ -66,7 +66,7 @@ def mass_into(data: BodyData, f: Fields, M: FloatArray) -> None:
         M[6 + i, 6:] = _products(data, 0, i) + _products(data, 4, i) + _products(data, 8, i)
 
 
-@kernel
+@subroutine
 def damping_into(
     data: BodyData, f: Fields, velocity: FloatArray, M: FloatArray, C: FloatArray, out: FloatArray
 ) -> None:
@@ -123,7 +123,7 @@ def damping_into(
                 out[6 + i, 6:] += C[ab] * _products(data, ab, i)
 
 
-@kernel
+@subroutine
 def stiffness_into(
     data: BodyData, f: Fields, A: FloatArray, W: FloatArray, C: FloatArray, out: FloatArray
 ) -> None:
@@ -151,7 +151,7 @@ def stiffness_into(
                 out[6 + i] += W[ab] * _products(data, ab, i)
 
 
-@kernel
+@subroutine
 def fold_matrices(
     data: BodyData, G: FloatArray, force: FloatArray, M: FloatArray, D: FloatArray, K: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -17,7 +17,7 @@ from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.frame_kernels import step_rates_into
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 __all__ = [
     "accelerations_into",
@@ -240,7 +240,7 @@ def add_inertia_action(
         )  # fmt: skip
 
 
-@kernel
+@subroutine
 def nodal_tangent(
     nodes: IntArray, lumps: FloatArray, gravity: FloatArray, frames: FloatArray,
     velocity: FloatArray, acceleration: FloatArray, by_v: FloatArray, by_w: FloatArray,

@@ -22,7 +22,7 @@ from flexfem.elements.nurbs_maps import (
 )
 from flexfem.la.kernel import tabulate
 from flexfem.la.lanes import LANES
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 __all__ = [
     "CHANGE",
@@ -50,7 +50,7 @@ def workspace(offsets: IntArray) -> tuple[FloatArray, IntArray, FloatArray, Floa
     return np.zeros((offsets[-1], LANES)), np.full(LANES, -1), np.zeros(1), points
 
 
-@kernel
+@subroutine
 def interpolate(tables: FloatArray, places: FloatArray, first: int, data: FloatArray) -> None:
     """Write a point's unknowns, from nodal places (k, PLACE, L), to ``data`` from ``first`` on."""
     k = places.shape[0]
@@ -70,7 +70,7 @@ def interpolate(tables: FloatArray, places: FloatArray, first: int, data: FloatA
                 data[first + 4 + i, lane] += dN * places[node, i, lane]
 
 
-@kernel
+@subroutine
 def collect(
     tables: FloatArray, weights: FloatArray, force: FloatArray, first: int, dual: FloatArray
 ) -> None:
@@ -91,7 +91,7 @@ def collect(
                 dual[node, i, lane] += bent
 
 
-@kernel
+@subroutine
 def put_elements(
     offsets: IntArray, damping: FloatArray, sections: IntArray, laws: FloatArray, first: int,
     held: IntArray, data: FloatArray,
@@ -110,7 +110,7 @@ def put_elements(
                 data[offsets[_MATERIAL] + i, lane] = laws[held[lane], 21 + i]
 
 
-@kernel
+@subroutine
 def put_points(
     offsets: IntArray, tables: FloatArray, starts: FloatArray, places: FloatArray,
     rates: FloatArray, data: FloatArray,

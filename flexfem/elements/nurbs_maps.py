@@ -27,7 +27,7 @@ from flexfem.elements.nurbs_vector_maps import (
 from flexfem.la.lanes import LANES
 from flexfem.lie._blocks import cross, dot
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 from flexfem.lie.quaternion import from_matrix
 
 __all__ = [
@@ -107,7 +107,7 @@ def _moments(w: float, v: Triple, a: float, b: Triple) -> tuple[Triple, Triple]:
     return own, (-0.5 * (e0 + c[0]), -0.5 * (e1 + c[1]), -0.5 * (e2 + c[2]))
 
 
-@kernel
+@subroutine
 def places_into(
     vectors: bool, cells: IndexArray, first: int, frames: FloatArray, relative: FloatArray,
     places: FloatArray,
@@ -141,7 +141,7 @@ def places_into(
                 relative[node, i, lane] = R[i]
 
 
-@kernel
+@subroutine
 def twists_into(cells: IndexArray, first: int, values: FloatArray, twists: FloatArray) -> None:
     """Nodal twists (n, 6) of the elements from ``first`` on to (k, 6, L)."""
     count, k = cells.shape
@@ -152,7 +152,7 @@ def twists_into(cells: IndexArray, first: int, values: FloatArray, twists: Float
                 twists[node, i, lane] = values[cells[c, node], i]
 
 
-@kernel
+@subroutine
 def rates_into(
     vectors: bool, relative: FloatArray, places: FloatArray, twists: FloatArray, rates: FloatArray
 ) -> None:
@@ -178,7 +178,7 @@ def rates_into(
             _put(rates, node, 4, lane, _turn(w, v, difference, total))
 
 
-@kernel
+@subroutine
 def rate_changes_into(
     vectors: bool, relative: FloatArray, places: FloatArray, twists: FloatArray,
     steps: FloatArray, moved: FloatArray, changes: FloatArray,
@@ -210,7 +210,7 @@ def rate_changes_into(
             _put(changes, node, 4, lane, _turn(dw, dv, difference, total))
 
 
-@kernel
+@subroutine
 def forces_into(
     vectors: bool, relative: FloatArray, places: FloatArray, dual: FloatArray, forces: FloatArray
 ) -> None:
@@ -241,7 +241,7 @@ def forces_into(
             _add(forces, ref, 3, lane, other)
 
 
-@kernel
+@subroutine
 def force_changes_into(
     vectors: bool, relative: FloatArray, places: FloatArray, dual: FloatArray, steps: FloatArray,
     moved: FloatArray, changes: FloatArray, moments: FloatArray,

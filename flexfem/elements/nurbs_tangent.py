@@ -23,7 +23,7 @@ from flexfem.elements.nurbs_maps import (
 )
 from flexfem.la.kernel import tabulate
 from flexfem.la.lanes import LANES
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 __all__ = ["tangent_into"]
 
@@ -37,7 +37,7 @@ def _other(node: int, ref: int) -> int:
     return node - (node > ref)
 
 
-@kernel
+@subroutine
 def _add_point(
     tables: FloatArray, weights: FloatArray, values: FloatArray, first: int, K: FloatArray
 ) -> None:
@@ -100,7 +100,7 @@ def _keep(values: FloatArray, side: int, j: int, A: FloatArray) -> None:
                     A[side, _other(node, k // 2), i, j, lane] = values[node, i, lane]
 
 
-@kernel
+@subroutine
 def _add_columns(K: FloatArray, A: FloatArray, X: FloatArray) -> None:
     """Add ``K A`` to ``X`` (k - 1, PLACE, k, 6, L)."""
     others = K.shape[0]
@@ -118,7 +118,7 @@ def _add_columns(K: FloatArray, A: FloatArray, X: FloatArray) -> None:
                             X[a, i, ref, j, lane] += factor * A[1, b, m, j, lane]
 
 
-@kernel
+@subroutine
 def _rows_into(A: FloatArray, X: FloatArray, E: FloatArray) -> None:
     """``A^T X`` (k, 6, k, 6, L)."""
     others, k = X.shape[0], X.shape[2]
@@ -136,7 +136,7 @@ def _rows_into(A: FloatArray, X: FloatArray, E: FloatArray) -> None:
                             E[ref, i, J, j, lane] += A[1, a, m, i, lane] * x
 
 
-@kernel
+@subroutine
 def _add_geometry(changes: FloatArray, moments: FloatArray, factor: float, E: FloatArray) -> None:
     """Add the changes of ``nurbs_maps.force_changes_into`` along all axes to ``E``."""
     others = changes.shape[1]
@@ -167,7 +167,7 @@ def _write(E: FloatArray, first: int, scale: float, values: FloatArray) -> None:
                         values[first + lane, at] = scale * E[I, i, J, j, lane]
 
 
-@kernel
+@subroutine
 def _maps_into(
     vectors: bool, relative: FloatArray, places: FloatArray, dual: FloatArray, A: FloatArray,
     changes: FloatArray, moments: FloatArray,
@@ -186,7 +186,7 @@ def _maps_into(
             _keep(moment, side, j, moments)
 
 
-@kernel
+@subroutine
 def _rate_maps_into(
     vectors: bool, cells: IndexArray, first: int, relative: FloatArray, places: FloatArray,
     speeds: FloatArray, by_v: FloatArray, factor: float, A: FloatArray, B: FloatArray,

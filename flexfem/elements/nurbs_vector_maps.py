@@ -16,7 +16,7 @@ from flexfem._types import FloatArray
 from flexfem.la.lanes import LANES
 from flexfem.lie._blocks import cross, dot
 from flexfem.lie._coefficients import Triple, inverse_coefficient, inverse_derivatives
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 from flexfem.lie.so3 import log_entries
 
 __all__ = [
@@ -59,7 +59,7 @@ def put_vector(R: FloatArray, node: int, lane: int, places: FloatArray) -> None:
     places[node, 4, lane], places[node, 5, lane], places[node, 6, lane] = log_entries(R, 0)
 
 
-@kernel
+@subroutine
 def put_vector_rates(places: FloatArray, twists: FloatArray, node: int, rates: FloatArray) -> None:
     """Write the change of a rotation vector along local twists."""
     ref = places.shape[0] // 2
@@ -74,7 +74,7 @@ def put_vector_rates(places: FloatArray, twists: FloatArray, node: int, rates: F
             rates[node, 4 + i, lane] = d[i] + 0.5 * p[i] + e * s[i]
 
 
-@kernel
+@subroutine
 def put_vector_rate_changes(
     places: FloatArray, twists: FloatArray, moved: FloatArray, node: int, changes: FloatArray
 ) -> None:
@@ -90,7 +90,7 @@ def put_vector_rate_changes(
             changes[node, 4 + i, lane] = 0.5 * p[i] + s[i]
 
 
-@kernel
+@subroutine
 def put_vector_forces(places: FloatArray, dual: FloatArray, node: int, forces: FloatArray) -> None:
     """Write the moment on a node of a force dual to its vector, and add that on the reference."""
     ref = places.shape[0] // 2
@@ -103,7 +103,7 @@ def put_vector_forces(places: FloatArray, dual: FloatArray, node: int, forces: F
             forces[ref, 3 + i, lane] -= straight + 0.5 * p[i]
 
 
-@kernel
+@subroutine
 def put_vector_force_changes(
     places: FloatArray, dual: FloatArray, moved: FloatArray, node: int, changes: FloatArray,
     moments: FloatArray,

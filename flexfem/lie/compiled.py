@@ -10,8 +10,9 @@ from numba.core.dispatcher import Dispatcher
 
 from flexfem.lie.caching import install
 from flexfem.lie.compile_once import compile_once
+from flexfem.lie.compiler import LoopCompiler, SubroutineCompiler, keep_loop, keep_subroutine
 
-__all__ = ["fused", "inlined", "inlined_fused", "kernel"]
+__all__ = ["fused", "inlined", "inlined_fused", "kernel", "subroutine"]
 
 install()
 
@@ -23,10 +24,22 @@ class _Decorator:
     where the function is inlined, the constant reaches all of it in any case.
     """
 
-    def __init__(self, **options: Any) -> None:
-        """Set what is chosen besides."""
-        options |= {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-        self._decorate: Any = njit(**options)
+    def __init__(self, *, subroutine: bool = False, **options: Any) -> None:
+        """Set what is chosen besides.
+
+        Args:
+            subroutine: only other loops call it.
+            options: of numba.
+        """
+        options |= {
+            "error_model": "numpy",
+            "no_cfunc_wrapper": True,
+            "no_cpython_wrapper": subroutine,
+        }
+        self._subroutine = subroutine
+        self._decorate: Any = njit(
+            **options, pipeline_class=SubroutineCompiler if subroutine else LoopCompiler
+        )
 
     def __call__[Loop: Callable[..., object]](self, function: Loop) -> "Dispatcher[Loop]":
         """The compiled function."""
@@ -39,6 +52,10 @@ class _Decorator:
                 return template(tuple(types.unliteral(kind) for kind in args), named)
 
             loop.get_call_template = without_constants  # type: ignore[method-assign]
+            if self._subroutine:
+                keep_subroutine(loop)
+            else:
+                keep_loop(loop)
             compile_once(loop)
         compiled: Dispatcher[Loop] = loop
         return compiled
@@ -47,12 +64,15 @@ class _Decorator:
 #: cached on disk; division by zero gives inf or NaN as in NumPy, and no test in the loop
 kernel = _Decorator()
 
-#: For pieces of a loop's body: inlined by force, since a call with array arguments costs more than
-#: the arithmetic of most of them.
-inlined = _Decorator(forceinline=True)
+#: For what other loops call and Python does not: see ``flexfem.lie.compiler``.
+subroutine = _Decorator(subroutine=True)
+
+#: Parts that are inlined by force, since a call with array arguments costs more than the arithmetic
+#: of most of them.
+inlined = _Decorator(subroutine=True, forceinline=True)
 
 #: The same with products and sums fused to one operation each, for loops of arithmetic alone.
 fused = _Decorator(fastmath={"contract"})
 
 #: Pieces of those.
-inlined_fused = _Decorator(fastmath={"contract"}, forceinline=True)
+inlined_fused = _Decorator(subroutine=True, fastmath={"contract"}, forceinline=True)

@@ -17,7 +17,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.runs import starts
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 __all__ = ["Fronts"]
 
@@ -253,7 +253,7 @@ def _copy(source: FloatArray, out: FloatArray) -> None:
             out[i, j] = source[i, j]
 
 
-@kernel
+@subroutine
 def _take_over(tree: _Tree, child: int, stack: FloatArray, top: int, F: FloatArray) -> int:
     """Add what a front has left on top of the stack to its parent's; the new top."""
     m = tree.sizes[child] - tree.pivots[child]
@@ -266,7 +266,7 @@ def _take_over(tree: _Tree, child: int, stack: FloatArray, top: int, F: FloatArr
     return top
 
 
-@kernel
+@subroutine
 def _eliminate(F: FloatArray, upper: FloatArray, lower: FloatArray) -> bool:
     """Eliminate the first rows of a front; False if a pivot vanishes.
 

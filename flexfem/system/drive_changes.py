@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.row import LawKind, RowKind
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 from flexfem.system.constraints import Constraints
 
 __all__ = ["DriveChanges", "isolated"]
@@ -23,7 +23,7 @@ _WIDTH = 5
 _KIND, _SIZE, _TIME = range(3)
 
 
-@kernel
+@subroutine
 def isolated(before: float, middle: float, after: float) -> bool:
     """Whether a change is much larger than its neighbours."""
     return abs(middle) > _TIMES * max(abs(before), abs(after))

@@ -6,7 +6,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.line_points import add_line_second, arc_length, turn_second
 from flexfem.core.terms.dispatch import term, term_hessian
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
 from flexfem.system.line_kernels import (
     ALONG,
@@ -21,7 +21,7 @@ from flexfem.system.row_kernels import to_node
 __all__ = ["add_line_hessians", "line_hessian"]
 
 
-@kernel
+@subroutine
 def _add_term_second(
     kind: int, d: FloatArray, poses: FloatArray, first: int, a: int, b: int, marker: IntArray,
     factor: float, work: Work, g: FloatArray, h: FloatArray, scratch: FloatArray,
@@ -130,7 +130,7 @@ def add_line_hessians(
                 pair += 1
 
 
-@kernel
+@subroutine
 def _carry_second(
     c: int, lines: LineData, points: PointData, frames: FloatArray, places: FloatArray, work: Work
 ) -> None:
@@ -155,7 +155,7 @@ def _carry_second(
             _add_point_second(first + m, m, size - 1, lines, points, frames, places, work)
 
 
-@kernel
+@subroutine
 def _add_point_second(
     m: int, number: int, xi: int, lines: LineData, points: PointData, frames: FloatArray,
     places: FloatArray, work: Work,

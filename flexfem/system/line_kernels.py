@@ -26,7 +26,7 @@ from flexfem.core.row import RowKind
 from flexfem.core.terms.dispatch import term
 from flexfem.core.terms.vectors import rotate_back_into, rotate_into
 from flexfem.lie._blocks import copy_entries
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 from flexfem.lie.se3 import compose_into
 from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
 from flexfem.system.row_hessians import marker_map
@@ -51,7 +51,7 @@ ARC, ALONG, ANGLE = int(RowKind.ARC), int(RowKind.ALONG), int(RowKind.ANGLE)
 _STEPS, _SMALL = 50, 1e-13
 
 
-@kernel
+@subroutine
 def element_frames(lines: LineData, line: int, e: int, frames: FloatArray, work: Work) -> None:
     """Frames of the sections at the nodes of an element in ``work.frames``."""
     k = lines.width[line]
@@ -61,7 +61,7 @@ def element_frames(lines: LineData, line: int, e: int, frames: FloatArray, work:
         turn_frames(work.frames[:k], lines.turns[e], work.frames[:k])
 
 
-@kernel
+@subroutine
 def coefficients(lines: LineData, line: int, e: int) -> FloatArray:
     """Those of the shape functions of an element."""
     rows, columns = lines.size[line]
@@ -80,7 +80,7 @@ def section_jacobian(lines: LineData, line: int, work: Work) -> FloatArray:
     return own
 
 
-@kernel
+@subroutine
 def _section(
     lines: LineData, line: int, e: int, xi: float, frames: FloatArray, work: Work, H: FloatArray
 ) -> None:
@@ -93,7 +93,7 @@ def _section(
         turn_columns(lines.turns[e], J)
 
 
-@kernel
+@subroutine
 def _slide_to(
     lines: LineData, line: int, x: FloatArray, frames: FloatArray, work: Work, place: FloatArray
 ) -> None:
@@ -125,14 +125,14 @@ def _slide_to(
     place[0], place[1] = e, xi
 
 
-@kernel
+@subroutine
 def _speed(lines: LineData, e: int, xi: float) -> float:
     """Arc length per coordinate."""
     speed: float = arc_length(lines.arc[e], xi)[1]
     return speed
 
 
-@kernel
+@subroutine
 def _put_marker(offset: FloatArray, section: FloatArray, at: int, xi: int, J: FloatArray) -> None:
     """Derivatives J of a marker from those of the section that carries it.
 
@@ -147,7 +147,7 @@ def _put_marker(offset: FloatArray, section: FloatArray, at: int, xi: int, J: Fl
             J[i, xi] = section[i, last]
 
 
-@kernel
+@subroutine
 def place_markers(
     c: int, lines: LineData, points: PointData, frames: FloatArray, start: FloatArray,
     work: Work, poses: FloatArray, places: FloatArray,
@@ -185,7 +185,7 @@ def place_markers(
             _put_marker(points.offset[m], section, at, xi if points.slides[m] else -1, J)
 
 
-@kernel
+@subroutine
 def _along_first(poses: FloatArray, a: int, b: int, g: FloatArray, scratch: FloatArray) -> None:
     """Gradient ``g`` (12) of the slider's equation with respect to both markers' twists."""
     d = np.zeros((3, 3))
@@ -193,7 +193,7 @@ def _along_first(poses: FloatArray, a: int, b: int, g: FloatArray, scratch: Floa
     term(ALONG, poses[a], poses[b], d, 0.0, g, scratch)
 
 
-@kernel
+@subroutine
 def slide_gradient(
     c: int, points: PointData, poses: FloatArray, work: Work, g: FloatArray, scratch: FloatArray
 ) -> None:
@@ -211,7 +211,7 @@ def slide_gradient(
         work.slide[j] = -work.slide[j] / work.slide[xi]
 
 
-@kernel
+@subroutine
 def _add_to_nodes(
     g: FloatArray, a: int, b: int, factor: float, work: Work, size: int, out: FloatArray
 ) -> None:
@@ -223,7 +223,7 @@ def _add_to_nodes(
         out[j] += factor * total
 
 
-@kernel
+@subroutine
 def _row_value(
     r: int, c: int, lines: LineData, points: PointData, rows: RowData, poses: FloatArray,
     places: FloatArray, work: Work, g: FloatArray, scratch: FloatArray,
@@ -360,7 +360,7 @@ def add_line_wrenches(
                     out[to, 3 * half + i] -= turned[i]
 
 
-@kernel
+@subroutine
 def _add_forces(
     r: int, first: int, points: PointData, rows: RowData, poses: FloatArray, force: float,
     work: Work, g: FloatArray, scratch: FloatArray,
@@ -411,7 +411,7 @@ def slider_motions(
         out[k, 18], out[k, 19] = lines.start[e] + s, slope * rate
 
 
-@kernel
+@subroutine
 def _section_twist(
     c: int, lines: LineData, points: PointData, velocities: FloatArray, work: Work,
     places: FloatArray, out: FloatArray,

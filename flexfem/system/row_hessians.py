@@ -6,7 +6,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_kernels import step_rates_into
 from flexfem.core.terms.dispatch import term_hessian
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 from flexfem.system.row_kernels import ON_LINES
 
 __all__ = [
@@ -18,7 +18,7 @@ __all__ = [
 ]
 
 
-@kernel
+@subroutine
 def marker_map(offset: FloatArray, J: FloatArray) -> None:
     """``J`` (6, 6): marker twist from node twist, ``Ad(H_o^-1)``."""
     J[:] = 0.0
@@ -69,7 +69,7 @@ def add_hessians(
                     block[i, j] += factor[t] * J[i // 6, k, i % 6] * left[6 * (i // 6) + k, j]
 
 
-@kernel
+@subroutine
 def _marker_twists(
     velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray, markers: IntArray,
     J: FloatArray, v: FloatArray,

@@ -13,7 +13,7 @@ from flexfem.core.row import RowKind
 from flexfem.core.terms.dispatch import term
 from flexfem.core.terms.vectors import rotate_into
 from flexfem.lie._blocks import copy_entries
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 from flexfem.lie.se3 import compose_into
 from flexfem.system.row_laws import RIGID, force_law
 
@@ -34,7 +34,7 @@ ANGLE = int(RowKind.ANGLE)
 ON_LINES = -1
 
 
-@kernel
+@subroutine
 def to_node(offset: FloatArray, g: FloatArray, at: int, out: FloatArray) -> None:
     """Carry a marker's gradient ``g[at:at+6]`` to its node: ``Ad(H_o^-1)^T g``."""
     rotate_into(offset, g[at : at + 3], out, 0)
@@ -135,7 +135,7 @@ def add_forces(
                     )
 
 
-@kernel
+@subroutine
 def _apply_law(
     r: int, law: FloatArray, function: int, data: FloatArray, value: float, rate: float,
     dynamics: FloatArray, multipliers: FloatArray, coupled: IntArray, at: int, values: FloatArray,

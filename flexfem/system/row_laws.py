@@ -6,14 +6,14 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.compiled_functions import call
 from flexfem.core.row import LawKind
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 
 __all__ = ["FUNCTION", "LIMIT", "RIGID", "SPRING", "elastic_part", "force_law", "static_forces"]
 
 RIGID, SPRING, LIMIT, FUNCTION, FRICTION, NORMAL_FRICTION = (int(kind) for kind in LawKind)
 
 
-@kernel
+@subroutine
 def _limit(law: FloatArray, value: float, rate: float, out: FloatArray) -> None:
     k, c, lower, upper = law[1], law[2], law[3], law[4]
     if value > upper:
@@ -33,7 +33,7 @@ def _limit(law: FloatArray, value: float, rate: float, out: FloatArray) -> None:
     out[3] = 0.0
 
 
-@kernel
+@subroutine
 def _point_on_tanh(weight: float, z: float) -> float:
     """Solution y of ``weight y + tanh(y) = z``.
 
@@ -49,7 +49,7 @@ def _point_on_tanh(weight: float, z: float) -> float:
     return y if z > 0.0 else -y
 
 
-@kernel
+@subroutine
 def _friction(
     limit: float, velocity: float, viscous: float, rate: float, force: float, out: FloatArray
 ) -> None:
@@ -75,7 +75,7 @@ def _friction(
     out[3] = min(max(part, -1.0), 1.0)
 
 
-@kernel
+@subroutine
 def force_law(
     law: FloatArray, function: int, data: FloatArray, value: float, rate: float, force: float,
     normal: float, out: FloatArray,

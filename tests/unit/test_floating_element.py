@@ -14,6 +14,7 @@ from flexfem.elements.floating_loops import (
     tangents_into,
 )
 from flexfem.lie import se3, so3
+from tests.called import called
 from tests.unit.particle_body import coordinates, particle_body, positions, state
 
 pytestmark = pytest.mark.serial
@@ -116,10 +117,11 @@ def test_matrices_are_derivatives(rng, kind, inertial):
         inertial, 1.0, out,
     )  # fmt: skip
     expected, eps = np.zeros_like(out[0]), 1e-6
+    rates_into = called(step_rates_into)
     for node in range(count):
         amplitudes = node >= count - 2
         by_v, by_w = np.empty(36), np.empty(36)
-        step_rates_into(
+        rates_into(
             inertial, increments[node], velocity[node], acceleration[node], shifts, by_v, by_w
         )
         for i in range(3 if amplitudes else 6):

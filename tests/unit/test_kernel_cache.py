@@ -14,7 +14,7 @@ from flexfem._files import open_lock
 from flexfem._trust import private_folder
 from flexfem.lie import caching, so3
 from flexfem.lie.caching import source_stamp
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, kernel, subroutine
 
 FILES = {
     "low.py": "A = 1\n",
@@ -87,8 +87,8 @@ import sys, time
 import numpy as np
 from flexfem.lie import so3
 time.sleep(max(0.0, float(sys.argv[1]) - time.time()))
-so3.exp_into(np.zeros(3), np.empty(9))
-print(sum(so3.exp_into.stats.cache_misses.values()))
+so3.exp(np.zeros(3))
+print(sum(so3._exp_loop.stats.cache_misses.values()))
 """
 
 
@@ -131,3 +131,42 @@ def test_constants_do_not_compile_a_loop_anew():
     _ends.recompile()  # it may have come from the cache
     # numba's own decorator compiles it for 0 and once more for 2
     assert len(_entry.signatures) == 1
+
+
+@subroutine
+def _scaled(values, factor):
+    """Calls another one, and one of NumPy."""
+    out = np.zeros(values.size)
+    for i in range(values.size):
+        out[i] = factor * _entry(values, i)
+    return out
+
+
+@kernel
+def _total(values, factor):
+    return _scaled(values, factor).sum() + _scaled(values, 1.0)[0]
+
+
+CALLED = """
+import numpy as np
+from tests.unit.test_kernel_cache import _scaled, _total
+print(_total(np.array([1.0, 2.0]), 2.0), sum(_scaled.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.serial
+def test_subroutines_are_kept_without_machine_code(tmp_path):
+    """Nor are they called from Python: what numba would make of them for that takes long."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def run():
+        command = [sys.executable, "-c", CALLED]
+        ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        return ended.stdout.split()
+
+    assert run() == ["7.0", "0"]
+    for file in tmp_path.rglob("*_total*"):
+        file.unlink()
+    assert run() == ["7.0", "1"]  # the loop was compiled anew from what was kept
+    with pytest.raises(TypeError, match="_scaled is a part of compiled loops"):
+        _scaled(np.zeros(2), 1.0)

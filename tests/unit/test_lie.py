@@ -15,6 +15,7 @@ import pytest
 
 from flexfem._types import FloatArray
 from flexfem.lie import _coefficients, se3, so3
+from tests.called import called
 
 pytestmark = pytest.mark.serial
 
@@ -173,9 +174,9 @@ def test_coefficients(t: float) -> None:
     with mp.workdps(250):
         x = t * t
         exact = exact_coefficients(mp.sqrt(mp.mpf(x)))
-        a, b, c = _coefficients.pose_coefficients(x)
-        (_, b1, b2), (_, c1, c2) = _coefficients.tangent_derivatives(x)
-        e, e1, e2 = _coefficients.inverse_derivatives(x)
+        a, b, c = called(_coefficients.pose_coefficients)(x)
+        (_, b1, b2), (_, c1, c2) = called(_coefficients.tangent_derivatives)(x)
+        e, e1, e2 = called(_coefficients.inverse_derivatives)(x)
         found = {"a": a, "b": b, "c": c, "b1": b1, "c1": c1, "b2": b2, "c2": c2}
         inverse = {"e": e, "e1": e1, "e2": e2}
         for name, value in (found | inverse).items():
@@ -224,7 +225,7 @@ def test_coadjoint_product(rng: np.random.Generator) -> None:
     # against -ad_v^T as a matrix, and no power: catches a sign of V x l
     v, p, out = rng.normal(size=6), rng.normal(size=6), np.empty(6)
     V, Omega = so3.skew(v[:3]), so3.skew(v[3:])
-    se3.coadjoint_product(v, p, out)
+    called(se3.coadjoint_product)(v, p, out)
     ad = np.block([[Omega, V], [np.zeros((3, 3)), Omega]])
     assert np.abs(out - ad.T @ p).max() <= 8 * EPS
     expected = np.r_[-np.cross(v[3:], p[:3]), -np.cross(v[3:], p[3:]) - np.cross(v[:3], p[:3])]
@@ -237,8 +238,8 @@ def test_matrix_free_products(angle: float, rng: np.random.Generator) -> None:
     # 16 eps: two ways of writing the same sums
     w, v = twist(angle), rng.normal(size=6)
     for apply, matrix in (
-        (se3.tangent_apply, se3.tangent),
-        (se3.inverse_tangent_apply, se3.inverse_tangent),
+        (called(se3.tangent_apply), se3.tangent),
+        (called(se3.inverse_tangent_apply), se3.inverse_tangent),
     ):
         out = v.copy()
         apply(w, out, out)
@@ -249,10 +250,10 @@ def test_outputs_may_be_inputs(rng: np.random.Generator) -> None:
     A, B, w = frames(rng, 2)[0], frames(rng), rng.normal(size=6)
     product, moved, inverse = se3.compose(A, B), se3.retract(A, w), se3.inverse(A)
     first, second, third, fourth = A.copy(), B.copy(), A.copy(), A.copy()
-    se3.compose_into(first, B, first)
-    se3.compose_into(A, second, second)
-    se3.retract_into(third, w, third)
-    se3.inverse_into(fourth, fourth)
+    called(se3.compose_into)(first, B, first)
+    called(se3.compose_into)(A, second, second)
+    called(se3.retract_into)(third, w, third)
+    called(se3.inverse_into)(fourth, fourth)
     assert np.array_equal(first, product)
     assert np.array_equal(second, product)
     assert np.abs(third - moved).max() <= 4 * EPS * np.abs(moved).max()

@@ -12,6 +12,7 @@ import pytest
 import flexfem as ff
 from flexfem.io.surfaces import body_surface
 from flexfem.lie import so3
+from flexfem.model.probe import MarkerState
 
 pytestmark = pytest.mark.serial
 
@@ -87,6 +88,38 @@ def test_velocities_are_rates_of_positions(tmp_path: Path) -> None:
         np.testing.assert_allclose(body.velocity, velocity, atol=1e-6)
         np.testing.assert_allclose(body.angular_velocity, spin, atol=1e-6)
     assert robot.configuration == pytest.approx({"yaw": 0.7, "slide": 0.2, "follow": -0.35})
+
+
+def test_probes_of_joints_follow_moving_parents(tmp_path: Path) -> None:
+    """Coordinates and rates of joints whose parent turns and moves, by differences."""
+    robot = read(tmp_path, *EVERY, configuration=state(0.0), **BASE)
+    h = 1e-5
+
+    def frames(joint: str, q: float, t: float) -> list[ff.Pose]:
+        it = robot._single(joint)
+        at = so3.exp(np.array([0.3, -0.5, 0.8]) * t) @ it.a.rotation
+        axis = at @ it.a.rotation.T @ np.array(it.axis)
+        turn = so3.exp((q - it.start.value) * axis) if it.motion == "rotation" else np.eye(3)
+        place = np.array([0.1, 1.0, -0.4]) + np.array([2.0, -1.0, 0.5]) * t
+        shift = np.zeros(3) if it.motion == "rotation" else q * axis
+        return [
+            ff.Pose(place, at),
+            ff.Pose(place + shift, turn @ at @ it.a.rotation.T @ it.b.rotation),
+        ]
+
+    for joint, rate in {"yaw": 1.3, "slide": -0.7}.items():
+        q = 0.4
+        middle, low, high = (frames(joint, q + rate * s, 0.3 + s) for s in (0.0, -h, h))
+        states = [
+            MarkerState(
+                now.position, now.rotation, (after.position - before.position) / (2.0 * h),
+                so3.log(after.rotation @ before.rotation.T) / (2.0 * h),
+            )
+            for now, before, after in zip(middle, low, high, strict=True)
+        ]  # fmt: skip
+        found = robot.probe(joint).function(0.0, *states)
+        # differences are good to 1e-9; without the parent's motion rates are off by 0.1 to 2
+        assert found == pytest.approx([q, rate], abs=1e-7)
 
 
 def test_every_kind_of_joint(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@
 import collections
 import math
 from collections.abc import Callable
+from itertools import product
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ FUNCTIONS = {
 
 @pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
 def test_derivatives_of_functions(function: Callable[[float, float], float]) -> None:
-    compiled, at, h = njit(function), np.array([0.7, 1.3]), 1e-3
+    compiled, h = njit(function), 1e-3
 
     @njit
     def derivatives(x, y, i, j):
@@ -45,8 +46,8 @@ def test_derivatives_of_functions(function: Callable[[float, float], float]) -> 
         return found.value, found.first, found.mixed
 
     e = np.eye(2)
-    for i in range(2):
-        for j in range(2):
+    for at in np.array([0.7, 1.3]), np.array([0.4, 0.6]):
+        for i, j in product(range(2), repeat=2):
             value, slope, mixed = derivatives(*at, 1.0 - i, 1.0 - j)
             assert value == pytest.approx(function(*at), rel=1e-15)
             ends = [function(*(at + s * h * e[i])) for s in (1, -1, 2, -2)]

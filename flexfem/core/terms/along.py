@@ -20,14 +20,14 @@ from flexfem.core.terms.vectors import (
 )
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import subroutine
 
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value"]
 
 KIND = int(RowKind.ALONG)
 
 
-@kernel
+@subroutine
 def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: FloatArray) -> float:
     """Value, and gradient in ``g``."""
     for i in range(3):
@@ -39,7 +39,7 @@ def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: Float
     return dot(d[0], s[1])
 
 
-@kernel
+@subroutine
 def hessian(
     Ha: FloatArray, Hb: FloatArray, Rab: FloatArray, Rba: FloatArray, d: FloatArray,
     h: FloatArray, s: FloatArray,
@@ -58,7 +58,7 @@ def hessian(
     skew_into(s[2], 1.0, h, 6, 9)
 
 
-@kernel
+@subroutine
 def step_gradient(s0: FloatArray, s1: FloatArray, out: FloatArray) -> None:
     """Discrete gradient: the mean axis, and its moment with the mean arm on a."""
     arm = mean(triple(s0[0], 0), triple(s1[0], 0))
@@ -67,7 +67,7 @@ def step_gradient(s0: FloatArray, s1: FloatArray, out: FloatArray) -> None:
     put(cross(axis, arm), out, 3)
 
 
-@kernel
+@subroutine
 def step_change(s0: FloatArray, s1: FloatArray, shift: Triple, ta: Triple, out: FloatArray) -> None:
     """Derivative of the discrete gradient."""
     arm = mean(triple(s0[0], 0), triple(s1[0], 0))

@@ -23,14 +23,14 @@ from flexfem.core.terms.vectors import (
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._blocks import dot as dot_of
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value", "wrapped"]
 
 KIND = int(RowKind.ANGLE)
 
 
-@kernel
+@subroutine
 def value(
     Ha: FloatArray, Hb: FloatArray, d: FloatArray, memory: float, g: FloatArray, s: FloatArray
 ) -> float:
@@ -52,7 +52,7 @@ def value(
     return turned
 
 
-@kernel
+@subroutine
 def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
     """Derivative of the gradient."""
     u, v, p = d[0], d[1], d[2]
@@ -118,7 +118,7 @@ def _angle_parts(
     return c1, d1, c, d, value / size, slope / size, z, q
 
 
-@kernel
+@subroutine
 def step_gradient(s0: FloatArray, s1: FloatArray, change: float, out: FloatArray) -> None:
     """Discrete gradient: opposite moments on a and b."""
     other = mean(triple(s0[4], 0), triple(s1[4], 0))
@@ -128,7 +128,7 @@ def step_gradient(s0: FloatArray, s1: FloatArray, change: float, out: FloatArray
     put((-factor * m[0], -factor * m[1], -factor * m[2]), out, 6)
 
 
-@kernel
+@subroutine
 def step_change(
     s0: FloatArray, s1: FloatArray, change: float, ta: Triple, tb: Triple, out: FloatArray
 ) -> None:

@@ -18,14 +18,14 @@ from flexfem.core.terms.vectors import (
 )
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import subroutine
 
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value"]
 
 KIND = int(RowKind.AXES)
 
 
-@kernel
+@subroutine
 def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: FloatArray) -> float:
     """Value, and gradient in ``g``."""
     rotate_into(Hb, d[1], s[0], 0)
@@ -37,7 +37,7 @@ def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: Float
     return dot(s[2], s[0])
 
 
-@kernel
+@subroutine
 def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
     """Derivative of the gradient."""
     u, v = d[0], d[1]
@@ -50,7 +50,7 @@ def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: F
     add_block(h, 9, 9, 1.0, product(V, skew(s[1])))
 
 
-@kernel
+@subroutine
 def step_gradient(s0: FloatArray, s1: FloatArray, out: FloatArray) -> None:
     """Discrete gradient: opposite moments of the mean axes."""
     axis = mean(triple(s0[1], 0), triple(s1[1], 0))
@@ -59,7 +59,7 @@ def step_gradient(s0: FloatArray, s1: FloatArray, out: FloatArray) -> None:
     put(cross(other, axis), out, 6)
 
 
-@kernel
+@subroutine
 def step_change(s0: FloatArray, s1: FloatArray, ta: Triple, tb: Triple, out: FloatArray) -> None:
     """Derivative of the discrete gradient."""
     nothing = (0.0, 0.0, 0.0)

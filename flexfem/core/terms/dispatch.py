@@ -26,7 +26,7 @@ from flexfem.core.terms.function import evaluate_function, function_hessian
 from flexfem.core.terms.vectors import product, put
 from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import kernel, subroutine
 
 __all__ = ["step_change", "step_gradient", "step_vectors", "term", "term_hessian"]
 
@@ -57,7 +57,7 @@ def term(
     return inertial.value(Ha, Hb, d, g, s)
 
 
-@kernel
+@subroutine
 def term_hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatArray) -> None:
     """Derivative of a gradient (12) along the local twists (12) in ``h`` (12, 12).
 
@@ -83,7 +83,7 @@ def term_hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: Fl
         inertial.hessian(Ha, Hb, d, h, s)
 
 
-@kernel
+@subroutine
 def step_vectors(
     kind: int, a: FloatArray, b: FloatArray, d: FloatArray, memory: float, out: FloatArray
 ) -> float:
@@ -110,7 +110,7 @@ def step_vectors(
     return dot(axis, arm)
 
 
-@kernel
+@subroutine
 def step_gradient(
     kind: int, s0: FloatArray, s1: FloatArray, value0: float, value1: float, out: FloatArray
 ) -> None:
@@ -128,7 +128,7 @@ def step_gradient(
         inertial.step_gradient(s0, s1, out)
 
 
-@kernel
+@subroutine
 def step_change(
     kind: int, s0: FloatArray, s1: FloatArray, value0: float, value1: float, shift: Triple,
     ta: Triple, tb: Triple, out: FloatArray,

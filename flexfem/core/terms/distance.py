@@ -18,14 +18,14 @@ from flexfem.core.terms.vectors import (
 from flexfem.lie._blocks import dot as dot_of
 from flexfem.lie._blocks import triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import subroutine
 
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value"]
 
 KIND = int(RowKind.DISTANCE)
 
 
-@kernel
+@subroutine
 def value(Ha: FloatArray, Hb: FloatArray, g: FloatArray, s: FloatArray) -> float:
     """Value, and gradient in ``g``."""
     for i in range(3):
@@ -37,7 +37,7 @@ def value(Ha: FloatArray, Hb: FloatArray, g: FloatArray, s: FloatArray) -> float
     return length
 
 
-@kernel
+@subroutine
 def hessian(
     Ha: FloatArray, Hb: FloatArray, Ra: FloatArray, Rb: FloatArray, h: FloatArray, s: FloatArray
 ) -> None:  # fmt: skip
@@ -62,7 +62,7 @@ def hessian(
     force_hessian(Ha, Hb, direction, h, s)
 
 
-@kernel
+@subroutine
 def step_gradient(
     s0: FloatArray, s1: FloatArray, value0: float, value1: float, out: FloatArray
 ) -> None:
@@ -71,7 +71,7 @@ def step_gradient(
     put((scale * arm[0], scale * arm[1], scale * arm[2]), out, 0)
 
 
-@kernel
+@subroutine
 def step_change(
     s0: FloatArray, s1: FloatArray, value0: float, value1: float, shift: Triple, out: FloatArray
 ) -> None:

@@ -12,12 +12,12 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.compiled_functions import call
 from flexfem.core.terms.vectors import rotate_back_into
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import subroutine
 
 __all__ = ["evaluate_function", "function_hessian"]
 
 
-@kernel
+@subroutine
 def _relative(Ha: FloatArray, Hb: FloatArray, order: int, x: FloatArray) -> None:
     """Relative position and rotation (12) and the order of derivatives wanted in ``x`` (13)."""
     arm = np.empty(3)
@@ -30,7 +30,7 @@ def _relative(Ha: FloatArray, Hb: FloatArray, order: int, x: FloatArray) -> None
     x[12] = order
 
 
-@kernel
+@subroutine
 def _twists_of_a(x: FloatArray, T: FloatArray) -> None:
     """``T`` (12, 6): twists of b that a unit twist of a, or of b, stands for, row by row."""
     T[:] = 0.0
@@ -44,7 +44,7 @@ def _twists_of_a(x: FloatArray, T: FloatArray) -> None:
         T[6 + k, k] = T[9 + k, 3 + k] = 1.0
 
 
-@kernel
+@subroutine
 def evaluate_function(
     address: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray
 ) -> float:
@@ -61,7 +61,7 @@ def evaluate_function(
     return value
 
 
-@kernel
+@subroutine
 def _bracket(a: FloatArray, b: FloatArray, g: FloatArray) -> float:
     """``g . [a, b]`` of two twists (V, Omega)."""
     total = 0.0
@@ -72,7 +72,7 @@ def _bracket(a: FloatArray, b: FloatArray, g: FloatArray) -> float:
     return total
 
 
-@kernel
+@subroutine
 def function_hessian(
     address: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatArray
 ) -> None:

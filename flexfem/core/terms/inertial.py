@@ -5,14 +5,14 @@ from flexfem._types import FloatArray
 from flexfem.core.row import RowKind
 from flexfem.core.terms.vectors import dot, force_gradient, force_hessian, mean, put
 from flexfem.lie._blocks import triple
-from flexfem.lie.compiled import kernel
+from flexfem.lie.compiled import subroutine
 
 __all__ = ["KIND", "hessian", "step_gradient", "value"]
 
 KIND = int(RowKind.INERTIAL)
 
 
-@kernel
+@subroutine
 def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: FloatArray) -> float:
     """Value, and gradient in ``g``."""
     for i in range(3):
@@ -21,13 +21,13 @@ def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: Float
     return dot(d[0], s[0])
 
 
-@kernel
+@subroutine
 def hessian(Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
     """Derivative of the gradient."""
     force_hessian(Ha, Hb, d[0], h, s)
 
 
-@kernel
+@subroutine
 def step_gradient(s0: FloatArray, s1: FloatArray, out: FloatArray) -> None:
     """Discrete gradient: u itself, which never changes."""
     put(mean(triple(s0[1], 0), triple(s1[1], 0)), out, 0)

@@ -5,7 +5,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.compiled import inlined, subroutine
 
 __all__ = [
     "add_block",
@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 
-@kernel
+@subroutine
 def rotate_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
     """``R v`` of a frame stored as 12 numbers."""
     for i in range(3):
@@ -32,7 +32,7 @@ def rotate_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
         out[at + i] = H[k] * v[0] + H[k + 1] * v[1] + H[k + 2] * v[2]
 
 
-@kernel
+@subroutine
 def rotate_back_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
     """``R^T v`` of a frame stored as 12 numbers."""
     for i in range(3):
@@ -40,7 +40,7 @@ def rotate_back_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> 
         out[at + i] = H[k] * v[0] + H[k + 3] * v[1] + H[k + 6] * v[2]
 
 
-@kernel
+@subroutine
 def cross_into(a: FloatArray, b: FloatArray, out: FloatArray, at: int) -> None:
     """``a x b``."""
     out[at] = a[1] * b[2] - a[2] * b[1]
@@ -48,14 +48,14 @@ def cross_into(a: FloatArray, b: FloatArray, out: FloatArray, at: int) -> None:
     out[at + 2] = a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@subroutine
 def dot(a: FloatArray, b: FloatArray) -> float:
     """``a . b``."""
     product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return product
 
 
-@kernel
+@subroutine
 def skew_into(v: FloatArray, sign: float, out: FloatArray, i: int, j: int) -> None:
     """Add ``sign * skew(v)`` to the 3x3 block of ``out`` at (i, j)."""
     out[i, j + 1] -= sign * v[2]
@@ -66,7 +66,7 @@ def skew_into(v: FloatArray, sign: float, out: FloatArray, i: int, j: int) -> No
     out[i + 2, j + 1] += sign * v[0]
 
 
-@kernel
+@subroutine
 def skew(v: FloatArray) -> FloatArray:
     """The matrix of ``v x``."""
     out = np.zeros((3, 3))
@@ -74,7 +74,7 @@ def skew(v: FloatArray) -> FloatArray:
     return out
 
 
-@kernel
+@subroutine
 def product(A: FloatArray, B: FloatArray) -> FloatArray:
     """``A B`` of matrices (3, 3)."""
     C = np.zeros((3, 3))
@@ -85,7 +85,7 @@ def product(A: FloatArray, B: FloatArray) -> FloatArray:
     return C
 
 
-@kernel
+@subroutine
 def add_block(out: FloatArray, i: int, j: int, sign: float, B: FloatArray) -> None:
     """Add ``sign B`` to the 3x3 block of ``out`` at (i, j)."""
     for k in range(3):
@@ -93,7 +93,7 @@ def add_block(out: FloatArray, i: int, j: int, sign: float, B: FloatArray) -> No
             out[i + k, j + m] += sign * B[k, m]
 
 
-@kernel
+@subroutine
 def multiply(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
     """``A v``."""
     for i in range(3):
@@ -112,7 +112,7 @@ def put(v: Triple, out: FloatArray, at: int) -> None:
     out[at], out[at + 1], out[at + 2] = v
 
 
-@kernel
+@subroutine
 def force_gradient(Ha: FloatArray, Hb: FloatArray, direction: FloatArray, g: FloatArray) -> None:
     """Gradient of what changes by ``direction . (dx_b - dx_a)``: its two parts of positions."""
     rotate_back_into(Ha, direction, g, 0)
@@ -121,7 +121,7 @@ def force_gradient(Ha: FloatArray, Hb: FloatArray, direction: FloatArray, g: Flo
     rotate_back_into(Hb, direction, g, 6)
 
 
-@kernel
+@subroutine
 def force_hessian(
     Ha: FloatArray, Hb: FloatArray, direction: FloatArray, h: FloatArray, s: FloatArray
 ) -> None:
