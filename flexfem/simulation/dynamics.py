@@ -29,7 +29,7 @@ from flexfem.simulation.locked_shapes import locked_shapes
 from flexfem.simulation.made_up_energy import made_up_energy
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.reasons import ITERATED, MOTION, START, moves_most, not_finite, with_hint
-from flexfem.simulation.recording import Recorder
+from flexfem.simulation.recording import Recorder, closing_table
 from flexfem.simulation.run_guard import guarded, reason_of
 from flexfem.simulation.stepping import HALVINGS, Simulation
 from flexfem.simulation.time_grid import TimeGrid
@@ -75,12 +75,13 @@ def simulate(
         simulation = Simulation(model, options, comm, restart)
         with StopSignals() as signals:
             run = _Run(simulation, options, case, results, begin, restart)
-            status = run.to_the_end(signals)
-            if run.signal:
-                raise run.interrupted()
-            when = f" after t = {simulation.time:.6g} s"
-            why = partial(_reason, simulation, status, options)
-            return run.finish(reason_of(faults, comm, when, why))
+            with closing_table(run.recorder):
+                status = run.to_the_end(signals)
+                if run.signal:
+                    raise run.interrupted()
+                when = f" after t = {simulation.time:.6g} s"
+                why = partial(_reason, simulation, status, options)
+                return run.finish(reason_of(faults, comm, when, why))
 
 
 class _Run:
@@ -88,6 +89,7 @@ class _Run:
 
     Attributes:
         signal: number of the signal that ended it early, 0 for none.
+        recorder: history, fields and progress.
     """
 
     def __init__(
@@ -98,7 +100,7 @@ class _Run:
         self._results, self._begin = results, begin
         self._grid = TimeGrid.of(options.dt, options.t_end) if restart is None else restart.grid
         self._start = None if restart is None else restart.step
-        self._recorder = Recorder(
+        self.recorder = Recorder(
             simulation.system, simulation.serial, options, options.every, options.t_end,
             resume=None if restart is None else restart.state, varies=options.adaptive,
             measures=simulation.controls.columns,
@@ -124,14 +126,14 @@ class _Run:
         if status is not Status.OK:
             return status
         if self._start is None:
-            self._recorder.record(0, measures=self._outputs())
+            self.recorder.record(0, measures=self._outputs())
             self._look(signals)
         self._setup = self._elapsed()
         self._watch = watch = EnergyWatch(
             simulation.system,
             simulation.serial,
             grid.h,
-            probed=self._recorder.balances,
+            probed=self.recorder.balances,
             fast="steps" in simulation.cautions.found,
             undamped=options.rho_inf == 1.0,
         )
@@ -151,13 +153,13 @@ class _Run:
             if status is not Status.OK:
                 self._look(signals)  # functions that differ between ranks may be why
                 watch.fail()
-                self._recorder.record_last(step, self._outputs())
+                self.recorder.record_last(step, self._outputs())
                 self._save(step - 1)
                 break
             stopped = simulation.events.stopped_by is not None
             last = stopped or step == count
             watch.step(len(simulation.events.fired), last)
-            self._recorder.record(step, last=last, measures=self._outputs())
+            self.recorder.record(step, last=last, measures=self._outputs())
             if stopped:
                 if every:  # the rest of the step is made by a restart
                     self._save(step if simulation.time >= grid.time(step) else step - 1)
@@ -172,11 +174,11 @@ class _Run:
 
     def _between(self) -> None:
         """Record an accepted state within a step."""
-        self._recorder.record_between(self._outputs())
+        self.recorder.record_between(self._outputs())
 
     def _follow(self) -> None:
         """Take in the work up to an accepted state that is not recorded."""
-        self._recorder.follow()
+        self.recorder.follow()
         assert self._watch is not None
         self._watch.follow()
 
@@ -187,14 +189,14 @@ class _Run:
     def _look(self, signals: StopSignals) -> None:
         """Look for signals, and show progress where it is time to (collective)."""
         outputs = self._outputs() if len(self._simulation.controls) else NONE
-        self.signal = self._agreement.on(signals, self._recorder.due, outputs)
+        self.signal = self._agreement.on(signals, self.recorder.due, outputs)
         if self._agreement.show:
-            self._recorder.show()
+            self.recorder.show()
 
     def _save(self, step: int) -> None:
         """Write a checkpoint, if the disk takes it."""
         with self._faults.files():
-            self._checkpoint = self._checkpoints.write(step, self._recorder.state())
+            self._checkpoint = self._checkpoints.write(step, self.recorder.state())
 
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
@@ -204,8 +206,8 @@ class _Run:
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
-        self._recorder.close()
-        history = self._recorder.history()
+        self.recorder.close()
+        history = self.recorder.history()
         summary = _summary(self._simulation, self._case, reason, self._elapsed())
         summary["restarted_at_step"] = self._start
         summary["wall_seconds_setup"] = self._setup or summary["wall_seconds"]

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Results of a run: history, ParaView fields, progress."""
 
+from __future__ import annotations
+
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 import numpy as np
 
@@ -22,7 +25,7 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["Recorder", "last_record"]
+__all__ = ["Recorder", "closing_table", "last_record"]
 
 #: Relative difference of times that are the same.
 _SAME = 1e-9
@@ -38,6 +41,15 @@ def last_record(state: State, columns: int) -> FloatArray:
     if row is None or row.shape != (1 + columns,) or not 0.0 <= row[0] < np.inf:
         raise InputError(f"checkpoint: it does not hold the last time and {columns} columns")
     return row
+
+
+@contextmanager
+def closing_table(recorder: Recorder) -> Iterator[None]:
+    """Close the table of a run whatever ends it; other ranks may not know, so nobody is asked."""
+    try:
+        yield
+    finally:
+        recorder.release()
 
 
 class Recorder:
@@ -244,18 +256,31 @@ class Recorder:
                 self._table.write(t, row)
         except OSError as error:
             self._faults.note(error)
-            self._table, self._broken = None, True
+            self._broken = True
+            self._drop_table()
+
+    def _drop_table(self) -> None:
+        """Close the table, which gets no more rows; what the disk did not take is lost."""
+        table, self._table = self._table, None
+        with suppress(OSError):
+            if table is not None:
+                table.close()
 
     def _recover(self, table: HistoryWriter) -> None:
         """Write the table anew where it was removed; the run ends then."""
         replaced = table.path.exists()
         self._faults.note(FolderLostError(table.path.parent, replaced))
         if replaced:
-            table.close()
-            self._table, self._broken = None, True
+            self._broken = True
+            self._drop_table()
             return
         with self._faults.files():
             table.write_anew(self._rows)
+
+    def release(self) -> None:
+        """Close the table with what it has, on this rank alone, after an unexpected error."""
+        self._progress.close()
+        self._drop_table()
 
     def close(self) -> None:
         """Write what is left."""

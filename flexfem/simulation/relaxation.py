@@ -23,7 +23,7 @@ from flexfem.simulation.functions_alike import FunctionsAlike
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.reasons import RELAXATION, not_finite, with_hint
-from flexfem.simulation.recording import Recorder
+from flexfem.simulation.recording import Recorder, closing_table
 from flexfem.simulation.run_guard import guarded, reason_of
 from flexfem.simulation.setup import set_up
 from flexfem.simulation.time_grid import TimeGrid
@@ -78,7 +78,7 @@ def relax(
     with guarded(options, comm) as faults:
         restart = None if options.restart is None else Restart(options, comm)
         run = _Run(model, options, case, results, comm, restart, begin)
-        with StopSignals() as signals:
+        with closing_table(run.recorder), StopSignals() as signals:
             run.to_the_end(signals)
             if run.signal:
                 raise run.interrupted()
@@ -91,6 +91,7 @@ class _Run:
 
     Attributes:
         signal: number of the signal that ended it early, 0 for none.
+        recorder: history, fields and progress.
     """
 
     def __init__(
@@ -113,7 +114,7 @@ class _Run:
         )  # fmt: skip
         if restart is not None:
             restart.restore(self.relaxation, self.relaxation.system)
-        self._recorder = Recorder(
+        self.recorder = Recorder(
             self.system, self._serial, options, options.every, float(options.max_iterations),
             resume=None if restart is None else restart.state, unit="", measures=_COLUMNS,
         )  # fmt: skip
@@ -158,9 +159,9 @@ class _Run:
 
     def _look(self, signals: StopSignals) -> None:
         """Look for signals, and show progress where it is time to (collective)."""
-        self.signal = self._agreement.on(signals, self._recorder.due)
+        self.signal = self._agreement.on(signals, self.recorder.due)
         if self._agreement.show:
-            self._recorder.show()
+            self.recorder.show()
 
     def _converged(self, reached: Progression) -> bool:
         """Whether both measures are below their tolerances."""
@@ -172,7 +173,7 @@ class _Run:
         relaxation.settle()
         reached = relaxation.progress
         values = np.array([reached.residual, reached.step, reached.energy])
-        self._recorder.record(relaxation.iteration, last=last, measures=values)
+        self.recorder.record(relaxation.iteration, last=last, measures=values)
 
     def _save_if_due(self, done: bool) -> None:
         """Write a checkpoint at its interval, at the end, or if the run ends early."""
@@ -184,7 +185,7 @@ class _Run:
         )
         if self._finite and (early or (every and (done or at % every == 0))):
             with current().files():
-                self._checkpoint = self._checkpoints.write(at, self._recorder.state())
+                self._checkpoint = self._checkpoints.write(at, self.recorder.state())
 
     def interrupted(self) -> Interrupted:
         """Write what is left and the summary; the exception that ends the run (collective)."""
@@ -209,8 +210,8 @@ class _Run:
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
-        self._recorder.close()
-        history, summary = self._recorder.history(), self._summary(reason)
+        self.recorder.close()
+        history, summary = self.recorder.history(), self._summary(reason)
         return conclude(summary, history, self._results, self._options, self.system.comm)
 
     def _summary(self, reason: str) -> dict[str, Any]:

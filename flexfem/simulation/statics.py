@@ -34,7 +34,7 @@ from flexfem.simulation.locked_shapes import locked_shapes
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
 from flexfem.simulation.path import CriticalPoint, Path
 from flexfem.simulation.reasons import ITERATED, STATICS, moves_most, not_finite, with_hint
-from flexfem.simulation.recording import Recorder
+from flexfem.simulation.recording import Recorder, closing_table
 from flexfem.simulation.run_guard import agreed, guarded, reason_of
 from flexfem.simulation.setup import set_up
 from flexfem.simulation.targets import LOAD, Targets
@@ -95,7 +95,7 @@ def solve_static(
     with guarded(options, comm) as faults:
         restart = None if options.restart is None else Restart(options, comm)
         run = _Run(model, options, case, results, comm, restart)
-        with StopSignals() as signals:
+        with closing_table(run.recorder), StopSignals() as signals:
             status = run.to_the_end(signals)
             if run.signal:
                 raise run.interrupted()
@@ -126,6 +126,7 @@ class _Run:
 
     Attributes:
         signal: number of the signal that ended it early, 0 for none.
+        recorder: history, fields and progress.
     """
 
     def __init__(
@@ -173,7 +174,7 @@ class _Run:
                 f"StaticOptions: arc_length {options.arc_length:g} follows the path of a growing "
                 f'load, but nothing in Model "{model.name}" that moves it grows with t'
             )
-        self._recorder = Recorder(
+        self.recorder = Recorder(
             self.system, self._serial, options, options.every, options.t_end, unit="",
             varies=True, resume=None if restart is None else restart.state,
         )  # fmt: skip
@@ -220,7 +221,7 @@ class _Run:
         if status is not Status.OK:
             return status
         if self._start is None:
-            self._recorder.record(0)
+            self.recorder.record(0)
             self._look(signals)
         self._setup = self._elapsed()
         if options.linear:
@@ -241,7 +242,7 @@ class _Run:
             status, tried, done = self._advance(h, signals)
             if status is not Status.OK:
                 self._look(signals)  # functions that differ between ranks may be why
-                self._recorder.record_last(followed.steps)
+                self.recorder.record_last(followed.steps + 1)
                 followed.next = width
                 self._save()
                 return status
@@ -289,7 +290,7 @@ class _Run:
                 self._cautions.say([_too_large(part, solution.size)])
             followed.steps += 1
             self._targets.note((), t)
-            self._recorder.record_values(followed.steps, values)
+            self.recorder.record_values(followed.steps, values)
             self._look(signals)
             if self.signal or self._agreement.failed:
                 break
@@ -297,15 +298,15 @@ class _Run:
 
     def _look(self, signals: StopSignals) -> None:
         """Look for signals, and show progress where it is time to (collective)."""
-        self.signal = self._agreement.on(signals, self._recorder.due)
+        self.signal = self._agreement.on(signals, self.recorder.due)
         if self._agreement.show:
-            self._recorder.show()
+            self.recorder.show()
 
     def _save(self) -> None:
         """Write a checkpoint of load steps."""
         if self.path.arc is None:
             with current().files():
-                records = self._recorder.state()
+                records = self.recorder.state()
                 self._checkpoint = self._checkpoints.write(self.followed.steps, records)
 
     def _grown(self, h: float, width: float) -> float:
@@ -406,7 +407,7 @@ class _Run:
         if self._first is None:
             self._first = self._elapsed()
         noted = self._targets.note(self._reached, self.path.point.t)
-        self._recorder.record(self.followed.steps, last=last or noted)
+        self.recorder.record(self.followed.steps, last=last or noted)
 
     def _branch_off(self, critical: CriticalPoint) -> Status:
         """Leave the path at the first bifurcation, if that is asked for."""
@@ -496,11 +497,11 @@ class _Run:
 
     def finish(self, reason: str) -> Outcome:
         """Write what is left and the summary (collective)."""
-        self._recorder.close()
+        self.recorder.close()
         if reason == "ok":
             self._cautions.say(self._targets.missed)
         self._cautions.say(locked_shapes(self._serial, self.system))
-        history, summary = self._recorder.history(), self._summary(reason)
+        history, summary = self.recorder.history(), self._summary(reason)
         return conclude(summary, history, self._results, self._options, self.system.comm)
 
     def _summary(self, reason: str) -> dict[str, Any]:
