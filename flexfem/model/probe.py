@@ -17,6 +17,9 @@ from flexfem.model.structure import Structure
 class MarkerState:
     """Motion of a marker at one instant, all in inertial axes.
 
+    A node of a shell or of a :class:`UFLBody` has no axes: ``rotation``, ``angular_velocity`` and
+    ``angular_acceleration`` are nan there.
+
     Attributes:
         position: Shape (3,), metres.
         rotation: Marker axes to inertial axes, shape (3, 3).

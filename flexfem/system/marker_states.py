@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem.core.marker import Ground, Observed
+from flexfem.core.marker import Ground, Marker, Observed
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState
 from flexfem.system.assembly import Assembly
@@ -15,7 +15,7 @@ from flexfem.system.element_places import held_places
 from flexfem.system.sliders import Sliders
 from flexfem.system.system import System
 
-__all__ = ["MarkerStates"]
+__all__ = ["MarkerStates", "without_axes"]
 
 _WIDTH = 26  # frame, local twist, arc length and its rate, rate of the twist
 
@@ -29,6 +29,7 @@ class MarkerStates:
         self._sliders = Sliders(system, markers)
         self._offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         self._start = [serial.marker_pose(m).rotation for m in markers]
+        self._bare = without_axes(serial, markers)
         self._ground = np.zeros((len(markers), _WIDTH))
         # a marker on the ground is its offset on a node that stays at the origin
         if system.comm.rank == 0:
@@ -67,6 +68,8 @@ class MarkerStates:
         spins, turning = nodes[:, 15:18], nodes[:, 23:]
         speed = nodes[:, 12:15] + np.cross(spins, arm)
         rates = nodes[:, 20:23] + np.cross(turning, arm) + np.cross(spins, speed)
+        for rotational in (frames[:, 3:], spins, turning):
+            rotational[self._bare] = np.nan
         return [
             MarkerState(
                 H[:3].copy(), H[3:].reshape(3, 3).copy(), R @ v, R @ spin, float(arc), float(rate),
@@ -77,3 +80,14 @@ class MarkerStates:
                 strict=True,
             )
         ]  # fmt: skip
+
+
+def without_axes(serial: Assembly, markers: Sequence[Observed]) -> list[int]:
+    """Places, among markers, of those at nodes without axes: of shells, of elements in UFL.
+
+    Such nodes do not rotate: their rotation and angular velocity are nan, not made-up zeros.
+    """
+    return [
+        k for k, marker in enumerate(markers)
+        if isinstance(marker, Marker) and not serial.family_of(marker.body).axes
+    ]  # fmt: skip

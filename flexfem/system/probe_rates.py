@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Probe columns differentiated along motions of the nodes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
 from flexfem.system.lines import ElementPlace
+from flexfem.system.marker_states import without_axes
 from flexfem.system.system import System
 
 __all__ = ["probe_rates"]
@@ -46,6 +47,7 @@ def probe_rates(
     count = len(motions)
     states, twists = np.zeros((len(markers), 18)), np.zeros((len(markers), 6, count))
     starts = [serial.marker_pose(marker).rotation for marker in markers]
+    rotates = np.isin(np.arange(len(markers)), without_axes(serial, markers), invert=True)
     for m, marker in enumerate(markers):
         if isinstance(marker, SlidingMarker):
             raise InputError(f'SlidingMarker "{marker.joint}": linear models have no sliders')
@@ -57,10 +59,9 @@ def probe_rates(
         own = slice(at, at + len(probe.markers))
         at += len(probe.markers)
 
-        def columns(
-            table: FloatArray, probe: Probe = probe, start: Sequence[FloatArray] = starts[own]
-        ) -> FloatArray:
-            return probe.evaluate(system.time, list(map(_state, table, start)))
+        def columns(table: FloatArray, probe: Probe = probe, own: slice = own) -> FloatArray:
+            states = list(map(_state, table, starts[own], rotates[own]))
+            return probe.evaluate(system.time, states)
 
         values.append(columns(states[own]))
         if np.isnan(values[-1]).any():
@@ -156,10 +157,11 @@ def _moved(state: FloatArray, step: FloatArray, moving: bool) -> FloatArray:
     return moved
 
 
-def _state(row: FloatArray, start: FloatArray) -> MarkerState:
+def _state(row: FloatArray, start: FloatArray, rotates: bool) -> MarkerState:
     R = row[3:12].reshape(3, 3)
     unknown = np.full(3, np.nan)
     return MarkerState(
-        row[:3], R, R @ row[12:15], R @ row[15:], start=start, acceleration=unknown,
+        row[:3], R if rotates else np.full((3, 3), np.nan), R @ row[12:15],
+        R @ row[15:] if rotates else unknown, start=start, acceleration=unknown,
         angular_acceleration=unknown,
     )  # fmt: skip

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """One convention for all bodies: angular velocities at the start are given in inertial axes."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+import pyvista
+import ufl
 
 import flexfem as ff
 from flexfem.lie import so3
@@ -45,6 +50,117 @@ def test_all_bodies_begin_with_the_same() -> None:
     for spin in found:
         # taken for body axes, the numbers would differ by more than one
         np.testing.assert_allclose(spin, SPIN, atol=1e-9)
+
+
+def sheet(name: str, element: str) -> tuple[ff.Model, ff.Body]:
+    """A shell in a plane through the origin."""
+    ticks = np.linspace(0.2, 1.0, 4)
+    mesh = ff.SurfaceMesh.grid(
+        name, ticks, ticks, lambda p: np.column_stack([p, 0 * p[:, 0]]) @ TURN.T
+    )
+    section = ff.ShellSection.isotropic(0.01, STEEL)
+    return ff.Model(name, surface=mesh), ff.Shell(
+        name, section, element=element, velocity=VELOCITY, angular_velocity=SPIN
+    )
+
+
+def rod(name: str, formulation: str) -> tuple[ff.Model, ff.Body]:
+    """A beam away from the origin, not along an axis."""
+    ends = {name: [(0.3, 0.1, 0.0), (np.array([0.3, 0.1, 0.0]) + TURN[:, 0]).tolist()]}
+    return ff.Model(name, mesh=ff.LineMesh.straight(ends, 3)), ff.Beam(
+        name, ff.Section.circle(0.01, STEEL), formulation=formulation, velocity=VELOCITY,
+        angular_velocity=SPIN,
+    )  # fmt: skip
+
+
+def membrane(name: str) -> tuple[ff.Model, ff.Body]:
+    """Finite elements with an energy in UFL, in a plane."""
+    ticks = np.linspace(0.2, 1.0, 4)
+    surface = ff.SurfaceMesh.grid(
+        name, ticks, ticks, lambda p: np.column_stack([p, 0 * p[:, 0]]) @ TURN.T
+    )
+    return ff.Model(name), ff.UFLBody(
+        name, ff.ElementMesh.from_surface(surface), stretched, density=10.0,
+        velocity=VELOCITY, angular_velocity=SPIN,
+    )  # fmt: skip
+
+
+def stretched(x: Any, X: Any, p: Any) -> Any:
+    """Energy of a membrane, of no meaning: it only starts."""
+    F = ufl.grad(x)
+    return 1e3 * (ufl.inner(F, F) - 2.0) ** 2
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("kind", ["se3", "nurbs", "rotation_free", "director", "ufl", "rigid"])
+def test_written_velocities_are_those_of_one_rigid_motion(kind: str, tmp_path: Path) -> None:
+    """Every point of ParaView's files at x moves with ``velocity + angular_velocity x x``."""
+    if kind in ("se3", "nurbs"):
+        model, body = rod("body", kind)
+    elif kind in ("rotation_free", "director"):
+        model, body = sheet("body", kind)
+    elif kind == "ufl":
+        model, body = membrane("body")
+    else:
+        model, body = (
+            ff.Model("body"),
+            ff.RigidBody(
+                "body",
+                1.0,
+                (1.0, 2.0, 2.5),
+                rotation=TURN,
+                velocity=VELOCITY,
+                angular_velocity=SPIN,
+            ),
+        )
+    model.add(body)
+    ff.simulate(model, ff.RunOptions(dt=1e-7, t_end=1e-7, output=tmp_path, quiet=True))
+    seen = 0
+    for file in tmp_path.rglob("*_000000_0.vtu"):
+        if file.parent.name == "beam_surfaces":
+            continue  # its points have the velocities of their nodes on the axis
+        fields = pyvista.read(file)
+        data = fields.point_data
+        if not fields.n_points or "velocity" not in data:
+            continue
+        expected = VELOCITY + np.cross(SPIN, fields.points)
+        np.testing.assert_allclose(data["velocity"], expected, atol=1e-5)
+        if "angular_velocity" in data:
+            turned = np.broadcast_to(SPIN, data["angular_velocity"].shape)
+            np.testing.assert_allclose(data["angular_velocity"], turned, atol=1e-5)
+        seen += 1
+    assert seen
+
+
+def test_markers_on_curves_see_it() -> None:
+    """At its ends and inside, where no node is."""
+    model, body = rod("body", "nurbs")
+    model.add(body)
+    for spin in started(model, *(ff.Marker("body", at) for at in ("start", 0.37, "end"))):
+        np.testing.assert_allclose(spin, SPIN, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["rotation_free", "director", "ufl"])
+def test_nodes_without_axes_have_no_angular_velocity(kind: str) -> None:
+    """Nor a rotation, while position, velocity and acceleration are known."""
+    model, body = membrane("body") if kind == "ufl" else sheet("body", kind)
+    place = TURN @ (1.0, 0.2, 0.0)
+    model.add(body, ff.Probe("seen", ff.Marker("body", tuple(place)), COLUMNS, motion))
+    history = ff.simulate(model, ff.RunOptions(dt=1e-7, t_end=1e-7, quiet=True)).history
+    if history:
+        found = np.array([history[name][0] for name in COLUMNS])
+        np.testing.assert_allclose(found[:3], VELOCITY + np.cross(SPIN, place), atol=1e-9)
+        assert np.isfinite(found[3:6]).all()
+        assert np.isnan(found[6:]).all()
+
+
+COLUMNS = [f"c{k}" for k in range(21)]
+
+
+def motion(t: float, s: ff.MarkerState) -> list[float]:
+    """Velocity, acceleration, then everything that rotates."""
+    return [*s.velocity, *s.acceleration, *s.rotation.ravel(), *s.angular_velocity,
+            *s.angular_acceleration]  # fmt: skip
 
 
 @pytest.mark.serial
