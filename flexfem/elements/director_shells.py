@@ -11,6 +11,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.corotating_axes import CorotatingAxes
 from flexfem.elements.director_inertia import (
     add_blocks,
     add_inertia_blocks,
@@ -27,7 +28,6 @@ from flexfem.elements.nurbs_inertia import (
     step_rates,
 )
 from flexfem.elements.request import EXACT, Strains, TangentRequest
-from flexfem.elements.turning_axes import TurningAxes
 
 __all__ = ["DirectorCells", "DirectorShells"]
 
@@ -91,7 +91,7 @@ class DirectorShells:
         count = len(self._pairs.rows)
         pairs = self._index[:, :6, :6].ravel()
         self._pair_masses = np.bincount(pairs, self._masses.ravel(), count)
-        self._axes = TurningAxes(block)
+        self._axes = CorotatingAxes(block)
 
     @property
     def carriers(self) -> IndexArray:

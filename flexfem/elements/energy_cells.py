@@ -12,6 +12,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.corotating_axes import CorotatingAxes
 from flexfem.elements.node_pairs import NodePairs
 from flexfem.elements.request import EXACT, Strains, TangentRequest
 from flexfem.elements.shell_nodes import (
@@ -21,7 +22,6 @@ from flexfem.elements.shell_nodes import (
     positions_into,
     turn_blocks,
 )
-from flexfem.elements.turning_axes import TurningAxes
 from flexfem.la.kernel import Kernel, tabulate
 from flexfem.lie.compiled import kernel
 
@@ -176,7 +176,7 @@ class EnergyElements:
         self._pairs = NodePairs(len(block.frames), [g.nodes for g in groups])
         count = len(block.frames)
         self._points, self._vectors = np.empty((count, 3)), np.empty((count, 3))
-        self._axes = TurningAxes(block)
+        self._axes = CorotatingAxes(block)
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:

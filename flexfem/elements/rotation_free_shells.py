@@ -12,6 +12,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.elements.corotating_axes import CorotatingAxes
 from flexfem.elements.node_pairs import NodePairs
 from flexfem.elements.request import EXACT, Strains, TangentRequest
 from flexfem.elements.rotation_free import RotationFreeTriangles
@@ -28,7 +29,6 @@ from flexfem.elements.shell_nodes import (
     positions_into,
     turn_blocks,
 )
-from flexfem.elements.turning_axes import TurningAxes
 
 __all__ = ["RotationFreeShells", "ShellCells"]
 
@@ -97,7 +97,7 @@ class RotationFreeShells:
         self._pairs = NodePairs(count, [g.triangles.patches.nodes for g in groups])
         self._points, self._forces = np.empty((count, 3)), np.empty((count, 3))
         self._vectors = np.empty((count, 3))
-        self._axes = TurningAxes(block)
+        self._axes = CorotatingAxes(block)
         self.viscous = any(g.triangles.viscous for g in groups)
 
     @property

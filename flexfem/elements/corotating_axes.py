@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Axes of the nodes of shells that turn with the shell around them."""
+"""Corotating axes of the nodes of shells and solids: they turn with the material around them."""
 
 from collections.abc import Callable
 
@@ -9,10 +9,10 @@ from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.shell_nodes import turn_nodes
 
-__all__ = ["TurningAxes"]
+__all__ = ["CorotatingAxes"]
 
 
-class TurningAxes:
+class CorotatingAxes:
     """Turns the axes of a block's nodes; those in which a node is held stay what they are."""
 
     def __init__(self, block: FrameBlock) -> None:
