@@ -24,7 +24,7 @@ from flexfem.contact.carried import (
 )
 from flexfem.core.frame_block import FrameBlock
 from flexfem.system.contact_points import GROUND, ContactPoints
-from flexfem.system.node_exchange import NodeExchange
+from flexfem.system.halo import HaloExchange
 
 __all__ = ["CarriedPoints", "Carriers"]
 
@@ -108,7 +108,7 @@ class Carriers:
         self._between = (
             points.parents[between], points.weights[between], points.carried + between
         )  # fmt: skip
-        self._exchange: NodeExchange | None = None
+        self._exchange: HaloExchange | None = None
         self.ask(np.zeros(0, np.int64))
 
     @property
@@ -120,7 +120,7 @@ class Carriers:
         """Bring the rows of some points of other ranks from now on (collective)."""
         if self._comm.size > 1:
             wanted = np.unique(np.concatenate([nodes, self._between[0].ravel()]))
-            self._exchange = NodeExchange(self._comm, self.home, wanted)
+            self._exchange = HaloExchange(self._comm, self.home, wanted)
 
     def bring(self, values: FloatArray) -> None:
         """Bring rows of ``values`` (n + d, k) from other ranks (collective)."""

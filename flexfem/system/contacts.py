@@ -26,7 +26,7 @@ from flexfem.system.contact_group import ContactGroup
 from flexfem.system.contact_nearby import stiffness_nearby
 from flexfem.system.contact_points import ContactPoints
 from flexfem.system.contact_surfaces import ContactPass, ContactSurfaces
-from flexfem.system.node_exchange import send_numbers
+from flexfem.system.halo import send_numbers
 
 __all__ = ["ContactShare", "Contacts"]
 

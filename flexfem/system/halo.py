@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 
-__all__ = ["NodeExchange", "send_numbers"]
+__all__ = ["HaloExchange", "send_numbers"]
 
 
 def send_numbers(comm: MPI.Intracomm, lists: list[IntArray]) -> list[IntArray]:
@@ -24,7 +24,7 @@ def send_numbers(comm: MPI.Intracomm, lists: list[IntArray]) -> list[IntArray]:
     return [out[a:b] for a, b in zip(starts, ends, strict=True)]
 
 
-class NodeExchange:
+class HaloExchange:
     """Moves rows of arrays that have one row for every node of the model.
 
     Only rows of nodes that this rank owns or has asked for mean anything.
