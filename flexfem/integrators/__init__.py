@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Time integrators: one scheme a file, each a frozen set of coefficients."""
+"""Time integrators, one scheme a file, and what they share: starts, rates of drives, redundancy."""
