@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -12,22 +13,20 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem import _checks
-from flexfem._faults import current
 from flexfem.analyses.relaxation import RelaxationOptions
+from flexfem.core.status import Status
 from flexfem.integrators.start import check_start
-from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.cautions import Cautions
 from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.functions_alike import FunctionsAlike
-from flexfem.simulation.interruption import Agreement, interruption
-from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
+from flexfem.simulation.outcome import Outcome, Results
 from flexfem.simulation.reasons import RELAXATION, not_finite, with_hint
-from flexfem.simulation.recording import Recorder, closing_table
-from flexfem.simulation.run_guard import guarded, reason_of
+from flexfem.simulation.recording import Recorder
+from flexfem.simulation.run import Steps, carry_out
 from flexfem.simulation.setup import set_up
 from flexfem.simulation.time_grid import TimeGrid
-from flexfem.solvers.relaxation import Progression, Relaxation, Scheme
+from flexfem.solvers.relaxation import Relaxation, Scheme
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.extent import model_extent
 
@@ -73,36 +72,22 @@ def relax(
             written.
     """
     _checks.instance("relax", "options", options, RelaxationOptions)
-    begin = time.perf_counter()
     comm = comm or MPI.COMM_WORLD
-    with guarded(options, comm) as faults:
-        restart = None if options.restart is None else Restart(options, comm)
-        run = _Run(model, options, case, results, comm, restart, begin)
-        with closing_table(run.recorder), StopSignals() as signals:
-            run.to_the_end(signals)
-            if run.signal:
-                raise run.interrupted()
-            when = f" after {run.relaxation.iteration} iterations"
-            return run.finish(reason_of(faults, comm, when, run.reason))
+    return carry_out(partial(_Iterations, model, options, comm), options, comm, case, results)
 
 
-class _Run:
-    """One run from the start, or from a checkpoint, to the results.
-
-    Attributes:
-        signal: number of the signal that ended it early, 0 for none.
-        recorder: history, fields and progress.
-    """
+class _Iterations(Steps):
+    """Iterations of the relaxation, as many at a time as lie between two records."""
 
     def __init__(
-        self, model: Model, options: RelaxationOptions, case: str, results: Results | None,
-        comm: MPI.Intracomm, restart: Restart | None, begin: float,
+        self, model: Model, options: RelaxationOptions, comm: MPI.Intracomm,
+        restart: Restart | None,
     ) -> None:  # fmt: skip
-        self._begin, self._options, self._case, self._results = begin, options, case, results
+        self._options = options
         self._serial, self.system = set_up(
             model, comm, options.split_above, kernels=options.kernels
         )
-        self._cautions = Cautions(self._serial, options, self.system)
+        self.cautions = Cautions(self._serial, options, self.system)
         if restart is not None:
             restart.check(self._serial)
         self.system.set_time(options.at_time)
@@ -114,58 +99,65 @@ class _Run:
         )  # fmt: skip
         if restart is not None:
             restart.restore(self.relaxation, self.relaxation.system)
+        self.functions = FunctionsAlike(self.system, self._serial.model)
+        self.checkpoints = Checkpoints(
+            self.relaxation, self._serial, options, TimeGrid(1.0, 1), restart
+        )
+        self._finite = True
+        self._begin = self._end = time.perf_counter()
         self.recorder = Recorder(
             self.system, self._serial, options, options.every, float(options.max_iterations),
             resume=None if restart is None else restart.state, unit="", measures=_COLUMNS,
         )  # fmt: skip
-        self._start = None if restart is None else restart.step
-        self._checkpoints = Checkpoints(
-            self.relaxation, self._serial, options, TimeGrid(1.0, 1), restart
-        )
-        self._checkpoint: Path | None = None
-        self._finite = True
-        self._setup: float | None = None
-        self._iterating = 0.0
-        functions = FunctionsAlike(self.system, self._serial.model)
-        self.signal, self._agreement = 0, Agreement(comm, functions)
 
-    def _elapsed(self) -> float:
-        return time.perf_counter() - self._begin
+    @property
+    def at(self) -> str:
+        """See :class:`Steps`."""
+        return f"iteration {self.relaxation.iteration}"
 
-    def to_the_end(self, signals: StopSignals) -> None:
-        """Iterate to convergence, or as far as it goes."""
+    @property
+    def after(self) -> str:
+        """See :class:`Steps`."""
+        return f"{self.relaxation.iteration} iterations"
+
+    @property
+    def completed(self) -> int | None:
+        """See :class:`Steps`."""
+        return self.relaxation.iteration if self._finite else None
+
+    def record_start(self) -> None:
+        """See :class:`Steps`."""
+        self._finite = self.relaxation.evaluate()
+        self._record(last=not self._finite)
+        self.done = not self._finite or self._converged()
+
+    def begin(self) -> None:
+        """See :class:`Steps`."""
+        self._begin = self._end = time.perf_counter()
+
+    def take(self, stopping: Callable[[], bool]) -> Status:
+        """Iterate to the next record."""
         options, relaxation = self._options, self.relaxation
-        self._cautions.say()
-        done = False
-        if self._start is None:
-            self._finite = relaxation.evaluate()
-            self._record(last=not self._finite)
-            done = self._converged(relaxation.progress)
-            self._look(signals)
-        self._setup = self._elapsed()
-        while self._finite and not done:
+        self._finite = relaxation.advance()
+        while (
+            self._finite
+            and relaxation.iteration % options.record_every
+            and relaxation.iteration < options.max_iterations
+        ):
             self._finite = relaxation.advance()
-            at = relaxation.iteration
-            if self._finite and at % options.record_every and at < options.max_iterations:
-                continue
-            self._finite = self._finite and relaxation.evaluate()
-            done = self._converged(relaxation.progress) or at >= options.max_iterations
-            self._record(last=done or not self._finite)
-            self._look(signals)
-            self._save_if_due(done)
-            if self.signal or self._agreement.failed:
-                break
-        self._iterating = self._elapsed() - self._setup
+        self._finite = self._finite and relaxation.evaluate()
+        converged = self._converged()
+        over = relaxation.iteration >= options.max_iterations
+        self.done = converged or over or not self._finite
+        self._record(last=self.done)
+        self._end = time.perf_counter()
+        if not self._finite:
+            return Status.DIVERGED
+        return Status.NOT_CONVERGED if over and not converged else Status.OK
 
-    def _look(self, signals: StopSignals) -> None:
-        """Look for signals, and show progress where it is time to (collective)."""
-        self.signal = self._agreement.on(signals, self.recorder.due)
-        if self._agreement.show:
-            self.recorder.show()
-
-    def _converged(self, reached: Progression) -> bool:
+    def _converged(self) -> bool:
         """Whether both measures are below their tolerances."""
-        options = self._options
+        options, reached = self._options, self.relaxation.progress
         return reached.residual <= options.tolerance and reached.step <= options.step_tolerance
 
     def _record(self, last: bool) -> None:
@@ -175,28 +167,10 @@ class _Run:
         values = np.array([reached.residual, reached.step, reached.energy])
         self.recorder.record(relaxation.iteration, last=last, measures=values)
 
-    def _save_if_due(self, done: bool) -> None:
-        """Write a checkpoint at its interval, at the end, or if the run ends early."""
-        every, at = self._options.checkpoint_every, self.relaxation.iteration
-        early = (
-            self.signal
-            or self._agreement.failed
-            or (done and not self._converged(self.relaxation.progress))
-        )
-        if self._finite and (early or (every and (done or at % every == 0))):
-            with current().files():
-                self._checkpoint = self._checkpoints.write(at, self.recorder.state())
-
-    def interrupted(self) -> Interrupted:
-        """Write what is left and the summary; the exception that ends the run (collective)."""
-        reason = f"interrupted at iteration {self.relaxation.iteration}"
-        outcome = self.finish(reason)
-        return interruption(self.signal, reason, self._checkpoint, outcome)
-
-    def reason(self) -> str:
-        """The status in words."""
+    def reason(self, status: Status) -> str:
+        """See :class:`Steps`."""
         reached, at = self.relaxation.progress, self.relaxation.iteration
-        if self._finite and self._converged(reached):
+        if self._finite and self._converged():
             return "ok"
         if self._finite:
             return with_hint(
@@ -208,24 +182,15 @@ class _Run:
             return f"{culprit} after {at} iterations"
         return with_hint(f"the relaxation diverged after {at} iterations", RELAXATION[1])
 
-    def finish(self, reason: str) -> Outcome:
-        """Write what is left and the summary (collective)."""
-        self.recorder.close()
-        history, summary = self.recorder.history(), self._summary(reason)
-        return conclude(summary, history, self._results, self._options, self.system.comm)
-
-    def _summary(self, reason: str) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
+        """See :class:`Steps`."""
         reached = self.relaxation.progress
-        return summary_of(self.system, self._case, reason) | {
+        return {
             "steps": self.relaxation.iteration,
             "renewals": self.relaxation.renewals,
             "residual": reached.residual,
             "largest_step": reached.step,
-            "restarted_at_step": self._start,
-            "wall_seconds": self._elapsed(),
-            "wall_seconds_setup": self._setup or self._elapsed(),
-            "wall_seconds_steps": self._iterating,
-            "warnings": self._cautions.texts,
+            "wall_seconds_steps": self._end - self._begin,
         }
 
 

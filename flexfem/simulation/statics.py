@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable, Mapping
 from functools import partial
-from pathlib import Path as FilePath
 from typing import Any
 
 from mpi4py import MPI
@@ -15,10 +14,10 @@ import numpy as np
 from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._faults import current
+from flexfem._types import FloatArray
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.io.field_output import FieldOutput
-from flexfem.launch import Interrupted, StopSignals
 from flexfem.model.contact import Contact
 from flexfem.model.measured import EnergyProbe
 from flexfem.model.model import Model
@@ -29,13 +28,13 @@ from flexfem.simulation.equilibrium import check_held, rest
 from flexfem.simulation.followed import Followed
 from flexfem.simulation.functions_alike import FunctionsAlike
 from flexfem.simulation.inside_out import inside_out
-from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.locked_shapes import locked_shapes
-from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
+from flexfem.simulation.outcome import Outcome, Results
 from flexfem.simulation.path import CriticalPoint, Path
 from flexfem.simulation.reasons import ITERATED, STATICS, moves_most, not_finite, with_hint
-from flexfem.simulation.recording import Recorder, closing_table
-from flexfem.simulation.run_guard import agreed, guarded, reason_of
+from flexfem.simulation.recording import Recorder
+from flexfem.simulation.run import Steps, carry_out
+from flexfem.simulation.run_guard import agreed
 from flexfem.simulation.setup import set_up
 from flexfem.simulation.targets import LOAD, Targets
 from flexfem.simulation.time_grid import TimeGrid
@@ -45,7 +44,7 @@ from flexfem.solvers.statics import Equilibrium, Limits, settle
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.probes import ProbeRecorder
 
-__all__ = ["solve_static"]
+__all__ = ["StaticSteps", "solve_static"]
 
 #: What stands for no column.
 _NONE = "none"
@@ -92,15 +91,8 @@ def solve_static(
     """
     _checks.instance("solve_static", "options", options, StaticOptions)
     comm = comm or MPI.COMM_WORLD
-    with guarded(options, comm) as faults:
-        restart = None if options.restart is None else Restart(options, comm)
-        run = _Run(model, options, case, results, comm, restart)
-        with closing_table(run.recorder), StopSignals() as signals:
-            status = run.to_the_end(signals)
-            if run.signal:
-                raise run.interrupted()
-            when = f" after t = {run.equilibrium.loading.t:.6g}"
-            return run.finish(reason_of(faults, comm, when, lambda: run.reason(status)))
+    steps = _LinearSolutions if options.linear else StaticSteps
+    return carry_out(partial(steps, model, options, comm), options, comm, case, results)
 
 
 def _columns(probes: ProbeRecorder, equilibrium: Equilibrium) -> dict[str, float]:
@@ -121,25 +113,29 @@ def _too_large(part: float, size: float) -> str:
     )
 
 
-class _Run:
-    """One run from the start to the results.
-
-    Attributes:
-        signal: number of the signal that ended it early, 0 for none.
-        recorder: history, fields and progress.
-    """
+class StaticSteps(Steps):
+    """Steps along a path of equilibria."""
 
     def __init__(
-        self, model: Model, options: StaticOptions, case: str, results: Results | None,
-        comm: MPI.Intracomm | None, restart: Restart | None = None,
-    ) -> None:  # fmt: skip
-        self._begin = time.perf_counter()
-        self._options, self._case, self._results = options, case, results
+        self, model: Model, options: StaticOptions, comm: MPI.Intracomm, restart: Restart | None
+    ) -> None:
+        """Set the system up and settle it at its start (collective).
+
+        Args:
+            model: the model, the same on every rank.
+            options: of the analysis.
+            comm: communicator of all ranks.
+            restart: checkpoint to go on from, None to start at t = 0.
+
+        Raises:
+            InputError: a mistake in the model, or options that it has no use for.
+        """
+        self._options = options
         check = None if restart is None else restart.check
         self._serial, self.system = set_up(
             model, comm, options.split_above, check, kernels=options.kernels
         )
-        self._cautions = Cautions(self._serial, options, self.system)
+        self.cautions = Cautions(self._serial, options, self.system)
         self._probes = ProbeRecorder(self.system, self._serial, depth=1)
         self._check_column()
         self._targets = Targets(options.output_at, self._probes.columns, options.t_end)
@@ -155,40 +151,51 @@ class _Run:
         self._departures = Departures(self.system, self._serial)
         self._inverted = ""
         self._columns = partial(_columns, self._probes, self.equilibrium)
-        self._neglected: dict[str, float] = {}
-        if options.linear:
-            self._check_linear(model)
-        status = Status.OK if options.linear else settle(self.equilibrium)
-        self._status = self._checked(status)
+        self.status = self._checked(self._settled(model))
         self._buckling = LinearBuckling(self.equilibrium) if options.buckling_modes else None
         self.followed = Followed(self.system, self.equilibrium, self._probes.columns)
         if restart is not None:
             self._go_on(restart)
-        self._start = None if restart is None else restart.step
         self.path = Path(
             self.equilibrium, follow=options.arc_length > 0.0, count=options.critical_points,
             columns=self._columns,
         )  # fmt: skip
-        if self._status is Status.OK and not self.path.aimed:
+        if self.status is Status.OK and not self.path.aimed:
             raise InputError(
                 f"StaticOptions: arc_length {options.arc_length:g} follows the path of a growing "
                 f'load, but nothing in Model "{model.name}" that moves it grows with t'
             )
+        self.checkpoints = Checkpoints(
+            self.followed, self._serial, options, TimeGrid(1.0, 1), restart
+        )
+        self.functions = FunctionsAlike(self.system, self._serial.model)
+        self._stopped = options.stop_column == _NONE
+        self._factors: list[float] = []
+        self._branched = options.branch == 0.0
+        self._width = self._h = 0.0
         self.recorder = Recorder(
             self.system, self._serial, options, options.every, options.t_end, unit="",
             varies=True, resume=None if restart is None else restart.state,
         )  # fmt: skip
-        self._checkpoints = Checkpoints(
-            self.followed, self._serial, options, TimeGrid(1.0, 1), restart
-        )
-        self._checkpoint: FilePath | None = None
-        functions = FunctionsAlike(self.system, self._serial.model)
-        self.signal, self._agreement = 0, Agreement(self.system.comm, functions)
-        self._stopped = options.stop_column == _NONE
-        self._factors: list[float] = []
-        self._setup: float | None = None
-        self._first: float | None = None
-        self._branched = options.branch == 0.0
+
+    def _settled(self, model: Model) -> Status:
+        """Bring the system to its equilibrium at t = 0."""
+        return settle(self.equilibrium)
+
+    @property
+    def at(self) -> str:
+        """See :class:`Steps`."""
+        return f"t = {self.path.point.t:.6g}"
+
+    @property
+    def after(self) -> str:
+        """See :class:`Steps`."""
+        return f"t = {self.equilibrium.loading.t:.6g}"
+
+    @property
+    def completed(self) -> int | None:
+        """See :class:`Steps`; a path by arc length cannot be gone on with."""
+        return self.followed.steps if self.path.arc is None else None
 
     def _go_on(self, restart: Restart) -> None:
         """Put everything where the checkpoint left it (collective)."""
@@ -211,103 +218,39 @@ class _Run:
         value = float(self.system.comm.bcast(value))
         return value - float(self._options.stop_value)
 
-    def _elapsed(self) -> float:
-        return time.perf_counter() - self._begin
+    def record_start(self) -> None:
+        """See :class:`Steps`."""
+        self.recorder.record(0)
 
-    def to_the_end(self, signals: StopSignals) -> Status:
-        """Take all steps, or those before the first that fails or a signal."""
-        options, path, status = self._options, self.path, self._status
-        self._cautions.say()
-        if status is not Status.OK:
-            return status
-        if self._start is None:
-            self.recorder.record(0)
-            self._look(signals)
-        self._setup = self._elapsed()
-        if options.linear:
-            return self._linear(signals)
+    def begin(self) -> None:
+        """Choose the first step."""
+        options, path = self._options, self.path
         h = options.t_end / options.load_steps
         if path.arc is not None:
             h = options.arc_length * options.t_end / path.arc.slope
-        width, done, followed = h, False, self.followed
-        h = min(h, followed.next or h)
-        while not done:
-            if path.arc is not None:
-                h = min(h, options.max_step / path.arc.largest_turn())
-                if followed.steps == options.max_steps:
-                    return Status.NOT_CONVERGED
-            else:
-                t = path.point.t
-                h = min(h, options.t_end - t, self._targets.room(t))
-            status, tried, done = self._advance(h, signals)
-            if status is not Status.OK:
-                self._look(signals)  # functions that differ between ranks may be why
-                self.recorder.record_last(followed.steps + 1)
-                followed.next = width
-                self._save()
-                return status
-            h = followed.next = self._grown(tried, width)
-            self._look(signals)
-            early, every = self.signal or self._agreement.failed, options.checkpoint_every
-            if early or (every and (done or followed.steps % every == 0)):
-                self._save()
-            if early:
-                return status
-        self._find_buckling()
+        self._width = h
+        self._h = min(h, self.followed.next or h)
+
+    def take(self, stopping: Callable[[], bool]) -> Status:
+        """See :class:`Steps`."""
+        options, path, h = self._options, self.path, self._h
+        if path.arc is not None:
+            if self.followed.steps == options.max_steps:
+                return Status.NOT_CONVERGED
+            h = min(h, options.max_step / path.arc.largest_turn())
+        else:
+            t = path.point.t
+            h = min(h, options.t_end - t, self._targets.room(t))
+        status, tried, done = self._advance(h, stopping)
+        if status is Status.OK:
+            self._h = self.followed.next = self._grown(tried, self._width)
+            self.done = done
         return status
 
-    def _check_linear(self, model: Model) -> None:
-        """Raise for what has no meaning to first order: energies, and contacts that open or close.
-
-        Raises:
-            InputError: names it.
-        """
-        found: list[Contact | EnergyProbe] = list(model.contacts)
-        found += [probe for probe in model.probes if isinstance(probe, EnergyProbe)]
-        for thing in found:
-            raise InputError(
-                f'{type(thing).__name__} "{thing.name}": linear statics has none, leave out linear'
-            )
-        for name in self._targets.values:
-            if name != LOAD:
-                raise InputError(
-                    "StaticOptions: linear solutions are for load factors, output_at names "
-                    f"'{name}'"
-                )
-
-    def _linear(self, signals: StopSignals) -> Status:
-        """A linear solution for each load factor that is asked for, and for the end."""
-        equilibrium, followed = self.equilibrium, self.followed
-        start = equilibrium.keep()
-        for t in sorted({*self._targets.values.get(LOAD, ()), self._options.t_end}):
-            solution = solve_linear(equilibrium, start, t)
-            if solution is None:
-                return Status.SINGULAR
-            values = solution.columns(equilibrium, self._columns)
-            part = solution.neglected(equilibrium)
-            self._neglected = {"neglected": part, "largest": solution.size}
-            if t == self._options.t_end and part > _NEGLECTED:
-                self._cautions.say([_too_large(part, solution.size)])
-            followed.steps += 1
-            self._targets.note((), t)
-            self.recorder.record_values(followed.steps, values)
-            self._look(signals)
-            if self.signal or self._agreement.failed:
-                break
-        return Status.OK
-
-    def _look(self, signals: StopSignals) -> None:
-        """Look for signals, and show progress where it is time to (collective)."""
-        self.signal = self._agreement.on(signals, self.recorder.due)
-        if self._agreement.show:
-            self.recorder.show()
-
-    def _save(self) -> None:
-        """Write a checkpoint of load steps."""
-        if self.path.arc is None:
-            with current().files():
-                records = self.recorder.state()
-                self._checkpoint = self._checkpoints.write(self.followed.steps, records)
+    def record_failure(self) -> None:
+        """See :class:`Steps`."""
+        self.recorder.record_last(self.followed.steps + 1)
+        self.followed.next = self._width
 
     def _grown(self, h: float, width: float) -> float:
         """Next step from the one just taken and its iterations."""
@@ -320,7 +263,7 @@ class _Run:
             return float(min(h, width, left if left > 1e-9 * width else width))
         return h * float(min(max((_EASY / iterations) ** 0.5, 0.5), 2.0))
 
-    def _advance(self, h: float, signals: StopSignals) -> tuple[Status, float, bool]:
+    def _advance(self, h: float, stopping: Callable[[], bool]) -> tuple[Status, float, bool]:
         """One accepted step of at most ``h``, its size, and whether the run has ended."""
         path, before = self.path, self._beyond() if self._options.stop_column != _NONE else 0.0
         self.followed.largest = max(self.followed.largest, h)
@@ -333,8 +276,7 @@ class _Run:
             self.followed.rejected += 1
             h *= self.equilibrium.cut
             status, end, critical = self._tried(h, before)
-            self.signal = self.signal or self._agreement.on(signals)
-            if self.signal:
+            if stopping():
                 break
         if status is not Status.OK:
             path.return_to_base()
@@ -404,8 +346,6 @@ class _Run:
     def _accept(self, last: bool) -> None:
         self.path.accept()
         self.followed.steps += 1
-        if self._first is None:
-            self._first = self._elapsed()
         noted = self._targets.note(self._reached, self.path.point.t)
         self.recorder.record(self.followed.steps, last=last or noted)
 
@@ -439,7 +379,7 @@ class _Run:
             lambda: path.trial.t - options.t_end, (0.0, h), ends, _EXACT * options.t_end
         ), True
 
-    def _find_buckling(self) -> None:
+    def finish(self) -> None:
         """Linearised buckling loads; pictures of all modes."""
         found = self._buckling.solve(self._options.buckling_modes) if self._buckling else []
         self._factors = [t for t, _ in found]
@@ -460,13 +400,8 @@ class _Run:
             self.equilibrium.restore(base)
         fields.close()
 
-    def interrupted(self) -> Interrupted:
-        """Write what is left and the summary; the exception that ends the run (collective)."""
-        reason = f"interrupted at t = {self.path.point.t:.6g}"
-        return interruption(self.signal, reason, self._checkpoint, self.finish(reason))
-
     def reason(self, status: Status) -> str:
-        """The status in words, with the load factor, where, and what to try (collective)."""
+        """See :class:`Steps`; with the load factor, where, and what to try."""
         t, options = self.equilibrium.loading.t, self._options
         if status is Status.OK:
             return "ok" if self._stopped else self._unreached()
@@ -495,26 +430,90 @@ class _Run:
             "take a larger t_end, or a value of the other sign if the column moves away from it",
         )
 
-    def finish(self, reason: str) -> Outcome:
-        """Write what is left and the summary (collective)."""
-        self.recorder.close()
+    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
+        """See :class:`Steps`."""
         if reason == "ok":
-            self._cautions.say(self._targets.missed)
-        self._cautions.say(locked_shapes(self._serial, self.system))
-        history, summary = self.recorder.history(), self._summary(reason)
-        return conclude(summary, history, self._results, self._options, self.system.comm)
+            self.cautions.say(self._targets.missed)
+        self.cautions.say(locked_shapes(self._serial, self.system))
 
-    def _summary(self, reason: str) -> dict[str, Any]:
-        return summary_of(self.system, self._case, reason) | {
+    def summary(self) -> dict[str, Any]:
+        """See :class:`Steps`."""
+        return {
             "steps": self.followed.steps,
             "rejected_steps": self.followed.rejected,
-            "restarted_at_step": self._start,
-            "wall_seconds": self._elapsed(),
-            "wall_seconds_setup": self._setup or self._elapsed(),
-            "wall_seconds_first_step": self._first,
             "critical_points": [point.summary() for point in self.followed.critical],
             "buckling": self._factors,
             "output_at": self._targets.met,
-            "linear": self._neglected or None,
-            "warnings": self._cautions.texts,
+            "linear": None,
         }
+
+
+class _LinearSolutions(StaticSteps):
+    """A linear solution from the start for each load factor that is asked for, and for the end."""
+
+    def __init__(
+        self, model: Model, options: StaticOptions, comm: MPI.Intracomm, restart: Restart | None
+    ) -> None:
+        """See :class:`StaticSteps`."""
+        self._neglected: dict[str, float] = {}
+        super().__init__(model, options, comm, restart)
+
+    def begin(self) -> None:
+        """Note the load factors, and the state that all solutions start from."""
+        self._left = sorted({*self._targets.values.get(LOAD, ()), self._options.t_end})
+        self._from = self.equilibrium.keep()
+
+    @property
+    def completed(self) -> None:
+        """See :class:`Steps`."""
+
+    def take(self, stopping: Callable[[], bool]) -> Status:
+        """One solution and its part that a further iteration would change."""
+        equilibrium, t = self.equilibrium, self._left.pop(0)
+        solution = solve_linear(equilibrium, self._from, t)
+        if solution is None:
+            return Status.SINGULAR
+        values = solution.columns(equilibrium, self._columns)
+        part = solution.neglected(equilibrium)
+        self._neglected |= {"neglected": part, "largest": solution.size}
+        if t == self._options.t_end and part > _NEGLECTED:
+            self.cautions.say([_too_large(part, solution.size)])
+        self.followed.steps += 1
+        self._targets.note((), t)
+        self.recorder.record_values(self.followed.steps, values)
+        self.done = not self._left
+        return Status.OK
+
+    def record_failure(self) -> None:
+        """A solution that does not exist leaves nothing to record."""
+
+    def finish(self) -> None:
+        """Linear solutions have no buckling loads."""
+
+    def summary(self) -> dict[str, Any]:
+        """See :class:`Steps`."""
+        return super().summary() | {"linear": self._neglected or None}
+
+    def _settled(self, model: Model) -> Status:
+        """Stay at the start, which needs no equilibrium, once the model is one for it."""
+        self._check_linear(model)
+        return Status.OK
+
+    def _check_linear(self, model: Model) -> None:
+        """Raise for what has no meaning to first order: energies, and contacts that open or close.
+
+        Raises:
+            InputError: names it.
+        """
+        found: list[Contact | EnergyProbe] = list(model.contacts)
+        found += [probe for probe in model.probes if isinstance(probe, EnergyProbe)]
+        for thing in found:
+            raise InputError(
+                f'{type(thing).__name__} "{thing.name}": linear statics has none, leave out linear'
+            )
+        for name in self._targets.values:
+            if name != LOAD:
+                raise InputError(
+                    "StaticOptions: linear solutions are for load factors, output_at names "
+                    f"'{name}'"
+                )

@@ -155,7 +155,8 @@ def test_tip_drive_gives_the_force_of_the_load() -> None:
     from mpi4py import MPI
 
     from flexfem.launch import StopSignals
-    from flexfem.simulation.statics import _Run
+    from flexfem.simulation.run import Run
+    from flexfem.simulation.statics import StaticSteps
 
     outcome = solve(cantilever(force((0.0, 100.0, 0.0))), load_steps=2)
     end = MPI.COMM_WORLD.bcast(float(outcome.history["v"][-1]) if outcome.history else 0.0)
@@ -163,9 +164,11 @@ def test_tip_drive_gives_the_force_of_the_load() -> None:
         "drive", ff.Ground((1.0, 0.0, 0.0)), ff.Marker("beam", "end"), lambda t: end * t,
         axis=(0.0, 1.0, 0.0),
     )  # fmt: skip
-    run = _Run(cantilever(drive), ff.StaticOptions(load_steps=2), "drive", None, MPI.COMM_WORLD)
-    assert run.finish(run.reason(run.to_the_end(StopSignals()))).status == "ok"
-    rows = run.system.constraints
+    options = ff.StaticOptions(load_steps=2)
+    steps = StaticSteps(cantilever(drive), options, MPI.COMM_WORLD, None)
+    run = Run(steps, options)
+    assert run.finish(steps.reason(run.to_the_end(StopSignals()))).status == "ok"
+    rows = steps.system.constraints
     mine = [
         float(rows.forces[rows.start[i]])
         for i, joint in enumerate(rows.joints)
