@@ -17,7 +17,8 @@ from flexfem.model.structure import Structure
 class MarkerState:
     """Motion of a marker at one instant, all in inertial axes.
 
-    A node of a shell or of a :class:`UFLBody` has no axes: ``rotation``, ``angular_velocity`` and
+    Axes at a node of a shell or of a :class:`UFLBody` are turned with the elements around it at the
+    end of each step, of shells with directors not about their normal; ``angular_velocity`` and
     ``angular_acceleration`` are nan there.
 
     Attributes:

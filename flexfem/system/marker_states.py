@@ -15,7 +15,7 @@ from flexfem.system.element_places import held_places
 from flexfem.system.sliders import Sliders
 from flexfem.system.system import System
 
-__all__ = ["MarkerStates", "without_axes"]
+__all__ = ["MarkerStates", "without_spin"]
 
 _WIDTH = 26  # frame, local twist, arc length and its rate, rate of the twist
 
@@ -29,7 +29,7 @@ class MarkerStates:
         self._sliders = Sliders(system, markers)
         self._offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         self._start = [serial.marker_pose(m).rotation for m in markers]
-        self._bare = without_axes(serial, markers)
+        self._bare = without_spin(serial, markers)
         self._ground = np.zeros((len(markers), _WIDTH))
         # a marker on the ground is its offset on a node that stays at the origin
         if system.comm.rank == 0:
@@ -68,7 +68,7 @@ class MarkerStates:
         spins, turning = nodes[:, 15:18], nodes[:, 23:]
         speed = nodes[:, 12:15] + np.cross(spins, arm)
         rates = nodes[:, 20:23] + np.cross(turning, arm) + np.cross(spins, speed)
-        for rotational in (frames[:, 3:], spins, turning):
+        for rotational in (spins, turning):
             rotational[self._bare] = np.nan
         return [
             MarkerState(
@@ -82,10 +82,11 @@ class MarkerStates:
         ]  # fmt: skip
 
 
-def without_axes(serial: Assembly, markers: Sequence[Observed]) -> list[int]:
-    """Places, among markers, of those at nodes without axes: of shells, of elements in UFL.
+def without_spin(serial: Assembly, markers: Sequence[Observed]) -> list[int]:
+    """Places, among markers, of those at nodes without rotations: of shells, of elements in UFL.
 
-    Such nodes do not rotate: their rotation and angular velocity are nan, not made-up zeros.
+    Their axes turn with the elements around them at the end of a step, but no angular velocity of
+    theirs is known: it is nan, not a made-up zero.
     """
     return [
         k for k, marker in enumerate(markers)

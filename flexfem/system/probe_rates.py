@@ -15,7 +15,7 @@ from flexfem.model.probe import MarkerState, Probe
 from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import holds
 from flexfem.system.lines import ElementPlace
-from flexfem.system.marker_states import without_axes
+from flexfem.system.marker_states import without_spin
 from flexfem.system.system import System
 
 __all__ = ["probe_rates"]
@@ -47,7 +47,7 @@ def probe_rates(
     count = len(motions)
     states, twists = np.zeros((len(markers), 18)), np.zeros((len(markers), 6, count))
     starts = [serial.marker_pose(marker).rotation for marker in markers]
-    rotates = np.isin(np.arange(len(markers)), without_axes(serial, markers), invert=True)
+    rotates = np.isin(np.arange(len(markers)), without_spin(serial, markers), invert=True)
     for m, marker in enumerate(markers):
         if isinstance(marker, SlidingMarker):
             raise InputError(f'SlidingMarker "{marker.joint}": linear models have no sliders')
@@ -67,7 +67,7 @@ def probe_rates(
         if np.isnan(values[-1]).any():
             raise InputError(
                 f'{type(probe).__name__} "{probe.name}": columns of a linear model must be numbers '
-                "that do not depend on accelerations"
+                "that do not depend on accelerations, nor on turns of nodes that have no rotations"
             )
         for moving, found in ((False, by_q), (True, by_rate)):
             found.append(_derivative(columns, states[own], twists[own], moving))

@@ -24,7 +24,7 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.element_places import held_places
 from flexfem.system.energies import EnergyMeter
 from flexfem.system.gauges import create_gauge
-from flexfem.system.marker_states import without_axes
+from flexfem.system.marker_states import without_spin
 from flexfem.system.sliders import Sliders
 from flexfem.system.system import BlockPart, System
 
@@ -81,7 +81,7 @@ class ProbeRecorder:
         self._comm = system.comm
         offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         self._start = [serial.marker_pose(m).rotation for m in markers]
-        self._bare = without_axes(serial, markers)
+        self._bare = without_spin(serial, markers)
         self._ground = np.zeros((len(markers), _WIDTH))
         self._ground_places = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
         self._ground[self._ground_places, :12] = offsets[self._ground_places]
@@ -206,8 +206,8 @@ class ProbeRecorder:
         for places, values, shares in parts:
             every[:, places] = values
             measured += shares
-        for rotational in (every[..., 3:12], every[..., 15:18], every[..., 23:]):
-            rotational[:, self._bare] = np.nan
+        for rates in (every[..., 15:18], every[..., 23:]):
+            rates[:, self._bare] = np.nan
         return every, measured
 
     def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
