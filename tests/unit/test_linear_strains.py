@@ -49,6 +49,24 @@ def test_static_strains_of_a_cantilever(formulation):
     assert abs(gain["gauge_m2"][0]) < 1e-6
 
 
+@pytest.mark.serial
+def test_velocities_behind_strains_are_rates_of_positions():
+    """Each row of C has its own derivative by the velocities, in the order of the model."""
+    model, end = cantilever(), ff.Marker("bar", "end")
+    names = ["end_vx", "end_vy", "end_vz"]
+    model.add(ff.Probe("moving", end, names, lambda t, at: at.velocity))
+    linear = ff.linearize(model, ff.LinearOptions(quiet=True))
+    s = 40.0j
+    response = linear.C @ np.linalg.solve(s * np.eye(len(linear.A)) - linear.A, linear.B)[:, 0]
+    found = dict(zip(linear.outputs, response, strict=True))
+    # zero if rows of the strains, without rates, took the place of the velocities'
+    assert found["end_vy"] == pytest.approx(s * found["end_y"], rel=1e-9)
+    # without damping all that is no velocity is in phase with the force; with rates it would not be
+    others = [value for name, value in found.items() if name not in names]
+    assert np.abs(np.imag(others)).max() < 1e-9 * np.abs(others).max()
+    assert abs(found["end_vy"]) > 1e-6
+
+
 def test_strains_do_not_depend_on_ranks():
     """The beam is divided among the ranks, so that elements have nodes of others."""
     found = []

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.mesh.imported import limits
 from tests.unit.mesh_texts import VTK_SHEET
 
 NODES = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n"
@@ -146,6 +147,22 @@ def test_a_file_gets_no_more_than_it_holds(kind, tmp_path) -> None:
             ff.read_mesh(tmp_path / name)
     assert len(str(caught.value).splitlines()) == 1
     assert len(str(caught.value)) < 400
+
+
+@pytest.mark.serial
+def test_a_mesh_has_as_many_files_as_the_message_says(tmp_path, monkeypatch) -> None:
+    """The limit counts the file that includes the others; the last one within it is read."""
+    monkeypatch.setattr(limits, "_FILES", 3)
+    for letter in "bcd":
+        (tmp_path / f"{letter}.bdf").write_text("$ nothing\n")
+    rows = [f"INCLUDE '{letter}.bdf'\n" for letter in "bcd"]
+    path = tmp_path / "a.bdf"
+    path.write_text("".join(rows[:2]) + GRID)
+    # refused if one file too many were counted
+    assert len(ff.read_mesh(path).cells) == 2
+    path.write_text("".join(rows) + GRID)
+    with pytest.raises(ValueError, match=r'd\.bdf": INCLUDE of more than 3 files$'):
+        ff.read_mesh(path)
 
 
 @pytest.mark.serial

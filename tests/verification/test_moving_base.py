@@ -324,6 +324,16 @@ def test_free_base_conserves_momentum_and_energy() -> None:
     assert (ratio > 3.0).all()
 
 
+def test_summary_tells_of_a_beam_in_two_segments() -> None:
+    """1 kg in the first half, 3 kg in the second: 4 kg, their centre 2.5 / 4 of the length."""
+    mass = research.Piecewise((1.0, 2.0), (1.0, 3.0))
+    properties = unit_beam(length=2.0, mass_per_length=mass)
+    text = str(research.MovingBaseBeam(properties=properties, base=STILL))
+    # one end or one segment too many or too few would be 1 or 3; without weights the centre is 1 m
+    assert "length 2 m, segments: 2\n" in text
+    assert "mass 4 kg, mass centre 1.25 m from the base\n" in text
+
+
 def test_free_base_is_that_of_the_multibody_model() -> None:
     source = free(0.25, modes=10)
     base, properties = source.base, source.properties

@@ -264,6 +264,16 @@ def test_stabilised_search_ends_where_the_start_does() -> None:
         assert abs(outcome.history["tip_z"][-1] + 1.0 + 0.981 / 2e5) <= 1e-9
 
 
+def test_stabilised_steps_factorise_again_only_where_nothing_holds_them() -> None:
+    """A cantilever needs hardly any stabilisation, the start of a chain needs more and more."""
+    held, hanging = (solve(model, load_steps=2, stabilise=True).summary
+                     for model in (cantilever(force((0.0, 0.0, 1.0))), chain()))  # fmt: skip
+    # a factorisation more or fewer would be one that is not counted, or in vain
+    assert held["factorizations"] == held["newton_iterations"]
+    # growing in tens from 1e-12 of the diagonal, most at first are in vain: 10 beyond the 14 steps
+    assert hanging["factorizations"] >= hanging["newton_iterations"] + 5
+
+
 @pytest.mark.parametrize("stiffness", [0.0, 50.0])
 def test_dampers_carry_nothing(stiffness: float) -> None:
     model = ff.Model("hanging")
