@@ -168,6 +168,34 @@ def test_curves_and_shells_move_with_meshes():
         np.testing.assert_allclose(np.linalg.eigvalsh(after), np.linalg.eigvalsh(before), rtol=1e-9)
 
 
+def across(points: np.ndarray) -> np.ndarray:
+    """A direction of e2 that changes along x."""
+    return np.column_stack([0.0 * points[:, 0], np.cos(points[:, 0]), np.sin(points[:, 0])])
+
+
+@pytest.mark.parametrize("formulation", ["se3", "nurbs"])
+@pytest.mark.parametrize("orientation", [None, (0.0, 1.0, 0.3), across])
+def test_sections_of_beams_turn_with_their_markers(formulation, orientation):
+    """Wherever e2 comes from: axes of a marker are fixed in the section that it stands on."""
+    mesh = ff.LineMesh.straight({"bar": [(0, 0, 0), (1, 0, 0)]}, 4)
+    model = ff.Model("bar", mesh=mesh)
+    model.add(
+        ff.Beam("bar", SECTION, orientation=orientation, formulation=formulation),
+        ff.Spherical("start", ff.Ground(), ff.Marker("bar", "start")),
+        ff.Spherical("end", ff.Ground((0.6, 0.64, 0.48)), ff.Marker("bar", "end")),
+    )
+    moved = ff.assemble(model)
+    turn = moved["end"].b.rotation
+    found = []
+    for one in (model, moved):
+        serial = Assembly(one)
+        frames = serial.frames if formulation == "se3" else serial.curves.frames
+        found.append(frames[:, 3:].reshape(-1, 3, 3))
+    # a bar of 0.02 by 0.01 on its other side, or one that stays, would be off by 1
+    np.testing.assert_allclose(found[1], turn @ found[0], atol=1e-10)
+    np.testing.assert_allclose(turn[:, 0], (0.6, 0.64, 0.48), atol=1e-10)
+
+
 def test_inertia_of_bodies_as_wholes():
     """Rods, an arc and a plate against closed forms; beams with common nodes are one part."""
     mesh = ff.LineMesh([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0)], [(0, 1), (1, 2), (2, 3)],
