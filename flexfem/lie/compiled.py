@@ -10,7 +10,7 @@ from numba.core.dispatcher import Dispatcher
 
 from flexfem.lie.caching import install
 from flexfem.lie.compile_once import compile_once
-from flexfem.lie.compiler import LoopCompiler, SubroutineCompiler, keep_loop, keep_subroutine
+from flexfem.lie.compiler import LoopCompiler, SubroutineCompiler
 
 __all__ = ["fused", "inlined", "inlined_fused", "kernel", "subroutine"]
 
@@ -24,22 +24,18 @@ class _Decorator:
     where the function is inlined, the constant reaches all of it in any case.
     """
 
-    def __init__(self, *, subroutine: bool = False, **options: Any) -> None:
+    def __init__(
+        self, compiler: type[LoopCompiler | SubroutineCompiler] = LoopCompiler, **options: Any
+    ) -> None:
         """Set what is chosen besides.
 
         Args:
-            subroutine: only other loops call it.
+            compiler: the one of subroutines for what only other loops call.
             options: of numba.
         """
-        options |= {
-            "error_model": "numpy",
-            "no_cfunc_wrapper": True,
-            "no_cpython_wrapper": subroutine,
-        }
-        self._subroutine = subroutine
-        self._decorate: Any = njit(
-            **options, pipeline_class=SubroutineCompiler if subroutine else LoopCompiler
-        )
+        options |= {"error_model": "numpy", "no_cfunc_wrapper": True}
+        self._compiler = compiler
+        self._decorate: Any = njit(**options, pipeline_class=compiler)
 
     def __call__[Loop: Callable[..., object]](self, function: Loop) -> "Dispatcher[Loop]":
         """The compiled function."""
@@ -52,10 +48,7 @@ class _Decorator:
                 return template(tuple(types.unliteral(kind) for kind in args), named)
 
             loop.get_call_template = without_constants  # type: ignore[method-assign]
-            if self._subroutine:
-                keep_subroutine(loop)
-            else:
-                keep_loop(loop)
+            self._compiler.keep(loop)
             compile_once(loop)
         compiled: Dispatcher[Loop] = loop
         return compiled
@@ -65,14 +58,14 @@ class _Decorator:
 kernel = _Decorator()
 
 #: For what other loops call and Python does not: see ``flexfem.lie.compiler``.
-subroutine = _Decorator(subroutine=True)
+subroutine = _Decorator(SubroutineCompiler)
 
 #: Parts that are inlined by force, since a call with array arguments costs more than the arithmetic
 #: of most of them.
-inlined = _Decorator(subroutine=True, forceinline=True)
+inlined = _Decorator(SubroutineCompiler, forceinline=True)
 
 #: The same with products and sums fused to one operation each, for loops of arithmetic alone.
 fused = _Decorator(fastmath={"contract"})
 
 #: Pieces of those.
-inlined_fused = _Decorator(subroutine=True, fastmath={"contract"}, forceinline=True)
+inlined_fused = _Decorator(SubroutineCompiler, fastmath={"contract"}, forceinline=True)

@@ -18,7 +18,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, Flags, compile_result
 
-__all__ = ["LoopCompiler", "SubroutineCompiler", "keep_loop", "keep_subroutine"]
+__all__ = ["LoopCompiler", "SubroutineCompiler"]
 
 
 class _Flags(Flags):
@@ -50,7 +50,11 @@ _DEFAULTS = [(name, option.default) for name, option in Flags.options.items()]
 class _LoopLibrary(JITCodeLibrary):
     """Machine code, and intermediate code that is read when another loop needs it."""
 
-    _bitcode: bytes | None = None
+    def __init__(self, codegen: Any, name: str) -> None:
+        """Nothing is compiled yet."""
+        super().__init__(codegen, name)
+        self._bitcode: bytes | None = None
+        self.enable_object_caching()
 
     @classmethod
     def restored(cls, codegen: Any, kept: tuple[str, bytes, bytes], entry: str) -> Self:
@@ -63,7 +67,6 @@ class _LoopLibrary(JITCodeLibrary):
         """
         name, machine_code, bitcode = kept
         library = cls(codegen, name)
-        library.enable_object_caching()
         library._set_compiled_object(machine_code)
         library._bitcode = bitcode
         library._finalize_final_module()
@@ -101,45 +104,6 @@ class _SubroutineLibrary(JITCodeLibrary):
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
         self._finalized = True
-
-
-class LoopCompiler(Compiler):
-    """Numba's steps, with the environments of the subroutines that a loop contains."""
-
-    def __init__(self, *args: Any) -> None:
-        """Replace the flags and the library."""
-        super().__init__(*args)
-        state = self.state
-        state.flags = _Flags(state.flags)
-        state.library = _LoopLibrary(state.targetctx.codegen(), "loop")
-        state.library.enable_object_caching()
-
-    @override
-    def _compile_bytecode(self) -> Any:
-        result = super()._compile_bytecode()
-        _set_environments(result, result._find_referenced_environments())
-        return result
-
-
-class SubroutineCompiler(Compiler):
-    """Numba's steps up to the intermediate code."""
-
-    def __init__(self, *args: Any) -> None:
-        """Replace the flags and the library, and ask for no machine code."""
-        super().__init__(*args)
-        state = self.state
-        state.flags = _Flags(state.flags)
-        state.flags.no_compile = True
-        state.library = _SubroutineLibrary(state.targetctx.codegen(), "subroutine")
-
-    @override
-    def _compile_bytecode(self) -> Any:
-        result = super()._compile_bytecode()
-        result = result._replace(entry_point=_entry(result.fndesc.qualname))
-        result.target_context.insert_user_function(
-            result.entry_point, result.fndesc, [result.library]
-        )
-        return result
 
 
 class _CacheImpl(CompileResultCacheImpl):
@@ -196,27 +160,57 @@ class _SubroutineCache(FunctionCache):
     _impl_class = _SubroutineCacheImpl
 
 
-def keep_loop(loop: Any) -> None:
-    """Let a loop be kept on disk.
+class LoopCompiler(Compiler):
+    """Numba's steps, with the environments of the subroutines that a loop contains."""
 
-    Args:
-        loop: numba's dispatcher, made with :class:`LoopCompiler`.
-    """
-    loop._cache = _LoopCache(loop.py_func)
+    def __init__(self, *args: Any) -> None:
+        """Replace the flags and the library."""
+        super().__init__(*args)
+        state = self.state
+        state.flags = _Flags(state.flags)
+        state.library = _LoopLibrary(state.targetctx.codegen(), "loop")
+
+    @staticmethod
+    def keep(loop: Any) -> None:
+        """Let a loop, given by numba's dispatcher, be kept on disk."""
+        loop._cache = _LoopCache(loop.py_func)
+
+    @override
+    def _compile_bytecode(self) -> Any:
+        result = super()._compile_bytecode()
+        _set_environments(result, result._find_referenced_environments())
+        return result
 
 
-def keep_subroutine(loop: Any) -> None:
-    """Let a subroutine be kept on disk, and calls from Python end with an error.
+class SubroutineCompiler(Compiler):
+    """Numba's steps up to the intermediate code."""
 
-    Args:
-        loop: numba's dispatcher, made with :class:`SubroutineCompiler`.
-    """
+    def __init__(self, *args: Any) -> None:
+        """Replace the flags and the library, and ask for nothing that Python could call."""
+        super().__init__(*args)
+        state = self.state
+        state.flags = _Flags(state.flags)
+        state.flags.no_compile = state.flags.no_cpython_wrapper = True
+        state.library = _SubroutineLibrary(state.targetctx.codegen(), "subroutine")
 
-    def enter(result: Any) -> None:
-        loop.overloads[tuple(result.signature.args)] = result  # and not for calls from Python
+    @staticmethod
+    def keep(loop: Any) -> None:
+        """Let a subroutine be kept on disk, and calls from Python end with an error."""
 
-    loop._cache = _SubroutineCache(loop.py_func)
-    loop.add_overload, loop._compile_for_args = enter, _entry(loop.py_func.__qualname__)
+        def enter(result: Any) -> None:
+            loop.overloads[tuple(result.signature.args)] = result  # and not for calls from Python
+
+        loop._cache = _SubroutineCache(loop.py_func)
+        loop.add_overload, loop._compile_for_args = enter, _entry(loop.py_func.__qualname__)
+
+    @override
+    def _compile_bytecode(self) -> Any:
+        result = super()._compile_bytecode()
+        result = result._replace(entry_point=_entry(result.fndesc.qualname))
+        result.target_context.insert_user_function(
+            result.entry_point, result.fndesc, [result.library]
+        )
+        return result
 
 
 def _entry(name: str) -> Callable[..., NoReturn]:

@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._types import BoolArray
 from flexfem.core.marker import Ground, Marker, Observed
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState
@@ -82,13 +83,13 @@ class MarkerStates:
         ]  # fmt: skip
 
 
-def without_spin(serial: Assembly, markers: Sequence[Observed]) -> list[int]:
-    """Places, among markers, of those at nodes without rotations: of shells, of elements in UFL.
+def without_spin(serial: Assembly, markers: Sequence[Observed]) -> BoolArray:
+    """Which markers are at nodes without rotations: of shells, of elements in UFL.
 
     Their axes turn with the elements around them at the end of a step, but no angular velocity of
     theirs is known: it is nan, not a made-up zero.
     """
-    return [
-        k for k, marker in enumerate(markers)
-        if isinstance(marker, Marker) and not serial.family_of(marker.body).axes
-    ]  # fmt: skip
+    return np.array(
+        [isinstance(m, Marker) and not serial.family_of(m.body).axes for m in markers],
+        dtype=np.bool_,
+    )

@@ -47,7 +47,7 @@ def probe_rates(
     count = len(motions)
     states, twists = np.zeros((len(markers), 18)), np.zeros((len(markers), 6, count))
     starts = [serial.marker_pose(marker).rotation for marker in markers]
-    rotates = np.isin(np.arange(len(markers)), without_spin(serial, markers), invert=True)
+    rotates = ~without_spin(serial, markers)
     for m, marker in enumerate(markers):
         if isinstance(marker, SlidingMarker):
             raise InputError(f'SlidingMarker "{marker.joint}": linear models have no sliders')
@@ -158,6 +158,7 @@ def _moved(state: FloatArray, step: FloatArray, moving: bool) -> FloatArray:
 
 
 def _state(row: FloatArray, start: FloatArray, rotates: bool) -> MarkerState:
+    """State of a marker; where nodes do not rotate, none of its turns has a derivative."""
     R = row[3:12].reshape(3, 3)
     unknown = np.full(3, np.nan)
     return MarkerState(
