@@ -14,6 +14,7 @@ What fails leaves NaN.
 """
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -39,6 +40,8 @@ _SIGNATURE = types.void(_POINTER, _POINTER, _POINTER)
 _SIZES = {FunctionKind.SPEED: 2, FunctionKind.FORCE: 3, FunctionKind.POSE: 7}
 #: Step of differences, and by how much derivatives may differ from these (curvature, round-off).
 _STEP, _GAP = 1e-6, 1e-4
+#: Where they differ by more, the steps at which they must come closer, by a factor of two each.
+_STEPS = (100.0 * _STEP, _STEP, 0.01 * _STEP)
 
 #: Compiled functions by the Python function, kind and number of parameters: addresses stay valid.
 _KEPT: WeakKeyDictionary[Callable[..., Any], dict[tuple[FunctionKind, int], Any]] = (
@@ -94,6 +97,9 @@ def kind_number(term: Term) -> int:
 def check(user: UserFunction, place: FloatArray, data: FloatArray) -> None:
     """Compile a function and compare its derivatives with differences at one place.
 
+    Where a second derivative jumps, as that of ``x abs(x)`` at zero, differences are off by a part
+    of the step, however large; at a jump or a corner they come no closer with smaller steps.
+
     Args:
         user: the function.
         place: what it is a function of: (1,) speed, (2,) x and v, (13,) relative pose and 1.
@@ -103,29 +109,41 @@ def check(user: UserFunction, place: FloatArray, data: FloatArray) -> None:
         ValueError: it does not compile, is not finite, or has other derivatives than its
             differences, as where it jumps; the message names function, file and line.
     """
-    size = _SIZES[user.kind]
-    out, slopes = np.empty(43), np.empty(size - 1)
-    entry = address(user)
-    _call(entry, place, data, out)
-    for k in range(size - 1):
-        ends = [np.empty(43), np.empty(43)]
-        for end, sign in zip(ends, (1.0, -1.0), strict=True):
-            _call(entry, _moved(user.kind, place, k, sign * _STEP), data, end)
-        slopes[k] = (ends[0][0] - ends[1][0]) / (2.0 * _STEP)
-    found, name = out[1:size], user.place
+    size, name = _SIZES[user.kind], user.place
+    out = np.empty(43)
+    _call(address(user), place, data, out)
+    found, slopes = out[1:size], _differences(user, place, data, _STEP)
     if not np.isfinite(out[:size]).all():
         values = _checks.show(out[:size].tolist())
         raise ValueError(
             f"{user.owner}: {user.what}: {name}: must have a finite value and finite "
             f"derivatives at the start, got {values}"
         )
-    gap = float(np.abs(found - slopes).max())
-    if gap > _GAP * max(1.0, float(np.abs(out[:size]).max()), float(np.abs(slopes).max())):
+    most = _GAP * max(1.0, float(np.abs(out[:size]).max()), float(np.abs(slopes).max()))
+    off = np.abs(found - slopes) > most
+    if not off.any():
+        return
+    gaps = [np.abs(found - _differences(user, place, data, step))[off] for step in _STEPS]
+    closer = [after <= 0.5 * before for before, after in pairwise(gaps)]
+    if not np.all(closer):
         raise ValueError(
             f"{user.owner}: {user.what}: {name}: derivatives {_checks.show(found.tolist())} at "
             f"the start differ from differences {_checks.show(slopes.tolist())}; is there a "
             "jump or a corner?"
         )
+
+
+def _differences(
+    user: UserFunction, place: FloatArray, data: FloatArray, step: float
+) -> FloatArray:
+    """Central differences of a function in all directions, shape (1,), (2,) or (6,)."""
+    entry, ends = address(user), np.empty((2, 43))
+    slopes = np.empty(_SIZES[user.kind] - 1)
+    for k in range(len(slopes)):
+        for end, sign in zip(ends, (1.0, -1.0), strict=True):
+            _call(entry, _moved(user.kind, place, k, sign * step), data, end)
+        slopes[k] = (ends[0, 0] - ends[1, 0]) / (2.0 * step)
+    return slopes
 
 
 @kernel

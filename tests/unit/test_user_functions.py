@@ -100,6 +100,10 @@ def _text(p, R):
     return f"{p}"
 
 
+def _bent(x, v):
+    return 1e6 * v * abs(v) + 0.1 * max(x - math.sqrt(0.14), 0.0)
+
+
 def _not_compiled(p, R):
     import fractions
 
@@ -122,6 +126,22 @@ IN_MODEL = {
         ff.CustomForce("j", A, B, force=lambda x, v: 1.0 if v > 0.0 else -1.0),
         "differ from differences .*is there a jump",
     ),
+    "corner": (
+        ff.CustomForce("j", A, B, force=lambda x, v: 40.0 * max(v, 0.0)),
+        "differ from differences .*a corner",
+    ),
+    "corner nearby": (
+        ff.CustomForce("j", A, B, force=lambda x, v: 40.0 * max(v - 1e-7, 0.0)),
+        "differ from differences .*a corner",
+    ),
+    "corner on a parabola": (
+        ff.CustomForce("j", A, B, force=lambda x, v: 1e4 * v * abs(v) + 0.1 * max(v, 0.0)),
+        "differ from differences .*a corner",
+    ),
+    "corner beside a parabola": (
+        ff.CustomForce("j", A, B, force=_bent),
+        "differ from differences .*a corner",
+    ),
     "not compiled": (
         ff.CustomJoint("j", A, B, function=_not_compiled),
         r"_not_compiled \(test_user_functions.py, line \d+\) cannot be compiled",
@@ -141,6 +161,42 @@ def test_refused_in_a_model(joint: object, message: str) -> None:
         Simulation(_model(joint), RunOptions(dt=1e-3, t_end=1.0))
     assert "\n" not in str(raised.value)
     assert_on_page(str(raised.value))
+
+
+def _drag(x, v, t, parameters):
+    return parameters[0] * v * abs(v)
+
+
+def _hertz(x, v, t, parameters):
+    return -parameters[0] * max(1.0 - x, 0.0) ** 1.5
+
+
+@pytest.mark.parametrize("drag", [0.5, 500.0])
+def test_quadratic_drag(drag: float) -> None:
+    """Smooth, though its second derivative jumps at rest: ``x = m/c log(1 + c v t/m)``."""
+    model, end = ff.Model("drag"), 0.02
+    model.add(
+        ff.RigidBody("one", 2.0, (1, 1, 1), velocity=(3.0, 0.0, 0.0)),
+        ff.CustomForce("j", ff.Ground(), A, (1.0, 0.0, 0.0), "translation", _drag, (drag,)),
+        ff.PositionProbe("at", A),
+    )
+    history = ff.simulate(model, RunOptions(dt=1e-5, t_end=end, quiet=True)).history
+    way = 2.0 / drag * np.log1p(drag / 2.0 * 3.0 * end)
+    # measured 3e-6 (500), of second order in the step
+    assert history["at_x"][-1] == pytest.approx(way, rel=1e-5)
+
+
+def test_hertz_law_that_just_touches() -> None:
+    """Penetration of an impact: ``(5/4 m v^2 / k)^(2/5)``."""
+    k, model = 1e8, ff.Model("hertz")
+    model.add(
+        ff.RigidBody("one", 2.0, (1, 1, 1), position=(1.0, 0.0, 0.0), velocity=(-3.0, 0.0, 0.0)),
+        ff.CustomForce("j", ff.Ground(), A, (1.0, 0.0, 0.0), "translation", _hertz, (k,)),
+        ff.PositionProbe("at", A),
+    )
+    history = ff.simulate(model, RunOptions(dt=2e-6, t_end=2e-3, quiet=True)).history
+    deepest = 1.0 - history["at_x"].min()
+    assert deepest == pytest.approx((1.25 * 2.0 * 9.0 / k) ** 0.4, rel=1e-4)
 
 
 def _fails_later(x, v, t):
