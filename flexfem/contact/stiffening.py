@@ -33,8 +33,8 @@ def stiffen(
     Args:
         count: Number of contacts.
         contacts: Their numbers; gaps, negative, in the column ``gap``, m.
-        gap: See above.
-        first: See above.
+        gap: Column of the gaps: 3 of triangles (``find.FIELDS``), 0 of ``rigid.RIGID_FIELDS``.
+        first: Column of the force, 22 or 15; slope and potential follow it.
         slaves: Of each, shape (c,).
         offsets: Distance at which slaves touch a surface without thickness, shape (s,), metres.
         triangles: Of each contact, shape (c,); none for rigid surfaces.

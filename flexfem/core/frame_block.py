@@ -258,7 +258,7 @@ class FrameBlock:
         return Numbering(self.node_ids, owned, self.size_global)
 
     def state(self) -> dict[str, FloatArray]:
-        """Accepted state of the local nodes: what the next step starts from."""
+        """Accepted state of the local nodes, from which the next step starts: no copies."""
         return {
             "frames": self.frames0,
             "velocity": self._velocity0,

@@ -31,7 +31,10 @@ _ZERO = np.zeros(3)
 
 
 class RowKind(IntEnum):
-    """Elementary functions of marker a (pose x_a, R_a) and marker b (x_b, R_b): ``core.terms``."""
+    """Elementary functions of marker a (pose x_a, R_a) and marker b (x_b, R_b): ``core.terms``.
+
+    ``FUNCTION`` is the last one: compiled loops take larger numbers for addresses of functions.
+    """
 
     #: u . (x_b - x_a), u in inertial axes
     INERTIAL = 0
@@ -56,7 +59,11 @@ class RowKind(IntEnum):
 
 
 class LawKind(IntEnum):
-    """Laws of the force F that a row carries for its value x and its rate v."""
+    """Laws of the force F that a row carries for its value x and its rate v.
+
+    Their order counts: laws up to ``SPRING`` are linear, those from ``FUNCTION`` on may damp, and
+    those from ``FRICTION`` on are friction, which statics leave out.
+    """
 
     #: none: the value is zero and the force whatever this takes
     RIGID = 0

@@ -59,6 +59,9 @@ class StepLaws:
 class GeneralizedAlpha(Integrator):
     """Coefficients of the scheme.
 
+    Derived classes have the same ones: steps take theirs from :func:`step_laws`, which is given the
+    spectral radius alone.
+
     Attributes:
         rho_inf: spectral radius at infinite frequency, 0 (annihilates) to 1 (no dissipation).
     """

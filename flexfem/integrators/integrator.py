@@ -27,6 +27,8 @@ __all__ = ["Integrator", "create_integrator", "discard", "solve_from_predictions
 class Integrator(Protocol):
     """A one-step scheme, created with the spectral radius at infinite frequency.
 
+    What has ``...`` for a body here must be there in a derived class: as it is, it does nothing.
+
     Attributes:
         order: order of positions and velocities in the step size.
     """
@@ -56,7 +58,10 @@ class Integrator(Protocol):
         return END_POINT
 
     def state(self, system: System) -> State:
-        """What it remembers from step to step, besides the accepted state of the system."""
+        """What it remembers from step to step, besides the accepted state of the system.
+
+        Events may change velocities and accelerations between two steps without telling the scheme.
+        """
         return State()
 
     def restore(self, system: System, state: State) -> None:
