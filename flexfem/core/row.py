@@ -12,6 +12,9 @@ from flexfem._types import FloatArray
 from flexfem.core.user_function import UserFunction
 
 __all__ = [
+    "DAMPED_BY_COEFFICIENT",
+    "FRICTION_LAWS",
+    "LINEAR_LAWS",
     "START_GAP",
     "Law",
     "LawKind",
@@ -59,11 +62,7 @@ class RowKind(IntEnum):
 
 
 class LawKind(IntEnum):
-    """Laws of the force F that a row carries for its value x and its rate v.
-
-    Their order counts: laws up to ``SPRING`` are linear, those from ``FUNCTION`` on may damp, and
-    those from ``FRICTION`` on are friction, which statics leave out.
-    """
+    """Laws of the force F that a row carries for its value x and its rate v."""
 
     #: none: the value is zero and the force whatever this takes
     RIGID = 0
@@ -77,6 +76,14 @@ class LawKind(IntEnum):
     FRICTION = 4
     #: the same with F_c = mu N, N the resultant of other rows
     NORMAL_FRICTION = 5
+
+
+#: Laws that are linear in value and rate.
+LINEAR_LAWS = (LawKind.RIGID, LawKind.SPRING)
+#: Laws without a force at rest, which statics leave out; theirs depends on the iterate.
+FRICTION_LAWS = (LawKind.FRICTION, LawKind.NORMAL_FRICTION)
+#: Laws whose force changes with the rate only if there is a damping coefficient.
+DAMPED_BY_COEFFICIENT = (LawKind.RIGID, LawKind.SPRING, LawKind.LIMIT)
 
 
 @dataclass(frozen=True)

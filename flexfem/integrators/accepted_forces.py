@@ -66,7 +66,7 @@ class AcceptedForces:
         kinds = system.constraints.elastic[:, 0]
         self._laws = self._any(np.any(kinds != LawKind.RIGID))
         self._turning = any(part.elements is None for part in system.parts)  # rigid bodies
-        self._rubbing = self._any(np.any(kinds >= LawKind.FRICTION))
+        self._rubbing = self._any(system.constraints.frictional.any())
 
     def __call__(self) -> FloatArray:
         """Forces (r,) of all rows, N or N m (collective).

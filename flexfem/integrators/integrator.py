@@ -6,6 +6,7 @@ A new scheme is a new file and its line in ``flexfem.analyses.dynamics.INTEGRATO
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
@@ -26,8 +27,6 @@ __all__ = ["Integrator", "create_integrator", "discard", "solve_from_predictions
 
 class Integrator(Protocol):
     """A one-step scheme, created with the spectral radius at infinite frequency.
-
-    What has ``...`` for a body here must be there in a derived class: as it is, it does nothing.
 
     Attributes:
         order: order of positions and velocities in the step size.
@@ -68,10 +67,12 @@ class Integrator(Protocol):
         """Take back what :meth:`state` returned, the system being restored (collective)."""
         return
 
+    @abstractmethod
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
         ...
 
+    @abstractmethod
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """Solve for the trial state ``h`` (s) later (collective).
 
@@ -80,6 +81,7 @@ class Integrator(Protocol):
         """
         ...
 
+    @abstractmethod
     def error(self, system: System, policy: Policy, h: float) -> float:
         """Local error of the trial state of a step: largest over all nodes, m or rad (collective).
 
@@ -87,6 +89,7 @@ class Integrator(Protocol):
         """
         ...
 
+    @abstractmethod
     def accept(self, system: System, h: float) -> None:
         """Take the trial state (collective)."""
         ...

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
-from flexfem.core.row import START_GAP, LawKind
+from flexfem.core.row import START_GAP
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.solvers.tangent import TangentSolver
@@ -194,7 +194,7 @@ def laws_settled(system: System, found: FloatArray) -> bool:
 
 def _rubbing(rows: Constraints) -> BoolArray:
     """(r,) rows with friction and those that press on them."""
-    chosen = np.asarray(rows.elastic[:, 0] >= LawKind.FRICTION, dtype=np.bool_)
+    chosen = rows.frictional
     chosen[rows.coupled[:, 1]] = True
     return chosen
 

@@ -88,8 +88,8 @@ class EnergyWatch:
 
     def _may_lose(self) -> bool:
         """Whether something on this rank takes energy for good: dampers, friction, contacts."""
-        system, laws = self._system, self._system.constraints.elastic
-        takes = bool(((laws[:, 2] != 0.0) | (laws[:, 0] >= LawKind.FRICTION)).any())
+        system, rows = self._system, self._system.constraints
+        takes = bool(((rows.elastic[:, 2] != 0.0) | rows.frictional).any())
         viscous = any(p.elements is not None and p.elements.viscous for p in system.parts)
         return takes or viscous or bool(system.contacts)
 

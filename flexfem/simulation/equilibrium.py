@@ -6,7 +6,6 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem.core.row import LawKind
 from flexfem.core.status import Status
 from flexfem.integrators.start import check_start
 from flexfem.solvers.held_steps import HeldEquilibrium
@@ -52,7 +51,7 @@ def rest(
     check_start(system)
     growing = np.array([grow and load.amplitude is None for load in loads], dtype=np.bool_)
     # rows that may carry nothing leave the matrix unsymmetric, as loads without potential do
-    plain = rows.active & (rows.elastic[:, 0] <= LawKind.SPRING)
+    plain = rows.active & rows.linear
     conservative = bool(system.comm.allreduce(bool(plain.all()), op=MPI.LAND)) and not any(
         load.follower or load.has_moment for load in loads
     )

@@ -17,7 +17,6 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.row import LawKind
 from flexfem.solvers.tangent import TangentSolver
 from flexfem.system.system import MASS, Shifts, System
 
@@ -84,11 +83,10 @@ def physical_masses(tangent: TangentSolver) -> list[FloatArray]:
 def _springs(system: System) -> list[FloatArray]:
     """Sums of the stiffness of force elements and contacts over the rows of every block."""
     rows = system.constraints
-    kind, stiffness = rows.elastic[:, 0], rows.elastic[:, 1]
-    elastic = (kind == LawKind.SPRING) | (kind == LawKind.LIMIT)
     sizes = np.abs(rows.force_jacobian)
     whole = np.bincount(rows.row_of_term, sizes.sum(axis=(1, 2)), minlength=rows.size)
-    stiffness = np.where(elastic, stiffness, np.abs(rows.function_forces()[:, 1]))
+    # a stop that is not touched yet has a slope of zero
+    stiffness = np.maximum(rows.elastic[:, 1], np.abs(rows.static_forces()[:, 1]))
     factor = np.where(rows.active, stiffness, 0.0) * whole
     every = []
     for part in system.parts:

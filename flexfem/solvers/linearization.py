@@ -23,7 +23,6 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.row import LawKind
 from flexfem.la.nest import CoordinateMatrix, block_indices
 from flexfem.lie import se3, so3
 from flexfem.solvers.tangent import JointPattern, part_pattern, part_values
@@ -84,7 +83,7 @@ class Linearization:
         self._mats = [CoordinateMatrix(comm, self.sizes, self.sizes, *pattern) for _ in range(3)]
         self._ad = CoordinateMatrix(comm, self.sizes, self.sizes, *self._ad_pattern())
         self.multipliers = np.zeros(rows.size)
-        self._rubbing = bool(np.any(rows.elastic[:, 0] > LawKind.LIMIT))
+        self._rubbing = bool(rows.frictional.any())
         index = PETSc.IS().createGeneral(
             self._row_number(rows.numbers).astype(PETSc.IntType), comm=PETSc.COMM_SELF
         )

@@ -8,7 +8,6 @@ A step v is made to end on the constraints to first order, ``Phi + G v = 0``, by
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.row import LawKind
 from flexfem.solvers.interface_system import InterfaceSystem
 from flexfem.system.system import System
 
@@ -45,14 +44,7 @@ class RowProjection:
         """Forces of all rows at the trial state are added to the residuals; rows are evaluated."""
         rows = self._system.constraints
         if rows.size:
-            kind, stiffness, _, first, upper = rows.elastic.T
-            lower = np.where(kind == LawKind.LIMIT, first, 0.0)
-            applied = np.where(kind == LawKind.SPRING, first, 0.0)
-            values = rows.sums() - rows.targets
-            beyond = values - np.clip(values, lower, upper)
-            stretch = np.select([kind == LawKind.SPRING, kind == LawKind.LIMIT], [values, beyond])
-            pull = stiffness * stretch + applied + rows.function_forces()[:, 0]
-            pull = np.where(rows.active, pull, 0.0)
+            pull = np.where(rows.active, rows.static_forces()[:, 0], 0.0)
             rows.multipliers[:] = np.where(rows.rigid, rows.multipliers, pull)
         self._system.add_constraint_forces(rows.multipliers)
 

@@ -78,7 +78,8 @@ def softest_motion(
         weights: (n_owned, width) of each block.
 
     Returns:
-        mu, and the steps (n_owned, width) of each block, of length one in the norm of D.
+        mu, infinite where joints hold everything, and the steps (n_owned, width) of each block, of
+        length one in the norm of D.
     """
     parts, rows = tangent.system.parts, tangent.system.constraints
     tangent.add_at_nodes([_SHIFT * w[:, np.newaxis] * np.eye(w.shape[1]) for w in weights])
@@ -95,6 +96,8 @@ def softest_motion(
             return 0.0, motion
         steps = [part.block.owned_step.copy() for part in parts]
         growth = _product(tangent, motion, steps, weights)
+        if growth == 0.0:  # joints hold everything
+            return np.inf, motion
         value = 1.0 / growth - _SHIFT
         motion = _normalised(tangent, steps, weights)
     return value, motion

@@ -180,8 +180,9 @@ class Equilibrium:
         """Scale of the residual and weights; dampers and friction become very soft springs."""
         system, rows = self.system, self.system.constraints
         law, stiffness_of_row = rows.elastic[:, 0], rows.elastic[:, 1]
-        damper = (law >= LawKind.FRICTION) | ((law == LawKind.SPRING) & (stiffness_of_row == 0.0))
-        rows.elastic[law >= LawKind.FRICTION, 3] = 0.0
+        rubbing = rows.frictional
+        damper = rubbing | ((law == LawKind.SPRING) & (stiffness_of_row == 0.0))
+        rows.elastic[rubbing, 3] = 0.0
         law[damper], stiffness_of_row[damper] = LawKind.SPRING, 1.0  # until the scale is known
         rows.elastic[:, 2] = 0.0
         loads = []

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem._faults import FAILURES, noted
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.core.row import LawKind, RowKind
+from flexfem.core.row import DAMPED_BY_COEFFICIENT, LawKind, RowKind
 from flexfem.core.state import State
 from flexfem.system.action_kernels import add_turning_forces
 from flexfem.system.interface import Interface
@@ -79,7 +79,7 @@ class Constraints(NumberedRows):
         self.reported: FloatArray | None = None
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
         self.poses = np.zeros((len(self.marker_slot), 12))
-        damping = (self.elastic[:, 2] != 0.0) | (self.elastic[:, 0] >= LawKind.FUNCTION)
+        damping = (self.elastic[:, 2] != 0.0) | ~np.isin(self.elastic[:, 0], DAMPED_BY_COEFFICIENT)
         self._damped = bool(damping.any())
         self._holds = bool(interface.held.any())
         self._functions = Functions(self)
@@ -204,8 +204,8 @@ class Constraints(NumberedRows):
     @property
     def pulling(self) -> BoolArray:
         """(r,) rows with forces that depend on positions: springs, stops, functions of forces."""
-        pulls: BoolArray = (self.elastic[:, 1] > 0.0) | self.function_forces().any(axis=1)
-        return self.active & pulls
+        nonlinear = ~self.linear & self.static_forces().any(axis=1)
+        return self.active & ((self.elastic[:, 1] > 0.0) | nonlinear)
 
     @property
     def working(self) -> BoolArray:
@@ -288,8 +288,8 @@ class Constraints(NumberedRows):
         self._hold(self.force_jacobian)
         self._hold(self.step_jacobian)
 
-    def function_forces(self) -> FloatArray:
-        """(r, 2) forces of users' functions at rest and their slopes; zero for other rows."""
+    def static_forces(self) -> FloatArray:
+        """(r, 2) forces at rest and their slopes; zero for rigid rows and for friction."""
         out = np.zeros((self.size, 2))
         values = self.sums() - self.targets
         static_forces(self.elastic, self.functions, self.function_data, values, out)

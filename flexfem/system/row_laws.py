@@ -102,7 +102,7 @@ def force_law(
         given[0], given[1] = value, rate
         call(function, given, data, out)
         out[3] = 0.0
-    else:
+    elif law[0] == FRICTION or law[0] == NORMAL_FRICTION:
         press, size, slope = 1.0, law[3], 0.0
         if law[0] == NORMAL_FRICTION:
             press = normal
@@ -115,17 +115,20 @@ def force_law(
         _friction(size * press, law[4], law[2], rate, force, out)
         out[2] += slope * out[3]
         out[3] = size * out[3] if law[0] == NORMAL_FRICTION else 0.0
+    else:
+        out[:] = np.nan
 
 
 @kernel
 def static_forces(
     laws: FloatArray, functions: IntArray, data: FloatArray, values: FloatArray, out: FloatArray
 ) -> None:
-    """Forces and slopes of functions of the user's at rest in ``out`` (r, 2), nothing elsewhere."""
+    """Forces at rest and their slopes in ``out`` (r, 2); none of rigid rows and of friction."""
     force = np.empty(4)
     out[:] = 0.0
     for r in range(values.size):
-        if laws[r, 0] == FUNCTION:
+        kind = laws[r, 0]
+        if kind != RIGID and kind != FRICTION and kind != NORMAL_FRICTION:
             force_law(laws[r], functions[r], data[r], values[r], 0.0, 0.0, 0.0, force)
             out[r, 0], out[r, 1] = force[0], force[1]
 
@@ -134,12 +137,17 @@ def static_forces(
 def elastic_part(
     laws: FloatArray, active: BoolArray, values: FloatArray, energies: FloatArray, pulls: FloatArray
 ) -> None:
-    """Stored energy and elastic force of every row; zero for rigid and open ones."""
+    """Stored energy and elastic force of every row; zero for rigid and open ones.
+
+    Functions of the user's count as work, friction as loss.
+    """
     for r in range(active.size):
         kind, stretch = int(laws[r, 0]), 0.0
         if kind == SPRING:
             stretch = values[r]
         elif kind == LIMIT:
             stretch = values[r] - min(max(values[r], laws[r, 3]), laws[r, 4])
+        elif kind > NORMAL_FRICTION:
+            stretch = np.nan
         pulls[r] = laws[r, 1] * stretch if active[r] else 0.0
         energies[r] = 0.5 * pulls[r] * stretch

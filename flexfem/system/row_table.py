@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.compiled_functions import address, kind_number
-from flexfem.core.row import LawKind, Row, RowKind
+from flexfem.core.row import FRICTION_LAWS, LINEAR_LAWS, LawKind, Row, RowKind
 from flexfem.core.runs import starts
 from flexfem.system.line_joints import LineJoints
 from flexfem.system.placed_joint import PlacedJoint, RowLayout
@@ -107,6 +107,16 @@ class RowTable:
         owned = np.array([j.owned for j in self.joints], dtype=np.bool_)
         own = [np.full(count, owns, dtype=np.bool_) for count, owns in on_line]
         self.pair_owned: BoolArray = np.concatenate([owned[joint[simple][first]], *own])
+
+    @property
+    def linear(self) -> BoolArray:
+        """(r,) rows whose law is linear in value and rate, rigid ones included."""
+        return np.isin(self.elastic[:, 0], LINEAR_LAWS)
+
+    @property
+    def frictional(self) -> BoolArray:
+        """(r,) rows with a law of friction."""
+        return np.isin(self.elastic[:, 0], FRICTION_LAWS)
 
     def write(self, joint: int, rows: Sequence[Row]) -> None:
         """Set targets, laws and terms of a joint's rows."""

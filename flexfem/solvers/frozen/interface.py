@@ -14,7 +14,6 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.row import LawKind
 from flexfem.core.runs import starts
 from flexfem.solvers.frozen.bodies import Bodies
 from flexfem.solvers.interface_system import InterfaceSystem
@@ -52,7 +51,7 @@ class MultiplierSystem:
         active = rows.active_components()
         self.groups = [self._describe(part, active) for part in system.parts]
         self._factors = self._pattern()
-        linear = bool((rows.elastic[:, 0] <= LawKind.SPRING).all())
+        linear = bool(rows.linear.all())
         self.keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))
         self._version = rows.lines.version
 
