@@ -23,6 +23,9 @@ with contextlib.suppress(ImportError):
 with contextlib.suppress(ImportError):
     import h5py  # noqa: F401
 
+# Several processes of tests compile already.
+os.environ.setdefault("FLEXFEM_COMPILE_BESIDE", "0")
+
 #: Seconds that a rank on which a test failed waits for the others.
 PATIENCE = 60.0
 #: Whether a test failed on this rank, and the communicator on which ranks meet after each.

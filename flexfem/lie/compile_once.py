@@ -15,7 +15,7 @@ from zlib import crc32
 
 from flexfem._files import open_lock
 
-__all__ = ["compile_once"]
+__all__ = ["busy", "compile_once"]
 
 #: Seconds between two looks at a lock.
 _PAUSE = 0.01
@@ -48,6 +48,32 @@ def _lock(file: int, at: int) -> bool:
     return False
 
 
+def _place(kept: Any, signature: Any) -> int:
+    """Which byte of the file is the lock of a loop."""
+    return crc32(f"{kept._cache_file._index_name} {signature}".encode())
+
+
+def busy(loop: Any, signature: Any) -> bool:
+    """Whether another process is compiling a loop for some types of arguments.
+
+    Args:
+        loop: numba's dispatcher, with a cache on disk.
+        signature: the types.
+    """
+    file = _lock_file(loop._cache.cache_path)
+    if file is None:
+        return False
+    at = _place(loop._cache, signature)
+    try:
+        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, at)
+    except (BlockingIOError, PermissionError):
+        return True
+    except OSError:  # a file system without locks
+        return False
+    fcntl.lockf(file, fcntl.LOCK_UN, 1, at)
+    return False
+
+
 def compile_once(loop: Any) -> None:
     """Let a loop be compiled by one process at a time.
 
@@ -63,7 +89,7 @@ def compile_once(loop: Any) -> None:
         file = None if found is not None else _lock_file(kept.cache_path)
         if file is None:
             return found
-        at = crc32(f"{kept._cache_file._index_name} {signature}".encode())
+        at = _place(kept, signature)
         if not _lock(file, at):
             return None
         held.append((file, at))

@@ -14,6 +14,7 @@ from flexfem.simulation.run_guard import refuse
 from flexfem.system.agreement import agreed
 from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
+from flexfem.system.compile_beside import compile_beside
 from flexfem.system.memory import check_memory
 from flexfem.system.system import System
 
@@ -51,6 +52,8 @@ def set_up(
         if check is not None:
             check(serial)
         destroy_dropped(comm)  # models that were built before
+        if comm.rank == 0:
+            compile_beside(comm.size)
         return serial, build(serial, comm, split_above)
     except ValueError as error:  # on every rank
         raise InputError(str(error)) from error

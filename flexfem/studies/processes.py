@@ -59,6 +59,8 @@ class Processes:
         self._running: dict[Any, subprocess.Popen[bytes]] = {}
         self._limit = limit
         self._environment = environment_of_runs()
+        if limit > 1:  # they compile beside each other already
+            self._environment.setdefault("FLEXFEM_COMPILE_BESIDE", "0")
         if ranks * limit > cores() and ranks > 1:
             # ranks of MPICH poll while they wait: they leave their core to others
             self._environment.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
