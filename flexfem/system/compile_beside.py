@@ -2,9 +2,9 @@
 """Processes that compile loops beside a first run, before it comes to need them.
 
 A run compiles its loops one after the other, most of them at its start, and so would a core alone
-be at work. ``loops.txt`` lists loops by what most models with these modules call, the longest
-first; ``python -m tests.list_loops`` writes it. A loop that is not in it is compiled when the run
-needs it.
+be at work. ``loops.txt`` lists loops, those first that most models with these modules call;
+``python -m tests.list_loops`` writes it. A loop that is not in it is compiled when the run needs
+it.
 """
 
 import atexit
