@@ -10,6 +10,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_kernels import (
+    Nodes,
     accept,
     correct,
     orthonormalise,
@@ -49,6 +50,7 @@ class FrameBlock:
         start_frames: (n, 12) frames at t = 0.
         residual, step: (n, 6) right-hand side and Newton step; views into vectors with ghosts.
             Of nodes with three unknowns the last three components mean nothing.
+        nodes: these arrays and those of the integrator, as compiled loops take them.
         node_ids: (n,) index of each node in the model's input order.
         offset: first global node of this rank.
         elements: (m,) numbers of the elements whose places this rank evaluates; None: those whose
@@ -100,6 +102,14 @@ class FrameBlock:
         self.step: FloatArray = self._step.array.reshape(-1, 6)
         own = np.s_[: self.owned, :width]
         self._owned = self.residual[own], self.step[own]
+        self.nodes = Nodes(
+            inertial=inertial, frames=self.frames, velocity=self.velocity,
+            acceleration=self.acceleration, increment=self.increment, step=self.step,
+            residual=self.residual, frames0=self.frames0, velocity0=self._velocity0,
+            auxiliary0=self._auxiliary0, acceleration0=self._acceleration0,
+            velocity_base=self._velocity_base, acceleration_base=self._acceleration_base,
+            rates=self._rates, offset=np.zeros((0, 6)),
+        )  # fmt: skip
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -147,14 +157,10 @@ class FrameBlock:
 
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step; see ``frame_kernels.predict``."""
-        self._rates = rates
+        self._rates[:] = rates
         if self._offset is not None:
             self._offset[:] = 0.0
-        predict(
-            self.inertial, self.frames0, self._velocity0, self._auxiliary0, self._acceleration0,
-            law, rates, self.frames, self.increment, self.velocity, self.acceleration,
-            self._velocity_base, self._acceleration_base,
-        )  # fmt: skip
+        predict(self.nodes.memory, law)
 
     def inertial_rates(self, shifts: FloatArray) -> bool:
         """Translations are inertial, and it is not the mass matrix alone that is asked for.
@@ -166,11 +172,7 @@ class FrameBlock:
     def correct(self, sign: float) -> float:
         """Move by the twists ``sign * step``; returns the largest entry of the step."""
         self.spread_step()
-        largest: float = correct(
-            self.inertial, self.frames0, self.increment, self._velocity_base,
-            self._acceleration_base, self._rates, self.frames, self.velocity, self.acceleration,
-            self.step, sign,
-        )  # fmt: skip
+        largest: float = correct(self.nodes.memory, sign)
         return largest
 
     def shift(self, sign: float) -> float:
@@ -181,12 +183,8 @@ class FrameBlock:
         """
         self.spread_step()
         if self._offset is None:
-            self._offset = np.zeros_like(self.increment)
-        largest: float = shift(
-            self.inertial, self.frames0, self.increment, self._velocity_base,
-            self._acceleration_base, self._rates, self.frames, self.velocity, self.acceleration,
-            self.step, sign, self._offset,
-        )  # fmt: skip
+            self._offset = self.nodes.offset = np.zeros_like(self.increment)
+        largest: float = shift(self.nodes.memory, sign)
         return largest
 
     def jump_to_step(self, law: FloatArray, factor: float) -> None:
@@ -213,11 +211,7 @@ class FrameBlock:
             self.increment -= self._offset
             self._velocity_base += self._rates[0] * self._offset
             self._acceleration_base += self._rates[1] * self._offset
-        misses: Misses = accept(
-            self.frames0, self._velocity0, self._auxiliary0, self._acceleration0, self.frames,
-            self.increment, self._velocity_base, self._acceleration_base, self._rates, law, h,
-            self.owned,
-        )  # fmt: skip
+        misses: Misses = accept(self.nodes.memory, law, h, self.owned)
         return misses
 
     def start(self) -> None:

@@ -7,9 +7,11 @@ from flexfem._types import FloatArray
 from flexfem.core.prediction import Misses
 from flexfem.lie import so3
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Float1D, Float2D, Memory, Record, unpack
 from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into, retract_into
 
 __all__ = [
+    "Nodes",
     "accept",
     "correct",
     "orthonormalise",
@@ -20,40 +22,72 @@ __all__ = [
 ]
 
 
+class Nodes(Record):
+    """State of the nodes of a block, see ``FrameBlock``.
+
+    Attributes:
+        inertial: translations are integrated in inertial axes.
+        frames, velocity, acceleration: (n, 12) and (n, 6) trial state, local axes.
+        increment: (n, 6) increment over the step.
+        step, residual: (n, 6) Newton step and right-hand side.
+        frames0: (n, 12) accepted frames.
+        velocity0, auxiliary0, acceleration0: (n, 6) accepted rates of the increments, the
+            integrator's acceleration-like variable, and accelerations.
+        velocity_base, acceleration_base: (n, 6) rates at zero increment.
+        rates: (2,) dv/dn and dw/dn.
+        offset: (n, 6) part of the increments that is not integrated from rates, see :func:`shift`.
+    """
+
+    inertial: bool
+    frames: Float2D
+    velocity: Float2D
+    acceleration: Float2D
+    increment: Float2D
+    step: Float2D
+    residual: Float2D
+    frames0: Float2D
+    velocity0: Float2D
+    auxiliary0: Float2D
+    acceleration0: Float2D
+    velocity_base: Float2D
+    acceleration_base: Float2D
+    rates: Float1D
+    offset: Float2D
+
+
 @inlined
-def _configure(
-    inertial: bool, frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray,
-    rates: FloatArray, frames: FloatArray, v: FloatArray, w: FloatArray, turn: FloatArray, i: int,
-) -> None:  # fmt: skip
-    """Configuration, local velocity and acceleration of node ``i`` from its increment ``n[i]``.
+def _configure(nodes: Nodes, turn: FloatArray, i: int) -> None:
+    """Configuration, local velocity and acceleration of node ``i`` from its increment.
 
     ``turn`` (9,) is work space.
     """
+    n, v, w = nodes.increment[i], nodes.velocity[i], nodes.acceleration[i]
     for k in range(6):
-        v[i, k] = v_base[i, k] + rates[0] * n[i, k]
-        w[i, k] = w_base[i, k] + rates[1] * n[i, k]
-    if not inertial:
-        retract_into(frames0[i], n[i], frames[i])
+        v[k] = nodes.velocity_base[i, k] + nodes.rates[0] * n[k]
+        w[k] = nodes.acceleration_base[i, k] + nodes.rates[1] * n[k]
+    H0, H = nodes.frames0[i], nodes.frames[i]
+    if not nodes.inertial:
+        retract_into(H0, n, H)
         return
-    so3.exp_into(n[i, 3:], turn)
+    so3.exp_into(n[3:], turn)
     for k in range(3):
-        frames[i, k] = frames0[i, k] + n[i, k]
-        r0, r1, r2 = frames0[i, 3 + 3 * k], frames0[i, 4 + 3 * k], frames0[i, 5 + 3 * k]
+        H[k] = H0[k] + n[k]
+        r0, r1, r2 = H0[3 + 3 * k], H0[4 + 3 * k], H0[5 + 3 * k]
         for m in range(3):
-            frames[i, 3 + 3 * k + m] = r0 * turn[m] + r1 * turn[3 + m] + r2 * turn[6 + m]
-    _to_local(frames, v, w, i)
+            H[3 + 3 * k + m] = r0 * turn[m] + r1 * turn[3 + m] + r2 * turn[6 + m]
+    _to_local(H, v, w)
 
 
 @inlined
-def _to_local(H: FloatArray, v: FloatArray, w: FloatArray, i: int) -> None:
-    """Turn inertial velocity and acceleration of node i's origin into its local twist and rate."""
-    x0, x1, x2, a0, a1, a2 = v[i, 0], v[i, 1], v[i, 2], w[i, 0], w[i, 1], w[i, 2]
+def _to_local(H: FloatArray, v: FloatArray, w: FloatArray) -> None:
+    """Turn inertial velocity and acceleration of a node's origin into its local twist and rate."""
+    x0, x1, x2, a0, a1, a2 = v[0], v[1], v[2], w[0], w[1], w[2]
     for k in range(3):
-        v[i, k] = H[i, 3 + k] * x0 + H[i, 6 + k] * x1 + H[i, 9 + k] * x2
-        w[i, k] = H[i, 3 + k] * a0 + H[i, 6 + k] * a1 + H[i, 9 + k] * a2
-    w[i, 0] -= v[i, 4] * v[i, 2] - v[i, 5] * v[i, 1]
-    w[i, 1] -= v[i, 5] * v[i, 0] - v[i, 3] * v[i, 2]
-    w[i, 2] -= v[i, 3] * v[i, 1] - v[i, 4] * v[i, 0]
+        v[k] = H[3 + k] * x0 + H[6 + k] * x1 + H[9 + k] * x2
+        w[k] = H[3 + k] * a0 + H[6 + k] * a1 + H[9 + k] * a2
+    w[0] -= v[4] * v[2] - v[5] * v[1]
+    w[1] -= v[5] * v[0] - v[3] * v[2]
+    w[2] -= v[3] * v[1] - v[4] * v[0]
 
 
 @kernel
@@ -118,24 +152,22 @@ def step_rates_into(
 
 
 @kernel
-def predict(
-    inertial: bool, frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray,
-    law: FloatArray, rates: FloatArray, frames: FloatArray, n: FloatArray, v: FloatArray,
-    w: FloatArray, v_base: FloatArray, w_base: FloatArray,
-) -> None:  # fmt: skip
-    """Start a step: ``n = law . (v0, a0)`` and the affine laws ``v(n)``, ``w(n)``.
+def predict(memory: Memory, law: FloatArray) -> None:
+    """Start a step of ``Nodes``: ``n = law . (v0, a0)`` and the affine laws ``v(n)``, ``w(n)``.
 
     ``law`` (7,) holds the factors of v0 and a0 in the predicted increment, of v0 and a0 in
-    ``v_base``, and of v0, a0 and w0 in ``w_base``; ``rates`` (2,) dv/dn and dw/dn. With
-    ``inertial`` the translations of all of these are in inertial axes; v and w are local always.
+    ``velocity_base``, and of v0, a0 and w0 in ``acceleration_base``. With ``inertial`` the
+    translations of all of these are in inertial axes; v and w are local always.
     """
-    turn = np.empty(9)
+    nodes, turn = unpack(Nodes, memory), np.empty(9)
+    n, v_base, w_base = nodes.increment, nodes.velocity_base, nodes.acceleration_base
+    v0, a0, w0 = nodes.velocity0, nodes.auxiliary0, nodes.acceleration0
     for i in range(n.shape[0]):
         for k in range(6):
             n[i, k] = law[0] * v0[i, k] + law[1] * a0[i, k]
             v_base[i, k] = law[2] * v0[i, k] + law[3] * a0[i, k]
             w_base[i, k] = law[4] * v0[i, k] + law[5] * a0[i, k] + law[6] * w0[i, k]
-        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, turn, i)
+        _configure(nodes, turn, i)
 
 
 @inlined
@@ -156,52 +188,52 @@ def _change_into(
             change[3 + k] += T[3 * k + m] * step[3 + m]
 
 
+@inlined
+def _larger(largest: float, step: FloatArray) -> float:
+    """The largest entry so far, of a step (6,) as well; a NaN stays the largest."""
+    for k in range(6):
+        size = abs(step[k])
+        if size > largest or size != size:
+            largest = size
+    return largest
+
+
 @kernel
-def correct(
-    inertial: bool, frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray,
-    rates: FloatArray, frames: FloatArray, v: FloatArray, w: FloatArray, step: FloatArray,
-    sign: float,
-) -> float:  # fmt: skip
+def correct(memory: Memory, sign: float) -> float:
     """Move by the local twists ``sign * step`` and return the largest entry of the step.
 
     Increments follow to first order: ``Tinv(n) sign step`` on SE(3), ``R u`` for inertial
     translations. At the solution this is exact.
     """
-    largest, change, T = 0.0, np.empty(6), np.empty(9)
+    nodes, largest, change, T = unpack(Nodes, memory), 0.0, np.empty(6), np.empty(9)
+    n, step = nodes.increment, nodes.step
     for i in range(n.shape[0]):
-        _change_into(inertial, frames[i], n[i], step[i], change, T)
+        _change_into(nodes.inertial, nodes.frames[i], n[i], step[i], change, T)
         for k in range(6):
             n[i, k] += sign * change[k]
-            size = abs(step[i, k])
-            if size > largest or size != size:  # a NaN stays the largest
-                largest = size
-        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, T, i)
+        largest = _larger(largest, step[i])
+        _configure(nodes, T, i)
     return largest
 
 
 @kernel
-def shift(
-    inertial: bool, frames0: FloatArray, n: FloatArray, v_base: FloatArray, w_base: FloatArray,
-    rates: FloatArray, frames: FloatArray, v: FloatArray, w: FloatArray, step: FloatArray,
-    sign: float, offset: FloatArray,
-) -> float:  # fmt: skip
+def shift(memory: Memory, sign: float) -> float:
     """Move by the local twists ``sign * step`` at held rates of the increments.
 
-    The parts of the increments that are not integrated from rates collect in ``offset`` (n, 6).
+    The parts of the increments that are not integrated from rates collect in ``offset``.
     Returns the largest entry of the step.
     """
-    largest, change, T = 0.0, np.empty(6), np.empty(9)
+    nodes, largest, change, T = unpack(Nodes, memory), 0.0, np.empty(6), np.empty(9)
+    n, step, rates = nodes.increment, nodes.step, nodes.rates
     for i in range(n.shape[0]):
-        _change_into(inertial, frames[i], n[i], step[i], change, T)
+        _change_into(nodes.inertial, nodes.frames[i], n[i], step[i], change, T)
         for k in range(6):
             n[i, k] += sign * change[k]
-            offset[i, k] += sign * change[k]
-            v_base[i, k] -= sign * rates[0] * change[k]
-            w_base[i, k] -= sign * rates[1] * change[k]
-            size = abs(step[i, k])
-            if size > largest or size != size:  # a NaN stays the largest
-                largest = size
-        _configure(inertial, frames0, n, v_base, w_base, rates, frames, v, w, T, i)
+            nodes.offset[i, k] += sign * change[k]
+            nodes.velocity_base[i, k] -= sign * rates[0] * change[k]
+            nodes.acceleration_base[i, k] -= sign * rates[1] * change[k]
+        largest = _larger(largest, step[i])
+        _configure(nodes, T, i)
     return largest
 
 
@@ -229,17 +261,15 @@ def orthonormalise(frames: FloatArray) -> None:
 
 
 @kernel
-def accept(
-    frames0: FloatArray, v0: FloatArray, a0: FloatArray, w0: FloatArray, frames: FloatArray,
-    n: FloatArray, v_base: FloatArray, w_base: FloatArray, rates: FloatArray, law: FloatArray,
-    h: float, owned: int,
-) -> Misses:  # fmt: skip
+def accept(memory: Memory, law: FloatArray, h: float, owned: int) -> Misses:
     """End a step: the trial state becomes the state; ``law`` (3,) gives a from n, v0, a0.
 
     Returns the largest distances of the increments of the owned nodes from zero, from ``h v0`` and
     from ``h v0 + h^2/2 a0``.
     """
-    whole, first, second = 0.0, 0.0, 0.0
+    nodes, whole, first, second = unpack(Nodes, memory), 0.0, 0.0, 0.0
+    n, rates = nodes.increment, nodes.rates
+    v0, a0, w0 = nodes.velocity0, nodes.auxiliary0, nodes.acceleration0
     for i in range(n.shape[0]):
         for k in range(6):
             if i < owned:
@@ -248,10 +278,10 @@ def accept(
                 first = max(first, abs(miss))
                 second = max(second, abs(miss - 0.5 * h * h * a0[i, k]))
             a0[i, k] = law[0] * n[i, k] + law[1] * v0[i, k] + law[2] * a0[i, k]
-            v0[i, k] = v_base[i, k] + rates[0] * n[i, k]
-            w0[i, k] = w_base[i, k] + rates[1] * n[i, k]
+            v0[i, k] = nodes.velocity_base[i, k] + rates[0] * n[i, k]
+            w0[i, k] = nodes.acceleration_base[i, k] + rates[1] * n[i, k]
             n[i, k] = 0.0
-        _orthonormalise(frames[i])
+        _orthonormalise(nodes.frames[i])
         for k in range(12):
-            frames0[i, k] = frames[i, k]
+            nodes.frames0[i, k] = nodes.frames[i, k]
     return whole, first, second
