@@ -108,7 +108,8 @@ class FrameBlock:
             residual=self.residual, frames0=self.frames0, velocity0=self._velocity0,
             auxiliary0=self._auxiliary0, acceleration0=self._acceleration0,
             velocity_base=self._velocity_base, acceleration_base=self._acceleration_base,
-            rates=self._rates, offset=np.zeros((0, 6)),
+            rates=self._rates, offset=np.zeros((0, 6)), turn=np.zeros((count, 6)),
+            velocity_change=np.zeros((count, 6)), acceleration_change=np.zeros((count, 6)),
         )  # fmt: skip
 
     @property

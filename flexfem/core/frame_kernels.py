@@ -17,6 +17,8 @@ __all__ = [
     "orthonormalise",
     "predict",
     "shift",
+    "step_changes",
+    "step_rates",
     "step_rates_into",
     "to_inertial",
 ]
@@ -36,6 +38,7 @@ class Nodes(Record):
         velocity_base, acceleration_base: (n, 6) rates at zero increment.
         rates: (2,) dv/dn and dw/dn.
         offset: (n, 6) part of the increments that is not integrated from rates, see :func:`shift`.
+        turn, velocity_change, acceleration_change: (n, 6) along the step, see :func:`step_changes`.
     """
 
     inertial: bool
@@ -53,6 +56,9 @@ class Nodes(Record):
     acceleration_base: Float2D
     rates: Float1D
     offset: Float2D
+    turn: Float2D
+    velocity_change: Float2D
+    acceleration_change: Float2D
 
 
 @inlined
@@ -149,6 +155,34 @@ def step_rates_into(
             # V x dOmega - Omega x dV
             by_w[6 * k + j] += v[p] * by_v[6 * (3 + q) + j] - v[q] * by_v[6 * (3 + p) + j]
             by_w[6 * k + j] -= v[3 + p] * by_v[6 * q + j] - v[3 + q] * by_v[6 * p + j]
+
+
+@kernel
+def step_rates(memory: Memory, shifts: FloatArray, inertial: bool, out: FloatArray) -> None:
+    """Write both results of :func:`step_rates_into` of all nodes to ``out`` (n, 2, 36)."""
+    nodes = unpack(Nodes, memory)
+    v, w = nodes.velocity, nodes.acceleration
+    for i in range(v.shape[0]):
+        step_rates_into(inertial, nodes.increment[i], v[i], w[i], shifts, out[i, 0], out[i, 1])
+
+
+@kernel
+def step_changes(memory: Memory, shifts: FloatArray, inertial: bool) -> None:
+    """Write what changes of the nodes along their steps, for tangents that are applied to them.
+
+    ``shifts`` holds dv/dn, dw/dn and k, the factor of the stiffness and so of the turns.
+    """
+    nodes, by_v, by_w = unpack(Nodes, memory), np.empty(36), np.empty(36)
+    v, w, step = nodes.velocity, nodes.acceleration, nodes.step
+    for n in range(step.shape[0]):
+        step_rates_into(inertial, nodes.increment[n], v[n], w[n], shifts, by_v, by_w)
+        for i in range(6):
+            nodes.turn[n, i] = shifts[2] * step[n, i]
+            dv, dw = 0.0, 0.0
+            for j in range(6):
+                dv += by_v[6 * i + j] * step[n, j]
+                dw += by_w[6 * i + j] * step[n, j]
+            nodes.velocity_change[n, i], nodes.acceleration_change[n, i] = dv, dw
 
 
 @kernel

@@ -6,10 +6,20 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 import numpy as np
+import ufl
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.driver import (
+    LINE,
+    CellKernel,
+    Cells,
+    Nodal,
+    add_forces,
+    cell_kernel,
+    evaluate_tangents,
+)
 from flexfem.core.frame_block import FrameBlock
-from flexfem.elements.beam_loops import add_action, add_residual, add_tangent
+from flexfem.core.frame_kernels import Nodes, step_changes, step_rates
 from flexfem.elements.beam_material import Material, about_centres, symmetric
 from flexfem.elements.beam_motion import add_cell_motion, cell_rates, cell_twists
 from flexfem.forms.beam import beam_forms
@@ -18,10 +28,18 @@ from flexfem.lie import se3
 
 __all__ = ["BeamCells", "BeamGroup"]
 
-#: What the compiled loops take of the cells.
-_CellData = tuple[
-    IndexArray, BoolArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray
-]
+#: Nodal data of the forms of ``forms.beam`` in the record of the nodes.
+_NODAL = {
+    "position": (Nodal.POSITION, Nodes.word("frames")),
+    "rotation": (Nodal.ROTATION, Nodes.word("frames")),
+    "velocity": (Nodal.TWIST, Nodes.word("velocity")),
+    "acceleration": (Nodal.TWIST, Nodes.word("acceleration")),
+    "turn": (Nodal.TWIST, Nodes.word("turn")),
+    "velocity_change": (Nodal.TWIST, Nodes.word("velocity_change")),
+    "acceleration_change": (Nodal.TWIST, Nodes.word("acceleration_change")),
+}
+#: First column and number of columns of their data of cells.
+_OWN = {"relative_twist": (0, 6), "length": (6, 1), "damping": (7, 1)}
 
 
 @dataclass(frozen=True)
@@ -48,8 +66,8 @@ class BeamGroup:
 
     Attributes:
         data: constant data of the cells; sections count those of the material.
-        cell_data: what the compiled loops take of the cells: nodes, whether and how sections are
-            turned, twists and lengths at the start, damping, sections and their material data.
+        cells: the same as the driver of the kernels takes them; own data are the twists at the
+            start, lengths and damping, those of sections ``Material.data``.
         lengths: (m,) arc lengths at the start, m.
         centres: (s, 3) mass centres of the sections, m; rotary: (s, 3, 3) inertia about them, kg m.
         turned: (m,) whether section axes differ from the axes of the nodes.
@@ -78,26 +96,38 @@ class BeamGroup:
         # one row for all cells whose section axes are the nodes' own
         turns = turns if self.turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
         self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
+        self.cells = Cells(
+            nodes=data.cells, turned=self.turned, turns=self._turns,
+            own=np.column_stack([self._twists, self.lengths, data.damping]),
+            section=data.section, sections=material.data, corners=LINE,
+        )  # fmt: skip
         self._inertias = symmetric(material.data[:, :21])
         self.centres, self.rotary = about_centres(self._inertias)
         forms = beam_forms(material.damped, material.law)
-        coefficients = tuple(forms.coefficients.values())
-        self._residual = compile_kernel(comm, forms.residual, coefficients, batched=True)
-        self._stiffness = compile_kernel(comm, forms.stiffness, coefficients)
-        self._inertia = compile_kernel(comm, forms.inertia, coefficients)
-        self._action = compile_kernel(comm, forms.action, coefficients)
-        self.cell_data: _CellData = (
-            data.cells, self.turned, self._turns, self._twists, self.lengths, data.damping,
-            data.section, material.data,
-        )  # fmt: skip
+        coefficients = forms.coefficients
+        section = {"inertia": (0, 21), list(coefficients)[7]: (21, material.data.shape[1] - 21)}
 
-    def _data_at(self, block: FrameBlock, strains: FloatArray | None) -> _CellData:
-        """Cell data with initial twists from which given changes lead to the present twists."""
-        data = self.cell_data
+        def compiled(form: ufl.Form, size: int, *, batched: bool = False) -> CellKernel:
+            fields = tuple(coefficients.values())
+            own = compile_kernel(comm, form, fields, batched=batched)
+            return cell_kernel(own, size, coefficients, _NODAL, _OWN, section)
+
+        self._residual = compiled(forms.residual, 12, batched=True)
+        self._stiffness = compiled(forms.stiffness, 144)
+        self._inertia = compiled(forms.inertia, 144)
+        self._action = compiled(forms.action, 12)
+
+    def _cells_at(self, block: FrameBlock, strains: FloatArray | None) -> Cells:
+        """Cells with initial twists from which given changes lead to the present twists."""
+        cells = self.cells
         if strains is None:
-            return data
-        twists = self._strain(block.frames)[0]
-        return (*data[:3], np.ascontiguousarray(twists - strains), *data[4:])
+            return cells
+        own = cells.own.copy()
+        own[:, :6] = self._strain(block.frames)[0] - strains
+        return Cells(
+            nodes=cells.nodes, turned=cells.turned, turns=cells.turns, own=own,
+            section=cells.section, sections=cells.sections, corners=cells.corners,
+        )  # fmt: skip
 
     def add_residual(
         self, block: FrameBlock, gravity: FloatArray, scale: float,
@@ -107,11 +137,15 @@ class BeamGroup:
 
         ``strains`` (m, 6) are those of :meth:`continued_strains`, None for the present ones.
         """
-        add_residual(
-            self._residual.address, self._residual.offsets, gravity,
-            *self._data_at(block, strains), block.frames, block.velocity, block.acceleration, scale,
-            block.residual,
-        )  # fmt: skip
+        self._add(self._residual, block, gravity, scale, strains)
+
+    def _add(
+        self, kernel: CellKernel, block: FrameBlock, gravity: FloatArray, scale: float,
+        strains: FloatArray | None,
+    ) -> None:  # fmt: skip
+        cells = self._cells_at(block, strains)
+        memories = kernel.memory, cells.memory, block.nodes.memory
+        add_forces(*memories, gravity, scale, block.residual)
 
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
@@ -128,11 +162,11 @@ class BeamGroup:
             local: the derivative K is that at fixed local velocities and accelerations.
         """
         values = np.empty((len(self.data.cells), 144))
-        add_tangent(
-            self._stiffness.address, self._stiffness.offsets, gravity, self._inertia.address,
-            self._inertia.offsets, shifts, block.inertial_rates(shifts) and not local,
-            *self._data_at(block, strains), block.frames, block.velocity, block.acceleration,
-            block.increment, scale, values,
+        rates = np.empty((len(block.frames), 2, 36))
+        step_rates(block.nodes.memory, shifts, block.inertial_rates(shifts) and not local, rates)
+        evaluate_tangents(
+            self._stiffness.memory, self._inertia.memory, self._cells_at(block, strains).memory,
+            block.nodes.memory, gravity, rates, np.array([shifts[2], scale]), values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
 
@@ -141,12 +175,8 @@ class BeamGroup:
         strains: FloatArray | None = None, *, local: bool = False,
     ) -> None:  # fmt: skip
         """Add ``scale`` times :meth:`tangent` applied to the block's step to its residual."""
-        add_action(
-            self._action.address, self._action.offsets, gravity, shifts,
-            block.inertial_rates(shifts) and not local, *self._data_at(block, strains),
-            block.frames, block.velocity, block.acceleration, block.increment, block.step, scale,
-            block.residual,
-        )  # fmt: skip
+        step_changes(block.nodes.memory, shifts, block.inertial_rates(shifts) and not local)
+        self._add(self._action, block, gravity, scale, strains)
 
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
         """Change (m, 6) of the relative twists, continued along local twists ``steps`` of nodes.

@@ -53,12 +53,12 @@ class EnergyBeams:
 
     def __init__(self, comm: MPI.Intracomm, beams: BeamGroup, count: int) -> None:
         """Compile the kernels (collective) and prepare the cells at ``count`` nodes."""
-        cells, turned, turns, twists, lengths, damping, sections, laws = beams.cell_data
-        self._cells = (cells, turned, turns)
-        self._sections, self._laws = sections, laws
+        cells, sections = beams.cells.nodes, beams.cells.section
+        self._cells = (cells, beams.cells.turned, beams.cells.turns)
+        self._sections, self._laws = sections, beams.cells.sections
         self._constants = np.zeros((len(cells), 14))
-        self._constants[:, :6], self._constants[:, 12] = twists, lengths
-        self._constants[:, 13] = damping
+        own = beams.cells.own
+        self._constants[:, :6], self._constants[:, 12:] = own[:, :6], own[:, 6:]
         arms, rotary = _ends(beams)
         self.centres = np.zeros((count, 3))
         self.centres[cells] = beams.centres[sections][:, np.newaxis]
@@ -106,7 +106,8 @@ def _ends(beams: BeamGroup) -> tuple[FloatArray, FloatArray]:
 
     The latter is about the centre, and that of half a cell.
     """
-    cells, turned, turns, _, lengths, _, sections, _ = beams.cell_data
+    own, lengths = beams.cells, beams.lengths
+    cells, turned, turns, sections = own.nodes, own.turned, own.turns, own.section
     at = np.where(turned, np.arange(len(cells)), 0)
     Q = turns.reshape(-1, 2, 3, 3)[at]
     half = 0.5 * lengths[:, np.newaxis, np.newaxis] * beams.rotary[sections]

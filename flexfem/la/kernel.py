@@ -46,11 +46,13 @@ class Kernel:
         offsets: where each coefficient of the form starts in the packed coefficients of one cell,
             -1 for a coefficient that the kernel does not use; one more entry holds the length.
         owner: keeps the loaded module alive.
+        lanes: number of cells that one call treats.
     """
 
     address: int
     offsets: npt.NDArray[np.int64]
     owner: Any
+    lanes: int = 1
 
 
 def cell_form(comm: MPI.Intracomm, form: ufl.Form, *, batched: bool = False) -> Any:
@@ -104,7 +106,8 @@ def compile_kernel(
         total += coefficient.ufl_element().dim
     offsets[-1] = total
     kernel = ufcx.form_integrals[0].tabulate_tensor_float64
-    return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, compiled)
+    lanes = LANES if batched else 1
+    return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, compiled, lanes)
 
 
 @intrinsic

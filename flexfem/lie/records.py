@@ -66,6 +66,7 @@ __all__ = [
     "Int3D",
     "Memory",
     "Record",
+    "array_at",
     "unpack",
 ]
 
@@ -111,6 +112,10 @@ class _RecordClass(type):
     """Class of a kind of record: knows where each field lies in the memory."""
 
     _fields: dict[str, tuple[int, _Layout]] | None = None
+
+    def word(cls, name: str) -> int:
+        """First word of a field, see :func:`array_at`."""
+        return cls.fields[name][0]
 
     @property
     def fields(cls) -> dict[str, tuple[int, _Layout]]:
@@ -239,12 +244,35 @@ def _unpack(typingctx: Any, kind: Any, memory: Any) -> Any:
     return _RecordType(kind.kind)(kind, memory), codegen
 
 
-_TEMPLATE = make_intrinsic_template(unpack, _unpack, "unpack")
-infer(_TEMPLATE)
-infer_global(unpack, types.Function(_TEMPLATE))
+def array_at(memory: Memory, word: int) -> FloatArray:
+    """The array with two axes whose field begins at a word of a record, for compiled loops.
+
+    Args:
+        memory: of a record.
+        word: of :meth:`Record.word`, which loops that serve several kinds of records are given.
+    """
+    raise NotImplementedError("only compiled loops find arrays so")
+
+
+def _array_at(typingctx: Any, memory: Any, word: Any) -> Any:
+    """Type and code of :func:`array_at`."""
+    layout = _layout(np.float64, 2)
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        words = make_array(signature.args[0])(context, builder, arguments[0]).data
+        return _array(context, builder, builder.gep(words, [arguments[1]]), layout)
+
+    return _field_type(layout)(memory, types.intp), codegen
+
+
+for _function, _definition in ((unpack, _unpack), (array_at, _array_at)):
+    _template = make_intrinsic_template(_function, _definition, _function.__name__)
+    infer(_template)
+    infer_global(_function, types.Function(_template))
 
 
 def _field_type(layout: _Layout) -> Any:
+    """Numba's type of a field."""
     scalar = types.boolean if layout.scalar == np.bool_ else getattr(types, layout.scalar.name)
     return types.Array(scalar, layout.axes, "C") if layout.axes else scalar
 
@@ -263,23 +291,34 @@ class _Fields(AttributeTemplate):
 
 @lower_getattr_generic(_RecordType)
 def _load_field(context: Any, builder: Any, record: Any, value: Any, name: str) -> Any:
-    """Code that reads one field; no loop changes the memory of a record."""
+    """Code that reads one field."""
     at, layout = record.kind.fields[name]
+    words = cgutils.gep_inbounds(builder, value, at)
+    if layout.axes:
+        array = _array(context, builder, words, layout)
+        return impl_ret_borrowed(context, builder, _field_type(layout), array)
+    number = _word(builder, words, 0)
+    if layout.scalar == np.float64:
+        return builder.bitcast(number, ir.DoubleType())
+    return number
 
-    def word(k: int) -> Any:
-        load = builder.load(cgutils.gep_inbounds(builder, value, at + k))
-        load.set_metadata("invariant.load", builder.module.add_metadata([]))
-        return load
 
+def _word(builder: Any, words: Any, k: int) -> Any:
+    """Code that reads a word; no loop changes the memory of a record."""
+    load = builder.load(cgutils.gep_inbounds(builder, words, k))
+    load.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return load
+
+
+def _array(context: Any, builder: Any, words: Any, layout: _Layout) -> Any:
+    """Code that makes an array of its address and shape."""
     kind = _field_type(layout)
-    if not layout.axes:
-        first = word(0)
-        return builder.bitcast(first, ir.DoubleType()) if kind == types.float64 else first
     array = make_array(kind)(context, builder)
     size = context.get_constant(types.intp, layout.scalar.itemsize)
-    shape, strides = [word(1 + k) for k in range(layout.axes)], [size]
+    shape, strides = [_word(builder, words, 1 + k) for k in range(layout.axes)], [size]
     for extent in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], extent))
-    data = builder.inttoptr(word(0), context.get_data_type(kind.dtype).as_pointer())
+    pointer = context.get_data_type(kind.dtype).as_pointer()
+    data = builder.inttoptr(_word(builder, words, 0), pointer)
     populate_array(array, data=data, shape=shape, strides=strides, itemsize=size, meminfo=None)
-    return impl_ret_borrowed(context, builder, kind, array._getvalue())
+    return array._getvalue()

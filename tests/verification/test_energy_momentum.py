@@ -90,7 +90,9 @@ class Measures:
     def _axis(self, part):
         """Consistent masses at the mass centres; rotary inertia about them and weight lumped."""
         block, beams = part.block, part.elements
-        cells, turned, turns, _, lengths, _, sections, laws = beams.linear.cell_data
+        own, lengths = beams.linear.cells, beams.linear.lengths
+        cells, turned, turns = own.nodes, own.turned, own.turns
+        sections, laws = own.section, own.sections
         energy, momenta = 0.0, np.zeros(6)
         for c, (i, j) in enumerate(cells):
             law = np.zeros((6, 6))
@@ -139,7 +141,7 @@ class Measures:
             total += self._masses(part)[0]
             if part.elements is not None:
                 total += self._axis(part)[0]
-                law = part.elements.linear.cell_data[-1][part.elements.data.section, 21:]
+                law = part.elements.linear.cells.sections[part.elements.data.section, 21:]
                 D = np.zeros((len(law), 6, 6))
                 upper = np.triu_indices(6)
                 D[:, upper[0], upper[1]] = D[:, upper[1], upper[0]] = law
