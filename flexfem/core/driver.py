@@ -5,8 +5,8 @@ A kernel is called by address with FFCx's signature: it adds to a tensor what it
 coefficients of one cell, or of ``LANES`` cells side by side. :class:`CellKernel` says where each
 nodal array, the data of the cell and the data of its section go among the coefficients, and
 :class:`Cells` holds them. :func:`add_forces` adds the results to nodes (residuals, actions of a
-tangent), :func:`evaluate` keeps those of each cell (matrices, energies, strains), and
-:func:`evaluate_tangents` combines derivatives by configuration, velocity and acceleration.
+tangent), and :func:`evaluate_tangents` combines derivatives by configuration, velocity and
+acceleration to one matrix a cell.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,6 @@ __all__ = [
     "Nodal",
     "add_forces",
     "cell_kernel",
-    "evaluate",
     "evaluate_tangents",
 ]
 
@@ -265,31 +264,6 @@ def add_forces(
         tabulate(call.address, results, data, constants, corners)  # type: ignore[call-arg]
         for lane in range(min(width, count - first)):
             _add_to_nodes(own, first + lane, results, lane, scale, target)
-
-
-@kernel
-def evaluate(
-    kernel: Memory, cells: Memory, nodes: Memory, constants: FloatArray, results: FloatArray
-) -> None:
-    """Write the results (m, s) of all cells.
-
-    Args:
-        kernel: a :class:`CellKernel`, of one cell a call.
-        cells: :class:`Cells`.
-        nodes: record of the nodes.
-        constants: of the kernel.
-        results: (m, s).
-    """
-    call, own = unpack(CellKernel, kernel), unpack(Cells, cells)
-    data, held = np.empty((call.coefficients, 1)), -1
-    for c in range(own.nodes.shape[0]):
-        _gather(call, own, nodes, c, 0, data)
-        if own.section[c] != held:
-            held = own.section[c]
-            _put_section(call, own, held, 0, data)
-        results[c] = 0.0
-        corners = own.corners[c if own.corners.shape[0] > 1 else 0]
-        tabulate(call.address, results[c], data, constants, corners)  # type: ignore[call-arg]
 
 
 @subroutine
