@@ -244,7 +244,7 @@ def function(owner: str, what: str, value: object, shape: tuple[int, ...]) -> No
 
 
 def numbers(value: object) -> FloatArray:
-    """What a function of the user's has returned, as an array of numbers.
+    """Return the array of numbers that a user's function has returned.
 
     NumPy makes numbers of text, and nan of None, which a function without ``return`` gives.
 

@@ -64,7 +64,7 @@ class ReturnError(ValueError):
 
 
 class Faults:
-    """What went wrong on this rank in one run; the first counts.
+    """Errors of one run on this rank, with the first one kept, and its outcome.
 
     Attributes:
         error: the first exception, None as long as all goes well.
@@ -131,7 +131,7 @@ def noted(owner: str, function: object, error: BaseException) -> None:
 
 
 def mistake(error: BaseException) -> str:
-    """What to say, in one line, of an error in a file of the user's that makes a model.
+    """Return one line about an error in a user's file that builds a model.
 
     Messages of flexfem, and those that shipped cases raise, stay as they are.
 
@@ -153,7 +153,7 @@ def mistake(error: BaseException) -> str:
 
 
 def _is_shipped(file: str) -> bool:
-    """Whether a file is a shipped case, beside the package in a source tree."""
+    """Return True if a file is a shipped case, beside the package in a source tree."""
     return Path(file).parent in (_PACKAGE / "cases", _PACKAGE.parent / "cases")
 
 
@@ -182,7 +182,7 @@ def where(error: BaseException) -> str:
 
 
 def _is_own(file: str) -> bool:
-    """Whether a file of code is the user's."""
+    """Return True if a file of code is the user's."""
     return file.startswith(_CASES) or not file.startswith(("<frozen", *_FOREIGN))
 
 

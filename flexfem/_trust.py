@@ -29,7 +29,7 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def trusted(folder: str | Path, advice: str, program: str | Path | None = None) -> bool:
-    """Whether no one else could have put something into a folder, which need not exist yet.
+    """Return True if nobody else can have written into a folder, which may not exist yet.
 
     If someone could, one line says so, once a process and on the first rank only.
 
@@ -66,7 +66,7 @@ def _tell(why: str, advice: str) -> None:
 
 
 def _fault(folder: Path, owners: frozenset[int]) -> str:
-    """How others could put something into a folder; empty if they cannot."""
+    """Return a way in which others could write into a folder; empty if they cannot."""
     for chain in {folder, folder.resolve()}:  # a link may be led elsewhere
         for path in (chain, *chain.parents):
             if path.exists() and (why := _of_rights(path, path.stat(), owners, path == chain)):
@@ -75,7 +75,7 @@ def _fault(folder: Path, owners: frozenset[int]) -> str:
 
 
 def _of_rights(path: Path, found: os.stat_result, owners: frozenset[int], leaf: bool) -> str:
-    """What is wrong with owner and rights of a file or folder; empty for nothing."""
+    """Return a fault in the owner or permissions of a file or folder; empty if there is none."""
     if found.st_uid not in owners:
         return f'"{path}" belongs to {_user(found.st_uid)}'
     if found.st_mode & stat.S_ISVTX and not leaf:
@@ -108,7 +108,7 @@ def _strangers(folder: Path, owners: frozenset[int]) -> Iterator[str]:
 
 
 def _own_group(path: Path, number: int) -> bool:
-    """Whether a group has no members but this user, or the administrator.
+    """Return True if a group has no members but this user, or the administrator.
 
     Users whose first group it is are in no list that could be read at no cost. A group of the
     user's own name is this user's by the convention of useradd.

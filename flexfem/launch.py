@@ -28,7 +28,7 @@ def rank() -> int:
 
 
 def launched_in_parallel() -> bool:
-    """Whether a launcher started more than one rank, as far as the environment tells."""
+    """Return True if a launcher started more than one rank, as far as the environment tells."""
     started = ranks_started()
     if started is not None:
         return started > 1
@@ -36,7 +36,7 @@ def launched_in_parallel() -> bool:
 
 
 def ranks_started() -> int | None:
-    """How many ranks the launcher says it started; None where it does not tell."""
+    """Return the number of ranks that the launcher says it started; None if it does not say."""
     return max(
         (int(os.environ[name]) for name in _SIZE_VARIABLES if name in os.environ), default=None
     )
@@ -146,7 +146,7 @@ _BEGINNINGS = {1: "failed", 2: "error"}
 
 
 class Failure(NamedTuple):
-    """What is wrong on a rank.
+    """Error on a rank, as it is printed.
 
     Attributes:
         message: What to say, empty if nothing is wrong.
@@ -159,7 +159,7 @@ class Failure(NamedTuple):
     trace: str = ""
 
     def __str__(self) -> str:
-        """What is printed: the message in one line, behind the traceback."""
+        """Return the printed text: the message in one line, after the traceback."""
         line = f"{_BEGINNINGS[self.code]}: {' '.join(self.message.split())}"
         return f"{self.trace.rstrip()}\n{line}" if self.trace else line
 

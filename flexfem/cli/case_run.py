@@ -64,7 +64,7 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
 
 
 def _word_on_compilation(options: Settings) -> AbstractContextManager[None]:
-    """Who watches a terminal learns why a first run takes long to start."""
+    """Tell users at a terminal that compilation delays a first run."""
     if options.quiet or options.progress == "none" or not sys.stderr.isatty():
         return nullcontext()
     try:

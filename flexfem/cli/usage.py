@@ -184,7 +184,7 @@ def file(text: str) -> Path:
 
 
 def reader(option: Option) -> Callable[[str], Any]:
-    """What reads an option's value, and says what it must be."""
+    """Return a parser of an option's value whose errors say what the value must be."""
 
     def read(text: str) -> Any:
         try:

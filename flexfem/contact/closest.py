@@ -56,7 +56,7 @@ def closest_candidates(
 
 @inlined
 def _has(first: int, second: int, third: int, a: int, b: int) -> bool:
-    """Whether a triangle has two nodes, or the one that both are."""
+    """Return True if a triangle has both nodes a and b, or the one node if they are equal."""
     return a in (first, second, third) and b in (first, second, third)
 
 
@@ -91,7 +91,7 @@ def leave_minima(near: IntArray, measures: FloatArray, count: int) -> int:
 
 @inlined
 def is_first(near: IntArray, measures: FloatArray, count: int, one: int) -> bool:
-    """Whether no minimum with the same label is closer."""
+    """Return True if no other minimum with the same label is closer."""
     first = True
     for o in range(count):
         same = near[o, 2] == 1 and near[o, 8] == near[one, 8]
@@ -141,7 +141,7 @@ def mean_normal(
 
 @inlined
 def on_rim(rim: int, region: int) -> bool:
-    """Whether a region of a triangle is on the surface's rim (bits 0 to 2 edges, 3 to 5 nodes)."""
+    """Return True if a triangle's region is on the rim (bits 0 to 2 edges, 3 to 5 nodes)."""
     return region != FACE and (rim >> (region - 1)) & 1 == 1
 
 

@@ -97,7 +97,7 @@ def _geometry(points: FloatArray, i: int, j: int, k: int, region: int, contact: 
 
 @inlined
 def _keeps_apart(contacts: FloatArray, first: int, count: int, n: FloatArray) -> bool:
-    """Whether a normal differs enough from those of the node's other contacts."""
+    """Return True if a normal differs enough from those of the node's other contacts."""
     apart = True
     for c in range(first, count):
         apart = apart and dot(contacts[c, 5:8], n) <= _APART

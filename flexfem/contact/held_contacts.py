@@ -19,7 +19,7 @@ MOST_HELD = 4
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """What contacts do besides their elastic normal force.
+    """Friction and damping law of contacts: all but their elastic normal force.
 
     Attributes:
         friction: Coulomb's coefficient.
@@ -44,7 +44,7 @@ class ContactLaw:
 
     @property
     def elastic(self) -> bool:
-        """Whether there is neither friction nor damping."""
+        """True if there is neither friction nor damping."""
         return self.friction == 0.0 and self.damping == 0.0
 
 

@@ -162,7 +162,7 @@ def _begins(
     low: float, high: float, other_low: float, other_high: float, origin: float, finer: float,
     cell: int,
 ) -> bool:  # fmt: skip
-    """Whether two intervals overlap, and what they share begins in a cell."""
+    """Return True if two intervals overlap and their overlap begins in a cell."""
     if low > other_high or other_low > high:
         return False
     return _cell(low if low > other_low else other_low, origin, finer) == cell

@@ -36,7 +36,7 @@ def carry_sides(
 
 @inlined
 def _settled(row: IntArray, side: IntArray, rims: IntArray) -> bool:
-    """Whether all sides are known, away from rims."""
+    """Return True if all sides are known, away from rims."""
     settled = True
     for c in range(row.size):
         settled = settled and side[c] != 0 and rims[row[c]] == 0

@@ -118,7 +118,7 @@ class TriangleContact:
         return new
 
     def moved(self, points: FloatArray) -> bool:
-        """Whether the candidates might not suffice for another two steps like the last.
+        """Return True if the neighbour lists may fail for two more steps like the last.
 
         Call it once for every accepted state.
         """
@@ -201,7 +201,7 @@ class TriangleContact:
         self._start = points.copy()
 
     def memory(self, points: FloatArray) -> FloatArray:
-        """What an accepted state does not tell, a row for each slave.
+        """Memory of the contact beyond the accepted state, a row for each slave.
 
         These are the triangles that a node has got through, and the contacts that are held.
         """

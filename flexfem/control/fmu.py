@@ -30,7 +30,7 @@ _SETTABLE = ("parameter", "structuralParameter", "input")
 
 @dataclass(eq=False)
 class FmuLaw:
-    """What an FMU computes, called once per sample.
+    """Law computed by an FMU, called once per sample.
 
     At the first sample the FMU is initialised there. At every other one it takes the measurements,
     steps from the last sample to this one with them, and its outputs are read: a controller thus

@@ -90,7 +90,7 @@ def address(user: UserFunction) -> int:
 
 
 def kind_number(term: Term) -> int:
-    """What tells compiled loops which function a term is of: a ``RowKind`` or an address."""
+    """Return the number of a term's function in compiled loops: a ``RowKind`` or an address."""
     return int(term.kind) if term.function is None else address(term.function)
 
 

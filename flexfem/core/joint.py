@@ -180,7 +180,7 @@ class AxisJoint(Joint):
 
 @dataclass(frozen=True, eq=False)
 class JointAction(Joint):
-    """What acts on the motion that another joint leaves, between the markers of that joint.
+    """Base class of forces and drives on the motion that another joint leaves, at its markers.
 
     Attributes:
         joint: the other joint; in the model too.

@@ -56,12 +56,12 @@ class Load:
 
     @property
     def uniform(self) -> bool:
-        """Whether :attr:`wrench` says all; not so where a load varies along a beam."""
+        """True if :attr:`wrench` is the whole load; False where a load varies along a beam."""
         return True
 
     @property
     def has_moment(self) -> bool:
-        """Whether moments are among what acts."""
+        """True if the load has moments."""
         return bool(self.wrench[1].any())
 
     def factor(self, t: float) -> float:

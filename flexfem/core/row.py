@@ -56,7 +56,7 @@ class RowKind(IntEnum):
 
     @property
     def axes(self) -> tuple[bool, bool]:
-        """Whether it depends on the axes of marker a and of marker b, or on positions alone."""
+        """Dependence on the axes of markers a and b, two flags; else on positions alone."""
         both = self in (RowKind.AXES, RowKind.ANGLE, RowKind.FUNCTION)
         return both or self is RowKind.ALONG, both
 

@@ -11,7 +11,7 @@ __all__ = ["starts"]
 
 
 def starts(counts: Sequence[int] | IntArray) -> IntArray:
-    """Where each of several consecutive runs begins, and where the last one ends.
+    """Return the first entry of each of several consecutive runs, and the end of the last.
 
     Args:
         counts: (n,) lengths of the runs.

@@ -16,7 +16,7 @@ __all__ = ["Numbering", "State", "counts"]
 
 @dataclass(frozen=True)
 class Numbering:
-    """Where the rows of this rank's arrays are in the arrays of the whole model.
+    """Global numbers of the rows of this rank's arrays in the arrays of the whole model.
 
     Attributes:
         numbers: (k,) row in the whole array, in the order of the model.
@@ -50,7 +50,7 @@ class State:
         return State({**self.values, **other.values}, rows, self.optional | other.optional)
 
     def misfit(self, found: "State") -> str:
-        """How what was read differs from a state such as this one; empty if it does not.
+        """Return a difference between a state read from a file and this one; empty if none.
 
         Names and shapes must be the same, but for the number of rows of what is empty here: of
         events that have not happened yet, for example. Numbers must be finite where they are here.
@@ -95,7 +95,7 @@ _MOST = 2.0**53
 
 
 def _misfit(name: str, mine: FloatArray, theirs: FloatArray | None, finite: bool) -> str:
-    """How one array differs."""
+    """Return the difference between two arrays as text."""
     if theirs is None:
         return f'it does not hold "{name}"'
     grows = mine.ndim > 0 and theirs.ndim == mine.ndim and not len(mine)

@@ -23,7 +23,7 @@ MOST_PARAMETERS = 8
 
 
 class FunctionKind(IntEnum):
-    """What a function is of; the number is that of the arguments it must take at least."""
+    """Kinds of users' functions; the number is the least number of arguments of each."""
 
     #: speed -> coefficient of friction or friction force
     SPEED = 1

@@ -75,7 +75,7 @@ def main(results: Path) -> None:
 
 
 def _program(case: str) -> tuple[object, ...]:
-    """How Python is told to run a case: its file, or the script that a page shows."""
+    """Return Python's arguments to run a case: its file, or the script on a page."""
     if case not in PAGES:
         return (ROOT / "cases" / f"{case}.py",)
     text = (Path(__file__).parent / PAGES[case]).read_text(encoding="utf-8")

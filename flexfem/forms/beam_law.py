@@ -69,7 +69,7 @@ def symmetric(values: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class _Symbols:
-    """What the functions of laws are called with."""
+    """Arguments with which the functions of laws are called."""
 
     mesh: ufl.Mesh
     strain: ufl.Coefficient
@@ -91,7 +91,7 @@ def _parameters(count: int) -> ufl.Coefficient:
 
 @dataclass(frozen=True)
 class LawExpressions:
-    """What the functions of a law have returned; equal for laws that say the same thing.
+    """Expressions returned by the functions of a law; equal for laws with equal expressions.
 
     Attributes:
         energy: Strain energy per length, J/m.

@@ -100,7 +100,7 @@ class VectorKinematics:
         return ufl.as_vector([*(sheared[i] for i in range(3)), *(bent[i] for i in range(3))])
 
     def _along(self, w: Expr) -> Expr:
-        """What the coefficients of T contribute to the change of ``T v'`` per ``v . dv``."""
+        """Return the change of ``T v'`` by the coefficients of T, per ``v . dv``."""
         x = self._x
         return -_sum(_slope(_B), x) * w + _sum(_slope(_C), x) * ufl.cross(self.v, w)
 

@@ -25,7 +25,7 @@ __all__ = ["Inspection"]
 
 
 class Inspection:
-    """What summary and checks look at, the same on every rank.
+    """Model data that summary and checks look at, the same on every rank.
 
     Attributes:
         model: the model, validated.
@@ -64,7 +64,7 @@ class Inspection:
 
     @property
     def moves(self) -> bool | None:
-        """Whether inertia counts, as it does not for equilibria; None where that is not known."""
+        """True if inertia counts, as it does not for equilibria; None where that is not known."""
         if self.options is None:
             return None
         return not isinstance(self.options, (StaticOptions, RelaxationOptions))
@@ -86,12 +86,12 @@ class Inspection:
 
     @cached_property
     def bodies(self) -> list[BodyFacts]:
-        """What is known of each body and point mass."""
+        """Facts of each body and point mass."""
         return body_facts(self.serial)
 
     @cached_property
     def joints(self) -> list[JointFacts]:
-        """What is known of each joint."""
+        """Facts of each joint."""
         return joint_facts(self.rows, self.model.joints)
 
     @cached_property

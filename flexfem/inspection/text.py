@@ -127,7 +127,7 @@ def _ends(ends: Sequence[str]) -> str:
 
 
 def _where(load: Load) -> str:
-    """Where a load acts, how large it is, and whether it changes."""
+    """Return a load's place and size, and whether it changes, as text."""
     places = [str(place) for place in (*load.markers, *load.beams, *load.shells)]
     units = ("N", "N m") if load.markers else ("", "")
     sizes = ["varies along it"] if not load.uniform else [
@@ -141,7 +141,7 @@ def _where(load: Load) -> str:
 
 
 def _touching(contact: Contact) -> str:
-    """What touches what."""
+    """Return the bodies and surfaces of a contact as text."""
     others = [*contact.masters, *(type(surface).__name__ for surface in contact.surfaces)]
     return f"{listed(contact.slaves)} - {listed(others)}"
 

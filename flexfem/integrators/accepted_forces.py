@@ -93,7 +93,7 @@ class AcceptedForces:
         return found
 
     def _any(self, mine: np.bool_) -> bool:
-        """Whether it is so on any rank (collective)."""
+        """Return True if a flag is set on any rank (collective)."""
         comm = self._system.comm
         return bool(comm.allreduce(bool(mine), op=MPI.LOR) if comm.size > 1 else mine)
 

@@ -116,7 +116,7 @@ class GeneralizedAlpha(Integrator):
         return TURN_LIMIT * (1.0 - self.rho_inf)
 
     def _equations(self, h: float) -> Equations:
-        """What is solved at the end of a step of size ``h`` (s)."""
+        """Return the equations solved at the end of a step of size ``h`` (s)."""
         return PositionLevel()
 
     def solve(self, system: System, policy: Policy, h: float) -> Status:

@@ -57,7 +57,7 @@ class Integrator(Protocol):
         return END_POINT
 
     def state(self, system: System) -> State:
-        """What it remembers from step to step, besides the accepted state of the system.
+        """Return the scheme's memory from step to step, besides the accepted state of the system.
 
         Events may change velocities and accelerations between two steps without telling the scheme.
         """

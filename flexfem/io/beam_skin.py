@@ -45,7 +45,7 @@ class SkinSection:
 
     @property
     def kind(self) -> tuple[tuple[int, ...], bytes]:
-        """What sections have in common that are swept together."""
+        """Key of sections that can be swept together."""
         return self.counts, self.faces.tobytes()
 
     def sides(self) -> IntArray:
@@ -131,7 +131,7 @@ class BeamSkin:
         self._turned = bool(np.any(self._arm[:, 0]))
 
     def fits(self, beams: BeamFields) -> bool:
-        """Whether the topology belongs to these cells."""
+        """Return True if the topology belongs to these cells."""
         cells, section = self._key
         return np.array_equal(cells, beams.cells) and np.array_equal(section, beams.section)
 
@@ -156,7 +156,7 @@ class BeamSkin:
 
 
 def _free_ends(beams: BeamFields, sections: int) -> NDArray[np.bool_]:
-    """Whether a cell goes on with its section at its first and last node (m, 2): where not."""
+    """Return flags (m, 2): first and last nodes where no cell of the same section goes on."""
     key = beams.cells * sections + beams.section[:, None]
     _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
     free: NDArray[np.bool_] = (counts[inverse] == 1).reshape(-1, 2)

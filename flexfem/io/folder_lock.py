@@ -88,7 +88,7 @@ class FolderLock:
         return True
 
     def _is_mine(self) -> bool:
-        """Whether the file is still where it was opened."""
+        """Return True if the file is still where it was opened."""
         try:
             return os.path.samestat(os.fstat(self._file), self._path.stat())
         except FileNotFoundError:
@@ -104,7 +104,7 @@ class FolderLock:
 
 
 def _lives(other: list[str]) -> bool:
-    """Whether the process may still run that is named by host and number."""
+    """Return True if a process, named by host and number, may still run."""
     if len(other) < 2 or not other[1].isdecimal():
         return False
     if other[0] != socket.gethostname():

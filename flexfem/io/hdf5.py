@@ -52,7 +52,7 @@ class PlainFile:
         self._file, self._left = file, size
 
     def names(self, group: str) -> list[str]:
-        """What is in a group; the empty name is that of the whole file.
+        """Return the names in a group; the empty name is that of the whole file.
 
         Raises:
             ValueError: there is no such group in the file itself.
@@ -60,7 +60,7 @@ class PlainFile:
         return list(self._item(group, "Group"))
 
     def has(self, name: str) -> bool:
-        """Whether something is there under this name, whatever it is."""
+        """Return True if an item of any kind has this name."""
         group, _, last = name.rpartition("/")
         return last in self._item(group, "Group")
 
@@ -90,7 +90,7 @@ class PlainFile:
         return np.asarray(values)
 
     def has_attribute(self, name: str) -> bool:
-        """Whether the file has an attribute of this name."""
+        """Return True if the file has an attribute of this name."""
         return name in self._file.attrs
 
     def text(self, name: str) -> str:
@@ -116,7 +116,7 @@ class PlainFile:
         return float(value)
 
     def _item(self, name: str, kind: str) -> Any:
-        """What is under a name, in this very file and of this kind."""
+        """Return the item of a name and a kind in this very file."""
         item = self._file
         for path in filter(None, name.split("/")):
             link = item.get(path, getlink=True) if path in item else None

@@ -9,7 +9,7 @@ __all__ = ["bar_class", "in_notebook"]
 
 
 def in_notebook() -> bool:
-    """Whether the process is the kernel of a notebook, whose streams are no terminals."""
+    """Return True in the kernel of a notebook, whose streams are no terminals."""
     return "ipykernel.zmqshell" in sys.modules
 
 

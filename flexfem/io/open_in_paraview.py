@@ -140,7 +140,7 @@ def show_arrows(reader: Any, view: Any, times: list[float], size: float) -> None
 
 
 def whole(boxes: dict[str, Box]) -> Box:
-    """What all series fill together; of obstacles, what is close to the others."""
+    """Return the bounding box of all series; of obstacles only the part near the others."""
     obstacle = boxes.get("contact_surfaces")
     others = [box for name, box in boxes.items() if name != "contact_surfaces"]
     every = others or list(boxes.values()) or [([0.0] * 3, [1.0] * 3)]

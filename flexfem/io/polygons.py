@@ -57,7 +57,7 @@ def between(k: int) -> IntArray:
 
 
 def _is_ear(polygon: FloatArray, left: list[int], at: int) -> bool:
-    """Whether a corner sticks out and no other vertex lies in its triangle."""
+    """Return True if a corner is convex and no other vertex lies in its triangle."""
     a, b, c = (polygon[left[i % len(left)]] for i in (at - 1, at, at + 1))
     if _cross(b - a, c - b) <= 0.0:
         return False

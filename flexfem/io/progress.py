@@ -20,7 +20,7 @@ _SHARE, _LONGEST = 0.02, 30.0
 
 
 def shown_kind(how: str) -> tuple[str, float]:
-    """What "auto", "bar", "lines", "lines:SECONDS" or "none" means here.
+    """Resolve a choice of display: "auto", "bar", "lines", "lines:SECONDS" or "none".
 
     Returns:
         "bar", "lines" or "none", and the seconds between two lines; "auto" is a bar on a terminal
@@ -84,12 +84,12 @@ class Progress:
 
     @property
     def enabled(self) -> bool:
-        """Whether anything is shown."""
+        """True if anything is shown."""
         return self._lines or self._bar is not None
 
     @property
     def due(self) -> bool:
-        """Whether it is time to show the state."""
+        """True if it is time to show the state."""
         return self.enabled and time.monotonic() >= self._next
 
     def update(

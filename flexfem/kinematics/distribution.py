@@ -19,7 +19,7 @@ _REST = 1e-9
 
 @dataclass(frozen=True)
 class DriveState:
-    """What distributions know of the mechanism at one time.
+    """State of the mechanism at one time, as distributions see it.
 
     Attributes:
         names: of the actuators.

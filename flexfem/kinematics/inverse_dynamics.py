@@ -126,7 +126,7 @@ def inverse_dynamics(
 
 @dataclass(frozen=True, eq=False)
 class _Coordinate(Joint):
-    """What an actuator acts on, without its force.
+    """Joint coordinate that an actuator acts on, without its force.
 
     Attributes:
         actuator: the actuator.
@@ -308,7 +308,7 @@ class _Task:
         self, inverse: FloatArray, velocities: FloatArray, accelerations: FloatArray,
         needed: FloatArray, B: FloatArray,
     ) -> DriveState:  # fmt: skip
-        """What the distribution may look at."""
+        """Return the data that the distribution may look at."""
         rows = self.mechanism.rows
         count = len(self.names)
         # multipliers: G^T lambda = B^T tau - needed, those of the outputs left out

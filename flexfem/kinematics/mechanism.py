@@ -236,7 +236,7 @@ def place_loads(parts: RigidParts, loads: Sequence[Load]) -> PlacedLoads:
 
 
 def marker_key(marker: Marker | Ground) -> tuple[object, ...]:
-    """What is equal for markers at one place of a body."""
+    """Return a key that is equal for markers at one place of a body."""
     if isinstance(marker, Ground):
         return ("", tuple(marker.position.tolist()))
     return (marker.body, marker.point, tuple(marker.offset.tolist()))

@@ -119,7 +119,7 @@ def _frozen(value: Any) -> Any:
 
 
 def _has_fields(thing: Any) -> bool:
-    """Whether it is an object of ours with attributes, no function and no class."""
+    """Return True if this is an object of the package with attributes, no function or class."""
     return type(thing).__module__.startswith("flexfem.") and hasattr(thing, "__dict__")
 
 

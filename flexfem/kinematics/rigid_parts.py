@@ -20,7 +20,7 @@ __all__ = ["RigidParts"]
 
 
 class RigidParts:
-    """What moves as one: a rigid body, or a flexible one as it is unstrained, or some with nodes.
+    """Parts that move as one: rigid bodies, flexible ones as unstrained, some with common nodes.
 
     Attributes:
         names: of the bodies of each part; beams or shells that share nodes are one.

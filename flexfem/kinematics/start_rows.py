@@ -75,7 +75,7 @@ class StartRows:
         return NodeRows(row, part[slots], gradient)
 
     def supports(self) -> NodeRows:
-        """What held edges and nodes of shells keep of the bodies as wholes, as independent rows."""
+        """Independent rows of the rigid motions that held edges and nodes of shells prevent."""
         gradients, parts = [np.zeros((0, 6))], [np.zeros(0, dtype=np.int64)]
         for kind, family in self._serial.families.items():
             nodes, directions = family.supports()

@@ -79,7 +79,7 @@ def null_vectors(rows: NodeRows, terms: IntArray) -> tuple[IntArray, FloatArray]
 
 
 def dependence_count(rows: NodeRows) -> int:
-    """How many rows follow from the others: their number less their rank."""
+    """Return the number of rows that follow from the others: number of rows less rank."""
     count = 0
     for terms in groups(rows):
         group = np.unique(rows.row[terms])

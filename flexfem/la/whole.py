@@ -22,7 +22,7 @@ LARGEST = 3000
 
 
 def taken_whole(matrix: PETSc.Mat) -> bool:
-    """Whether every rank takes a copy of a matrix: it is distributed, and small."""
+    """Return True if every rank takes a copy of a matrix: it is distributed, and small."""
     return bool(matrix.comm.size > 1 and matrix.getSize()[0] <= LARGEST)
 
 

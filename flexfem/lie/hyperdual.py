@@ -128,7 +128,7 @@ def _component(result: Any, k: Any) -> Any:
 
 
 def _is_number(*kinds: Any) -> bool:
-    """Whether one is hyper-dual and the others are that, or plain real numbers."""
+    """Return True if one is hyper-dual and the others are that, or plain real numbers."""
     plain = (HyperDual, types.Float, types.Integer, types.Boolean)
     return any(isinstance(kind, HyperDual) for kind in kinds) and all(
         isinstance(kind, plain) for kind in kinds

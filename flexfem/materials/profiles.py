@@ -109,7 +109,7 @@ def _corner(
     origin: FloatArray, u: FloatArray, v: FloatArray, across_u: float, across_v: float,
     fillet: float,
 ) -> list[Cell]:  # fmt: skip
-    """Where two walls meet, or half of a wall and another one.
+    """Cells of the corner between two walls, or between half of a wall and another one.
 
     Args:
         origin: outer corner.

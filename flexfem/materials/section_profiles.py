@@ -18,7 +18,7 @@ _LENGTHS = (1e-30, 1e30)
 
 
 class ProfileSections:
-    """What `Section` knows of profiles; see there."""
+    """Constructors of `Section` for profiles; see there."""
 
     @classmethod
     @abstractmethod

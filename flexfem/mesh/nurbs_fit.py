@@ -24,7 +24,7 @@ _ROUND_OFF = 1e-14
 
 
 class Path:
-    """What a curve is fitted to: a function of [0, 1] or points in order."""
+    """Data that a curve is fitted to: a function of [0, 1] or points in order."""
 
     def __init__(self, path: Callable[[FloatArray], npt.ArrayLike] | npt.ArrayLike) -> None:
         """Take a function of u (n,) that returns points (n, 3), or the points.

@@ -186,7 +186,7 @@ class _Graph(NamedTuple):
         return found
 
     def first(self, order: Sequence[int], part: float) -> list[bool]:
-        """Which bodies are in a half that takes this part of the weight in some order."""
+        """Return flags of the bodies in a half that takes this part of the weight in some order."""
         half, target, weight = [False] * len(order), part * sum(self.weights), 0
         for body in order:
             weight += self.weights[body]
@@ -195,7 +195,7 @@ class _Graph(NamedTuple):
 
 
 def _bisect(graph: _Graph, rooms: tuple[float, float], ranks: int) -> list[bool]:
-    """Which bodies are in the first half of some ranks; ``rooms`` are the weights they take."""
+    """Bisect a graph: flags of the first half; ``rooms`` are the weights of both halves."""
     ends = graph.from_the_end()
     part = rooms[0] / max(sum(rooms), 1e-300)
     orders = (range(len(ends)), ends, graph.grown(ends), graph.grown(ends[::-1])[::-1])
@@ -268,7 +268,7 @@ class _Halves:
         return kept > 0
 
     def _too_far(self, body: int) -> bool:
-        """Whether the halves get more uneven by a move than any way to better ones needs."""
+        """Return True if a move unbalances the halves more than useful moves need."""
         weight = self._graph.weights[body]
         off = self._weight - self._target + (-weight if self.low[body] else weight)
         return abs(off) > self._farthest

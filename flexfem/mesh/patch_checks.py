@@ -10,7 +10,7 @@ __all__ = ["moment_imbalance", "moment_sums"]
 
 
 def moment_sums(patches: Patches, count: int) -> FloatArray:
-    """What :func:`moment_imbalance` needs of triangles, (n, 11); sums over triangles add up.
+    """Return sums over triangles for :func:`moment_imbalance`, (n, 11); partial sums add up.
 
     Args:
         patches: some triangles, each of which is to be counted once.
@@ -36,7 +36,7 @@ def moment_sums(patches: Patches, count: int) -> FloatArray:
 
 
 def moment_imbalance(sums: FloatArray) -> FloatArray:
-    """How far constant moments are from equilibrium at the nodes, between 0 and 1, (n,).
+    """Distance of constant moments from equilibrium at the nodes, between 0 and 1, (n,).
 
     Forces of constant moments on inner nodes ought to cancel. Where they alternate from node to
     node, the shell evades its bending stiffness by ripples from node to node, and deflections

@@ -59,7 +59,7 @@ _CURVATURE[[0, 1, 2], [3, 5, 4]] = 2.0
 
 
 class EdgeRule(IntEnum):
-    """What holds at an edge without a neighbour."""
+    """Boundary condition of an edge without a neighbour."""
 
     FREE = 0
     CLAMPED = 1

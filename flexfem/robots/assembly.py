@@ -25,7 +25,7 @@ __all__ = ["Choices", "assembled"]
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """What is asked of a robot, checked; see ``read_urdf``."""
+    """Arguments of ``read_urdf`` on a robot, checked."""
 
     fixed: bool
     flexible: Mapping[str, BeamLink | FloatingLink]
@@ -103,7 +103,7 @@ class _Parts:
         return first, within
 
     def _host(self, name: str, joint: JointData | None) -> Host:
-        """What carries a group of links, by the name of its first."""
+        """Return the carrier of a group of links, given the name of its first."""
         link, choices = self._robot.links[name], self._choices
         start = self._placement.links[name]
         flexible = choices.flexible.get(name)
@@ -146,7 +146,7 @@ class _Parts:
         return self.hosts[joint.parent]
 
     def _beam_end(self, link: LinkData, beam: BeamLink) -> FloatArray:
-        """Where a beam ends, in the link's frame."""
+        """Return the end of a beam in the link's frame."""
         end, joints = beam.end, self._robot.joints
         leaving = [joint.name for joint in joints.values() if joint.parent == link.name]
         if isinstance(end, str):

@@ -67,7 +67,7 @@ class Connection:
 
     @property
     def motion(self) -> str:
-        """What its coordinate is: "rotation" or "translation"."""
+        """Kind of its coordinate: "rotation" or "translation"."""
         return "translation" if self.data.kind == "prismatic" else "rotation"
 
 
@@ -112,7 +112,7 @@ def stop(it: Connection, stops: Stops) -> LimitStop:
 
 
 def coupling(it: Connection, connections: Mapping[str, Connection]) -> Coupling:
-    """What makes a joint follow its leader."""
+    """Return the coupling that makes a joint follow its leader."""
     assert it.data.leader is not None
     leader = connections[it.data.leader]
     return Coupling(

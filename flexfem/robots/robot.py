@@ -26,7 +26,7 @@ __all__ = ["Robot"]
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """What ``read_urdf`` makes of a file: ``model.add(*robot.items)``.
+    """Robot that ``read_urdf`` makes of a file: ``model.add(*robot.items)``.
 
     Links and joints are called by their names in the file here; in the model these names have the
     prefix that was asked for.

@@ -178,7 +178,7 @@ def _check_apart(loops: Sequence[FloatArray]) -> None:
 
 
 def _inside(point: FloatArray, loop: FloatArray) -> bool:
-    """Whether a point is within a polygon, by the sides that a ray crosses."""
+    """Return True if a point is within a polygon, by the sides that a ray crosses."""
     start, end = loop - point, np.roll(loop, -1, axis=0) - point
     passing = (start[:, 1] > 0.0) != (end[:, 1] > 0.0)
     right = _cross(start, end) * np.sign(end[:, 1] - start[:, 1]) > 0.0

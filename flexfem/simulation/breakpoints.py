@@ -105,7 +105,7 @@ class Breakpoints:
         return k if k >= 0 and self.times[k] > t - tolerance else -1
 
     def lead(self, t: float, *, before: bool) -> float:
-        """How much later than ``t`` (s) a jump's load just before, or behind, it is; 0 for none."""
+        """Time (s) from ``t`` to just before, or just after, a jump there; 0 for none."""
         if not self._beside:
             return 0.0
         beside = self._beside.get(self._at(t))
@@ -118,7 +118,7 @@ class Breakpoints:
         return self.times[k] if k < len(self.times) and self.times[k] < end - tolerance else end
 
     def within(self, start: float, end: float) -> bool:
-        """Whether one lies behind ``start`` and before ``end`` (s)."""
+        """Return True if a breakpoint lies after ``start`` and before ``end`` (s)."""
         return bool(self.times) and self.next(start, end) != end
 
 
@@ -168,7 +168,7 @@ class _Function:
         )
 
     def met(self, off_grid: bool) -> tuple[BoolArray, BoolArray]:
-        """Which are jumps of a load, and which others a step must end at."""
+        """Return flags of jumps of a load, and of other breakpoints a step must end at."""
         # on the grid only jumps matter
         looked = self.off * off_grid + ~self.off * self._may_jump
         sizes, changes, bends = np.zeros((3, len(self.real)))

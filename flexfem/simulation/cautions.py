@@ -14,7 +14,7 @@ __all__ = ["Cautions"]
 
 
 class Cautions:
-    """What a run warns of, one line each.
+    """Warnings of a run, one line each.
 
     Attributes:
         texts: all lines so far, for the summary.

@@ -75,7 +75,7 @@ class SavedState:
             )
 
     def _entry(self, name: str, kind: type) -> Any:
-        """What the header has under a name.
+        """Return the entry of a name in the header.
 
         Raises:
             InputError: nothing of this kind.
@@ -214,7 +214,7 @@ class Checkpoints:
         self._kept = [] if restart is None else [restart.path.absolute()]
 
     def _prepare(self) -> None:
-        """What a run without checkpoints need not pay for (collective)."""
+        """Make the data that only runs with checkpoints need (collective)."""
         system = self._simulation.system
         self._numberings = system.numberings()
         if system.comm.rank == 0:
@@ -249,5 +249,5 @@ class Checkpoints:
 
 
 def _fingerprint(serial: Assembly | Mapping[str, str]) -> Mapping[str, str]:
-    """What a checkpoint is compared by."""
+    """Return the texts that a checkpoint is compared by."""
     return serial if isinstance(serial, Mapping) else fingerprint(serial)

@@ -161,7 +161,7 @@ class _Sampled(_Loop):
         self._next, self.held = 0, np.zeros(self.count)
 
     def due(self, t: float) -> bool:
-        """Whether there is a sample at an accepted state."""
+        """Return True if an accepted state is a sample."""
         return t >= (self._next - _ROUND_OFF) * self._span
 
     def take(self, t: float, held: FloatArray) -> None:
@@ -315,7 +315,7 @@ class Controls:
         return None
 
     def state(self) -> dict[str, FloatArray]:
-        """What all of them remember (collective)."""
+        """Return the memory of all controllers (collective)."""
         own = self._measurements.state() if self._loops else {}
         for k, loop in enumerate(self._loops):
             own |= {f"controls_{k}_{name}": value for name, value in loop.state().items()}

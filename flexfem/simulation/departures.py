@@ -50,7 +50,7 @@ class Departures:
         ]
 
     def found(self) -> bool:
-        """Whether a slider has left at the last evaluation of the rows (collective).
+        """Return True if a slider has left at the last evaluation of the rows (collective).
 
         What has been released may go where it likes.
         """
@@ -75,7 +75,7 @@ class Departures:
 
 
 def _room(model: Model, joint: Joint) -> tuple[float, float]:
-    """How far a slider may be beyond both ends, relative to the carrier's length."""
+    """Return the distances a slider may be beyond both ends, relative to the carrier's length."""
     stops = [stop for stop in model.joints if isinstance(stop, SlideStop) and stop.joint is joint]
     return (
         _FREE if all(stop.lower is None for stop in stops) else _STOPPED,

@@ -162,7 +162,7 @@ class _TimeSteps(Steps):
         self._watch.follow()
 
     def _outputs(self) -> FloatArray:
-        """What the controllers do from the accepted state on."""
+        """Return the outputs of the controllers from the accepted state on."""
         return self._simulation.controls.outputs(self._simulation.time)
 
     def reason(self, status: Status) -> str:

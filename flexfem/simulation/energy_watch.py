@@ -87,7 +87,7 @@ class EnergyWatch:
         self._sample()
 
     def _may_lose(self) -> bool:
-        """Whether something on this rank takes energy for good: dampers, friction, contacts."""
+        """Return True if dampers, friction or contacts on this rank may dissipate energy."""
         system, rows = self._system, self._system.constraints
         takes = bool(((rows.elastic[:, 2] != 0.0) | rows.frictional).any())
         viscous = any(p.elements is not None and p.elements.viscous for p in system.parts)
@@ -190,7 +190,7 @@ class EnergyWatch:
                 self._turn = (turn, self._system.time, part.kind, int(part.node_body[node]))
 
     def texts(self) -> list[str]:
-        """What the run should warn of, the same on every rank (collective)."""
+        """Return the warnings of the run, the same on every rank (collective)."""
         return [
             *self._not_finite(),
             *self._inside_out(),

@@ -98,7 +98,7 @@ class Events:
         self._sides = np.sign(self.values)
 
     def state(self) -> dict[str, FloatArray]:
-        """Where the functions stand, and what has happened."""
+        """Return the values of the functions, and the events that have happened."""
         names = [event.name for event in self._events]
         fired = [(names.index(name), t) for name, t in self.fired]
         return {
@@ -156,7 +156,7 @@ class Events:
             self.bad = self._events[int(np.flatnonzero(bad)[-1])].name
 
     def crossed(self, values: FloatArray) -> BoolArray:
-        """Which events have crossed zero in their direction, given the values of the functions."""
+        """Return flags of events that have crossed zero in their direction, from new values."""
         direction = np.array([event.direction for event in self._events], dtype=np.int64)
         up = (self._sides < 0.0) & (values >= 0.0) & (direction >= 0)
         down = (self._sides > 0.0) & (values <= 0.0) & (direction <= 0)

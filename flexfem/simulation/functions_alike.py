@@ -69,7 +69,7 @@ class FunctionsAlike:
         return found
 
     def differ(self, every: FloatArray) -> bool:
-        """Whether the checksums (ranks, count) of all ranks tell of different functions."""
+        """Return True if the checksums (ranks, count) of all ranks tell of different functions."""
         own, size = every[:, 0], every[:, 1]
         off, sizes = np.abs(every[:, 2::2].sum(axis=0)), every[:, 3::2].sum(axis=0)
         return bool(np.ptp(own) > _ALIKE * size.max() or (off > _ALIKE * sizes).any())
@@ -136,5 +136,5 @@ def _weights(numbers: Any) -> FloatArray:
 
 
 def _far_apart(values: FloatArray) -> bool:
-    """Whether values differ by more than rounding."""
+    """Return True if values differ by more than rounding."""
     return bool(np.ptp(values) > _ALIKE * np.abs(values).max())

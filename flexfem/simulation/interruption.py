@@ -17,7 +17,7 @@ __all__ = ["Agreement", "interruption"]
 
 
 class Agreement:
-    """What all ranks know of signals and errors on some, and of progress that one shows.
+    """Knowledge common to all ranks of signals and errors on some, and of progress shown by one.
 
     Attributes:
         show: the first rank wants to show the state, for which it may need the others.

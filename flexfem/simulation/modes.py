@@ -39,7 +39,7 @@ _COLUMNS = ("frequency", "damping_ratio", "real", "imag", "mass_x", "mass_y", "m
 
 @dataclass(frozen=True, repr=False)
 class ModesOutcome(Outcome):
-    """What an eigenanalysis came to.
+    """Outcome of an eigenanalysis.
 
     Attributes:
         modes: the modes on this rank, None if there is no state to look at.
@@ -135,7 +135,7 @@ def settled_modes(point: OperatingPoint, count: int, target: float, accuracy: fl
 
 
 def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
-    """What is wrong with modes, and what to try; "ok" if nothing is.
+    """Return faults of modes with advice; "ok" if there are none.
 
     Args:
         found: the modes.
@@ -179,7 +179,7 @@ def _reason(
 
 
 def checks(found: Sequence[Modes]) -> dict[str, Any]:
-    """What the summary says of how modes were checked, the worst of one or more states."""
+    """Return the summary's part on how modes were checked, the worst of one or more states."""
     counted = all(modes.missing is not None for modes in found)
     errors = [modes.state_error for modes in found if modes.state_error is not None]
     return {

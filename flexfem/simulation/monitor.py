@@ -34,7 +34,7 @@ class Monitor:
         self._meter: EnergyMeter | None = None
 
     def words(self) -> list[str]:
-        """What is to be shown, the same on every rank (collective)."""
+        """Return the words to be shown, the same on every rank (collective)."""
         system = self._system
         kinetic, strain, balance = self._energies()
         contacts = float(sum(group.closed for group in system.contacts))

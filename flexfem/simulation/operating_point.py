@@ -106,12 +106,12 @@ class OperatingPoint:
         return find_equilibrium(self.linearization, rotation, self._upright)
 
     def _upright(self) -> bool:
-        """Whether no body is turned inside out in the present state (collective)."""
+        """Return True if no body is turned inside out in the present state (collective)."""
         self.inverted = inside_out(self.serial, self.system)
         return not self.inverted
 
     def failure(self, status: Status) -> str:
-        """Why there is no state to look at, in words."""
+        """Return the reason why there is no state to look at, in words."""
         return self.inverted if status is Status.INSIDE_OUT else status.value
 
     @property
@@ -149,7 +149,7 @@ class OperatingPoint:
             )
 
     def summary(self, case: str, reason: str) -> dict[str, Any]:
-        """What ``summary.json`` says of every analysis."""
+        """Return the part of ``summary.json`` common to all analyses."""
         wall = time.perf_counter() - self._begin
         return summary_of(self.system, case, reason) | {
             "freedoms": self.freedoms,

@@ -22,7 +22,7 @@ Results = Callable[[Mapping[str, FloatArray]], Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run came to.
+    """Outcome of a run.
 
     Attributes:
         status: "ok" or the reason of failure.
@@ -78,7 +78,7 @@ def _tell(summary: dict[str, Any], comm: MPI.Intracomm) -> None:
 
 
 def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
-    """What ``summary.json`` says of every analysis: sizes, counts and status."""
+    """Return the part of ``summary.json`` common to all analyses: sizes, counts and status."""
     counters = system.counters
     return {
         "case": case,

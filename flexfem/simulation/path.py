@@ -23,7 +23,7 @@ _SEARCHES = 60
 
 @dataclass(frozen=True)
 class Point:
-    """What is known of an equilibrium.
+    """Point of an equilibrium path.
 
     Attributes:
         t: load parameter.
@@ -38,7 +38,7 @@ class Point:
 
 @dataclass(frozen=True)
 class CriticalPoint:
-    """Where the path turns or another one branches off.
+    """Critical point: limit point or bifurcation of an equilibrium path.
 
     Attributes:
         kind: "limit point" or "bifurcation".

@@ -11,7 +11,7 @@ __all__ = ["idle_or_crowded"]
 
 
 def idle_or_crowded(system: System) -> list[str]:
-    """What to say of the number of ranks, one line each, the same on every rank (collective)."""
+    """Return warnings on the number of ranks, one line each, the same on all (collective)."""
     comm, found = system.comm, list[str]()
     if comm.size == 1:
         return found

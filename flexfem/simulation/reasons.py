@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Why a computation failed, where in the model, and what can be tried.
+"""Reasons of failed computations: what failed, where in the model, and advice.
 
 A reason is one line: what happened, when, where; what to try. The guide has a page on them.
 """
@@ -80,7 +80,7 @@ def with_hint(reason: str, hint: str | None) -> str:
 
 
 def modes_hint(status: Status, spin: float) -> str:
-    """What to try where the state about which modes are wanted was not found.
+    """Return advice where the state about which modes are wanted was not found.
 
     Args:
         status: why not.

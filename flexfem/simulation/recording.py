@@ -193,7 +193,7 @@ class Recorder:
 
     @property
     def balances(self) -> bool:
-        """Whether a probe records the balance of all energies."""
+        """True if a probe records the balance of all energies."""
         return self._probes.energies is not None
 
     def follow(self) -> None:
@@ -212,7 +212,7 @@ class Recorder:
             self._write_fields(step - 1)
 
     def state(self) -> State:
-        """What the records go on from; brings the table to disk first (collective).
+        """Return the state the records go on from; the table is on disk first (collective).
 
         No checkpoint is ever ahead of the table. Time and probes of the last record, angles
         continued, are known to the first rank.

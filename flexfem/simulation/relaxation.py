@@ -156,7 +156,7 @@ class _Iterations(Steps):
         return Status.NOT_CONVERGED if over and not converged else Status.OK
 
     def _converged(self) -> bool:
-        """Whether both measures are below their tolerances."""
+        """Return True if both measures are below their tolerances."""
         options, reached = self._options, self.relaxation.progress
         return reached.residual <= options.tolerance and reached.step <= options.step_tolerance
 

@@ -59,12 +59,12 @@ class Steps:
 
     @property
     def at(self) -> str:
-        """Where the accepted state is, such as "t = 0.1 s"."""
+        """Position of the accepted state, such as "t = 0.1 s"."""
         raise NotImplementedError
 
     @property
     def after(self) -> str:
-        """How far the computation has come, such as "t = 0.1 s"."""
+        """Progress of the computation, such as "t = 0.1 s"."""
         return self.at
 
     @property

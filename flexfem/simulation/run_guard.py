@@ -106,7 +106,7 @@ def agreed(faults: Faults, comm: MPI.Intracomm) -> Exception | None:
 
 
 def folder_is_lost(comm: MPI.Intracomm) -> bool:
-    """Whether the output folder has become another run's (collective)."""
+    """Return True if the output folder has become another run's (collective)."""
     error = agreed(current(), comm)
     return isinstance(error, FolderLostError) and error.replaced
 
@@ -123,6 +123,6 @@ def refuse(faults: Faults, comm: MPI.Intracomm) -> None:
 
 
 def reason_of(faults: Faults, comm: MPI.Intracomm, when: str, otherwise: Callable[[], str]) -> str:
-    """What went wrong on a rank and when, else how the run has ended by itself (collective)."""
+    """Return the error of a rank with its time, else the end of the run itself (collective)."""
     error = agreed(faults, comm)
     return otherwise() if error is None else f"{error}{when}"

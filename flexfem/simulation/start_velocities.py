@@ -79,7 +79,7 @@ def _changed(
 
 
 def _words(now: FloatArray, before: FloatArray, size: float) -> str:
-    """What was given and what it has become: turning if that has changed more."""
+    """Return given and changed velocity as text: the rotation if it has changed more."""
     change = now - before
     turns = size * _length(change[3:]) > _length(change[:3])
     axes, unit = (slice(3, 6), "rad/s") if turns else (slice(3), "m/s")

@@ -213,7 +213,7 @@ class StaticSteps(Steps):
             )
 
     def _beyond(self) -> float:
-        """How far the column that ends the run lies above its value at the end."""
+        """Return the value of the column that ends the run less its value at the end."""
         value = self._columns().get(self._options.stop_column, 0.0)
         value = float(self.system.comm.bcast(value))
         return value - float(self._options.stop_value)

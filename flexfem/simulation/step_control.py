@@ -40,7 +40,7 @@ class StepControl:
         self._level = self._position = self._good = 0
 
     def state(self) -> FloatArray:
-        """What is remembered between largest steps."""
+        """Return the memory between largest steps."""
         return np.array([self._level, self._good], dtype=np.float64)
 
     def restore(self, state: FloatArray) -> None:
@@ -65,7 +65,7 @@ class StepControl:
 
     @property
     def end(self) -> float:
-        """Where the next step ends, as a part of the largest one."""
+        """End of the next step, as a part of the largest one."""
         return (self._position + (_FULL >> self._level)) / _FULL
 
     def accepted(self, error: float) -> None:

@@ -210,7 +210,7 @@ class Simulation:
         return status
 
     def _failed(self) -> bool:
-        """Whether a function of the user's has failed on a rank: no step helps (collective)."""
+        """Return True if a user's function failed on a rank: no step helps (collective)."""
         return agreed(current(), self.system.comm) is not None
 
     def _smaller(self, status: Status) -> bool:

@@ -53,12 +53,12 @@ class Targets:
                 )
 
     def room(self, t: float) -> float:
-        """How far the next load factor is from ``t``, infinite without any."""
+        """Return the distance from ``t`` to the next load factor, infinite if there is none."""
         ahead = [value - t for value in self.values.get(LOAD, ()) if not self.at(value, t)]
         return min((gap for gap in ahead if gap > 0.0), default=float("inf"))
 
     def at(self, value: float, t: float) -> bool:
-        """Whether a load factor is the given one."""
+        """Return True if a load factor is the given one."""
         return abs(t - value) <= _THERE * self._end
 
     def crossing(

@@ -64,7 +64,7 @@ class UnresolvedTurns:
             grown[:] = np.maximum(grown + _EVERY * _RATE * (turns - self._limit), 0.0)
 
     def texts(self) -> list[str]:
-        """What the run should warn of, the same on every rank (collective)."""
+        """Return the warnings of the run, the same on every rank (collective)."""
         own = (0.0, 0.0, 0, 0)
         for part, grown, turns in zip(self._parts, self._grown, self._turns, strict=True):
             if len(grown):
@@ -92,7 +92,7 @@ class UnresolvedTurns:
 
 
 def _stiff(part: BlockPart) -> bool:
-    """Whether a part has elements whose nodes turn, with translations in inertial axes."""
+    """Return True if a part has elements whose nodes rotate, with inertial translations."""
     return part.elements is not None and part.block.inertial and part.block.width == 6
 
 

@@ -86,7 +86,7 @@ class HeldEquilibrium(Equilibrium):
         return False, np.zeros(rows.size), 0.0
 
     def _balanced(self) -> bool:
-        """Whether the stabilisation carried no part of the loads in the last step (collective)."""
+        """Return True if the shift carried no part of the loads in the last step (collective)."""
         force = max(
             largest_entry((w[:, :3] * p.block.owned_step[:, :3]).ravel())
             for w, p in zip(self.weights, self.system.parts, strict=True)

@@ -65,7 +65,7 @@ class LinearSolution:
         return values[0] + rates
 
     def neglected(self, equilibrium: Equilibrium) -> float:
-        """What the next iteration would change, as a part of the solution (collective)."""
+        """Return the change by one more iteration, relative to the solution (collective)."""
         self.move(equilibrium, 1.0)
         found = _step_size(equilibrium)
         if found is None or self.size == 0.0:

@@ -57,7 +57,7 @@ _SIGN = 1e-6
 
 @dataclass(frozen=True)
 class _Range:
-    """What is counted: eigenvalues up to number ``last`` of those found, within ``reach``."""
+    """Range of the count: eigenvalues up to number ``last`` of those found, within ``reach``."""
 
     last: int
     reach: float

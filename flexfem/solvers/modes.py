@@ -92,7 +92,7 @@ def solve_pencil(
 
 
 def _first_shift(pencil: Pencil, target: float, dense: bool) -> complex:
-    """Where the problem is inverted first: a little off the target, which may be an eigenvalue."""
+    """Return the first shift: a little off the target, which may be an eigenvalue."""
     if target > 0.0:
         return 1j * target * (1.0 + 1e-7)
     return complex(max(pencil.shift, _DENSE_SHIFT * pencil.fastest if dense else 0.0))

@@ -43,7 +43,7 @@ _NOISE = 10.0
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """When to stop.
+    """Stopping criteria of Newton's iteration.
 
     Attributes:
         tolerance: largest entry of a step of displacements (m), rotations (rad) and of multipliers

@@ -27,7 +27,7 @@ _DISSIPATION = 1e-12
 
 @dataclass(frozen=True)
 class Pencil:
-    """What is known of an eigenproblem before it is solved.
+    """Properties of an eigenproblem that are known before it is solved.
 
     Attributes:
         linearization: numbering of the unknowns.

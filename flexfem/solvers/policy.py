@@ -45,7 +45,7 @@ class Policy(Protocol):
         ...
 
     def state(self) -> State:
-        """What it remembers from step to step."""
+        """Return the memory from step to step."""
         ...
 
     def restore(self, state: State) -> None:

@@ -43,7 +43,7 @@ _ROW = 3
 
 @dataclass(frozen=True)
 class Scheme:
-    """How masses and damping are chosen.
+    """Choice of fictitious masses and damping.
 
     Attributes:
         damping: "accelerated", "viscous" or "kinetic".
@@ -62,7 +62,7 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Progression:
-    """How far a relaxation has come.
+    """Progress of a relaxation.
 
     Attributes:
         residual: root of the sum of squares of the forces that are not balanced, relative to that
@@ -341,5 +341,5 @@ class Relaxation:
 
 
 def _remembers(group: ContactGroup) -> bool:
-    """Whether a contact depends on the states passed through: lists of candidates, friction."""
+    """Return True if a contact is path-dependent: neighbour lists, friction."""
     return bool(group.triangles) or group.surfaces.contact.friction > 0.0

@@ -25,7 +25,7 @@ _ROW = 3
 
 @dataclass(frozen=True)
 class Motion:
-    """What damping is chosen from.
+    """Energies from which damping is chosen.
 
     Attributes:
         energy: kinetic energy of the last step.

@@ -45,7 +45,7 @@ LinearStep = Callable[[], tuple[bool, FloatArray, float]]
 
 @dataclass(frozen=True)
 class Limits:
-    """When an iteration stops.
+    """Stopping criteria of a static iteration.
 
     Attributes:
         tolerance: largest entry of the last step: displacements and scaled multipliers relative to
@@ -212,7 +212,7 @@ class Equilibrium:
 
     @property
     def memory(self) -> FloatArray:
-        """What an iteration remembers of those before, besides the state; empty for most."""
+        """Memory of earlier iterations, besides the state; empty for most."""
         return np.empty(0)
 
     @memory.setter
@@ -296,7 +296,7 @@ class Equilibrium:
         return Status.NOT_CONVERGED
 
     def _balanced(self) -> bool:
-        """Whether nothing but the system itself carries the loads in the last step (collective)."""
+        """Return True if the system alone carries the loads in the last step (collective)."""
         return True
 
     def _advance(self, change: FloatArray, load: float) -> None:

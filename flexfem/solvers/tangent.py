@@ -99,7 +99,7 @@ class TangentSolver:
         return grid
 
     def _coupled(self) -> BoolArray:
-        """Which couplings between multipliers this rank sets."""
+        """Return flags of the couplings between multipliers that this rank sets."""
         rows = self.system.constraints
         return rows.owned[rows.coupled[:, 0]] > 0.0
 
@@ -316,7 +316,7 @@ def _held_unknowns(block: FrameBlock) -> IntArray:
 
 
 class JointPattern:
-    """Where the derivatives of the constraints go in the nest; owners of multipliers set them."""
+    """Places of the constraints' derivatives in the nest; owners of multipliers set them."""
 
     def __init__(self, system: System) -> None:
         """Find parts and numbers of all joints' nodes."""

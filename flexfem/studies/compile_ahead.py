@@ -20,7 +20,7 @@ KINDS_OF_MODELS = (
 
 
 class Compiled(NamedTuple):
-    """How the short run of a case ended.
+    """Outcome of the short run of a case.
 
     Attributes:
         case: its name.

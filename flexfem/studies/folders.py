@@ -39,7 +39,7 @@ class RunFolder:
         self._died = ""
 
     def summary(self) -> dict[str, Any]:
-        """What the run has written about itself; empty if nothing, or with other options."""
+        """Return the summary that the run wrote; empty if none, or with other options."""
         found = _read(self._summary_file) if _read(self._record) == self.run.record else {}
         plain = isinstance(found.get("status"), str) and isinstance(found.get("results", {}), dict)
         return found if plain else {}

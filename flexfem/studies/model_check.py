@@ -53,7 +53,7 @@ def check_models(
 
 
 def _first_mistake(task: Mapping[str, Any]) -> str:
-    """What is wrong with the first model that is, empty if nothing is."""
+    """Return the first mistake found in the models, empty if there is none."""
     identity, begin = task["identity"], time.monotonic()
     case = load_case(identity["case"])
     if identity["analysis"] != case.analysis.name:

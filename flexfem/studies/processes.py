@@ -67,7 +67,7 @@ class Processes:
 
     @property
     def running(self) -> list[Any]:
-        """What runs now."""
+        """Processes that are running."""
         return list(self._running)
 
     @property

@@ -18,7 +18,7 @@ _REFRESH = 0.5
 
 
 class SweepProgress:
-    """How many runs have ended and which go on, on the standard error stream."""
+    """Numbers of runs that have ended and names of running ones, on standard error."""
 
     def __init__(self, count: int, done: int, how: str) -> None:
         """Show where the study starts.

@@ -85,7 +85,7 @@ def run_case(
 
 
 def _changed(file: Path) -> int | None:
-    """When a file was written, None if there is none."""
+    """Return the time when a file was written, None if there is none."""
     return file.stat().st_mtime_ns if file.exists() else None
 
 
@@ -102,7 +102,7 @@ def _flag(key: str, value: Any) -> list[str]:
 
 
 def _outcome(folder: Path) -> Outcome:
-    """What the run has left."""
+    """Return the outcome that the run has left."""
     from flexfem.io import read_history, read_summary
     from flexfem.simulation.outcome import Outcome
 

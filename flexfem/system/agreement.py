@@ -51,7 +51,7 @@ def agreed(comm: MPI.Intracomm, make: Callable[[], Assembly]) -> Assembly:
 
 
 def _difference(comm: MPI.Intracomm, own: list[tuple[str, str]]) -> str:
-    """What differs first between the first rank and others, and on which; empty if nothing does."""
+    """Return the first difference between the first rank and others, and its rank; else empty."""
     whole = hashlib.blake2b(repr(own).encode(), digest_size=8).digest()
     every = comm.allgather(whole)
     others = [rank for rank, digest in enumerate(every) if digest != every[0]]

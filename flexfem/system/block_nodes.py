@@ -40,6 +40,6 @@ def distributed(comm: MPI.Intracomm, owner: IntArray, touched: IntArray) -> tupl
 
 
 def section_owners(beams: Sequence[Beam], sections: Sequence[Section]) -> list[str]:
-    """What messages call each section: the first beam that has it."""
+    """Return the name of each section in messages: the first beam that has it."""
     first = {id(b.section): f'Beam "{b.name}"' for b in reversed(beams)}
     return [first[id(section)] for section in sections]

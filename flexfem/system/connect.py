@@ -39,7 +39,7 @@ _BENT = 1.5
 
 @dataclass(frozen=True)
 class JointEnds:
-    """Where the markers of a joint are at the start.
+    """Places of the markers of a joint at the start.
 
     Attributes:
         nodes: the node that carries each marker, None on the ground and on lines.
@@ -115,7 +115,7 @@ def joint_ends(serial: Assembly, joint: Joint) -> JointEnds:
 def _on_surface(
     serial: Assembly, marker: Attachment, place: SurfacePlace, pose: Pose, axes: bool
 ) -> tuple[NodeKey | None, LinePoint | None, FloatArray]:
-    """What carries a marker on a shell: a node, or a place on several; its frame relative to it."""
+    """Return the carrier of a marker on a shell, node or place on several, and its frame there."""
     assert isinstance(marker, Marker)
     axes = axes or bool(marker.offset.any())
     frame = se3.frame(pose.position, pose.rotation)
@@ -241,7 +241,7 @@ def _placed(
 def _rail_points(
     ends: JointEnds, interface: Interface | NodeTable, rails: dict[int, Rail]
 ) -> tuple[RailPoint | None, ...]:
-    """Where the markers of a joint are on lines; ``rails`` are those of lines so far.
+    """Places of the markers of a joint on lines; ``rails`` are those of lines so far.
 
     Places on surfaces have rails of their own.
     """

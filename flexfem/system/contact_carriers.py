@@ -50,7 +50,7 @@ class CarriedPoints:
 
     @property
     def turns(self) -> bool:
-        """Whether the nodes turn."""
+        """True if the nodes have rotations."""
         return self.block.width == 6
 
     @classmethod

@@ -108,7 +108,7 @@ class ContactSurfaces:
 
     @property
     def longest_step(self) -> float:
-        """How far nodes may move with the same candidates so that none gets through, m.
+        """Largest motion of nodes (m) with the same neighbour lists so that none gets through.
 
         That is half of the skin, and half of the radius of a rigid surface.
         """
@@ -129,7 +129,7 @@ class ContactSurfaces:
         return automatic_stiffness(through, density, inertia)
 
     def stiffer(self, stiffness: float) -> float:
-        """How many times steeper the force may become: up to that through the thickness."""
+        """Return the largest stiffening factor of the force: up to that through the thickness."""
         if self._numbers is None or stiffness == 0.0:
             return 1.0
         return min(max(self._numbers[0] / stiffness, 1.0), STIFFER)

@@ -250,7 +250,7 @@ class Contacts:
         return State(values, {"contacts": rows})
 
     def doubts(self, state: State) -> str:
-        """What this rank finds wrong with its rows; empty for nothing."""
+        """Return this rank's objection to its rows; empty if there is none."""
         found = (
             made.doubts(state.rows["contacts"][name][self._at(made)], len(self._points))
             for name, made, _ in self._named()
@@ -284,7 +284,7 @@ class Contacts:
 
     @property
     def longest_step(self) -> float:
-        """How far nodes may move until :meth:`update` so that none gets through, m."""
+        """Largest motion of nodes (m) until :meth:`update` so that none gets through."""
         return min(group.surfaces.longest_step for group in self.groups)
 
     @property
@@ -315,7 +315,7 @@ class Contacts:
 
 
 class ContactShare:
-    """What the contacts of a system do to one of its blocks.
+    """Forces and tangents of a system's contacts on one of its blocks.
 
     Blocks are asked in their order: the first one evaluates for all.
 

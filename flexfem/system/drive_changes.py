@@ -25,7 +25,7 @@ _KIND, _SIZE, _TIME = range(3)
 
 @subroutine
 def isolated(before: float, middle: float, after: float) -> bool:
-    """Whether a change is much larger than its neighbours."""
+    """Return True if a change is much larger than its neighbours."""
     return abs(middle) > _TIMES * max(abs(before), abs(after))
 
 

@@ -92,7 +92,7 @@ def place_arrays(
 
 
 def holds(block: FrameBlock, place: ElementPlace) -> bool:
-    """Whether an element is this rank's; see ``FrameBlock.elements``."""
+    """Return True if an element is this rank's; see ``FrameBlock.elements``."""
     if block.elements is not None:
         return bool(np.isin(place.cell, block.elements))
     return bool(block.owned_index(place.nodes[-1:])[0] >= 0)

@@ -36,7 +36,7 @@ class Energies:
 
 @dataclass(frozen=True)
 class _State:
-    """What work is computed from, at one instant.
+    """Quantities that work is computed from, at one instant.
 
     Attributes:
         loads: (k, 12) force, moment, place and angular velocity of each load, inertial axes.

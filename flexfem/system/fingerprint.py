@@ -81,7 +81,7 @@ def _named(serial: Assembly) -> Iterator[tuple[str, Any]]:
 
 
 def _numbers_of(thing: Any) -> Any:
-    """What ranks must have alike; sampled laws are called on the first rank alone."""
+    """Return the data that ranks must share; sampled laws are called on the first rank alone."""
     if isinstance(thing, FloatingBody):
         data = thing.reduced
         return (*_floating(thing), data.stiffness, data.products)
@@ -94,7 +94,7 @@ def _numbers_of(thing: Any) -> Any:
 
 
 def _floating(body: FloatingBody) -> tuple[Any, ...]:
-    """What the motion of a body in a floating frame depends on; not its pictures."""
+    """Return the data of a floating-frame body that its motion depends on, without pictures."""
     data = body.reduced
     return (
         body.name, body.frame, body.stiffening, data.interfaces, data.mass, data.moments,
@@ -162,7 +162,7 @@ class _Digest:
         return known[id(value)][1]
 
     def _code(self, value: Any) -> None:
-        """What a function, or an object that is called like one, computes with."""
+        """Add the code and data that a function, or a callable object, computes with."""
         self._text(type(value).__name__)
         assert self._known is not None
         if id(value) in self._known:
@@ -186,7 +186,7 @@ class _Digest:
             self._around(getattr(value, "__dict__", {}))
 
     def _around(self, names: Mapping[str, Any]) -> None:
-        """What functions find by names: others than these may belong to one rank."""
+        """Add values that functions find by names; others than these may belong to one rank."""
         for name, value in sorted(names.items()):
             if _counts(value):
                 self._text(name)
@@ -208,7 +208,7 @@ class _Digest:
 
 
 def _counts(value: Any) -> bool:
-    """Whether a value that a function finds counts: numbers with a point, data and functions.
+    """Return True if a value found by a function counts: float, data or function.
 
     Lists do not: functions that are called on some ranks only keep notes in them.
     """
@@ -233,7 +233,7 @@ def _enclosed(function: FunctionType) -> dict[str, Any]:
 
 
 def _instructions(code: CodeType) -> Iterator[str]:
-    """What the code of a function says, and those within it."""
+    """Yield the instructions of a function's code, and of those within it."""
     yield code.co_code.hex()
     yield repr(code.co_names)
     for constant in code.co_consts:

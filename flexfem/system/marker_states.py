@@ -84,7 +84,7 @@ class MarkerStates:
 
 
 def without_spin(serial: Assembly, markers: Sequence[Observed]) -> BoolArray:
-    """Which markers are at nodes without rotations: of shells, of elements in UFL.
+    """Return flags of markers at nodes without rotations: of shells, of elements in UFL.
 
     Their axes turn with the elements around them at the end of a step, but no angular velocity of
     theirs is known: it is nan, not a made-up zero.

@@ -117,7 +117,7 @@ class Mechanics(ABC):
 
     @abstractmethod
     def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
-        """What a part's matrices are computed from: arrays of its nodes, and numbers.
+        """Return a snapshot that a part's matrices are computed from: nodal arrays, and numbers.
 
         The arrays are those that are worked with, the numbers are the same on all ranks.
         """

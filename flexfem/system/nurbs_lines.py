@@ -98,7 +98,7 @@ class NurbsLines:
         return sorted(range(len(self.beams)), key=self.kind)
 
     def element(self, beam: int) -> int:
-        """How frames are interpolated along a beam, see ``core.line_points``."""
+        """Return the kind of interpolation of frames along a beam, see ``core.line_points``."""
         return NURBS_VECTORS if self.beams[beam].vectors else NURBS_ELEMENT
 
     def nodes(self, beam: int) -> IntArray:

@@ -63,7 +63,7 @@ class PlacedJoint:
 
 @dataclass(frozen=True)
 class RowLayout:
-    """Where the rows of joints stand in the table; the arrays are those of ``RowTable``.
+    """Layout of the rows of joints in the table; the arrays are those of ``RowTable``.
 
     Attributes:
         joints: the joints.

@@ -77,7 +77,7 @@ def _spread(
 
 
 def _at_nodes(load: Load, formulation: str) -> bool:
-    """Whether a load along a beam acts at nodes: uniform forces, but where these do not turn.
+    """Return True if a load along a beam acts at nodes: uniform forces, on NURBS dead ones only.
 
     Control points have no rotation that a load could follow.
     """

@@ -117,7 +117,7 @@ class ProbeRecorder:
         return block, nodes, offsets[places], places
 
     def state(self) -> FloatArray:
-        """What energies have summed up so far, over all ranks (collective)."""
+        """Return the sums of energies so far, over all ranks (collective)."""
         shares = [m.state() for m in self._meters]
         total = np.concatenate([np.empty(0), *shares])
         self._comm.Allreduce(MPI.IN_PLACE, total)

@@ -228,7 +228,7 @@ def _across(
 
 
 def _averaged(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> bool:
-    """Whether a shell's slopes are averaged: as it says, or as its mesh needs."""
+    """Return True if a shell's slopes are averaged: as it says, or as its mesh needs."""
     if shell.element == "director":
         return False
     if shell.averaged:

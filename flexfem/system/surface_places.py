@@ -89,7 +89,7 @@ def carrier_frame(point: LinePoint, points: FloatArray) -> FloatArray:
 
 
 def turning(rows: Sequence[Row], marker: int) -> bool:
-    """Whether rows need the axes of a marker, given by its number, and not its position alone."""
+    """Return True if rows need a marker's axes, not its position alone; it is given by number."""
     for term in (term for row in rows for term in row.terms):
         by_a, by_b = term.kind.axes
         if (by_a and marker == term.a) or (by_b and marker == term.b):

@@ -40,7 +40,7 @@ _BETTER = 0.99
 
 @dataclass
 class Counters:
-    """What a run counts."""
+    """Counters of a run."""
 
     newton_iterations: int = 0
     residual_evaluations: int = 0
@@ -143,7 +143,7 @@ class BlockPart:
 
     @cached_property
     def held_entries(self) -> BoolArray:
-        """Which entries of elements, masses and forces are in a row or column that is held."""
+        """Flags of entries of elements, masses and forces in a held (Dirichlet) row or column."""
         held = self.block.held
         assert held is not None
         own = np.concatenate([self.masses.nodes, self.forces.nodes]).astype(np.int64)[:, np.newaxis]
@@ -397,7 +397,7 @@ class System:
         return state
 
     def doubts(self, state: State) -> str:
-        """What this rank finds wrong with the rows of a state; empty for nothing.
+        """Return this rank's objection to the rows of a state; empty if there is none.
 
         Args:
             state: with the names and shapes of :meth:`state`.

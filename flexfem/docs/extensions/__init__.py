@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the pages need of Sphinx: formulas without network, and texts made from the package."""
+"""Sphinx extensions of these pages: formulas without network, texts made from the package."""

@@ -46,7 +46,7 @@ class FromPackage(SphinxDirective):
         return parsed
 
     def text(self, arguments: Sequence[str]) -> str:
-        """What stands in its place."""
+        """Return the text that replaces the directive."""
         raise NotImplementedError
 
 
@@ -65,7 +65,7 @@ class PublicNames(FromPackage):
 
 
 def _value(name: str) -> Any:
-    """What a full public name stands for."""
+    """Return the object with a full public name."""
     module, _, own = name.rpartition(".")
     return getattr(importlib.import_module(module), own)
 
@@ -81,7 +81,7 @@ def _documented(name: str) -> str:
 
 
 def _inherited(value: type) -> list[tuple[str, str]]:
-    """What a class has from others of the package, and the directives that describe it.
+    """Return what a class inherits inside the package, with directives that describe it.
 
     These are constructors, and of a model its mechanical part.
     """
@@ -165,7 +165,7 @@ class AnalysisOptions(FromPackage):
 
 
 class CommandHelp(FromPackage):
-    """What ``flexfem ARGUMENTS --help`` prints; without arguments all commands one by one."""
+    """Output of ``flexfem ARGUMENTS --help``; without arguments that of every command."""
 
     def text(self, arguments: Sequence[str]) -> str:
         """See :meth:`FromPackage.text`."""

@@ -42,7 +42,7 @@ def _resolve(app: Sphinx, env: Any, node: Any, content: Any) -> Any:
 
 
 def _is_internal(target: str) -> bool:
-    """Whether this is a module of the package, or something that one of them knows."""
+    """Return True if this is a module of the package, or a name known in one of them."""
     if target in sys.modules and target.startswith("flexfem."):
         return True
     modules = [module for name, module in sys.modules.items() if name.startswith("flexfem")]

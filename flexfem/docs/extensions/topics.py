@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What belongs on which page: public names by the modules that define them, cases by analysis.
+"""Contents of the pages: public names by their modules, cases by analysis.
 
 Nothing here needs Sphinx.
 """

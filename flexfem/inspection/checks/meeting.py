@@ -94,7 +94,7 @@ class _JointsAtPlaces:
         self._places = _Places(points, _SAME * inspection.extent)
 
     def join(self, place: FloatArray, names: list[str]) -> bool:
-        """Whether joints with a marker at a place lead from one body to another."""
+        """Return True if joints with a marker at a place lead from one body to another."""
         here = [self._bodies[self._joint[k]] for k in self._places.at(place).tolist()]
         reached, grown = {names[0]}, True
         while grown and names[1] not in reached:
@@ -105,6 +105,6 @@ class _JointsAtPlaces:
 
 
 def _touching(inspection: Inspection, names: list[str]) -> bool:
-    """Whether one of the bodies touches others."""
+    """Return True if a contact includes one of the bodies."""
     touching = {n for c in inspection.model.contacts for n in (*c.slaves, *c.masters)}
     return bool(touching & set(names))

@@ -31,7 +31,7 @@ _GYRATION = 30.0
 
 @dataclass(frozen=True)
 class _Stuff:
-    """What a section tells of its material.
+    """Material properties estimated from a section.
 
     Attributes:
         speed: of longitudinal waves, m/s; NaN without mass or stiffness.

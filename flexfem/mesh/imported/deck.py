@@ -50,7 +50,7 @@ class Sets:
 
     @property
     def size(self) -> int:
-        """How many members and ranges all sets have together."""
+        """Number of members and ranges of all sets together."""
         return sum(map(len, self._keys.values()))
 
     def items(self) -> Iterator[tuple[str, list[Key | Run]]]:
@@ -59,7 +59,7 @@ class Sets:
 
 
 class Deck:
-    """What is collected while a file is read."""
+    """Contents of a file, collected while it is read."""
 
     def __init__(self, path: Path, allowance: Allowance) -> None:
         """Begin with nothing."""
@@ -76,7 +76,7 @@ class Deck:
 
     @property
     def size(self) -> int:
-        """How many nodes, elements, members of sets and facets there are."""
+        """Number of nodes, elements, members of sets and facets together."""
         facets = sum(map(len, self.facets.values()))
         sets = self.node_sets.size + self.element_sets.size
         return len(self.nodes) + len(self.elements) + sets + facets

@@ -36,7 +36,7 @@ class Block(NamedTuple):
 
 @dataclass
 class Contents:
-    """What is read.
+    """Contents of a gmsh file.
 
     Attributes:
         nodes: Numbers of the nodes, in pieces.

@@ -100,7 +100,7 @@ class MeshFile:
         return np.empty(0, dtype=np.int64)
 
     def contents(self) -> str:
-        """What the file has, for messages."""
+        """Contents of the file as text, for messages."""
         kinds = [f"{len(nodes)} {KINDS[k].plural}" for k, nodes in self.cells.items() if len(nodes)]
         others = [f"{count} {name} (not used)" for name, count in self.unused.items()]
         return ", ".join(kinds + others) or "no elements"

@@ -34,7 +34,7 @@ _ORDER = {"wedge": [0, 2, 1, 3, 5, 4]}
 
 @dataclass
 class VtkGrid:
-    """What a file or a piece of it has.
+    """Unstructured grid of a VTK file or of a piece of it.
 
     Attributes:
         points: (n, 3).

@@ -32,7 +32,7 @@ _DEPENDENT = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What internal functions are made of; blocks have this rank's rows.
+    """Data that internal functions are computed from; blocks have this rank's rows.
 
     Attributes:
         stiffness: matrix of all rows.

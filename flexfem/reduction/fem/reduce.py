@@ -138,7 +138,7 @@ def _lines(owner: str, lines: Mapping[str, Any] | None) -> dict[str, FloatArray]
 def _choice(
     owner: str, body: LinearBody, basis: str, tied: bool, given: tuple[Any, Any, Any]
 ) -> Choice:
-    """Which modes are asked for, and whether the basis can have them."""
+    """Return the choice of modes, after checking that the basis can have them."""
     if basis not in BASES:
         raise ValueError(f"{owner}: basis must be one of {BASES}, got {_checks.show(basis)}")
     if basis != "full":

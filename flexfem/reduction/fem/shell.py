@@ -122,7 +122,7 @@ def shell_body(
 
 
 def _isotropic(section: ShellSection) -> bool:
-    """Whether the section is the same in all directions of the surface."""
+    """Return True if the section is the same in all directions of the surface."""
     turn = np.deg2rad(30.0)
     c, s = np.cos(turn), np.sin(turn)
     change = np.array(

@@ -20,7 +20,7 @@ _FIRST = 12
 
 @dataclass(frozen=True)
 class Choice:
-    """Which modes are kept; exactly one of the attributes is given, or none for all.
+    """Choice of modes to keep; exactly one of the attributes is given, or none for all.
 
     Attributes:
         number: so many.
@@ -33,7 +33,7 @@ class Choice:
     participation: float | None = None
 
     def __str__(self) -> str:
-        """What was given."""
+        """Return the given attribute as text."""
         if self.frequency is not None:
             return f"frequency {self.frequency:g} Hz"
         if self.participation is not None:

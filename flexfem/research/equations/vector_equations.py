@@ -31,7 +31,7 @@ DRIVER = "flexfem.research.equations.run.simulate:simulate_equations"
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What is seen at one instant, for a series of ParaView files.
+    """Mesh and fields at one instant, for a series of ParaView files.
 
     Attributes:
         points: (n, 3), m.
@@ -120,7 +120,7 @@ class VectorEquations:
         raise NotImplementedError
 
     def pictures(self, motion: Motion) -> Mapping[str, Picture]:
-        """What is seen, by the names of the series, the same ones at all instants."""
+        """Return the pictures by the names of their series, which are the same at all instants."""
         return {}
 
     def summary(self) -> Mapping[str, Any]:
@@ -128,7 +128,7 @@ class VectorEquations:
         return {}
 
     def identity(self) -> Mapping[str, str]:
-        """What a checkpoint must agree with, by the names of what is compared."""
+        """Return the texts that a checkpoint must agree with, by the names of what is compared."""
         return {
             "equations": type(self).__name__,
             "unknowns": f"{self.size} + {self.multipliers}",

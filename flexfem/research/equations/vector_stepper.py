@@ -49,7 +49,7 @@ class VectorStepper:
         raise NotImplementedError
 
     def _memory(self) -> dict[str, FloatArray]:
-        """What the scheme remembers besides the motion."""
+        """Return the memory of the scheme besides the motion."""
         raise NotImplementedError
 
     def _recall(self, state: Mapping[str, FloatArray]) -> None:

@@ -80,7 +80,7 @@ class CompiledBody:
         return other
 
     def _call(self, name: str, weights: Sequence[float]) -> list[tuple[Any, ...]]:
-        """What loops over the cells need before the fields, for each kernel of a form."""
+        """Return arguments of loops over cells, before the fields, for each kernel of a form."""
         if name not in self._calls:
             kernels = _body_kernels(id(self.energies), name)
             self._calls[name] = [self._data(*pair) for pair in kernels]
@@ -91,7 +91,7 @@ class CompiledBody:
         return [data for data, _ in self._calls[name]]
 
     def _data(self, kernel: Kernel, names: tuple[str, ...]) -> tuple[tuple[Any, ...], FloatArray]:
-        """What a loop needs before the fields, and the place of the weights in it."""
+        """Return the arguments of a loop before the fields, and the weights' place among them."""
         numbers = self._numbers | {"weights": np.zeros(4)}
         constants = np.concatenate([*(numbers[n] for n in names), np.zeros(4)])
         before = names[: names.index("weights")] if "weights" in names else names
@@ -182,7 +182,7 @@ class CompiledJoint:
         }
 
     def _compile(self, form: ufl.Form) -> tuple[Any, ...] | None:
-        """What evaluates a form, and the multipliers among its constants; None if it vanishes."""
+        """Return a form's evaluator and multipliers among its constants; None if it vanishes."""
         if ufl.algorithms.expand_derivatives(form).empty():
             return None
         kernel = compile_kernel(MPI.COMM_WORLD, form, (self._z, self._zd))
@@ -232,7 +232,7 @@ _UNIT = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
 def _states(
     ends: Sequence[tuple[Frame, Matter, int]], z: ufl.Coefficient, constant: ufl.Constant
 ) -> list[Any]:
-    """What a joint's function is called with."""
+    """Return the arguments with which a joint's function is called."""
     states: list[Any] = []
     at = 0
     for i, (frame, matter, nodal) in enumerate(ends):

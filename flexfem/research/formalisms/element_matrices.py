@@ -44,7 +44,7 @@ __all__ = ["ElementMatrices", "InertiaIntegrals", "element_matrices"]
 
 @dataclass(frozen=True)
 class ElementMatrices:
-    """What a moving frame makes of an element or a body, n displacements in its own axes.
+    """Matrices of an element or a body in a moving frame, n displacements in its own axes.
 
     Attributes:
         m: (n, n) mass matrix.

@@ -29,7 +29,7 @@ Expr = Any
 
 @dataclass(frozen=True)
 class End:
-    """Where a joint acts.
+    """Point of a body at which a joint acts.
 
     Args:
         body: name of the body.
@@ -117,7 +117,7 @@ class Constraint:
 
     @property
     def owner(self) -> str:
-        """How messages call it."""
+        """Name in messages."""
         return f'Constraint "{self.name}"'
 
 
@@ -150,7 +150,7 @@ class AppliedForce:
 
     @property
     def owner(self) -> str:
-        """How messages call it."""
+        """Name in messages."""
         return f'AppliedForce "{self.name}"'
 
 

@@ -34,7 +34,7 @@ class ElementMatrixStudy:
     }
 
     def __repr__(self) -> str:
-        """How messages call it."""
+        """Return the name in messages."""
         return f"ElementMatrixStudy of {len(self.bodies)} bodies"
 
     def __str__(self) -> str:

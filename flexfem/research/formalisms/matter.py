@@ -23,7 +23,7 @@ Expr = Any
 
 
 class Matter(Protocol):
-    """What a body is made of.
+    """Elastic material and finite elements of a body.
 
     Attributes:
         cell: "interval", "triangle" or "tetrahedron".

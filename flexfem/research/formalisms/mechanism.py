@@ -148,7 +148,7 @@ class Mechanism:
     }
 
     def __repr__(self) -> str:
-        """How messages call it."""
+        """Return the name in messages."""
         return f'Mechanism "{self.name}"'
 
     def __str__(self) -> str:

@@ -35,7 +35,7 @@ class FormalismStudy:
     }
 
     def __repr__(self) -> str:
-        """How messages call it."""
+        """Return the name in messages."""
         return f"FormalismStudy of {len(self.mechanisms)} mechanisms"
 
     def __str__(self) -> str:

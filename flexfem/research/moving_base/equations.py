@@ -24,7 +24,7 @@ _TIP = ("u2", "u3", "theta1", "s")
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What equations are made with besides the integrals.
+    """Data besides the integrals from which equations are made.
 
     Attributes:
         effects: what the theory takes into account.
@@ -58,7 +58,7 @@ class Setting:
 
 
 class _BeamEquations(VectorEquations):
-    """What both have in common."""
+    """Common parts of both kinds of equations."""
 
     def __init__(self, basis: Basis, inertia: Inertia, setting: Setting) -> None:
         self.basis, self.inertia = basis, inertia

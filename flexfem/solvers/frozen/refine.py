@@ -28,7 +28,7 @@ _INNER, _SWEEPS = 0.02, 8
 
 @dataclass(frozen=True)
 class Refined:
-    """How a refined step went.
+    """Result of the refinement of a step.
 
     Attributes:
         defect: Size of what the frozen operator missed, relative to the step.

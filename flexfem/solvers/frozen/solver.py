@@ -177,7 +177,7 @@ class FrozenSolver:
                 flexible.factorise(self.shifts, request, chosen)
 
     def state(self) -> State:
-        """Where and with which shifts factors were computed."""
+        """Return the states and shifts at which factors were computed."""
         shifts = np.array([astuple(s) for s in self._kept], dtype=np.float64)
         values = {
             "frozen_shifts": shifts.reshape(-1, 5),

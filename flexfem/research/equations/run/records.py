@@ -136,7 +136,7 @@ class EquationRecords:
             self._opened = True
 
     def state(self) -> State:
-        """What the records go on from; the table is on disk first (collective)."""
+        """Return the state that the records go on from; the table is on disk first (collective)."""
         error: Exception | None = self._faults.error if self._broken else None
         try:
             if self._table is not None:

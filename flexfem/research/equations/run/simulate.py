@@ -40,7 +40,7 @@ _FOREIGN = {
 
 
 class Source(Protocol):
-    """What a case builds; ``drivers`` names this module's function."""
+    """Equations that a case builds; ``drivers`` names this module's function."""
 
     drivers: Mapping[str, str]
 

@@ -27,7 +27,7 @@ __all__ = ["compare_formalisms", "simulate_mechanism"]
 
 
 class _Source:
-    """What the driver of equations runs."""
+    """Source of equations that the driver runs."""
 
     drivers: Mapping[str, str] = Mechanism.drivers
 

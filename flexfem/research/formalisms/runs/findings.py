@@ -39,7 +39,7 @@ def _cell(value: Any) -> str:
 
 
 def findings(rows: Sequence[Row], labels: Sequence[str], energies: Sequence[Row] = ()) -> str:
-    """What the figures say of claims that Gibbs–Appell is the cheapest and Hamilton the dearest.
+    """Test the claims that Gibbs–Appell is the cheapest and Hamilton the dearest, as text.
 
     Every formalism is compared with Lagrange's on the same mechanism; without that there is nothing
     to compare with. Times are called different where the quartiles of their ratios are.
@@ -131,7 +131,7 @@ def _span(ratios: Mapping[str, float]) -> str:
 
 
 def _where(sides: Mapping[str, int], *, timed: bool) -> str:
-    """Where it is more and where neither, unless it is the same side everywhere."""
+    """Return cases of more and of neither as text, unless it is the same side everywhere."""
     neither = "not told apart" if timed else "the same"
     if set(sides.values()) in ({1}, {-1}):
         return ""
@@ -146,7 +146,7 @@ def _where(sides: Mapping[str, int], *, timed: bool) -> str:
 
 
 def _extremes(groups: Mapping[tuple[Any, ...], Mapping[str, Row]]) -> str:
-    """Whether the claims hold, mechanism by mechanism."""
+    """Test the claims mechanism by mechanism."""
     claims = [
         ("Gibbs-Appell takes fewer operations than Lagrange", _fewer("gibbs_appell", "operations")),
         ("Maggi has no multipliers", _no_multipliers),
