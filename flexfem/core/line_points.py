@@ -65,6 +65,7 @@ __all__ = [
     "TRIANGLE",
     "add_line_second",
     "arc_length",
+    "find_jacobian",
     "line_jacobian",
     "line_pose",
     "offset_jacobian",
@@ -127,6 +128,14 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
 
 
 @kernel
+def find_jacobian(
+    kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray, J: FloatArray
+) -> None:
+    """:func:`line_jacobian`, for Python."""
+    line_jacobian(kind, frames, shape, xi, H, J)
+
+
+@subroutine
 def line_jacobian(
     kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray, J: FloatArray
 ) -> None:
@@ -237,7 +246,7 @@ def _add_helix_second(frames: FloatArray, xi: float, g: FloatArray, out: FloatAr
         out[6 + j, 12] += S[j, 6]
 
 
-@kernel
+@subroutine
 def add_line_second(
     kind: int, frames: FloatArray, shape: FloatArray, xi: float, g: FloatArray, out: FloatArray
 ) -> None:
@@ -288,7 +297,13 @@ def turn_columns(turns: FloatArray, A: FloatArray) -> None:
 def turn_second(turns: FloatArray, A: FloatArray) -> None:
     """Turn rows and columns of ``A`` (6k + 1, 6k + 1) from sections to nodes, in place."""
     turn_columns(turns, A)
-    turn_columns(turns, A.T)
+    for node in range(turns.shape[0]):
+        Q = turns[node]
+        for at in (6 * node, 6 * node + 3):
+            for i in range(A.shape[1]):
+                a, b, c = A[at, i], A[at + 1, i], A[at + 2, i]
+                for j in range(3):
+                    A[at + j, i] = a * Q[3 * j] + b * Q[3 * j + 1] + c * Q[3 * j + 2]
 
 
 @kernel

@@ -4,7 +4,7 @@
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.line_points import line_jacobian
+from flexfem.core.line_points import find_jacobian
 from flexfem.lie import se3
 from flexfem.materials.shell_section import ShellSection
 from flexfem.model.bodies import Beam, PointMass, RigidBody
@@ -94,7 +94,7 @@ def _curve_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArr
     jacobian = np.empty((6, 6 * nodes.shape[1] + 1))
     for e, q in np.ndindex(len(nodes), len(xi)):
         frames = np.ascontiguousarray(curves.frames[nodes[e]])
-        line_jacobian(element, frames, shape[e], float(xi[q]), sections[e, q], jacobian)
+        find_jacobian(element, frames, shape[e], float(xi[q]), sections[e, q], jacobian)
     return carried(origin, sections.reshape(-1, 12), body.section.inertia, lengths.ravel())
 
 

@@ -13,7 +13,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.joint import Joint
-from flexfem.core.line_points import BODY, FIXED, TRIANGLE, line_jacobian, turn_frames
+from flexfem.core.line_points import BODY, FIXED, TRIANGLE, find_jacobian, turn_frames
 from flexfem.core.marker import Attachment, Carrier, Marker
 from flexfem.core.pose import Pose
 from flexfem.lie import se3
@@ -174,14 +174,14 @@ def _in_plane(
     """Coordinate, 0 to 1, of the section whose plane is nearest to x, and its frame (Newton)."""
     frame, J, xi = np.empty(12), np.empty((6, 6 * len(frames) + 1)), 0.5
     for _ in range(_STEPS):
-        line_jacobian(kind, frames, shape, xi, frame, J)
+        find_jacobian(kind, frames, shape, xi, frame, J)
         p = se3.rotation(frame).T @ (x - frame[:3])
         step = p[0] / (J[0, -1] + J[4, -1] * p[2] - J[5, -1] * p[1])
         xi = min(max(xi + step, -1.0), 2.0)
         if abs(step) < _SMALL:
             break
     xi = min(max(xi, 0.0), 1.0)
-    line_jacobian(kind, frames, shape, xi, frame, J)
+    find_jacobian(kind, frames, shape, xi, frame, J)
     return xi, frame
 
 

@@ -91,7 +91,7 @@ class Constraints(NumberedRows):
         values = {"relaxation": np.array([self.relaxation])}
         lines = {
             "places": {"places": self.lines.accepted_places()},
-            "line_terms": {"line_angles": self.lines.memory},
+            "line_terms": {"line_angles": self.lines.angles},
         }
         return State(values, {"rows": rows, "terms": {"angles": self.angles}, **lines})
 
@@ -102,7 +102,7 @@ class Constraints(NumberedRows):
         self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
         self.angles[:] = state.rows["terms"]["angles"]
         self.lines.restore_places(state.rows["places"]["places"])
-        self.lines.memory[:] = state.rows["line_terms"]["line_angles"]
+        self.lines.angles[:] = state.rows["line_terms"]["line_angles"]
         self.relaxation = float(state.values["relaxation"][0])
         self.consistent, self.reported = False, None
 

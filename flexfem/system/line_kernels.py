@@ -27,8 +27,9 @@ from flexfem.core.terms.dispatch import term
 from flexfem.core.terms.vectors import rotate_back_into, rotate_into
 from flexfem.lie._blocks import copy_entries
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Memory, unpack
 from flexfem.lie.se3 import compose_into
-from flexfem.system.line_data import ON_LINE, LineData, PointData, RowData, Work
+from flexfem.system.line_data import ON_LINE, JointsOnLines
 from flexfem.system.row_hessians import marker_map
 
 __all__ = [
@@ -39,8 +40,7 @@ __all__ = [
     "element_frames",
     "evaluate_lines",
     "node_slots",
-    "place_markers",
-    "slide_gradient",
+    "place_lines",
     "slider_motions",
     "update_line_angles",
 ]
@@ -52,50 +52,50 @@ _STEPS, _SMALL = 50, 1e-13
 
 
 @subroutine
-def element_frames(lines: LineData, line: int, e: int, frames: FloatArray, work: Work) -> None:
-    """Frames of the sections at the nodes of an element in ``work.frames``."""
-    k = lines.width[line]
+def element_frames(own: JointsOnLines, line: int, e: int, frames: FloatArray) -> None:
+    """Frames of the sections at the nodes of an element in ``own.sections``."""
+    k, sections = own.count[line], own.sections
     for i in range(k):
-        copy_entries(frames[lines.nodes[e, i]], work.frames[i])
-    if lines.turned[line]:
-        turn_frames(work.frames[:k], lines.turns[e], work.frames[:k])
+        copy_entries(frames[own.nodes[e, i]], sections[i])
+    if own.turned[line]:
+        turn_frames(sections[:k], own.turns[e], sections[:k])
 
 
 @subroutine
-def coefficients(lines: LineData, line: int, e: int) -> FloatArray:
+def coefficients(own: JointsOnLines, line: int, e: int) -> FloatArray:
     """Those of the shape functions of an element."""
-    rows, columns = lines.size[line]
-    own: FloatArray = lines.shape[e][: rows * columns].reshape(rows, columns)
-    return own
+    rows, columns = own.size[line]
+    shape: FloatArray = own.shape[e][: rows * columns].reshape(rows, columns)
+    return shape
 
 
 @inlined
-def section_jacobian(lines: LineData, line: int, work: Work) -> FloatArray:
-    """``work.section`` as the matrix (6, 6 k + 1) of an element of a line.
+def section_jacobian(own: JointsOnLines, line: int) -> FloatArray:
+    """``own.section`` as the matrix (6, 6 k + 1) of an element of a line.
 
     Contiguous, as all matrices for ``line_points``: another layout would be compiled once more.
     """
-    columns = 6 * lines.width[line] + 1
-    own: FloatArray = work.section[: 6 * columns].reshape(6, columns)
-    return own
+    columns = 6 * own.count[line] + 1
+    J: FloatArray = own.section[: 6 * columns].reshape(6, columns)
+    return J
 
 
 @subroutine
 def _section(
-    lines: LineData, line: int, e: int, xi: float, frames: FloatArray, work: Work, H: FloatArray
+    own: JointsOnLines, line: int, e: int, xi: float, frames: FloatArray, H: FloatArray
 ) -> None:
-    """Frame ``H`` of a section and its derivatives in ``work.section``."""
-    k = lines.width[line]
-    element_frames(lines, line, e, frames, work)
-    J = section_jacobian(lines, line, work)
-    line_jacobian(lines.element[line], work.frames[:k], coefficients(lines, line, e), xi, H, J)
-    if lines.turned[line]:
-        turn_columns(lines.turns[e], J)
+    """Frame ``H`` of a section and its derivatives in ``own.section``."""
+    k = own.count[line]
+    element_frames(own, line, e, frames)
+    J = section_jacobian(own, line)
+    line_jacobian(own.element[line], own.sections[:k], coefficients(own, line, e), xi, H, J)
+    if own.turned[line]:
+        turn_columns(own.turns[e], J)
 
 
 @subroutine
 def _slide_to(
-    lines: LineData, line: int, x: FloatArray, frames: FloatArray, work: Work, place: FloatArray
+    own: JointsOnLines, line: int, x: FloatArray, frames: FloatArray, place: FloatArray
 ) -> None:
     """Move ``place`` (element, xi) along the line until the section's plane holds the point x.
 
@@ -104,31 +104,31 @@ def _slide_to(
     send the point to the other.
     """
     H, p, gap = np.empty(12), np.empty(3), np.empty(3)
-    first, last = lines.first[line], lines.first[line + 1] - 1
-    e, xi, direction, k = int(place[0]), place[1], 0, 6 * lines.width[line]
+    first, last = own.first_element[line], own.first_element[line + 1] - 1
+    e, xi, direction, k = int(place[0]), place[1], 0, 6 * own.count[line]
     for _ in range(_STEPS):
-        _section(lines, line, e, xi, frames, work, H)
+        _section(own, line, e, xi, frames, H)
         for i in range(3):
             gap[i] = x[i] - H[i]
         rotate_back_into(H, gap, p, 0)
-        J = section_jacobian(lines, line, work)
+        J = section_jacobian(own, line)
         step = p[0] / (J[0, k] + J[4, k] * p[2] - J[5, k] * p[1])
         xi += min(max(step, -1.0), 1.0)
         if abs(step) < _SMALL:
             break
         if xi > 1.0 and e < last and direction >= 0:
-            xi = (xi - 1.0) * _speed(lines, e, 1.0) / _speed(lines, e + 1, 0.0)
+            xi = (xi - 1.0) * _speed(own, e, 1.0) / _speed(own, e + 1, 0.0)
             e, direction = e + 1, 1
         elif xi < 0.0 and e > first and direction <= 0:
-            xi = 1.0 + xi * _speed(lines, e, 0.0) / _speed(lines, e - 1, 1.0)
+            xi = 1.0 + xi * _speed(own, e, 0.0) / _speed(own, e - 1, 1.0)
             e, direction = e - 1, -1
     place[0], place[1] = e, xi
 
 
 @subroutine
-def _speed(lines: LineData, e: int, xi: float) -> float:
+def _speed(own: JointsOnLines, e: int, xi: float) -> float:
     """Arc length per coordinate."""
-    speed: float = arc_length(lines.arc[e], xi)[1]
+    speed: float = arc_length(own.arc[e], xi)[1]
     return speed
 
 
@@ -147,163 +147,156 @@ def _put_marker(offset: FloatArray, section: FloatArray, at: int, xi: int, J: Fl
             J[i, xi] = section[i, last]
 
 
-@subroutine
-def place_markers(
-    c: int, lines: LineData, points: PointData, frames: FloatArray, start: FloatArray,
-    work: Work, poses: FloatArray, places: FloatArray,
+@kernel
+def place_lines(
+    memory: Memory, first: int, last: int, frames: FloatArray, poses: FloatArray,
+    places: FloatArray,
 ) -> None:  # fmt: skip
-    """Poses of a joint's markers and their derivatives by z in ``work.point``.
+    """Place the markers of joints and find what their motion is along twists of the nodes.
+
+    The derivatives by z are left in ``JointsOnLines.point`` and ``slide``, for all other loops.
 
     Args:
-        c: number of the joint.
-        lines: elements.
-        points: markers.
+        memory: all joints on lines.
+        first: the first joint that is asked for.
+        last: the one after the last.
         frames: (n, 12) of all slots.
-        start: (m, 2) accepted places, from which sliders are followed.
-        work: work space.
-        poses: (m, 12) of all markers.
-        places: (m, 2) element and xi of these markers; those that slide are set.
+        poses: (m, 12) of all markers; those of the joints are set.
+        places: (m, 2) element and xi of the markers here; those that slide are set.
     """
-    H, first, last, xi = np.empty(12), points.first[c], points.first[c + 1], 6 * points.width[c]
-    work.point[:] = 0.0
-    for m in range(last - 1, first - 1, -1):  # what slides follows a later marker
-        pose, J, at = poses[points.marker[m]], work.point[m - first], 6 * points.column[m]
-        if points.slot[m] == -1:
-            copy_entries(points.offset[m], pose)
-        elif points.slot[m] >= 0:
-            compose_into(frames[points.slot[m]], points.offset[m], pose)
-            marker_map(points.offset[m], J[:, at : at + 6])
-        else:
-            line = points.line[m]
-            if points.slides[m]:
-                copy_entries(start[m], places[m])
-                other = poses[points.marker[first + 1]]
-                _slide_to(lines, line, other[:3], frames, work, places[m])
-            _section(lines, line, int(places[m, 0]), places[m, 1], frames, work, H)
-            compose_into(H, points.offset[m], pose)
-            section = section_jacobian(lines, line, work)
-            _put_marker(points.offset[m], section, at, xi if points.slides[m] else -1, J)
+    own = unpack(JointsOnLines, memory)
+    for c in range(first, last):
+        _place_markers(own, c, frames, poses, places)
+        _slide_gradient(own, c, poses)
 
 
 @subroutine
-def _along_first(poses: FloatArray, a: int, b: int, g: FloatArray, scratch: FloatArray) -> None:
-    """Gradient ``g`` (12) of the slider's equation with respect to both markers' twists."""
-    d = np.zeros((3, 3))
-    d[0, 0] = 1.0
-    term(ALONG, poses[a], poses[b], d, 0.0, g, scratch)
-
-
-@subroutine
-def slide_gradient(
-    c: int, points: PointData, poses: FloatArray, work: Work, g: FloatArray, scratch: FloatArray
+def _place_markers(
+    own: JointsOnLines, c: int, frames: FloatArray, poses: FloatArray, places: FloatArray
 ) -> None:
-    """Derivatives of the coordinate of a joint's slider by the twists of nodes in ``work.slide``.
+    """Poses of a joint's markers and their derivatives by z."""
+    H, first, last, xi = (
+        np.empty(12), own.first_marker[c], own.first_marker[c + 1], 6 * own.width[c]
+    )  # fmt: skip
+    point = own.point[c]
+    point[:] = 0.0
+    for m in range(last - 1, first - 1, -1):  # what slides follows a later marker
+        pose, J, at = poses[own.marker[m]], point[m - first], 6 * own.column[m]
+        offset = own.offset[m]
+        if own.slot[m] == -1:
+            copy_entries(offset, pose)
+        elif own.slot[m] >= 0:
+            compose_into(frames[own.slot[m]], offset, pose)
+            marker_map(offset, J[:, at : at + 6])
+        else:
+            line = own.line[m]
+            if own.slides[m]:
+                copy_entries(own.accepted[m], places[m])
+                other = poses[own.marker[first + 1]]
+                _slide_to(own, line, other[:3], frames, places[m])
+            _section(own, line, int(places[m, 0]), places[m, 1], frames, H)
+            compose_into(H, offset, pose)
+            section = section_jacobian(own, line)
+            _put_marker(offset, section, at, xi if own.slides[m] else -1, J)
 
-    Its last entry is that of G by the coordinate; zero where nothing slides.
-    """
-    first, xi = points.first[c], 6 * points.width[c]
-    work.slide[: xi + 1] = 0.0
-    if not points.slides[first]:
+
+@subroutine
+def _along_first(own: JointsOnLines, c: int, poses: FloatArray) -> None:
+    """Gradient ``own.term`` of a slider's equation with respect to both markers' twists."""
+    d, first = np.zeros((3, 3)), own.first_marker[c]
+    d[0, 0] = 1.0
+    a, b = own.marker[first], own.marker[first + 1]
+    term(ALONG, poses[a], poses[b], d, 0.0, own.term, own.scratch)
+
+
+@subroutine
+def _slide_gradient(own: JointsOnLines, c: int, poses: FloatArray) -> None:
+    """Derivatives of the coordinate of a joint's slider by the twists of nodes."""
+    xi, slide = 6 * own.width[c], own.slide[c]
+    slide[: xi + 1] = 0.0
+    if not own.slides[own.first_marker[c]]:
         return
-    _along_first(poses, points.marker[first], points.marker[first + 1], g, scratch)
-    _add_to_nodes(g, 0, 1, 1.0, work, xi + 1, work.slide)
+    _along_first(own, c, poses)
+    _add_to_nodes(own, c, 0, 1, 1.0, slide[: xi + 1])
     for j in range(xi):
-        work.slide[j] = -work.slide[j] / work.slide[xi]
+        slide[j] = -slide[j] / slide[xi]
 
 
 @subroutine
 def _add_to_nodes(
-    g: FloatArray, a: int, b: int, factor: float, work: Work, size: int, out: FloatArray
+    own: JointsOnLines, c: int, a: int, b: int, factor: float, out: FloatArray
 ) -> None:
-    """Add a gradient (12) with respect to the twists of markers a and b, carried to z."""
-    for j in range(size):
+    """Add a gradient ``own.term`` with respect to the twists of markers a and b, carried to z."""
+    g, point = own.term, own.point[c]
+    for j in range(out.size):
         total = 0.0
         for i in range(6):
-            total += g[i] * work.point[a, i, j] + g[6 + i] * work.point[b, i, j]
+            total += g[i] * point[a, i, j] + g[6 + i] * point[b, i, j]
         out[j] += factor * total
 
 
 @subroutine
-def _row_value(
-    r: int, c: int, lines: LineData, points: PointData, rows: RowData, poses: FloatArray,
-    places: FloatArray, work: Work, g: FloatArray, scratch: FloatArray,
-) -> float:  # fmt: skip
-    """Sum of a row's terms; its gradient by z in ``work.gradient``."""
-    size, value = 6 * points.width[c] + 1, 0.0
-    work.gradient[:size] = 0.0
-    for t in range(rows.term[r], rows.term[r + 1]):
-        a, b = rows.ends[t]
-        if rows.kinds[t] == ARC:
-            m = points.first[c] + a
-            e = int(places[m, 0])
-            s, slope, _ = arc_length(lines.arc[e], places[m, 1])
-            value += rows.factors[t] * (lines.start[e] + s)
-            work.gradient[size - 1] += rows.factors[t] * slope
+def _row_value(own: JointsOnLines, c: int, r: int, poses: FloatArray) -> float:
+    """Sum of a row's terms; its gradient by z in ``own.gradient``."""
+    at, value, gradient = own.first_marker[c], 0.0, own.gradient[: 6 * own.width[c] + 1]
+    gradient[:] = 0.0
+    for t in range(own.first_term[r], own.first_term[r + 1]):
+        a, b = own.ends[t]
+        factor = own.factors[t]
+        if own.kinds[t] == ARC:
+            e, xi = int(own.places[at + a, 0]), own.places[at + a, 1]
+            s, slope, _ = arc_length(own.arc[e], xi)
+            value += factor * (own.start[e] + s)
+            gradient[gradient.size - 1] += factor * slope
             continue
-        d, at = rows.directions[t], points.first[c]
-        value += rows.factors[t] * term(
-            rows.kinds[t], poses[points.marker[at + a]], poses[points.marker[at + b]], d,
-            rows.memory[t], g, scratch,
+        value += factor * term(
+            own.kinds[t], poses[own.marker[at + a]], poses[own.marker[at + b]], own.directions[t],
+            own.angles[t], own.term, own.scratch,
         )  # fmt: skip
-        _add_to_nodes(g, a, b, rows.factors[t], work, size, work.gradient)
+        _add_to_nodes(own, c, a, b, factor, gradient)
     return value
 
 
 @kernel
-def evaluate_lines(
-    lines: LineData, points: PointData, rows: RowData, frames: FloatArray, start: FloatArray,
-    work: Work, poses: FloatArray, places: FloatArray, values: FloatArray, gradients: FloatArray,
-) -> None:  # fmt: skip
-    """Evaluate all rows of joints on lines.
+def evaluate_lines(memory: Memory, poses: FloatArray, gradients: FloatArray) -> None:
+    """Sums and gradients of all rows of ``JointsOnLines``, whose markers are placed.
 
     Args:
-        lines: elements.
-        points: markers.
-        rows: rows and terms.
-        frames: (n, 12) of all slots.
-        start: (m, 2) accepted places of the markers on lines.
-        work: work space.
+        memory: the joints.
         poses: (m, 12) of all markers.
-        places: (m, 2) places at the trial state.
-        values: (r,) sums of the terms of all rows; those of joints on lines are set.
-        gradients: (t, 2, 6) gradients of all terms, two nodes a term, in the same way.
+        gradients: (t, 2, 6) gradients of all terms, two nodes a term; those of the joints are set.
     """
-    g, scratch = np.empty(12), np.empty((5, 3))
-    for c in range(points.width.size):
-        place_markers(c, lines, points, frames, start, work, poses, places)
-        slide_gradient(c, points, poses, work, g, scratch)
-        xi = 6 * points.width[c]
-        for r in range(rows.first[c], rows.first[c + 1]):
-            values[rows.row[r]] = _row_value(
-                r, c, lines, points, rows, poses, places, work, g, scratch
-            )
-            for n in range(points.width[c]):
-                out = gradients[rows.entry[r] + n // 2, n % 2]
+    own = unpack(JointsOnLines, memory)
+    gradient = own.gradient
+    for c in range(own.width.size):
+        xi, slide = 6 * own.width[c], own.slide[c]
+        for r in range(own.first_row[c], own.first_row[c + 1]):
+            own.sums[own.row[r]] = _row_value(own, c, r, poses)
+            for n in range(own.width[c]):
+                out = gradients[own.entry[r] + n // 2, n % 2]
                 for i in range(6):
                     j = 6 * n + i
-                    out[i] = work.gradient[j] + work.gradient[xi] * work.slide[j]
+                    out[i] = gradient[j] + gradient[xi] * slide[j]
 
 
 @kernel
-def node_slots(
-    lines: LineData, points: PointData, rows: RowData, places: FloatArray, first_pair: IntArray,
-    term_slots: IntArray, pair_slots: IntArray,
-) -> None:  # fmt: skip
+def node_slots(memory: Memory, term_slots: IntArray, pair_slots: IntArray) -> None:
     """Write the slots of the joints' nodes to the terms (t, 2) and pairs (p, 2) that hold them."""
-    slots = np.empty(points.width.max(), dtype=np.int64)
-    for c in range(points.width.size):
-        for m in range(points.first[c], points.first[c + 1]):
-            if points.slot[m] >= 0:
-                slots[points.column[m]] = points.slot[m]
-            elif points.slot[m] == ON_LINE:
-                e = int(places[m, 0])
-                for i in range(lines.width[points.line[m]]):
-                    slots[points.column[m] + i] = lines.nodes[e, i]
-        count, pair = points.width[c], first_pair[c]
-        for r in range(rows.first[c], rows.first[c + 1]):
+    own = unpack(JointsOnLines, memory)
+    slots = np.empty(own.width.max(), dtype=np.int64)
+    for c in range(own.width.size):
+        for m in range(own.first_marker[c], own.first_marker[c + 1]):
+            if own.slot[m] >= 0:
+                slots[own.column[m]] = own.slot[m]
+            elif own.slot[m] == ON_LINE:
+                e = int(own.places[m, 0])
+                for i in range(own.count[own.line[m]]):
+                    slots[own.column[m] + i] = own.nodes[e, i]
+        count, pair = own.width[c], own.first_pair[c]
+        for r in range(own.first_row[c], own.first_row[c + 1]):
             for n in range(count + count % 2):
                 slot = slots[n] if n < count else -1
-                term_slots[rows.entry[r] + n // 2, n % 2] = slot
+                term_slots[own.entry[r] + n // 2, n % 2] = slot
         for a in range(count):
             for b in range(a + 1, count):
                 pair_slots[pair, 0], pair_slots[pair, 1] = slots[a], slots[b]
@@ -311,122 +304,106 @@ def node_slots(
 
 
 @kernel
-def update_line_angles(points: PointData, rows: RowData, poses: FloatArray) -> None:
+def update_line_angles(memory: Memory, poses: FloatArray) -> None:
     """Store the continuous angles at accepted poses of the markers."""
-    g, scratch = np.empty(12), np.empty((5, 3))
-    for c in range(points.width.size):
-        marker = points.marker[points.first[c] :]
-        for t in range(rows.term[rows.first[c]], rows.term[rows.first[c + 1]]):
-            if rows.kinds[t] == ANGLE:
-                a, b, d = (
-                    poses[marker[rows.ends[t, 0]]],
-                    poses[marker[rows.ends[t, 1]]],
-                    rows.directions[t],
-                )
-                rows.memory[t] = term(ANGLE, a, b, d, rows.memory[t], g, scratch)
+    own = unpack(JointsOnLines, memory)
+    for c in range(own.width.size):
+        marker = own.marker[own.first_marker[c] :]
+        for t in range(own.first_term[own.first_row[c]], own.first_term[own.first_row[c + 1]]):
+            if own.kinds[t] == ANGLE:
+                a, b = poses[marker[own.ends[t, 0]]], poses[marker[own.ends[t, 1]]]
+                d, before = own.directions[t], own.angles[t]
+                own.angles[t] = term(ANGLE, a, b, d, before, own.term, own.scratch)
 
 
 @kernel
 def add_line_wrenches(
-    forces: FloatArray, lines: LineData, points: PointData, rows: RowData, frames: FloatArray,
-    start: FloatArray, work: Work, poses: FloatArray, places: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
+    memory: Memory, forces: FloatArray, poses: FloatArray, out: FloatArray
+) -> None:
     """Add to ``out`` (m, 6) the wrenches of the joints on the bodies, in inertial axes.
 
-    What keeps or drives a slider along its line acts on both bodies, too.
+    What keeps or drives a slider along its line acts on both bodies, too. ``forces`` (r,) are
+    those of all rows; markers are placed, with ``poses`` (m, 12).
     """
-    g, scratch, turned = np.empty(12), np.empty((5, 3)), np.empty(3)
-    for c in range(points.width.size):
-        place_markers(c, lines, points, frames, start, work, poses, places)
-        slide_gradient(c, points, poses, work, g, scratch)
-        first, xi = points.first[c], 6 * points.width[c]
+    own, turned = unpack(JointsOnLines, memory), np.empty(3)
+    total = own.forces
+    for c in range(own.width.size):
+        first, xi = own.first_marker[c], 6 * own.width[c]
         by_xi = 0.0
-        work.forces[:] = 0.0
-        for r in range(rows.first[c], rows.first[c + 1]):
-            force = forces[rows.row[r]]
-            _row_value(r, c, lines, points, rows, poses, places, work, g, scratch)
-            by_xi += force * work.gradient[xi]
-            _add_forces(r, first, points, rows, poses, force, work, g, scratch)
-        if points.slides[first]:
-            _along_first(poses, points.marker[first], points.marker[first + 1], g, scratch)
+        total[:] = 0.0
+        for r in range(own.first_row[c], own.first_row[c + 1]):
+            force = forces[own.row[r]]
+            _row_value(own, c, r, poses)
+            by_xi += force * own.gradient[xi]
+            _add_forces(own, c, r, force, poses)
+        if own.slides[first]:
+            _along_first(own, c, poses)
             for i in range(12):
-                work.forces[i] -= by_xi / work.slide[xi] * g[i]
-        for m in range(first, points.first[c + 1]):
-            to = points.marker[m]
+                total[i] -= by_xi / own.slide[c, xi] * own.term[i]
+        for m in range(first, own.first_marker[c + 1]):
+            to = own.marker[m]
             for half in range(2):
                 at = 6 * (m - first) + 3 * half
-                rotate_into(poses[to], work.forces[at : at + 3], turned, 0)
+                rotate_into(poses[to], total[at : at + 3], turned, 0)
                 for i in range(3):
                     out[to, 3 * half + i] -= turned[i]
 
 
 @subroutine
-def _add_forces(
-    r: int, first: int, points: PointData, rows: RowData, poses: FloatArray, force: float,
-    work: Work, g: FloatArray, scratch: FloatArray,
-) -> None:  # fmt: skip
+def _add_forces(own: JointsOnLines, c: int, r: int, force: float, poses: FloatArray) -> None:
     """Add the gradient of a row with respect to its markers' twists times its force."""
-    for t in range(rows.term[r], rows.term[r + 1]):
-        if rows.kinds[t] == ARC:
+    first, total, g = own.first_marker[c], own.forces, own.term
+    for t in range(own.first_term[r], own.first_term[r + 1]):
+        if own.kinds[t] == ARC:
             continue
-        a, b = rows.ends[t]
-        d = rows.directions[t]
-        Ha, Hb = poses[points.marker[first + a]], poses[points.marker[first + b]]
-        term(rows.kinds[t], Ha, Hb, d, rows.memory[t], g, scratch)
+        a, b = own.ends[t]
+        Ha, Hb = poses[own.marker[first + a]], poses[own.marker[first + b]]
+        term(own.kinds[t], Ha, Hb, own.directions[t], own.angles[t], g, own.scratch)
         for i in range(6):
-            work.forces[6 * a + i] += force * rows.factors[t] * g[i]
-            work.forces[6 * b + i] += force * rows.factors[t] * g[6 + i]
+            total[6 * a + i] += force * own.factors[t] * g[i]
+            total[6 * b + i] += force * own.factors[t] * g[6 + i]
 
 
 @kernel
 def slider_motions(
-    joints: IntArray, lines: LineData, points: PointData, frames: FloatArray,
-    velocities: FloatArray, start: FloatArray, work: Work, poses: FloatArray, places: FloatArray,
-    out: FloatArray,
+    memory: Memory, joints: IntArray, velocities: FloatArray, poses: FloatArray,
+    places: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Frames and local twists of the sections at sliders, their arc lengths and rates.
 
     Args:
-        joints: (n,) numbers of the joints.
-        lines: elements.
-        points: markers.
-        frames: (n, 12) of all slots.
-        velocities: (n, 6) their local twists.
-        start: (m, 2) accepted places of the markers on lines.
-        work: work space.
-        poses: (m, 12) of all markers; set for the joints.
-        places: (m, 2) places; set for the joints.
+        memory: all joints on lines.
+        joints: (n,) numbers of those that are asked for, which are placed.
+        velocities: (n, 6) local twists of all slots.
+        poses: (m, 12) of all markers.
+        places: (m, 2) of the markers here.
         out: (n, 20).
     """
-    g, scratch = np.empty(12), np.empty((5, 3))
+    own = unpack(JointsOnLines, memory)
     for k in range(joints.size):
-        c = joints[k]
-        place_markers(c, lines, points, frames, start, work, poses, places)
-        slide_gradient(c, points, poses, work, g, scratch)
-        first = points.first[c]
+        first = own.first_marker[joints[k]]
         e = int(places[first, 0])
-        copy_entries(poses[points.marker[first]], out[k])
-        rate = _section_twist(c, lines, points, velocities, work, places, out[k])
-        s, slope, _ = arc_length(lines.arc[e], places[first, 1])
-        out[k, 18], out[k, 19] = lines.start[e] + s, slope * rate
+        copy_entries(poses[own.marker[first]], out[k])
+        rate = _section_twist(own, joints[k], velocities, places, out[k])
+        s, slope, _ = arc_length(own.arc[e], places[first, 1])
+        out[k, 18], out[k, 19] = own.start[e] + s, slope * rate
 
 
 @subroutine
 def _section_twist(
-    c: int, lines: LineData, points: PointData, velocities: FloatArray, work: Work,
-    places: FloatArray, out: FloatArray,
-) -> float:  # fmt: skip
+    own: JointsOnLines, c: int, velocities: FloatArray, places: FloatArray, out: FloatArray
+) -> float:
     """Local twist of the section in ``out[12:18]``; rate of the slider's coordinate."""
-    rate = 0.0
+    rate, point, slide = 0.0, own.point[c], own.slide[c]
     out[12:18] = 0.0
-    for m in range(points.first[c], points.first[c + 1]):
-        on_line = points.slot[m] == ON_LINE
-        count = lines.width[points.line[m]] if on_line else int(points.slot[m] >= 0)
+    for m in range(own.first_marker[c], own.first_marker[c + 1]):
+        on_line = own.slot[m] == ON_LINE
+        count = own.count[own.line[m]] if on_line else int(own.slot[m] >= 0)
         for n in range(count):
-            node = lines.nodes[int(places[m, 0]), n] if on_line else points.slot[m]
+            node = own.nodes[int(places[m, 0]), n] if on_line else own.slot[m]
             for i in range(6):
-                j, v = 6 * (points.column[m] + n) + i, velocities[node, i]
-                rate += work.slide[j] * v
+                j, v = 6 * (own.column[m] + n) + i, velocities[node, i]
+                rate += slide[j] * v
                 for k in range(6):
-                    out[12 + k] += work.point[0, k, j] * v
+                    out[12 + k] += point[0, k, j] * v
     return rate

@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.frame_block import FrameBlock
-from flexfem.core.line_points import line_jacobian, turn_columns
+from flexfem.core.line_points import find_jacobian, turn_columns
 from flexfem.core.marker import Attachment, Ground, SlidingMarker
 from flexfem.lie import se3
 from flexfem.model.probe import MarkerState, Probe
@@ -117,7 +117,7 @@ def _inside(
     if holds(block, place):
         nodes, H = block.local_index(place.nodes), np.empty(12)
         sections = place.sections(block.frames[nodes])
-        line_jacobian(place.element, sections, place.shape, place.xi, H, J)
+        find_jacobian(place.element, sections, place.shape, place.xi, H, J)
         turn_columns(place.turns, J)
         state[:12] = se3.compose(H, offset)
         twist = J[:, :-1] @ block.velocity[nodes].ravel()

@@ -68,7 +68,7 @@ class Element:
         """Frame and Jacobian with respect to the nodes."""
         frames, H, J = np.empty_like(self.nodes), np.empty(12), np.empty((6, self.columns))
         line_points.turn_frames(self.nodes, self.turns, frames)
-        line_points.line_jacobian(self.kind, frames, self.shape, xi, H, J)
+        line_points.find_jacobian(self.kind, frames, self.shape, xi, H, J)
         line_points.turn_columns(self.turns, J)
         return H, J
 
@@ -76,7 +76,7 @@ class Element:
         """Derivative of ``J^T g`` with respect to the nodes."""
         frames, out = np.empty_like(self.nodes), np.zeros((self.columns, self.columns))
         line_points.turn_frames(self.nodes, self.turns, frames)
-        line_points.add_line_second(self.kind, frames, self.shape, xi, g, out)
+        called(line_points.add_line_second)(self.kind, frames, self.shape, xi, g, out)
         line_points.turn_second(self.turns, out)
         return out
 
@@ -254,9 +254,9 @@ def test_second_derivatives(degree: int, xi: float, bend: float) -> None:
 def test_second_derivatives_are_added(degree: int) -> None:
     e, g = element(degree), np.arange(1.0, 7.0)
     out = np.full((e.columns, e.columns), 3.0)
-    line_points.add_line_second(e.kind, e.nodes, e.shape, 0.4, g, out)
+    called(line_points.add_line_second)(e.kind, e.nodes, e.shape, 0.4, g, out)
     alone = np.zeros_like(out)
-    line_points.add_line_second(e.kind, e.nodes, e.shape, 0.4, g, alone)
+    called(line_points.add_line_second)(e.kind, e.nodes, e.shape, 0.4, g, alone)
     # rounding of the sum; a kernel that overwrites is off by 3
     assert largest(out - alone - 3.0) < 1e-12
 
