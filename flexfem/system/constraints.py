@@ -15,6 +15,7 @@ from flexfem.system.action_kernels import add_turning_forces
 from flexfem.system.interface import Interface
 from flexfem.system.numbered_rows import NumberedRows
 from flexfem.system.placed_joint import PlacedJoint
+from flexfem.system.row_data import RowArrays
 from flexfem.system.row_faults import Functions
 from flexfem.system.row_hessians import (
     add_dampers,
@@ -42,11 +43,14 @@ _BY_AXES = np.array([kind.axes for kind in RowKind])
 class Constraints(NumberedRows):
     """Rows of all joints of this rank, their values, derivatives and multipliers.
 
+    Its arrays change, and are never replaced: ``own`` holds them for compiled loops.
+
     ``targets``, ``active``, ``held``, ``angles`` and ``forces`` are the state of the rows that a
     checkpoint holds.
 
     Attributes:
         interface: nodes that joints touch.
+        own: markers, terms and rows, as compiled loops take them.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
@@ -57,7 +61,6 @@ class Constraints(NumberedRows):
         values, compliance: (r,) residuals and compliances of the last evaluation.
         coupling: (k,) compliances between the multipliers of ``coupled`` rows.
         slopes: (r, 2) derivatives of ``values`` by a row's sum and its rate.
-        relaxation: compliance of rigid rows, 1/kg; zero unless constraints may be redundant.
         force_jacobian: (t, 2, 6) gradients with respect to the nodes' local twists.
         step_jacobian: (t, 2, 6) derivatives of ``values`` along these twists.
     """
@@ -74,15 +77,35 @@ class Constraints(NumberedRows):
         self.values, self.compliance = np.zeros(total), np.zeros(total)
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
-        self.relaxation, self.mean_forces = 0.0, False
-        self.consistent = False
+        self.mean_forces = self.consistent = False
         self.reported: FloatArray | None = None
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
         self.poses = np.zeros((len(self.marker_slot), 12))
+        self.own = RowArrays(
+            marker_slot=self.marker_slot, marker_offset=self.marker_offset, poses=self.poses,
+            term_marker=self.term_marker, term_slots=self.term_slots,
+            row_of_term=self.row_of_term, pair_of_term=self.pair_of_term, kinds=self.kinds,
+            directions=self.directions, factors=self.factors, angles=self.angles,
+            force_jacobian=self.force_jacobian, step_jacobian=self.step_jacobian,
+            term_start=self.term_start, targets=self.targets, active=self.active,
+            elastic=self.elastic, functions=self.functions, function_data=self.function_data,
+            multipliers=self.multipliers, values=self.values, compliance=self.compliance,
+            slopes=self.slopes, line_sums=self.lines.sums, relaxation=0.0, coupled=self.coupled,
+            coupling=self.coupling,
+        )  # fmt: skip
         damping = (self.elastic[:, 2] != 0.0) | ~np.isin(self.elastic[:, 0], DAMPED_BY_COEFFICIENT)
         self._damped = bool(damping.any())
         self._holds = bool(interface.held.any())
         self._functions = Functions(self)
+
+    @property
+    def relaxation(self) -> float:
+        """Compliance of rigid rows, 1/kg; zero unless constraints may be redundant."""
+        return self.own.relaxation
+
+    @relaxation.setter
+    def relaxation(self, value: float) -> None:
+        self.own.relaxation = value
 
     def state(self) -> State:
         """What the rows remember of the accepted state, and which of them hold what."""
@@ -129,10 +152,7 @@ class Constraints(NumberedRows):
             forces: (r,) of all rows, see ``System.reported_forces``.
         """
         out = np.zeros((len(self.marker_slot), 6))
-        marker_wrenches(
-            self.poses, self.term_marker, self.kinds, self.directions, self.factors,
-            self.row_of_term, forces, out,
-        )  # fmt: skip
+        marker_wrenches(self.own.memory, forces, out)
         self.lines.add_wrenches(forces, out)
         return out
 
@@ -170,7 +190,7 @@ class Constraints(NumberedRows):
 
         Args:
             name: of any joint; a rank that does not evaluate it does nothing.
-            active: whether its rows hold.
+            active: its rows hold.
             hold: they hold their present values, at the interface's state, not their targets, nor
                 what drives them.
         """
@@ -266,22 +286,12 @@ class Constraints(NumberedRows):
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
         face = self.interface
         self.lines.evaluate(face.frames, self.poses, self.force_jacobian)
-        evaluate_rows(
-            face.frames, face.velocities, self.marker_slot, self.marker_offset, self.term_marker,
-            self.term_slots, self.lines.sums, self.kinds, self.directions, self.factors,
-            self.angles, self.term_start, self.targets, self.active, self.elastic, self.functions,
-            self.function_data, self.relaxation,
-            self.coupled, dynamics, self.multipliers, self.poses, self.force_jacobian,
-            self.step_jacobian,
-            self.values, self.compliance, self.coupling, self.slopes,
-        )  # fmt: skip
+        evaluate_rows(self.own.memory, face.slots.memory, dynamics)
         if self._functions:
             self._functions.watch(self)
         if self._damped:
             add_dampers(
-                self.poses, face.increments, face.velocities, self.marker_slot,
-                self.marker_offset, self.term_marker, self.kinds, self.directions, self.factors,
-                self.row_of_term, self.slopes, face.inertial, dynamics, self.force_jacobian,
+                self.own.memory, face.slots.memory, dynamics[0], False, self.slopes,
                 self.step_jacobian,
             )  # fmt: skip
             self._add_line_dampers(self.slopes[:, 1], dynamics[0])
@@ -323,15 +333,11 @@ class Constraints(NumberedRows):
         face, rigid = self.interface, self.rigid
         values = self.values * rigid
         rates = (self.rates() + by_time) / velocity - self.relaxation * self.multipliers
-        self.values = np.where(rigid, rates, self.values)
+        self.values[:] = np.where(rigid, rates, self.values)
         slopes = np.zeros((self.size, 2))
         slopes[rigid, 1] = 1.0 / velocity
         self.step_jacobian[rigid[self.row_of_term]] = 0.0
-        add_dampers(
-            self.poses, face.increments, face.velocities, self.marker_slot, self.marker_offset,
-            self.term_marker, self.kinds, self.directions, self.factors, self.row_of_term, slopes,
-            face.inertial, np.array([velocity, 0.0]), self.force_jacobian, self.step_jacobian,
-        )  # fmt: skip
+        add_dampers(self.own.memory, face.slots.memory, velocity, False, slopes, self.step_jacobian)
         self._add_line_dampers(slopes[:, 1], velocity)
         self._hold(self.step_jacobian)
         return values
@@ -351,17 +357,12 @@ class Constraints(NumberedRows):
 
     def add_forces(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> None:
         """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each slot."""
-        add_forces(
-            self.term_slots, self.row_of_term, self.force_jacobian, multipliers, local, residual
-        )
+        add_forces(self.own.memory, multipliers, local, residual)
 
     def accept(self) -> None:
         """Remember the angles reached, so that they stay continuous."""
         self.consistent, self.reported = False, None
-        update_angles(
-            self.interface.frames, self.marker_slot, self.marker_offset, self.term_marker,
-            self.kinds, self.directions, self.poses, self.angles,
-        )  # fmt: skip
+        update_angles(self.own.memory, self.interface.frames)
         self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
         self._hold(self.force_jacobian)
         self.lines.accept()
@@ -369,7 +370,7 @@ class Constraints(NumberedRows):
     def _place_markers(self) -> None:
         """Poses of all markers at the interface's state."""
         frames = self.interface.frames
-        marker_poses(frames, self.marker_slot, self.marker_offset, self.poses)
+        marker_poses(self.own.memory, frames, self.poses)
         self.lines.evaluate(frames, self.poses, self.force_jacobian)
         self._hold(self.force_jacobian)
 
@@ -377,7 +378,7 @@ class Constraints(NumberedRows):
         """The part of ``row_hessians.add_dampers`` of joints on lines."""
         if self.lines.joints:
             face = self.interface
-            by_step = velocity_changes(face.increments, face.velocities, face.inertial, velocity)
+            by_step = velocity_changes(face.slots.memory, velocity)
             self.lines.add_dampers(
                 slopes, face.velocities, by_step, self.force_jacobian, self.step_jacobian
             )
@@ -385,10 +386,7 @@ class Constraints(NumberedRows):
     def hessians(self, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""
         out = np.zeros((len(self.pair_slots), 12, 12))
-        add_hessians(
-            self.poses, self.marker_slot, self.marker_offset, self.term_marker, self.kinds,
-            self.directions, self.pair_of_term, factor[self.row_of_term] * self.factors, out,
-        )  # fmt: skip
+        add_hessians(self.own.memory, factor[self.row_of_term] * self.factors, out)
         self.lines.add_hessians(factor, out)
         if self._holds:
             held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
@@ -404,12 +402,7 @@ class Constraints(NumberedRows):
         jacobian: FloatArray = self.force_jacobian * slope[:, np.newaxis, np.newaxis]
         face = self.interface
         if self._damped:
-            add_dampers(
-                self.poses, 0.0 * face.increments, face.velocities, self.marker_slot,
-                self.marker_offset, self.term_marker, self.kinds, self.directions, self.factors,
-                self.row_of_term, self.slopes, np.zeros_like(face.inertial), np.zeros(2),
-                self.force_jacobian, jacobian,
-            )  # fmt: skip
+            add_dampers(self.own.memory, face.slots.memory, 0.0, True, self.slopes, jacobian)
             # at fixed velocities
             held = np.zeros((len(face.keys), 6, 6))
             self.lines.add_dampers(
@@ -421,10 +414,7 @@ class Constraints(NumberedRows):
     def sums(self) -> FloatArray:
         """(r,) sums of the rows' terms at the present marker frames, targets not subtracted."""
         out = np.zeros(self.size)
-        sums_of_terms(
-            self.poses, self.term_marker, self.kinds, self.directions, self.factors, self.angles,
-            self.row_of_term, out,
-        )  # fmt: skip
+        sums_of_terms(self.own.memory, out)
         return out + self.lines.sums
 
     def turning_forces(self, hessians: FloatArray, steps: FloatArray) -> FloatArray:
@@ -441,10 +431,7 @@ class Constraints(NumberedRows):
     def second_rates(self) -> FloatArray:
         """(r,) second time derivative of every row at constant local velocities."""
         out = np.zeros(self.size)
-        second_rates(
-            self.poses, self.interface.velocities, self.marker_slot, self.marker_offset,
-            self.term_marker, self.kinds, self.directions, self.factors, self.row_of_term, out,
-        )  # fmt: skip
+        second_rates(self.own.memory, self.interface.velocities, out)
         self.lines.add_second_rates(self.interface.velocities, out)
         return out
 

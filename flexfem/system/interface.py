@@ -16,9 +16,12 @@ import numpy.typing as npt
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.core.frame_kernels import Nodes
 from flexfem.lie._blocks import copy_entries
 from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Memory, unpack
 from flexfem.system.node_key import NodeKey
+from flexfem.system.row_data import Slots
 
 __all__ = ["Interface", "NodeDirectory"]
 
@@ -58,15 +61,14 @@ class NodeDirectory:
 
 
 @kernel
-def _collect(
-    frames: FloatArray, increment: FloatArray, velocity: FloatArray, local: IntArray,
-    slots: IntArray, to_frames: FloatArray, to_increments: FloatArray, to_velocities: FloatArray,
-) -> None:  # fmt: skip
+def _collect(memory: Memory, local: IntArray, slots: IntArray, out: Memory) -> None:
+    """Copy the state of nodes of ``Nodes`` to their ``slots`` in ``Slots``."""
+    nodes, face = unpack(Nodes, memory), unpack(Slots, out)
     for k in range(local.size):
         node, slot = local[k], slots[k]
-        copy_entries(frames[node], to_frames[slot])
-        copy_entries(increment[node], to_increments[slot])
-        copy_entries(velocity[node], to_velocities[slot])
+        copy_entries(nodes.frames[node], face.frames[slot])
+        copy_entries(nodes.increment[node], face.increments[slot])
+        copy_entries(nodes.velocity[node], face.velocities[slot])
 
 
 class Interface:
@@ -76,7 +78,8 @@ class Interface:
         keys: node of each slot.
         frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
         steps: (n, 6) Newton steps after ``update_steps``.
-        inertial: (n,) whether translations are integrated in inertial axes; width: (n,) unknowns.
+        inertial: (n,) translations are integrated in inertial axes; width: (n,) unknowns.
+        slots: these arrays, as compiled loops take them.
         kind: kind of block of each slot; local: local node where owned, else -1.
         number: global number of the node within its block.
         held: (n, 6) unknowns that stay as they are, on which joints have no effect.
@@ -113,6 +116,10 @@ class Interface:
         self.inertial: BoolArray = np.array(
             [inertial[kind] for kind in self.kind.tolist()], dtype=np.bool_
         )
+        self.slots = Slots(
+            frames=self.frames, increments=self.increments, velocities=self.velocities,
+            inertial=self.inertial,
+        )  # fmt: skip
         widths = [0 if block is None else block.width for block in blocks]
         self.width: IntArray = np.array(
             [widths[kind] for kind in self.kind.tolist()], dtype=np.int64
@@ -152,10 +159,7 @@ class Interface:
     def update(self) -> None:
         """Fetch frames, increments and velocities of all slots (collective)."""
         for block, local, slots in self._sources:
-            _collect(
-                block.frames, block.increment, block.velocity, local, slots,
-                self.frames, self.increments, self.velocities,
-            )  # fmt: skip
+            _collect(block.nodes.memory, local, slots, self.slots.memory)
         self._exchange((self.frames, self.increments, self.velocities))
 
     def update_steps(self) -> None:

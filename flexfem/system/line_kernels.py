@@ -51,6 +51,29 @@ ARC, ALONG, ANGLE = int(RowKind.ARC), int(RowKind.ALONG), int(RowKind.ANGLE)
 _STEPS, _SMALL = 50, 1e-13
 
 
+@kernel
+def place_lines(
+    memory: Memory, first: int, last: int, frames: FloatArray, poses: FloatArray,
+    places: FloatArray,
+) -> None:  # fmt: skip
+    """Place the markers of joints and find what their motion is along twists of the nodes.
+
+    The derivatives by z are left in ``JointsOnLines.point`` and ``slide``, for all other loops.
+
+    Args:
+        memory: all joints on lines.
+        first: the first joint that is asked for.
+        last: the one after the last.
+        frames: (n, 12) of all slots.
+        poses: (m, 12) of all markers; those of the joints are set.
+        places: (m, 2) element and xi of the markers here; those that slide are set.
+    """
+    own = unpack(JointsOnLines, memory)
+    for c in range(first, last):
+        _place_markers(own, c, frames, poses, places)
+        _slide_gradient(own, c, poses)
+
+
 @subroutine
 def element_frames(own: JointsOnLines, line: int, e: int, frames: FloatArray) -> None:
     """Frames of the sections at the nodes of an element in ``own.sections``."""
@@ -145,29 +168,6 @@ def _put_marker(offset: FloatArray, section: FloatArray, at: int, xi: int, J: Fl
             J[i, at + j] = section[i, j]
         if xi >= 0:
             J[i, xi] = section[i, last]
-
-
-@kernel
-def place_lines(
-    memory: Memory, first: int, last: int, frames: FloatArray, poses: FloatArray,
-    places: FloatArray,
-) -> None:  # fmt: skip
-    """Place the markers of joints and find what their motion is along twists of the nodes.
-
-    The derivatives by z are left in ``JointsOnLines.point`` and ``slide``, for all other loops.
-
-    Args:
-        memory: all joints on lines.
-        first: the first joint that is asked for.
-        last: the one after the last.
-        frames: (n, 12) of all slots.
-        poses: (m, 12) of all markers; those of the joints are set.
-        places: (m, 2) element and xi of the markers here; those that slide are set.
-    """
-    own = unpack(JointsOnLines, memory)
-    for c in range(first, last):
-        _place_markers(own, c, frames, poses, places)
-        _slide_gradient(own, c, poses)
 
 
 @subroutine

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.system.node_key import NodeKey
+from flexfem.system.row_data import Slots
 
 __all__ = ["NodeTable"]
 
@@ -31,12 +32,17 @@ class NodeTable:
     increments: FloatArray = field(init=False)
     inertial: BoolArray = field(init=False)
     slot_of: dict[NodeKey, int] = field(init=False)
+    slots: Slots = field(init=False)
 
     def __post_init__(self) -> None:
         """Start without increments, translations in local axes."""
         count = len(self.keys)
         self.increments = np.zeros((count, 6))
         self.inertial = np.zeros(count, dtype=np.bool_)
+        self.slots = Slots(
+            frames=self.frames, increments=self.increments, velocities=self.velocities,
+            inertial=self.inertial,
+        )  # fmt: skip
         self.slot_of = {key: slot for slot, key in enumerate(self.keys)}
 
     @classmethod

@@ -3,10 +3,12 @@
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import FloatArray
 from flexfem.core.frame_kernels import step_rates_into
 from flexfem.core.terms.dispatch import term_hessian
-from flexfem.lie.compiled import kernel, subroutine
+from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Memory, unpack
+from flexfem.system.row_data import RowArrays, Slots
 from flexfem.system.row_kernels import ON_LINES
 
 __all__ = [
@@ -35,34 +37,36 @@ def marker_map(offset: FloatArray, J: FloatArray) -> None:
         J[i, 5] = -(r0 * o1 - r1 * o0)
 
 
+@inlined
+def _hessian(own: RowArrays, t: int, h: FloatArray) -> None:
+    """Second derivative ``h`` (12, 12) of a term with respect to its markers' twists."""
+    a, b = own.poses[own.term_marker[t, 0]], own.poses[own.term_marker[t, 1]]
+    term_hessian(own.kinds[t], a, b, own.directions[t], h)
+
+
 @kernel
-def add_hessians(
-    poses: FloatArray, marker_node: IntArray, marker_offset: FloatArray, term_marker: IntArray,
-    kinds: IntArray, directions: FloatArray, pair_of_term: IntArray, factor: FloatArray,
-    out: FloatArray,
-) -> None:  # fmt: skip
+def add_hessians(memory: Memory, factor: FloatArray, out: FloatArray) -> None:
     """Add ``factor`` times every term's second derivative to the block of its pair of markers.
 
     Rows and columns refer to the nodes' local twists.
     """
+    own = unpack(RowArrays, memory)
     h, J, left = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty((12, 12))
-    for t in range(kinds.size):
-        if factor[t] == 0.0 or kinds[t] == ON_LINES:
+    for t in range(own.kinds.size):
+        if factor[t] == 0.0 or own.kinds[t] == ON_LINES:
             continue
-        a, b = term_marker[t, 0], term_marker[t, 1]
-        d = directions[t]
-        term_hessian(kinds[t], poses[a], poses[b], d, h)
+        _hessian(own, t, h)
         for side in range(2):
-            m = term_marker[t, side]
+            m = own.term_marker[t, side]
             J[side] = 0.0
-            if marker_node[m] >= 0:
-                marker_map(marker_offset[m], J[side])
+            if own.marker_slot[m] >= 0:
+                marker_map(own.marker_offset[m], J[side])
         for i in range(12):
             for j in range(12):
                 left[i, j] = 0.0
                 for k in range(6):
                     left[i, j] += h[i, 6 * (j // 6) + k] * J[j // 6, k, j % 6]
-        block = out[pair_of_term[t]]
+        block = out[own.pair_of_term[t]]
         for i in range(12):
             for j in range(12):
                 for k in range(6):
@@ -71,69 +75,71 @@ def add_hessians(
 
 @subroutine
 def _marker_twists(
-    velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray, markers: IntArray,
-    J: FloatArray, v: FloatArray,
-) -> None:  # fmt: skip
-    """Maps ``J`` (2, 6, 6) from node twists to those of two markers, and these in ``v`` (12)."""
+    own: RowArrays, t: int, velocities: FloatArray, J: FloatArray, v: FloatArray
+) -> None:
+    """Maps ``J`` (2, 6, 6) from node twists to those of a term's markers; these in ``v`` (12)."""
     v[:] = 0.0
     J[:] = 0.0
     for side in range(2):
-        m = markers[side]
-        if marker_node[m] >= 0:
-            marker_map(marker_offset[m], J[side])
+        m = own.term_marker[t, side]
+        node = own.marker_slot[m]
+        if node >= 0:
+            marker_map(own.marker_offset[m], J[side])
             for i in range(6):
                 for j in range(6):
-                    v[6 * side + i] += J[side, i, j] * velocities[marker_node[m], j]
+                    v[6 * side + i] += J[side, i, j] * velocities[node, j]
 
 
 @kernel
-def second_rates(
-    poses: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
-    term_marker: IntArray, kinds: IntArray, directions: FloatArray, factors: FloatArray,
-    row_of_term: IntArray, out: FloatArray,
-) -> None:  # fmt: skip
+def second_rates(memory: Memory, velocities: FloatArray, out: FloatArray) -> None:
     """``v . (d gradient / dq) v`` of every row: its second time derivative at constant v."""
+    own = unpack(RowArrays, memory)
     h, J, v = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(12)
     out[:] = 0.0
-    for t in range(kinds.size):
-        if kinds[t] == ON_LINES:
+    for t in range(own.kinds.size):
+        if own.kinds[t] == ON_LINES:
             continue
-        d = directions[t]
-        term_hessian(kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d, h)
-        _marker_twists(velocities, marker_node, marker_offset, term_marker[t], J, v)
+        _hessian(own, t, h)
+        _marker_twists(own, t, velocities, J, v)
         for i in range(12):
             for j in range(12):
-                out[row_of_term[t]] += factors[t] * v[i] * h[i, j] * v[j]
+                out[own.row_of_term[t]] += own.factors[t] * v[i] * h[i, j] * v[j]
 
 
 @kernel
 def add_dampers(
-    poses: FloatArray, increments: FloatArray, velocities: FloatArray, marker_node: IntArray,
-    marker_offset: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
-    factors: FloatArray, row_of_term: IntArray, slopes: FloatArray, inertial: BoolArray,
-    dynamics: FloatArray, force_jacobian: FloatArray, step_jacobian: FloatArray,
+    memory: Memory, slots: Memory, by_increment: float, held: bool, slopes: FloatArray,
+    out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to ``step_jacobian`` that rates of rows depend on position and increment.
+    """Add to ``out`` (t, 2, 6) that rates of rows depend on position and increment.
 
-    ``inertial`` (n,) tells how each node's translation is integrated.
+    Args:
+        memory: ``RowArrays``.
+        slots: ``Slots``.
+        by_increment: dv/dn of the time integrator, 1/s.
+        held: the nodes' velocities do not depend on steps.
+        slopes: (r, 2) derivatives of the rows' values by their sums and rates.
+        out: derivatives of the rows' values along steps.
     """
-    h, J, by_v, by_w = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(36), np.empty(36)
-    rates, nothing = np.array([dynamics[0], 0.0]), np.zeros(6)
-    v, w = np.empty(12), np.empty(6)
-    for t in range(kinds.size):
-        slope = slopes[row_of_term[t], 1]
-        if slope == 0.0 or kinds[t] == ON_LINES:
+    own, nodes = unpack(RowArrays, memory), unpack(Slots, slots)
+    h, J, by_v, by_w = np.empty((12, 12)), np.empty((2, 6, 6)), np.zeros(36), np.empty(36)
+    rates, nothing = np.array([by_increment, 0.0]), np.zeros(6)
+    v, w, velocities, factors = np.empty(12), np.empty(6), nodes.velocities, own.factors
+    for t in range(own.kinds.size):
+        slope = slopes[own.row_of_term[t], 1]
+        if slope == 0.0 or own.kinds[t] == ON_LINES:
             continue
-        d = directions[t]
-        term_hessian(kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d, h)
-        _marker_twists(velocities, marker_node, marker_offset, term_marker[t], J, v)
+        _hessian(own, t, h)
+        _marker_twists(own, t, velocities, J, v)
         for side in range(2):
-            node = marker_node[term_marker[t, side]]
+            node, gradient = own.marker_slot[own.term_marker[t, side]], own.force_jacobian[t, side]
             if node < 0:
                 continue
-            step_rates_into(
-                inertial[node], increments[node], velocities[node], nothing, rates, by_v, by_w
-            )
+            if not held:
+                step_rates_into(
+                    nodes.inertial[node], nodes.increments[node], velocities[node], nothing,
+                    rates, by_v, by_w,
+                )  # fmt: skip
             for j in range(6):
                 w[j] = 0.0
                 for i in range(12):
@@ -142,18 +148,19 @@ def add_dampers(
                 rate = 0.0
                 for i in range(6):
                     rate += w[i] * J[side, i, j]
-                    rate += force_jacobian[t, side, i] * by_v[6 * i + j]
-                step_jacobian[t, side, j] += slope * rate
+                    rate += gradient[i] * by_v[6 * i + j]
+                out[t, side, j] += slope * rate
 
 
 @kernel
-def velocity_changes(
-    increments: FloatArray, velocities: FloatArray, inertial: BoolArray, by_increment: float
-) -> FloatArray:
-    """(n, 6, 6) derivatives of the nodes' local velocities by their steps."""
-    out, by_v, by_w = np.empty((inertial.size, 6, 6)), np.empty(36), np.empty(36)
+def velocity_changes(slots: Memory, by_increment: float) -> FloatArray:
+    """(n, 6, 6) derivatives of the local velocities of ``Slots`` by their steps."""
+    nodes = unpack(Slots, slots)
+    out, by_w = np.empty((nodes.inertial.size, 36)), np.empty(36)
     rates, nothing = np.array([by_increment, 0.0]), np.zeros(6)
-    for n in range(inertial.size):
-        step_rates_into(inertial[n], increments[n], velocities[n], nothing, rates, by_v, by_w)
-        out[n] = by_v.reshape(6, 6)
-    return out
+    for n in range(nodes.inertial.size):
+        step_rates_into(
+            nodes.inertial[n], nodes.increments[n], nodes.velocities[n], nothing, rates, out[n],
+            by_w,
+        )  # fmt: skip
+    return out.reshape(-1, 6, 6)

@@ -8,13 +8,15 @@ R skew(Omega)`` and nothing else.
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.row import RowKind
 from flexfem.core.terms.dispatch import term
 from flexfem.core.terms.vectors import rotate_into
 from flexfem.lie._blocks import copy_entries
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Memory, unpack
 from flexfem.lie.se3 import compose_into
+from flexfem.system.row_data import RowArrays, Slots
 from flexfem.system.row_laws import RIGID, force_law
 
 __all__ = [
@@ -45,236 +47,192 @@ def to_node(offset: FloatArray, g: FloatArray, at: int, out: FloatArray) -> None
 
 
 @kernel
-def marker_poses(
-    frames: FloatArray, marker_node: IntArray, marker_offset: FloatArray, poses: FloatArray
-) -> None:
+def marker_poses(memory: Memory, frames: FloatArray, poses: FloatArray) -> None:
     """Poses of all markers from the frames of their nodes (-1: ground, -2: on a line, left)."""
-    for m in range(marker_node.size):
-        if marker_node[m] == -1:
-            copy_entries(marker_offset[m], poses[m])
-        elif marker_node[m] < 0:
+    _place(unpack(RowArrays, memory), frames, poses)
+
+
+@subroutine
+def _place(own: RowArrays, frames: FloatArray, poses: FloatArray) -> None:
+    """Poses of all markers, see :func:`marker_poses`."""
+    node, offset = own.marker_slot, own.marker_offset
+    for m in range(node.size):
+        if node[m] == -1:
+            copy_entries(offset[m], poses[m])
+        elif node[m] < 0:
             continue
         else:
-            compose_into(frames[marker_node[m]], marker_offset[m], poses[m])
+            compose_into(frames[node[m]], offset[m], poses[m])
+
+
+@inlined
+def _term(own: RowArrays, t: int, before: float, g: FloatArray, scratch: FloatArray) -> float:
+    """Value of a term at the markers' poses; its gradient in ``g`` (12), see ``dispatch.term``."""
+    a, b = own.poses[own.term_marker[t, 0]], own.poses[own.term_marker[t, 1]]
+    value: float = term(own.kinds[t], a, b, own.directions[t], before, g, scratch)
+    return value
 
 
 @kernel
-def update_angles(
-    frames: FloatArray, marker_node: IntArray, marker_offset: FloatArray, term_marker: IntArray,
-    kinds: IntArray, directions: FloatArray, poses: FloatArray, memory: FloatArray,
-) -> None:  # fmt: skip
+def update_angles(memory: Memory, frames: FloatArray) -> None:
     """Store the poses of all markers and the continuous angles of accepted frames."""
-    marker_poses(frames, marker_node, marker_offset, poses)
-    g, scratch = np.empty(12), np.empty((5, 3))
-    for t in range(kinds.size):
-        if kinds[t] == ANGLE:
-            d = directions[t]
-            memory[t] = term(
-                ANGLE, poses[term_marker[t, 0]], poses[term_marker[t, 1]], d,
-                memory[t], g, scratch,
-            )  # fmt: skip
+    own, g, scratch = unpack(RowArrays, memory), np.empty(12), np.empty((5, 3))
+    _place(own, frames, own.poses)
+    for t in range(own.kinds.size):
+        if own.kinds[t] == ANGLE:
+            own.angles[t] = _term(own, t, own.angles[t], g, scratch)
 
 
 @kernel
-def sums_of_terms(
-    poses: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
-    factors: FloatArray, memory: FloatArray, row_of_term: IntArray, out: FloatArray,
-) -> None:  # fmt: skip
-    """Values of all rows, their targets not subtracted."""
-    g, scratch = np.empty(12), np.empty((5, 3))
+def sums_of_terms(memory: Memory, out: FloatArray) -> None:
+    """Values of all rows but those on lines, their targets not subtracted."""
+    own, g, scratch = unpack(RowArrays, memory), np.empty(12), np.empty((5, 3))
     out[:] = 0.0
-    for t in range(kinds.size):
-        if kinds[t] == ON_LINES:
-            continue
-        d = directions[t]
-        out[row_of_term[t]] += factors[t] * term(
-            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d,
-            memory[t], g, scratch,
-        )  # fmt: skip
+    for t in range(own.kinds.size):
+        if own.kinds[t] != ON_LINES:
+            out[own.row_of_term[t]] += own.factors[t] * _term(own, t, own.angles[t], g, scratch)
 
 
 @kernel
-def marker_wrenches(
-    poses: FloatArray, term_marker: IntArray, kinds: IntArray, directions: FloatArray,
-    factors: FloatArray, row_of_term: IntArray, forces: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
+def marker_wrenches(memory: Memory, forces: FloatArray, out: FloatArray) -> None:
     """Add to ``out`` (m, 6) the wrenches ``-G^T forces`` on the bodies, in inertial axes.
 
     Moments are about the markers' origins.
     """
-    g, scratch, turned = np.empty(12), np.empty((5, 3)), np.empty(3)
-    for t in range(kinds.size):
-        if kinds[t] == ON_LINES:
+    own, g, scratch, turned = (
+        unpack(RowArrays, memory), np.empty(12), np.empty((5, 3)), np.empty(3)
+    )  # fmt: skip
+    for t in range(own.kinds.size):
+        if own.kinds[t] == ON_LINES:
             continue
-        d = directions[t]
-        term(
-            kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d,
-            0.0, g, scratch,
-        )  # fmt: skip
-        size = -factors[t] * forces[row_of_term[t]]
+        _term(own, t, 0.0, g, scratch)
+        size = -own.factors[t] * forces[own.row_of_term[t]]
         for part in range(4):
-            m = term_marker[t, part // 2]
-            rotate_into(poses[m], g[3 * part : 3 * part + 3], turned, 0)
+            m = own.term_marker[t, part // 2]
+            rotate_into(own.poses[m], g[3 * part : 3 * part + 3], turned, 0)
             for i in range(3):
                 out[m, 3 * (part % 2) + i] += size * turned[i]
 
 
 @kernel
 def add_forces(
-    term_slots: IntArray, row_of_term: IntArray, force_jacobian: FloatArray,
-    multipliers: FloatArray, local: IntArray, residual: FloatArray,
-) -> None:  # fmt: skip
+    memory: Memory, multipliers: FloatArray, local: IntArray, residual: FloatArray
+) -> None:
     """Add ``G^T multipliers`` to the nodes ``local[slot]`` of a block (-1: another block)."""
-    for t in range(row_of_term.size):
+    own = unpack(RowArrays, memory)
+    slots, rows, jacobian = own.term_slots, own.row_of_term, own.force_jacobian
+    for t in range(rows.size):
         for side in range(2):
-            slot = term_slots[t, side]
+            slot = slots[t, side]
             if slot >= 0 and local[slot] >= 0:
                 for i in range(6):
-                    residual[local[slot], i] += (
-                        multipliers[row_of_term[t]] * force_jacobian[t, side, i]
-                    )
+                    residual[local[slot], i] += multipliers[rows[t]] * jacobian[t, side, i]
 
 
 @subroutine
 def _apply_law(
-    r: int, law: FloatArray, function: int, data: FloatArray, value: float, rate: float,
-    dynamics: FloatArray, multipliers: FloatArray, coupled: IntArray, at: int, values: FloatArray,
-    compliance: FloatArray, coupling: FloatArray, slopes: FloatArray, out: FloatArray,
+    own: RowArrays, r: int, at: int, value: float, rate: float, dynamics: FloatArray,
+    out: FloatArray,
 ) -> None:  # fmt: skip
     """Equation ``scale (F - L/s) = 0`` of row ``r`` with its derivatives.
 
     The scale lies below ``s`` and below one over the slopes of the force: the equation has the
     size of a rigid row's, whether the law is stiff or its force vanishes. The row's couplings
-    begin at ``at``.
+    begin at ``at``; ``out`` (4,) is work space.
     """
-    squares, end = 0.0, at
+    squares, end, coupled, coupling = 0.0, at, own.coupled, own.coupling
     while end < coupling.size and coupled[end, 0] == r:
-        squares += multipliers[coupled[end, 1]] ** 2
+        squares += own.multipliers[coupled[end, 1]] ** 2
         end += 1
     size = np.sqrt(squares)
     force_law(
-        law, function, data, value, rate, multipliers[r] / dynamics[1], size / dynamics[1], out
-    )
+        own.elastic[r], own.functions[r], own.function_data[r], value, rate,
+        own.multipliers[r] / dynamics[1], size / dynamics[1], out,
+    )  # fmt: skip
     scale = 1.0 / (1.0 / dynamics[1] + abs(out[1]) + abs(out[2]) * dynamics[0])
-    values[r] = scale * (out[0] - multipliers[r] / dynamics[1])
-    compliance[r] = scale / dynamics[1]
-    slopes[r, 0], slopes[r, 1] = scale * out[1], scale * out[2]
+    own.values[r] = scale * (out[0] - own.multipliers[r] / dynamics[1])
+    own.compliance[r] = scale / dynamics[1]
+    own.slopes[r, 0], own.slopes[r, 1] = scale * out[1], scale * out[2]
     for k in range(at, end):
-        part = multipliers[coupled[k, 1]] / size if size > 0.0 else 0.0
-        coupling[k] = -compliance[r] * out[3] * part
+        part = own.multipliers[coupled[k, 1]] / size if size > 0.0 else 0.0
+        coupling[k] = -own.compliance[r] * out[3] * part
 
 
 @inlined
-def _to_nodes(
-    t: int, g: FloatArray, factor: float, velocities: FloatArray, marker_node: IntArray,
-    marker_offset: FloatArray, term_marker: IntArray, force_jacobian: FloatArray,
-    step_jacobian: FloatArray,
-) -> float:  # fmt: skip
+def _to_nodes(own: RowArrays, t: int, g: FloatArray, velocities: FloatArray) -> float:
     """Gradient of a term with respect to its nodes from that to its markers; its rate."""
-    rate = 0.0
+    rate, factor = 0.0, own.factors[t]
     for side in range(2):
-        m = term_marker[t, side]
-        node = marker_node[m]
+        m = own.term_marker[t, side]
+        node, force, step = (
+            own.marker_slot[m],
+            own.force_jacobian[t, side],
+            own.step_jacobian[t, side],
+        )
         if node < 0:
-            force_jacobian[t, side] = 0.0
-            step_jacobian[t, side] = 0.0
+            force[:] = 0.0
+            step[:] = 0.0
             continue
-        to_node(marker_offset[m], g, 6 * side, force_jacobian[t, side])
+        to_node(own.marker_offset[m], g, 6 * side, force)
         for i in range(6):
-            force_jacobian[t, side, i] *= factor
-            step_jacobian[t, side, i] = force_jacobian[t, side, i]
-            rate += force_jacobian[t, side, i] * velocities[node, i]
+            force[i] *= factor
+            step[i] = force[i]
+            rate += force[i] * velocities[node, i]
     return rate
 
 
 @inlined
-def _line_rate(
-    t: int, slots: IntArray, velocities: FloatArray, force_jacobian: FloatArray,
-    step_jacobian: FloatArray,
-) -> float:  # fmt: skip
+def _line_rate(own: RowArrays, t: int, velocities: FloatArray) -> float:
     """Rate of the gradient of a row on lines at the two nodes of a term."""
     rate = 0.0
     for side in range(2):
+        slot, force, step = (
+            own.term_slots[t, side],
+            own.force_jacobian[t, side],
+            own.step_jacobian[t, side],
+        )
         for i in range(6):
-            step_jacobian[t, side, i] = force_jacobian[t, side, i]
-            if slots[t, side] >= 0:
-                rate += force_jacobian[t, side, i] * velocities[slots[t, side], i]
+            step[i] = force[i]
+            if slot >= 0:
+                rate += force[i] * velocities[slot, i]
     return rate
 
 
 @kernel
-def evaluate_rows(
-    frames: FloatArray, velocities: FloatArray, marker_node: IntArray, marker_offset: FloatArray,
-    term_marker: IntArray, term_slots: IntArray, line_sums: FloatArray, kinds: IntArray,
-    directions: FloatArray, factors: FloatArray,
-    memory: FloatArray, term_start: IntArray, targets: FloatArray, active: BoolArray,
-    elastic: FloatArray, functions: IntArray, data: FloatArray, relaxation: float,
-    coupled: IntArray, dynamics: FloatArray, multipliers: FloatArray, poses: FloatArray,
-    force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
-    compliance: FloatArray, coupling: FloatArray, slopes: FloatArray,
-) -> None:  # fmt: skip
+def evaluate_rows(memory: Memory, slots: Memory, dynamics: FloatArray) -> None:
     """Evaluate every row at the trial configuration.
 
+    Without what rates of dampers depend on, see ``row_hessians.add_dampers``.
+
     Args:
-        frames: (n, 12) frames of the nodes that carry markers.
-        velocities: (n, 6) local twists of these nodes.
-        marker_node: (m,) node of each marker, -1 for ground.
-        marker_offset: (m, 12) frame of each marker relative to its node, absolute for ground.
-        term_marker: (t, 2) markers a and b of each term.
-        term_slots: (t, 2) their nodes.
-        line_sums: (r,) sums of the rows on lines, whose gradients are known.
-        kinds: (t,) values of ``RowKind``, or addresses of functions, see ``term``.
-        directions: (t, 3, 3) u, v and p, see ``Term.data``.
-        factors: (t,) coefficients of the terms.
-        memory: (t,) continuous angles at the accepted state.
-        term_start: (r + 1,) first term of each row.
-        targets: (r,) values that the sums take.
-        active: (r,) rows that are not released.
-        elastic: (r, 5) law, stiffness, damping and two parameters, see ``Law``.
-        functions: (r,) addresses of functions of the user's that laws call, 0 for none.
-        data: (r, 9) time and parameters of these functions.
-        relaxation: compliance of rigid rows.
-        coupled: (k, 2) rows with friction, and rows whose resultant presses on them.
+        memory: ``RowArrays``.
+        slots: ``Slots`` with the nodes that carry markers.
         dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
-        multipliers: (r,) scaled by ``beta h^2``.
-        poses: (m, 12) work.
-        force_jacobian: (t, 2, 6) gradient with respect to the nodes' local twists.
-        step_jacobian: (t, 2, 6) derivative of ``values`` along them; dampers: see ``add_dampers``.
-        values: (r,) residual of the row.
-        compliance: (r,) what couples its own multiplier.
-        coupling: (k,) what couples those of ``coupled`` rows.
-        slopes: (r, 2) derivatives of ``values`` with respect to the row's sum and its rate.
     """
-    marker_poses(frames, marker_node, marker_offset, poses)
+    own, nodes = unpack(RowArrays, memory), unpack(Slots, slots)
+    velocities, term_start = nodes.velocities, own.term_start
+    _place(own, nodes.frames, own.poses)
     g, scratch, law, at = np.empty(12), np.empty((5, 3)), np.empty(4), 0
-    for r in range(targets.size):
-        value, rate = line_sums[r] - targets[r], 0.0
+    for r in range(own.targets.size):
+        value, rate = own.line_sums[r] - own.targets[r], 0.0
         for t in range(term_start[r], term_start[r + 1]):
-            if kinds[t] == ON_LINES:
-                rate += _line_rate(t, term_slots, velocities, force_jacobian, step_jacobian)
+            if own.kinds[t] == ON_LINES:
+                rate += _line_rate(own, t, velocities)
                 continue
-            d = directions[t]
-            value += factors[t] * term(
-                kinds[t], poses[term_marker[t, 0]], poses[term_marker[t, 1]], d,
-                memory[t], g, scratch,
-            )  # fmt: skip
-            rate += _to_nodes(
-                t, g, factors[t], velocities, marker_node, marker_offset, term_marker,
-                force_jacobian, step_jacobian,
-            )  # fmt: skip
-        if active[r] and elastic[r, 0] == RIGID:
-            values[r], compliance[r] = value - relaxation * multipliers[r], relaxation
+            value += own.factors[t] * _term(own, t, own.angles[t], g, scratch)
+            rate += _to_nodes(own, t, g, velocities)
+        if own.active[r] and own.elastic[r, 0] == RIGID:
+            own.values[r] = value - own.relaxation * own.multipliers[r]
+            own.compliance[r] = own.relaxation
             continue
-        if active[r]:
-            while at < coupling.size and coupled[at, 0] < r:
+        if own.active[r]:
+            while at < own.coupling.size and own.coupled[at, 0] < r:
                 at += 1
-            _apply_law(
-                r, elastic[r], functions[r], data[r], value, rate, dynamics, multipliers, coupled,
-                at, values, compliance, coupling, slopes, law,
-            )  # fmt: skip
+            _apply_law(own, r, at, value, rate, dynamics, law)
         else:
-            values[r], compliance[r], slopes[r, 0], slopes[r, 1] = -multipliers[r], 1.0, 0.0, 0.0
+            own.values[r], own.compliance[r] = -own.multipliers[r], 1.0
+            own.slopes[r, 0], own.slopes[r, 1] = 0.0, 0.0
         for t in range(term_start[r], term_start[r + 1]):
             for side in range(2):
                 for i in range(6):
-                    step_jacobian[t, side, i] *= slopes[r, 0]
+                    own.step_jacobian[t, side, i] *= own.slopes[r, 0]

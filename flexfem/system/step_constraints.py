@@ -49,7 +49,7 @@ class StepRows:
         rows, face = self._rows, self._rows.interface
         self._h, self._weight = h, weight
         self._frames0[:] = face.frames
-        marker_poses(self._frames0, rows.marker_slot, rows.marker_offset, self._poses0)
+        marker_poses(rows.own.memory, self._frames0, self._poses0)
         self._memory = min(1.0, h / last_h)
         if not np.isfinite(last_h):
             self.evaluate()
@@ -78,7 +78,7 @@ class StepRows:
         """Values, gradients and compliances of all rows at the interface's state."""
         rows, frames = self._rows, self._rows.interface.frames
         factors = rows.factors[:, np.newaxis, np.newaxis]
-        marker_poses(frames, rows.marker_slot, rows.marker_offset, self._poses)
+        marker_poses(rows.own.memory, frames, self._poses)
         # the derivative at the end is the discrete one of no step at all
         evaluate_step(
             frames, frames, self._poses, self._poses, rows.marker_slot, rows.marker_offset,

@@ -18,6 +18,7 @@ from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.lie import se3, so3
 from flexfem.system.constraints import Constraints
 from flexfem.system.placed_joint import PlacedJoint
+from flexfem.system.row_data import Slots
 
 AXIS = np.array([0.6, -0.3, 0.8])
 UNIT = AXIS / np.linalg.norm(AXIS)
@@ -239,10 +240,14 @@ EXAMPLES |= {
 def interface(frames: np.ndarray, width: int = 6) -> SimpleNamespace:
     """Nodes at rest with frames (n, 12) and so many unknowns each, as rows see them."""
     n = len(frames)
+    slots = Slots(
+        frames=frames.copy(), velocities=np.zeros((n, 6)), increments=np.zeros((n, 6)),
+        inertial=np.zeros(n, dtype=bool),
+    )  # fmt: skip
     return SimpleNamespace(
-        keys=[(1, k) for k in range(n)], frames=frames.copy(), velocities=np.zeros((n, 6)),
-        increments=np.zeros((n, 6)), inertial=np.zeros(n, dtype=bool), width=np.full(n, width),
+        slots=slots, keys=[(1, k) for k in range(n)], width=np.full(n, width),
         held=np.zeros((n, 6), dtype=bool),
+        **{name: getattr(slots, name) for name in Slots.fields},
     )  # fmt: skip
 
 

@@ -64,10 +64,7 @@ class Measures:
         """Energy of springs that pull along the line between two markers, or about an axis."""
         rows = self.system.constraints
         values = np.zeros(rows.size)
-        sums_of_terms(
-            rows.poses, rows.term_marker, rows.kinds, rows.directions, rows.factors,
-            rows.angles, rows.row_of_term, values,
-        )  # fmt: skip
+        sums_of_terms(rows.own.memory, values)
         stretch = values - rows.targets
         return self._sum(float(0.5 * (rows.owned * rows.elastic[:, 1]) @ stretch**2))
 
