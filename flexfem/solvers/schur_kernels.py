@@ -7,10 +7,13 @@ nodes. ``Z = A^-1 J^T`` holds the body's response to unit forces there, ``C = J 
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Float1D, Float2D, Int1D, Int2D, Memory, Record, unpack
+from flexfem.system.row_data import RowArrays
 
 __all__ = [
+    "BodyColumns",
     "interface_response",
     "largest_entry",
     "multiply_blocks",
@@ -20,59 +23,92 @@ __all__ = [
 ]
 
 
+class BodyColumns(Record):
+    """Bodies of one part with their columns, one body after the other.
+
+    Attributes:
+        width: unknowns of a node.
+        nodes: local nodes of the bodies.
+        node_start: (bodies + 1,) first of them of each body; likewise the other starts.
+        right: (n, 6) right-hand side of the nodes of the block, with the constraint forces.
+        columns: (c, 2) slot and component of each column.
+        column_start: (bodies + 1,).
+        slot_column: (slots,) first column of each slot within its body.
+        slot_active: (slots,) number of columns of each slot.
+        sides: (k, 3) term, side and slot of what acts on the bodies, equal slots side by side.
+        side_start: (bodies + 1,).
+        ranges: (j, 2) columns (first, end) that are acted on; a slider visits the others later.
+        range_start: (bodies + 1,).
+        responses: rows of ``A^-T J^T`` of all bodies, or nothing where another solve with the
+            factors costs less than they do.
+        response_start: (bodies + 1,).
+        compliances: matrices ``J A^-1 J^T``.
+        compliance_start: (bodies + 1,).
+        entries: of the Schur complement, pairs in the order (body, second side, first side).
+    """
+
+    width: int
+    nodes: Int1D
+    node_start: Int1D
+    right: Float2D
+    columns: Int2D
+    column_start: Int1D
+    slot_column: Int1D
+    slot_active: Int1D
+    sides: Int2D
+    side_start: Int1D
+    ranges: Int2D
+    range_start: Int1D
+    responses: Float1D
+    response_start: Int1D
+    compliances: Float1D
+    compliance_start: Int1D
+    entries: Float1D
+
+
 @kernel
-def interface_response(
-    body_nodes: IntArray, node_start: IntArray, columns: IntArray, column_start: IntArray,
-    ranges: IntArray, range_start: IntArray, responses: FloatArray, start: IntArray,
-    residual: FloatArray, width: int, y: FloatArray,
-) -> None:  # fmt: skip
+def interface_response(memory: Memory, y: FloatArray) -> None:
     """``y = J A^-1 r`` of every body into slots and components (n, 6) of the columns in use."""
+    own = unpack(BodyColumns, memory)
+    columns, ranges, responses = own.columns, own.ranges, own.responses
+    column_start, node_start = own.column_start, own.node_start
     for b in range(node_start.size - 1):
         first, count = column_start[b], column_start[b + 1] - column_start[b]
         if count == 0:
             continue
         total = np.zeros(count)
-        at = start[b]
+        at, begin, end = own.response_start[b], own.range_start[b], own.range_start[b + 1]
         for n in range(node_start[b], node_start[b + 1]):
-            node = body_nodes[n]
-            for i in range(width):
-                force = residual[node, i]
-                for k in range(range_start[b], range_start[b + 1]):
+            node = own.nodes[n]
+            for i in range(own.width):
+                force = own.right[node, i]
+                for k in range(begin, end):
                     for c in range(ranges[k, 0], ranges[k, 1]):
                         total[c] += force * responses[at + c]
                 at += count
-        for k in range(range_start[b], range_start[b + 1]):
+        for k in range(begin, end):
             for c in range(ranges[k, 0], ranges[k, 1]):
                 y[columns[first + c, 0], columns[first + c, 1]] = total[c]
 
 
 @kernel
-def schur(
-    sides: IntArray, side_start: IntArray, slot_column: IntArray, slot_active: IntArray,
-    column_start: IntArray, compliances: FloatArray, compliance_start: IntArray,
-    force_jacobian: FloatArray, step_jacobian: FloatArray, values: FloatArray,
-) -> None:  # fmt: skip
+def schur(memory: Memory, rows: Memory) -> None:
     """Entries of ``G~ C G^T``: for every body, all pairs of the sides of terms that act on it.
 
-    Args:
-        sides: (k, 3) term, side, slot, grouped by body, best with equal slots side by side.
-        side_start: (n_bodies + 1,) first side of each body.
-        slot_column: first column of each slot within its body.
-        slot_active: number of columns of each slot.
-        column_start: (n_bodies + 1,) first column of each body.
-        compliances: all C matrices one after the other.
-        compliance_start: where each of them begins.
-        force_jacobian: (t, 2, 6) terms of the rows of G.
-        step_jacobian: (t, 2, 6) terms of the rows of G~.
-        values: pairs in the order (body, second side, first side).
+    G are the ``force_jacobian``, G~ the ``step_jacobian`` of ``RowArrays``.
     """
+    own, terms = unpack(BodyColumns, memory), unpack(RowArrays, rows)
+    force_jacobian, step_jacobian = terms.force_jacobian, terms.step_jacobian
+    sides, side_start, column_start = own.sides, own.side_start, own.column_start
+    slot_column, slot_active = own.slot_column, own.slot_active
+    compliances, values = own.compliances, own.entries
     at, most = 0, 0
     for b in range(side_start.size - 1):
         most = max(most, side_start[b + 1] - side_start[b])
     steps, c = np.empty((6, most)), np.empty(6)
     for b in range(side_start.size - 1):
         begin, end = side_start[b], side_start[b + 1]
-        count, C = column_start[b + 1] - column_start[b], compliance_start[b]
+        count, C = column_start[b + 1] - column_start[b], own.compliance_start[b]
         for i in range(begin, end):
             for k in range(6):
                 steps[k, i - begin] = step_jacobian[sides[i, 0], sides[i, 1], k]
@@ -101,19 +137,21 @@ def schur(
 
 @kernel
 def row_products(
-    term_slots: IntArray, row_of_term: IntArray, local_slot: BoolArray, step_jacobian: FloatArray,
-    y: FloatArray, owned: FloatArray, row_values: FloatArray, out: FloatArray,
+    rows: Memory, local_slot: BoolArray, y: FloatArray, owned: FloatArray, row_values: FloatArray,
+    out: FloatArray,
 ) -> None:  # fmt: skip
-    """``owned * row_values - G~ y`` of every row over the slots that this rank's bodies own."""
+    """``owned * row_values - G~ y`` of ``RowArrays`` over the slots that this rank's bodies own."""
+    own = unpack(RowArrays, rows)
+    slots, row_of_term, jacobian = own.term_slots, own.row_of_term, own.step_jacobian
     for r in range(out.size):
         out[r] = owned[r] * row_values[r]
     for t in range(row_of_term.size):
         for side in range(2):
-            slot = term_slots[t, side]
+            slot = slots[t, side]
             if slot >= 0 and local_slot[slot]:
                 total = 0.0
                 for k in range(6):
-                    total += step_jacobian[t, side, k] * y[slot, k]
+                    total += jacobian[t, side, k] * y[slot, k]
                 out[row_of_term[t]] -= total
 
 
@@ -129,22 +167,20 @@ def multiply_blocks(inverses: FloatArray, residual: FloatArray, step: FloatArray
 
 
 @kernel
-def rigid_responses(
-    inverses: FloatArray, columns: IntArray, column_start: IntArray, response_start: IntArray,
-    compliance_start: IntArray, responses: FloatArray, compliances: FloatArray,
-) -> None:  # fmt: skip
-    """Rows of ``A^-T J^T`` and matrices ``J A^-1 J^T`` of bodies with one node each."""
+def rigid_responses(memory: Memory, inverses: FloatArray) -> None:
+    """Responses and compliances of bodies with one node each."""
+    own = unpack(BodyColumns, memory)
+    columns, column_start = own.columns, own.column_start
+    responses, compliances = own.responses, own.compliances
     for b in range(inverses.shape[0]):
         first, count = column_start[b], column_start[b + 1] - column_start[b]
-        A = inverses[b]
+        A, response, compliance = inverses[b], own.response_start[b], own.compliance_start[b]
         for c in range(count):
             component = columns[first + c, 1]
             for i in range(6):
-                responses[response_start[b] + i * count + c] = A[component, i]
+                responses[response + i * count + c] = A[component, i]
             for d in range(count):
-                compliances[compliance_start[b] + c * count + d] = A[
-                    component, columns[first + d, 1]
-                ]
+                compliances[compliance + c * count + d] = A[component, columns[first + d, 1]]
 
 
 @kernel

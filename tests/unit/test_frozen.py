@@ -135,7 +135,7 @@ def test_bodies_that_changed_are_renewed_alone(monkeypatch):
         if worst.share == 1.0:
             return
         (bodies,), (pieces,) = self._flexible, worst.pieces
-        group = bodies.group
+        group = bodies.group.own
         at = [
             np.arange(*group.compliance_start[[b, b + 1]])
             for k in pieces

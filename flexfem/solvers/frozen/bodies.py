@@ -15,7 +15,12 @@ from flexfem.la.dense import inverted
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
-from flexfem.solvers.schur_kernels import interface_response, multiply_blocks, rigid_responses
+from flexfem.solvers.schur_kernels import (
+    BodyColumns,
+    interface_response,
+    multiply_blocks,
+    rigid_responses,
+)
 from flexfem.solvers.tangent import part_pattern, part_values
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import BlockPart, Shifts, System
@@ -26,47 +31,30 @@ __all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
 _ALONE = 600
 
 
-@dataclass
+@dataclass(frozen=True)
 class Bodies:
     """Bodies of one part with their interface columns; rigid bodies have one node each.
 
-    ``responses`` holds the rows of ``A^-T J^T``, or nothing where another solve with the factors
-    costs less than they do, ``compliances`` the matrices ``J A^-1 J^T``. Of the columns of a body
-    those in its ``ranges`` (first, end), ``range_start`` by body, are acted on; a slider visits the
-    others later. ``right`` (n, 6) is the right-hand side of the nodes, with the constraint forces.
+    Attributes:
+        part: the part.
+        own: nodes, columns and responses, as compiled loops take them.
     """
 
     part: BlockPart
-    right: FloatArray
-    nodes: IntArray
-    node_start: IntArray
-    columns: IntArray
-    column_start: IntArray
-    sides: IntArray
-    side_start: IntArray
-    ranges: IntArray
-    range_start: IntArray
-    compliance_start: IntArray
-    response_start: IntArray
-    compliances: FloatArray
-    responses: FloatArray
-    entries: FloatArray
+    own: BodyColumns
 
     @property
     def reads(self) -> int:
         """Numbers of the responses that :meth:`respond` reads, if they are kept."""
-        per_range = self.ranges[:, 1] - self.ranges[:, 0]
-        body = np.repeat(np.arange(len(self.node_start) - 1), np.diff(self.range_start))
-        rows = self.part.block.width * np.diff(self.node_start)
+        own = self.own
+        per_range = own.ranges[:, 1] - own.ranges[:, 0]
+        body = np.repeat(np.arange(len(own.node_start) - 1), np.diff(own.range_start))
+        rows = own.width * np.diff(own.node_start)
         return int(rows[body] @ per_range)
 
     def respond(self, y: FloatArray) -> None:
         """Write ``J A^-1 r`` for the right-hand sides r into slots and components (n, 6)."""
-        interface_response(
-            self.nodes, self.node_start, self.columns, self.column_start, self.ranges,
-            self.range_start, self.responses, self.response_start, self.right,
-            self.part.block.width, y,
-        )  # fmt: skip
+        interface_response(self.own.memory, y)
 
 
 @dataclass(frozen=True)
@@ -119,10 +107,7 @@ class RigidBodies:
         if len(part.forces.nodes):
             np.add.at(blocks, part.forces.nodes, self._mechanics.forces(system, part, shifts))
         self._inverses, regular = inverted(blocks)
-        rigid_responses(
-            self._inverses, group.columns, group.column_start, group.response_start,
-            group.compliance_start, group.responses, group.compliances,
-        )  # fmt: skip
+        rigid_responses(group.own.memory, self._inverses)
         return regular
 
     def respond(self, y: FloatArray) -> None:
@@ -131,7 +116,7 @@ class RigidBodies:
 
     def solve(self) -> None:
         """Steps of the owned nodes for their right-hand sides."""
-        multiply_blocks(self._inverses, self.group.right, self.group.part.block.step)
+        multiply_blocks(self._inverses, self.group.own.right, self.group.part.block.step)
 
 
 class FlexibleBodies:
@@ -150,7 +135,7 @@ class FlexibleBodies:
         self._system, self.group, self._mechanics = system, group, mechanics
         block = group.part.block
         # always the same view, by which PETSc's vector is found again
-        self._right = group.right[: block.owned, : block.width]
+        self._right = group.own.right[: block.owned, : block.width]
         self._matrix = CoordinateMatrix(
             system.comm, block.sizes, block.sizes, *part_pattern(group.part)
         )
@@ -158,22 +143,22 @@ class FlexibleBodies:
         self._chained = elements is None or elements.chained
         self.split: bool = block.has_ghosts
         self.pieces = self._divide()
-        local = group.part.slots[group.columns[:, 0]]
+        local = group.part.slots[group.own.columns[:, 0]]
         self._held = np.flatnonzero(local >= 0)
-        self._ends = local[self._held], group.columns[self._held, 1]
+        self._ends = local[self._held], group.own.columns[self._held, 1]
 
     def _divide(self) -> list[Piece]:
         """Each large body on its own, all others together; one piece if a body is on two ranks."""
         group, block = self.group, self.group.part.block
-        rows = block.width * np.diff(group.node_start)
+        rows = block.width * np.diff(group.own.node_start)
         large = (rows >= _ALONE) & (not self.split)
         lists = list(np.flatnonzero(large)[:, np.newaxis])
         if not lists or not large.all():
             lists.insert(0, np.flatnonzero(~large))
-        body = np.repeat(np.arange(len(rows)), np.diff(group.node_start))
+        body = np.repeat(np.arange(len(rows)), np.diff(group.own.node_start))
         pieces = []
         for bodies in lists:
-            nodes = np.sort(group.nodes[np.isin(body, bodies)])
+            nodes = np.sort(group.own.nodes[np.isin(body, bodies)])
             shape = (len(nodes), block.width)
             pieces.append(Piece(bodies, nodes, np.zeros(shape), np.zeros(shape)))
         return pieces
@@ -221,9 +206,9 @@ class FlexibleBodies:
         reads = np.array([group.reads, sum(factor.entries for factor in factors)])
         self._system.comm.Allreduce(MPI.IN_PLACE, reads)
         direct = bool(reads[0] > reads[1])
-        responses = np.zeros(0 if direct else group.response_start[-1])
+        responses = np.zeros(0 if direct else group.own.response_start[-1])
         nodes = {name: values.copy() for name, values in origin.items()}
-        return KeptFactor(factors, direct, responses, np.zeros(len(group.compliances)), nodes)
+        return KeptFactor(factors, direct, responses, np.zeros(len(group.own.compliances)), nodes)
 
     def _factor(self, piece: Piece) -> Factor:
         """Factors of a piece of the matrix."""
@@ -234,9 +219,10 @@ class FlexibleBodies:
                 rows.ravel().astype(PETSc.IntType), comm=PETSc.COMM_SELF
             )
             matrix = matrix.getDiagonalBlock().createSubMatrix(index, index)
+        nodes = np.diff(self.group.own.node_start)[piece.bodies]
         return Factor(
             matrix, block.width, not self.split, chained=self._chained,
-            largest=block.width * int(np.diff(self.group.node_start)[piece.bodies].max(initial=0)),
+            largest=block.width * int(nodes.max(initial=0)),
         )  # fmt: skip
 
     def _respond(self, piece: Piece, factor: Factor) -> None:
@@ -245,7 +231,7 @@ class FlexibleBodies:
         Collective if a body is on several ranks.
         """
         group, part = self.group, self.group.part
-        widths = np.diff(group.column_start)[piece.bodies]
+        widths = np.diff(group.own.column_start)[piece.bodies]
         most = int(widths.max(initial=0))
         if self.split:
             most = self._system.comm.allreduce(most, op=MPI.MAX)
@@ -256,7 +242,7 @@ class FlexibleBodies:
         solve = factor.solve if self._kept.direct else factor.solve_transpose
         for c in range(most):
             bodies = piece.bodies[widths > c]
-            columns = group.columns[group.column_start[bodies] + c]
+            columns = group.own.columns[group.own.column_start[bodies] + c]
             local = part.slots[columns[:, 0]]
             held = local >= 0
             rhs[:] = 0.0
@@ -275,7 +261,7 @@ class FlexibleBodies:
             self.group.respond(y)
             return
         self.solve()
-        columns = self.group.columns
+        columns = self.group.own.columns
         y[columns[:, 0], columns[:, 1]] = 0.0
         held = columns[self._held]
         y[held[:, 0], held[:, 1]] = self.group.part.block.owned_step[self._ends]
@@ -296,7 +282,7 @@ class FlexibleBodies:
     def use(self, kept: KeptFactor) -> None:
         """Take factors that were computed before."""
         self._kept = kept
-        self.group.responses, self.group.compliances = kept.responses, kept.compliances
+        self.group.own.responses, self.group.own.compliances = kept.responses, kept.compliances
 
     def worst(self, missed: FloatArray, limit: float) -> list[int]:
         """Pieces in which the square of a vector (n_owned, width) exceeds a limit."""
@@ -314,16 +300,16 @@ class FlexibleBodies:
         """
         group = self.group
         for b in bodies:
-            width = group.column_start[b + 1] - group.column_start[b]
-            nodes = group.nodes[group.node_start[b] : group.node_start[b + 1]]
+            width = group.own.column_start[b + 1] - group.own.column_start[b]
+            nodes = group.own.nodes[group.own.node_start[b] : group.own.node_start[b + 1]]
             if not self._kept.direct:
-                a, e = group.response_start[b], group.response_start[b + 1]
-                group.responses[a:e].reshape(-1, width)[:, c] = solution[place[nodes]].ravel()
-            columns = group.columns[group.column_start[b] : group.column_start[b + 1]]
+                a, e = group.own.response_start[b], group.own.response_start[b + 1]
+                group.own.responses[a:e].reshape(-1, width)[:, c] = solution[place[nodes]].ravel()
+            columns = group.own.columns[group.own.column_start[b] : group.own.column_start[b + 1]]
             local = group.part.slots[columns[:, 0]]
             held = local >= 0
             values = np.zeros(width)
             values[held] = solution[place[local[held]], columns[held, 1]]
-            a, e = group.compliance_start[b], group.compliance_start[b + 1]
-            matrix = group.compliances[a:e].reshape(width, width)
+            a, e = group.own.compliance_start[b], group.own.compliance_start[b + 1]
+            matrix = group.own.compliances[a:e].reshape(width, width)
             (matrix.T if self._kept.direct else matrix)[c] = values

@@ -17,7 +17,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.solvers.frozen.bodies import Bodies
 from flexfem.solvers.interface_system import InterfaceSystem
-from flexfem.solvers.schur_kernels import row_products, schur
+from flexfem.solvers.schur_kernels import BodyColumns, row_products, schur
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["MultiplierSystem", "Responding"]
@@ -71,23 +71,26 @@ class MultiplierSystem:
         sides, per_body = self._sides(slots, number, len(bodies))
         ranges, range_start = self._ranges(sides, starts(per_body))
         lengths = part.block.width * np.diff(node_start) * widths
-        return Bodies(
-            part=part,
-            right=np.zeros_like(part.block.residual),
+        own = BodyColumns(
+            width=part.block.width,
             nodes=nodes,
             node_start=node_start,
+            right=np.zeros_like(part.block.residual),
             columns=np.array(columns, dtype=np.int64).reshape(-1, 2),
             column_start=column_start,
+            slot_column=self._slot_column,
+            slot_active=self._slot_active,
             sides=sides,
             side_start=starts(per_body),
             ranges=ranges,
             range_start=range_start,
-            compliance_start=starts(widths**2),
+            responses=np.zeros(0 if part.elements is not None else int(lengths.sum())),
             response_start=starts(lengths),
             compliances=np.zeros(int((widths**2).sum())),
-            responses=np.zeros(0 if part.elements is not None else int(lengths.sum())),
+            compliance_start=starts(widths**2),
             entries=np.zeros(int((per_body**2).sum())),
         )
+        return Bodies(part, own)
 
     def _sides(self, slots: IntArray, number: IntArray, count: int) -> tuple[IntArray, IntArray]:
         """Sides of terms (term, side, slot) on the given slots by body, and their numbers."""
@@ -119,18 +122,18 @@ class MultiplierSystem:
         rows = self._system.constraints
         first, second = [], []
         for group in self.groups:
-            for start, end in pairwise(group.side_start):
-                r = rows.row_of_term[group.sides[start:end, 0]]
+            for start, end in pairwise(group.own.side_start):
+                r = rows.row_of_term[group.own.sides[start:end, 0]]
                 first.append(np.tile(r, len(r)))
                 second.append(np.repeat(r, len(r)))
         every = np.arange(rows.size)
         i = np.concatenate([*first, every, rows.coupled[:, 0]]).astype(np.int64)
         j = np.concatenate([*second, every, rows.coupled[:, 1]]).astype(np.int64)
         self._values, self._correction = np.zeros(len(i)), np.zeros(rows.size)
-        ends = np.cumsum([*(len(group.entries) for group in self.groups), rows.size])
+        ends = np.cumsum([*(len(group.own.entries) for group in self.groups), rows.size])
         *parts, self._diagonal, self._coupling = np.split(self._values, ends)
         for group, entries in zip(self.groups, parts, strict=True):
-            group.entries = entries
+            group.own.entries = entries
         return InterfaceSystem(
             self._system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
         )
@@ -142,8 +145,9 @@ class MultiplierSystem:
             return
         self._version = rows.lines.version
         for group in self.groups:
-            group.sides[:, 2] = rows.term_slots[group.sides[:, 0], group.sides[:, 1]]
-            group.ranges, group.range_start = self._ranges(group.sides, group.side_start)
+            own = group.own
+            own.sides[:, 2] = rows.term_slots[own.sides[:, 0], own.sides[:, 1]]
+            own.ranges, own.range_start = self._ranges(own.sides, own.side_start)
 
     def factor(self, regular: bool) -> bool:
         """Assemble and factorise; False on all ranks where it is singular on one (collective).
@@ -153,11 +157,7 @@ class MultiplierSystem:
         """
         rows = self._system.constraints
         for group in self.groups:
-            schur(
-                group.sides, group.side_start, self._slot_column, self._slot_active,
-                group.column_start, group.compliances, group.compliance_start,
-                rows.force_jacobian, rows.step_jacobian, group.entries,
-            )  # fmt: skip
+            schur(group.own.memory, rows.own.memory)
         np.multiply(rows.owned, rows.compliance, out=self._diagonal)
         if len(rows.coupling):
             self._coupling[:] = rows.owned[rows.coupled[:, 0]] * rows.coupling
@@ -180,10 +180,7 @@ class MultiplierSystem:
         if beyond:
             steps = np.multiply(self._owned_slot, self._system.interface.steps, out=self._beyond)
             steps += self._response
-        row_products(
-            rows.term_slots, rows.row_of_term, self._local_slot, rows.step_jacobian,
-            steps, rows.owned, values, self._correction,
-        )  # fmt: skip
+        row_products(rows.own.memory, self._local_slot, steps, rows.owned, values, self._correction)
         self._factors.solve(self._correction)
         return self._correction
 

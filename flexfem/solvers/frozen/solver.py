@@ -88,7 +88,7 @@ class FrozenSolver:
             FlexibleBodies(system, g, mechanics) for g in groups if g.part.elements is not None
         ]
         # right-hand side, residual, and local node of each slot, of every part
-        self._loads = [(g.right, g.part.block.residual, g.part.slots) for g in groups]
+        self._loads = [(g.own.right, g.part.block.residual, g.part.slots) for g in groups]
         self._nothing = np.zeros(0)
         self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
         self._refinement = Refinement(system, mechanics)
