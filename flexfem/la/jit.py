@@ -6,8 +6,11 @@ which may name a folder of compiled code, libraries and tolerances. Whoever left
 run his code in ours, or change our numbers; here all options have values of our own.
 """
 
-from collections.abc import Sequence
+import gc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,7 @@ import ufl
 
 from flexfem._trust import private_folder, trusted
 
-__all__ = ["compile_options", "compiled_form"]
+__all__ = ["compile_options", "compiled_form", "quick_compiler"]
 
 #: Arguments of the C compiler unless others are asked for: those of DOLFINx.
 _ARGUMENTS = ("-O2", "-g0")
@@ -47,7 +50,50 @@ def compiled_form(form: ufl.Form) -> Any:
     """DOLFINx's form on its mesh (collective)."""
     from dolfinx import fem
 
-    return fem.form(form, **compile_options(form.ufl_domain().ufl_cargo().comm))
+    options = compile_options(form.ufl_domain().ufl_cargo().comm)
+    with quick_compiler():
+        return fem.form(form, **options)
+
+
+@contextmanager
+def quick_compiler() -> Iterator[None]:
+    """While FFCx compiles: the same code in two thirds of the time.
+
+    FFCx compares each expression with all others to find its number, where a table has it at once.
+    A tenth of the time would go into looking for garbage among what is still in use.
+    """
+    graph: Any = import_module("ffcx.ir.analysis.graph")
+    usual = getattr(graph, "ValueNumberer", None)
+    collecting = gc.isenabled()
+    gc.disable()
+    if hasattr(usual, "get_node_symbols"):  # other versions of FFCx may have no need of it
+        graph.ValueNumberer = _with_table(usual)
+    try:
+        yield
+    finally:
+        if usual is not None:
+            graph.ValueNumberer = usual
+        if collecting:
+            gc.enable()
+
+
+@cache
+def _with_table(usual: Any) -> Any:
+    """FFCx's class that numbers the values of a graph of expressions, with a table of them."""
+
+    class Numberer(usual):
+        """Finds an expression by its hash."""
+
+        def __init__(self, G: Any) -> None:
+            super().__init__(G)
+            self._places: dict[Any, int] = {}
+            for place, node in G.nodes.items():
+                self._places.setdefault(node["expression"], place)
+
+        def get_node_symbols(self, expr: Any) -> Any:
+            return self.V_symbols[self._places[expr]]
+
+    return Numberer
 
 
 @cache

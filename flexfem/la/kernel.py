@@ -22,7 +22,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from flexfem.la.jit import compile_options
+from flexfem.la.jit import compile_options, quick_compiler
 from flexfem.la.lanes import LANES
 
 __all__ = ["Kernel", "cell_form", "compile_kernel", "tabulate"]
@@ -68,7 +68,8 @@ def cell_form(comm: MPI.Intracomm, form: ufl.Form, *, batched: bool = False) -> 
     options = compile_options(comm, [*_COMPILE_ARGUMENTS, *(_batch_arguments() if batched else ())])
     if batched:
         options["form_compiler_options"]["language"] = _BATCH
-    return compile_form(comm, form, **options)
+    with quick_compiler():
+        return compile_form(comm, form, **options)
 
 
 @cache

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""FFCx with less to look for makes the same code."""
+
+import gc
+import os
+import subprocess
+import sys
+
+import pytest
+from ffcx.ir.analysis import graph
+
+from flexfem.la.jit import quick_compiler
+
+pytestmark = pytest.mark.serial
+
+CODE = """
+import sys
+from contextlib import nullcontext
+from ffcx.compiler import compile_ufl_objects
+from ffcx.options import get_options
+from flexfem.forms.beam import beam_forms
+from flexfem.la.jit import quick_compiler
+
+forms = beam_forms(True)
+with quick_compiler() if sys.argv[1] == "quick" else nullcontext():
+    code, _ = compile_ufl_objects([forms.residual, forms.inertia], get_options(), namespace="beam")
+sys.stdout.write(code[1])
+"""
+
+
+def test_code_is_that_of_ffcx():
+    """FFCx numbers tables in the order of a set: with one seed of hashes it is always the same."""
+    environment = {**os.environ, "PYTHONHASHSEED": "0"}
+    usual, quick = (
+        subprocess.run(
+            [sys.executable, "-c", CODE, how], env=environment, capture_output=True, check=True
+        ).stdout
+        for how in ("usual", "quick")
+    )
+    assert len(usual) > 10_000
+    assert quick == usual
+
+
+def test_ffcx_is_left_as_it_was():
+    usual = graph.ValueNumberer
+
+    def fail():
+        with quick_compiler():
+            assert graph.ValueNumberer is not usual
+            assert not gc.isenabled()
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert graph.ValueNumberer is usual
+    assert gc.isenabled()
+
+
+def test_other_versions_of_ffcx_are_let_alone(monkeypatch):
+    monkeypatch.setattr(graph, "ValueNumberer", object)
+    with quick_compiler():
+        assert graph.ValueNumberer is object
+    monkeypatch.delattr(graph, "ValueNumberer")
+    with quick_compiler():
+        assert not hasattr(graph, "ValueNumberer")
