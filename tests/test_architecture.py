@@ -25,6 +25,7 @@ LAYERS = [
         "_memory",
         "resources",
         "launch",
+        "_beside",
         "_leaving",
         "options",
         "installation",

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
+from flexfem import _beside, launch
 from flexfem import case as cases
-from flexfem import launch
 from flexfem._checks import InputError, NumericalError
 from flexfem._faults import FAILURES, FunctionError, mistake
 from flexfem.case import Case
@@ -59,6 +59,7 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
         UsageError: An option, a value or the model is not admissible.
     """
     case, parameters, options = parse(case, argv, prog=prog)
+    _beside.start_early()
     with _word_on_compilation(options):
         return _run(case, parameters, options, argv, prog)
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from flexfem import _beside
 from flexfem.io.run_log import run_log
 from flexfem.launch import environment_of_runs, program
 
@@ -60,7 +61,7 @@ class Processes:
         self._limit = limit
         self._environment = environment_of_runs()
         if limit > 1:  # they compile beside each other already
-            self._environment.setdefault("FLEXFEM_COMPILE_BESIDE", "0")
+            self._environment.setdefault(_beside.SWITCH, "0")
         if ranks * limit > cores() and ranks > 1:
             # ranks of MPICH poll while they wait: they leave their core to others
             self._environment.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")

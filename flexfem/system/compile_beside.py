@@ -1,107 +1,190 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Processes that compile loops beside a first run, before it comes to need them.
+"""Compile loops ahead of a first run, in processes beside it.
 
 A run compiles its loops one after the other, most of them at its start, and so would a core alone
-be at work. ``loops.txt`` lists loops, those first that most models with these modules call;
-``python -m tests.list_loops`` writes it. A loop that is not in it is compiled when the run needs
-it.
+be at work. ``loops.txt`` lists loops, those first that nearly all models call: they are compiled
+while the run loads DOLFINx and builds its model. Of the others those follow that are in the modules
+which the run has loaded. ``python -m tests.list_loops`` writes the list. A loop that is not in it
+is compiled when the run needs it.
 """
 
-import atexit
+import gc
+import json
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from importlib import import_module
 from itertools import islice
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba import types
 from numba.core.dispatcher import Dispatcher
+from numba.core.registry import cpu_target
 
-from flexfem.launch import environment_of_runs
+from flexfem import _beside
 from flexfem.lie.compile_once import busy
 
-__all__ = ["compile_beside"]
+__all__ = ["compile_beside", "kind_of", "text_of"]
 
-LIST = Path(__file__).with_name("loops.txt")
 #: Loops whose absence from the cache shows a first run, and how many of these must be absent.
 _LOOKED_AT, _ABSENT = 8, 4
-#: Processes at most: the longest loops are a fifth of the whole.
-_MOST = 4
-#: Variable that is 0 where no processes shall be started.
-SWITCH = "FLEXFEM_COMPILE_BESIDE"
-_ARRAY = re.compile(r"(readonly )?array\((\w+), (\d)d, C\)")
-_TUPLE = re.compile(r"UniTuple\((\w+) x (\d+)\)")
-_STARTED: list[subprocess.Popen[bytes]] = []
+_ARRAY = re.compile(r"(readonly )?array\((\w+), (\d)d, ([ACF])\)")
+_NUMBERS = {str(kind): kind for kind in (*types.number_domain, types.boolean)}
+#: How Linux is asked for a signal when the parent of this process ends.
+_SIGNAL_OF_PARENT = 1
 
 
 def compile_beside(ranks: int) -> None:
     """Start the processes, where most of the loops in the loaded modules were never compiled.
 
+    Where the command has started them already, they learn which modules these are.
+
     Args:
         ranks: of the run, which wait for one another while one of them compiles.
     """
-    cores = len(os.sched_getaffinity(0))
-    if _STARTED or cores < 2 or os.environ.get(SWITCH) == "0":
-        return
     modules = {name for name in sys.modules if name.startswith("flexfem.")}
-    first = list(islice(_listed(modules), _LOOKED_AT))
-    if sum(not loop._cache._cache_file._load_index() for loop, _ in first) < _ABSENT:
-        return
-    atexit.register(_end)
-    for _ in range(min(_MOST, max(1, cores - ranks))):
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", __name__], env=environment_of_runs(),
-            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        _STARTED.append(process)
-        assert process.stdin is not None
-        process.stdin.write(" ".join(modules).encode())
-        process.stdin.close()
+    if not _beside.started():
+        loops = (entry for entry in _listed() if entry.module in modules)
+        first = [entry.resolved() for entry in islice(loops, _LOOKED_AT)]
+        absent = [not loop._cache._cache_file._load_index() for loop, _ in filter(None, first)]
+        if sum(absent) < _ABSENT:
+            return
+        _beside.start(ranks)
+    _beside.tell(modules)
 
 
-def _end() -> None:
-    """What is not compiled at the end of a run was not needed by it."""
-    for process in _STARTED:
-        process.terminate()
-        process.wait()
+class _Entry(NamedTuple):
+    """A line of the list.
+
+    Attributes:
+        module: where the loop is.
+        function: its name.
+        usual: whether nearly all models call it.
+        kinds: types of its arguments, as :func:`text_of` writes them.
+    """
+
+    module: str
+    function: str
+    usual: bool
+    kinds: list[Any]
+
+    def resolved(self) -> tuple[Any, tuple[Any, ...]] | None:
+        """The loop and the types of its arguments; None where there is no such loop."""
+        try:
+            loop = getattr(import_module(self.module), self.function, None)
+            kinds = tuple(kind_of(kind) for kind in self.kinds)
+        except (ImportError, ValueError):
+            return None
+        return (loop, kinds) if isinstance(loop, Dispatcher) else None
 
 
-def _listed(modules: set[str]) -> Iterator[tuple[Any, tuple[Any, ...]]]:
-    """Loops of the list in some modules, with the types of their arguments."""
-    for line in LIST.read_text(encoding="ascii").splitlines():
-        module, function, *kinds = line.split("\t")
-        if module in modules:
-            loop = getattr(import_module(module), function, None)
-            if isinstance(loop, Dispatcher):
-                yield loop, tuple(_kind(kind) for kind in kinds)
+def _listed() -> Iterator[_Entry]:
+    """All lines of the list."""
+    for line in _beside.LIST.read_text(encoding="ascii").splitlines():
+        yield _Entry(*json.loads(line))
 
 
-def _kind(text: str) -> Any:
-    """The type of what numba prints so."""
+def text_of(kind: Any) -> Any:
+    """What the list has of a type of arguments: texts, and mappings for tuples.
+
+    Raises:
+        ValueError: no such types can be listed.
+    """
+    if isinstance(kind, types.BaseTuple):
+        parts: Any = kind
+        named = getattr(kind, "instance_class", None)
+        name = "" if named is None else f"{named.__module__}:{named.__qualname__}"
+        text: Any = {name: [text_of(part) for part in parts.types]}
+    else:
+        text = str(kind)
+    if kind_of(text) != kind:
+        raise ValueError(f"{kind} cannot be listed")
+    return text
+
+
+def kind_of(text: Any) -> Any:
+    """The type of which :func:`text_of` has made a text.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if isinstance(text, dict):
+        ((name, parts),) = text.items()
+        kinds = [kind_of(part) for part in parts]
+        return types.BaseTuple.from_types(kinds, _named_tuple(name) if name else None)
     if found := _ARRAY.fullmatch(text):
-        readonly, scalar, dimensions = found.groups()
-        return types.Array(getattr(types, scalar), int(dimensions), "C", readonly=bool(readonly))
-    if found := _TUPLE.fullmatch(text):
-        return types.UniTuple(getattr(types, found[1]), int(found[2]))
-    return types.boolean if text == "bool" else getattr(types, text)
+        readonly, scalar, dimensions = found.groups()[:3]
+        layout: Any = found[4]
+        if scalar in _NUMBERS:
+            kind = _NUMBERS[scalar]
+            return types.Array(kind, int(dimensions), layout, readonly=bool(readonly))
+    if text == "none":
+        return types.none
+    if text not in _NUMBERS:
+        raise ValueError(f"{text} is no type of arguments")
+    return _NUMBERS[text]
 
 
-def _compile(modules: set[str]) -> None:
-    """Compile what no other process is compiling, for as long as the run goes on."""
-    run = os.getppid()
-    for loop, signature in _listed(modules):
+def _named_tuple(name: str) -> Any:
+    """A class of the package.
+
+    Raises:
+        ValueError: there is none.
+    """
+    module, _, names = name.partition(":")
+    if not module.startswith("flexfem."):
+        raise ValueError(f"{name} is no class of flexfem")
+    found = getattr(import_module(module), names, None)
+    if not (isinstance(found, type) and issubclass(found, tuple) and hasattr(found, "_fields")):
+        raise ValueError(f"{name} is no named tuple")
+    return found
+
+
+def _kept(loop: Any, signature: Any) -> bool:
+    """Whether a loop is compiled already: it need not be loaded here."""
+    cache = loop._cache
+    return cache._index_key(signature, cpu_target.target_context.codegen()) in (
+        cache._cache_file._load_index()
+    )
+
+
+def _compile(entries: list[_Entry], run: int) -> None:
+    """Compile what no other process is compiling or has compiled, while the run goes on."""
+    for entry in entries:
         if os.getppid() != run:
-            break
-        if not busy(loop, signature):
-            loop.compile(signature)
+            sys.exit()
+        if (found := entry.resolved()) is not None:
+            loop, signature = found
+            if not (_kept(loop, signature) or busy(loop, signature)):
+                loop.compile(signature)
 
 
-if __name__ == "__main__":
+def _end_with(run: int) -> None:
+    """Let the system end this process with the run, however that ends."""
+    import ctypes
+    import signal
+
+    with suppress(OSError, AttributeError):  # no Linux: it is noticed after the next loop
+        ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENT, signal.SIGTERM)
+    if os.getppid() != run:
+        sys.exit()
+
+
+def _main() -> None:
+    """Loops that nearly all models need, then others in the modules of the run."""
+    run = int(sys.argv[1])
+    _end_with(run)
     import mpi4py
 
     mpi4py.rc.initialize = False
-    _compile(set(sys.stdin.read().split()))
+    gc.disable()  # nothing of what is made here is let go
+    listed = list(_listed())
+    _compile([entry for entry in listed if entry.usual], run)
+    modules = set(sys.stdin.read().split())
+    _compile([entry for entry in listed if entry.module in modules and not entry.usual], run)
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Processes beside a first run that compile what it will need: when they start and end.
+
+What they do is in ``flexfem.system.compile_beside``. Here is nothing that takes long to import, so
+that a command starts them before it loads DOLFINx and PETSc.
+"""
+
+import atexit
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from flexfem import launch
+
+__all__ = ["LIST", "start", "start_early", "started", "tell"]
+
+#: The loops: a line of JSON for each, which begins with the names of its module and of itself.
+LIST = Path(__file__).parent / "system" / "loops.txt"
+#: Variable that is 0 where no processes shall be started.
+SWITCH = "FLEXFEM_COMPILE_BESIDE"
+#: Processes at most: the longest loops are a fifth of the whole.
+_MOST = 4
+#: First loops of the list, of which no trace is found before a first run.
+_LOOKED_AT = 4
+_STARTED: list[subprocess.Popen[bytes]] = []
+
+
+def started() -> bool:
+    """Whether this program has started processes."""
+    return bool(_STARTED)
+
+
+def start_early() -> None:
+    """Start them where no loop was ever compiled, on the first rank, before a model is built.
+
+    Where loops are out of date, that is seen when there is a model.
+    """
+    if launch.rank() == 0 and not _traces():
+        start(launch.ranks_here()[0])
+
+
+def start(ranks: int) -> None:
+    """Start processes on the cores that are left, one at least; none on one core.
+
+    Args:
+        ranks: of the run on this computer, which wait for one another while one of them compiles.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    if _STARTED or cores < 2 or os.environ.get(SWITCH) == "0":
+        return
+    atexit.register(_end)
+    for _ in range(min(_MOST, max(1, cores - ranks))):
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "flexfem.system.compile_beside", str(os.getpid())],
+                env=launch.environment_of_runs(), stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+        except OSError:  # no more processes for this user, no memory
+            return
+        _STARTED.append(process)
+
+
+def tell(modules: Iterable[str]) -> None:
+    """Let the processes know what is loaded for the model, once."""
+    text = " ".join(modules).encode()
+    for process in _STARTED:
+        if process.stdin is not None and not process.stdin.closed:
+            try:
+                with process.stdin as stream:
+                    stream.write(text)
+            except OSError:  # it has ended
+                pass
+
+
+def _end() -> None:
+    """What is not compiled at the end of a run was not needed by it."""
+    for process in _STARTED:
+        process.terminate()
+    for process in _STARTED:
+        process.wait()
+
+
+def _traces() -> bool:
+    """Whether one of the first loops was compiled at any time, as the names of files tell."""
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        places = [Path(folder)]
+    else:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        places = [caches / "numba"]
+    lines = LIST.read_text(encoding="ascii").splitlines()
+    first = [json.loads(line)[:2] for line in lines[:_LOOKED_AT]]
+    for module, function in first:
+        home, name = module.rsplit(".", 1)
+        parent = LIST.parents[2].joinpath(*home.split("."))
+        found = [parent.glob(f"__pycache__/{name}.{function}-*.nbi")] if not folder else []
+        found += [place.glob(f"{parent.name}_*/{name}.{function}-*.nbi") for place in places]
+        if any(True for files in found for _ in files):
+            return True
+    return False
