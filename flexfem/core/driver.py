@@ -5,16 +5,16 @@ A kernel is called by address with FFCx's signature: it adds to a tensor what it
 coefficients of one cell, or of ``LANES`` cells side by side. :class:`CellKernel` says where each
 nodal array, the data of the cell and the data of its section go among the coefficients, and
 :class:`Cells` holds them. :func:`add_forces` adds the results to nodes (residuals, actions of a
-tangent), and :func:`evaluate_tangents` combines derivatives by configuration, velocity and
-acceleration to one matrix a cell.
+tangent), :func:`evaluate` keeps them by cell, and :func:`evaluate_tangents` combines derivatives by
+configuration, velocity and acceleration to one matrix a cell.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import IntEnum
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.la.kernel import Kernel, tabulate
 from flexfem.lie.compiled import inlined, kernel, subroutine
 from flexfem.lie.records import (
@@ -32,16 +32,21 @@ from flexfem.lie.records import (
 
 __all__ = [
     "LINE",
+    "NO_NODES",
     "CellKernel",
     "Cells",
     "Nodal",
     "add_forces",
     "cell_kernel",
+    "evaluate",
     "evaluate_tangents",
+    "plain_cells",
 ]
 
 #: Corners of the reference interval, for forms that do not depend on the size of the cell.
 LINE = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+#: Record of the nodes for kernels without nodal data.
+NO_NODES: Memory = np.empty(0, dtype=np.int64)
 
 
 class Nodal(IntEnum):
@@ -106,10 +111,28 @@ class Cells(Record):
     corners: Float2D
 
 
+def plain_cells(
+    own: Float2D,
+    nodes: Index2D | None = None,
+    corners: Float2D = LINE,
+    section: Int1D | None = None,
+    sections: Float2D | None = None,
+) -> Cells:
+    """Cells whose axes are those of their nodes; without nodes and sections unless given."""
+    count = len(own)
+    nodes = np.empty((count, 0), dtype=np.int32) if nodes is None else nodes
+    return Cells(
+        nodes=nodes, turned=np.zeros(count, dtype=np.bool_),
+        turns=np.zeros((1, nodes.shape[1], 9)), own=own, corners=corners,
+        section=np.zeros(count, dtype=np.int64) if section is None else section,
+        sections=np.empty((1, 0)) if sections is None else sections,
+    )  # fmt: skip
+
+
 def cell_kernel(
     kernel: Kernel,
     size: int,
-    names: Mapping[str, object],
+    names: Iterable[str],
     nodal: Mapping[str, tuple[Nodal, int]],
     own: Mapping[str, tuple[int, int]],
     section: Mapping[str, tuple[int, int]] | None = None,
@@ -211,6 +234,27 @@ def _put_section(
 
 
 @inlined
+def _gather_batch(
+    kernel: CellKernel, cells: Cells, nodes: Memory, first: int, held: IntArray, data: FloatArray
+) -> None:
+    """Write the data of the cells of one call; ``held`` are the sections that ``data`` has."""
+    last = cells.nodes.shape[0] - 1
+    for lane in range(kernel.lanes):
+        c = min(first + lane, last)  # the last cell fills the last batch
+        _gather(kernel, cells, nodes, c, lane, data)
+        if cells.section[c] != held[lane]:
+            held[lane] = cells.section[c]
+            _put_section(kernel, cells, held[lane], lane, data)
+
+
+@inlined
+def _corners(cells: Cells, c: int) -> FloatArray:
+    """Coordinates of the corners of a cell."""
+    corners: FloatArray = cells.corners[c if cells.corners.shape[0] > 1 else 0]
+    return corners
+
+
+@inlined
 def _add_to_nodes(
     cells: Cells, c: int, results: FloatArray, lane: int, scale: float, target: FloatArray
 ) -> None:
@@ -253,17 +297,37 @@ def add_forces(
     data, results = np.empty((call.coefficients, width)), np.empty((call.size, width))
     held = np.full(width, -1)
     for first in range(0, count, width):
-        for lane in range(width):
-            c = min(first + lane, count - 1)  # the last cell fills the last batch
-            _gather(call, own, nodes, c, lane, data)
-            if own.section[c] != held[lane]:
-                held[lane] = own.section[c]
-                _put_section(call, own, held[lane], lane, data)
+        _gather_batch(call, own, nodes, first, held, data)
         results[:] = 0.0
-        corners = own.corners[first if own.corners.shape[0] > 1 else 0]
-        tabulate(call.address, results, data, constants, corners)  # type: ignore[call-arg]
+        tabulate(call.address, results, data, constants, _corners(own, first))  # type: ignore[call-arg]
         for lane in range(min(width, count - first)):
             _add_to_nodes(own, first + lane, results, lane, scale, target)
+
+
+@kernel
+def evaluate(
+    kernel: Memory, cells: Memory, nodes: Memory, constants: FloatArray, values: FloatArray
+) -> None:
+    """Write the results of all cells.
+
+    Args:
+        kernel: a :class:`CellKernel`.
+        cells: :class:`Cells`.
+        nodes: record of the nodes.
+        constants: of the kernel.
+        values: (m, s) results.
+    """
+    call, own = unpack(CellKernel, kernel), unpack(Cells, cells)
+    width, count = call.lanes, own.nodes.shape[0]
+    data, results = np.empty((call.coefficients, width)), np.empty((call.size, width))
+    held = np.full(width, -1)
+    for first in range(0, count, width):
+        _gather_batch(call, own, nodes, first, held, data)
+        results[:] = 0.0
+        tabulate(call.address, results, data, constants, _corners(own, first))  # type: ignore[call-arg]
+        for lane in range(min(width, count - first)):
+            for i in range(call.size):
+                values[first + lane, i] = results[i, lane]
 
 
 @subroutine
@@ -321,7 +385,7 @@ def evaluate_tangents(
             _put_section(for_K, own, held, 0, k_data)
             _put_section(for_CM, own, held, 0, m_data)
         K[:], C[:], M[:] = 0.0, 0.0, 0.0
-        corners = own.corners[c if own.corners.shape[0] > 1 else 0]
+        corners = _corners(own, c)
         tabulate(for_K.address, K, k_data, constants, corners)  # type: ignore[call-arg]
         tabulate(for_CM.address, C, m_data, only_v, corners)
         tabulate(for_CM.address, M, m_data, only_w, corners)

@@ -7,10 +7,12 @@ tabulated by the kernels that FFCx generates of the energy and its derivatives.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.driver import CellKernel, Cells, evaluate, plain_cells
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.corotating_axes import CorotatingAxes
 from flexfem.elements.node_pairs import NodePairs
@@ -22,49 +24,24 @@ from flexfem.elements.shell_nodes import (
     positions_into,
     turn_blocks,
 )
-from flexfem.la.kernel import Kernel, tabulate
-from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Float2D, Record
 
-__all__ = ["EnergyCells", "EnergyElements", "EnergyKernels"]
+__all__ = ["EnergyCells", "EnergyElements", "EnergyKernels", "Points"]
 
 
-@kernel
-def _evaluate(
-    address: int, offsets: IntArray, nodes: IndexArray, points: FloatArray, start: FloatArray,
-    parameters: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
-    """Tabulate a kernel in all cells.
+class Points(Record):
+    """Positions (n, 3) of nodes, m."""
 
-    Args:
-        address: of the kernel.
-        offsets: where positions and parameters are among its coefficients, and their number.
-        nodes: (m, k) nodes of the cells.
-        points: (n, 3) positions.
-        start: (m, k, 3) places of the cells' nodes at the start.
-        parameters: (m, p).
-        out: (m, s) results.
-    """
-    count, width = nodes.shape
-    data, constants = np.empty(max(offsets[-1], 1)), np.empty(1)
-    for c in range(count):
-        if offsets[0] >= 0:
-            for i in range(width):
-                for a in range(3):
-                    data[offsets[0] + 3 * i + a] = points[nodes[c, i], a]
-        for j in range(parameters.shape[1]):
-            if offsets[1 + j] >= 0:
-                data[offsets[1 + j]] = parameters[c, j]
-        out[c] = 0.0
-        tabulate(address, out[c], data, constants, start[c])  # type: ignore[call-arg]
+    points: Float2D
 
 
 @dataclass(frozen=True)
 class EnergyKernels:
     """Kernels of an energy (s = 1), its forces (s = 3 k), stiffnesses (s = 9 k^2), J, N, N/m."""
 
-    energy: Kernel
-    force: Kernel
-    stiffness: Kernel
+    energy: CellKernel
+    force: CellKernel
+    stiffness: CellKernel
 
 
 @dataclass(frozen=True)
@@ -91,7 +68,7 @@ class EnergyCells:
     body: IntArray
     corners: int
 
-    def with_mass(self, form: Kernel, density: FloatArray) -> "EnergyCells":
+    def with_mass(self, form: CellKernel, density: FloatArray) -> "EnergyCells":
         """The cells with their masses and sizes.
 
         Args:
@@ -99,30 +76,33 @@ class EnergyCells:
             density: (m,) kg per length, area or volume.
         """
         count = self.nodes.shape[1]
-        products = self._tabulated(form, np.zeros((1, 3)), count**2).reshape(-1, count, count)
+        products = self._tabulated(form, Points(points=np.zeros((1, 3))))
+        products = products.reshape(-1, count, count)
         size: FloatArray = products.sum(axis=(1, 2))
         return replace(self, mass=density[:, np.newaxis, np.newaxis] * products, size=size)
 
-    def energies(self, points: FloatArray) -> FloatArray:
-        """Energies (m,) at positions (n, 3), J."""
-        return self._tabulated(self.kernels.energy, points, 1)[:, 0]
+    @cached_property
+    def _cells(self) -> Cells:
+        """The cells as the driver takes them."""
+        start = self.start.reshape(len(self.nodes), 3 * self.nodes.shape[1])
+        return plain_cells(self.parameters, self.nodes, start)
 
-    def forces(self, points: FloatArray) -> FloatArray:
+    def energies(self, at: Points) -> FloatArray:
+        """Energies (m,) at positions of the nodes, J."""
+        return self._tabulated(self.kernels.energy, at)[:, 0]
+
+    def forces(self, at: Points) -> FloatArray:
         """Derivatives (m, k, 3) of the energies by the nodes' positions, N."""
-        return self._tabulated(self.kernels.force, points, 3 * self.nodes.shape[1]).reshape(
-            -1, self.nodes.shape[1], 3
-        )
+        return self._tabulated(self.kernels.force, at).reshape(-1, self.nodes.shape[1], 3)
 
-    def stiffnesses(self, points: FloatArray) -> FloatArray:
+    def stiffnesses(self, at: Points) -> FloatArray:
         """Second derivatives (m, 3 k, 3 k), N/m."""
         width = 3 * self.nodes.shape[1]
-        return self._tabulated(self.kernels.stiffness, points, width**2).reshape(-1, width, width)
+        return self._tabulated(self.kernels.stiffness, at).reshape(-1, width, width)
 
-    def _tabulated(self, which: Kernel, points: FloatArray, size: int) -> FloatArray:
-        out = np.empty((len(self.nodes), size))
-        _evaluate(
-            which.address, which.offsets, self.nodes, points, self.start, self.parameters, out
-        )
+    def _tabulated(self, which: CellKernel, at: Points) -> FloatArray:
+        out = np.empty((len(self.nodes), which.size))
+        evaluate(which.memory, self._cells.memory, at.memory, np.empty(1), out)
         return out
 
     def rotations(self, points: FloatArray) -> FloatArray:
@@ -176,6 +156,7 @@ class EnergyElements:
         self._pairs = NodePairs(len(block.frames), [g.nodes for g in groups])
         count = len(block.frames)
         self._points, self._vectors = np.empty((count, 3)), np.empty((count, 3))
+        self._at = Points(points=self._points)
         self._axes = CorotatingAxes(block)
 
     @property
@@ -192,7 +173,7 @@ class EnergyElements:
         inertial_into(block.frames, block.acceleration, self._vectors)
         felt = self._vectors - gravity
         self._scatter(
-            block, scale, lambda g: g.forces(self._points) + g.mass @ felt[g.nodes]
+            block, scale, lambda g: g.forces(self._at) + g.mass @ felt[g.nodes]
         )  # fmt: skip
 
     def _scatter(
@@ -216,7 +197,7 @@ class EnergyElements:
             count = group.nodes.shape[1]
             matrices = np.zeros((len(group.nodes), count, 3, count, 3))
             if shifts[2] != 0.0:
-                own = group.stiffnesses(self._points)
+                own = group.stiffnesses(self._at)
                 matrices += scale * float(shifts[2]) * own.reshape(matrices.shape)
             for a in range(3):
                 matrices[:, :, a, :, a] += scale * float(shifts[1]) * group.mass
@@ -237,7 +218,7 @@ class EnergyElements:
             found: FloatArray = float(shifts[1]) * (group.mass @ steps)
             if shifts[2] != 0.0:
                 flat = steps.reshape(len(steps), group.nodes.shape[1] * 3, 1)
-                moved = group.stiffnesses(self._points) @ flat
+                moved = group.stiffnesses(self._at) @ flat
                 found += float(shifts[2]) * moved.reshape(steps.shape)
             return found
 
@@ -280,7 +261,7 @@ class EnergyElements:
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         positions_into(frames, self._points)
-        return self._of_groups([g.energies(self._points) for g in self.groups])
+        return self._of_groups([g.energies(self._at) for g in self.groups])
 
     def _of_groups(self, values: Sequence[FloatArray]) -> FloatArray:
         return np.concatenate([np.empty(0), *values])

@@ -8,9 +8,9 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.elements.beam_loops import law_values
+from flexfem.core.driver import NO_NODES, CellKernel, cell_kernel, evaluate, plain_cells
 from flexfem.forms.beam_law import LawExpressions, law_form
-from flexfem.la.kernel import Kernel, compile_kernel
+from flexfem.la.kernel import compile_kernel
 from flexfem.materials.matrices import check_definite
 from flexfem.materials.section_law import SectionLaw
 
@@ -45,7 +45,6 @@ class LawValues:
         """
         self.parameters = np.array([list(p.parameters.values()) for p in laws])
         self.viscous = law.dissipation is not None
-        self._size = law_form(law).size
         self._kernel = _compile(comm, law, f"{owners[0]}: {laws[0].owner}")
         rest = np.zeros((len(laws), 6))
         values = self.at(rest, rest, np.arange(len(laws)))
@@ -57,20 +56,26 @@ class LawValues:
 
     def at(self, strain: FloatArray, rate: FloatArray, sections: IntArray) -> FloatArray:
         """What ``forms.beam_law.LawForm`` lists, (m, k), at strains and their rates (m, 6)."""
-        values = np.empty((len(strain), self._size))
-        kernel = self._kernel
-        law_values(kernel.address, kernel.offsets, strain, rate, sections, self.parameters, values)
+        values = np.empty((len(strain), self._kernel.size))
+        cells = plain_cells(
+            np.concatenate([strain, rate], axis=1), section=sections, sections=self.parameters
+        )
+        evaluate(self._kernel.memory, cells.memory, NO_NODES, np.zeros(1), values)
         return values
 
 
-def _compile(comm: MPI.Intracomm, law: LawExpressions, owner: str) -> Kernel:
+def _compile(comm: MPI.Intracomm, law: LawExpressions, owner: str) -> CellKernel:
     """Compile a law by itself: what the compiler does not understand fails here."""
     form = law_form(law)
     try:
-        return compile_kernel(comm, form.form, form.coefficients)
+        compiled = compile_kernel(comm, form.form, form.coefficients)
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{owner}: cannot be compiled: {reason[:200]}") from error
+    names = ("strain", "rate", "parameters")[: len(form.coefficients)]
+    own = {"strain": (0, 6), "rate": (6, 6)}
+    section = {"parameters": (0, law.count)} if law.count else {}
+    return cell_kernel(compiled, form.size, names, {}, own, section)
 
 
 def _check_energy(owner: str, values: FloatArray, allow_unstable: bool) -> None:

@@ -10,14 +10,15 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.driver import CellKernel, Nodal, cell_kernel
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.load import NOTHING, Load
 from flexfem.core.marker import Carrier, Marker, SurfaceMarker
 from flexfem.core.runs import starts
-from flexfem.elements.energy_cells import EnergyCells, EnergyElements, EnergyKernels
+from flexfem.elements.energy_cells import EnergyCells, EnergyElements, EnergyKernels, Points
 from flexfem.elements.family import ElementFamily
 from flexfem.forms.energy import EnergyForms
-from flexfem.la.kernel import compile_kernel
+from flexfem.la.kernel import Kernel, compile_kernel
 from flexfem.lie import se3
 from flexfem.loads.pressure import Pressure
 from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -176,7 +177,8 @@ class UFLBodyFamily(Family):
             forms = self._forms[kind]
             wanted = (forms.energy, forms.force, forms.stiffness, forms.mass)
             coefficients = (forms.position, *forms.parameters)
-            *kernels, mass = [compile_kernel(comm, form, coefficients) for form in wanted]
+            compiled = [compile_kernel(comm, form, coefficients) for form in wanted]
+            *kernels, mass = _cell_kernels(bodies[0], compiled)
             numbers = [self._bodies.index(body) for body in bodies]
             group = self._cells(EnergyKernels(*kernels), mass, numbers, own, block)
             _check_start(comm, bodies, group, self._frames[ids][:, :3])
@@ -316,6 +318,18 @@ def _forms(body: UFLBody) -> EnergyForms:
         raise ValueError(f'UFLBody "{body.name}": {error}') from None
 
 
+def _cell_kernels(body: UFLBody, compiled: Sequence[Kernel]) -> list[CellKernel]:
+    """Kernels of energy, forces, stiffnesses and masses with places for the data of cells."""
+    count = body.mesh.cells.shape[1]
+    parameters = {f"parameter {j}": (j, 1) for j in range(len(body.parameters))}
+    nodal = {"position": (Nodal.POSITION, Points.word("points"))}
+    sizes = 1, 3 * count, (3 * count) ** 2, count**2
+    return [
+        cell_kernel(kernel, size, [*nodal, *parameters], nodal, parameters)
+        for kernel, size in zip(compiled, sizes, strict=True)
+    ]
+
+
 def _along_body(body: UFLBody) -> IntArray:
     """Cells of a body ordered along its longest extent."""
     middles = body.mesh.points[body.mesh.cells].mean(axis=1)
@@ -334,9 +348,10 @@ def _check_start(
     """
     turned = points @ se3.rotation(se3.exp(np.concatenate([np.zeros(3), _TURN]))).T
     strained = (1.0 + _STRAIN) * points
+    states = [Points(points=np.ascontiguousarray(x)) for x in (points, turned, strained)]
     with np.errstate(all="ignore"):
-        values = np.array([float(cells.energies(x).sum()) for x in (points, turned, strained)])
-        slopes = [cells.forces(points), cells.stiffnesses(points)]
+        values = np.array([float(cells.energies(state).sum()) for state in states])
+        slopes = [cells.forces(states[0]), cells.stiffnesses(states[0])]
         finite = np.isfinite(values).all() and all(np.isfinite(one).all() for one in slopes)
     rest, rotated, stretched = comm.allreduce(np.where(np.isfinite(values), values, 0.0))
     names = ", ".join(f'UFLBody "{body.name}"' for body in bodies[:1])

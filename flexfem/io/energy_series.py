@@ -9,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import IntArray
-from flexfem.elements.energy_cells import EnergyCells, EnergyElements
+from flexfem.elements.energy_cells import EnergyCells, EnergyElements, Points
 from flexfem.io.vtu_series import VtuSeries
 from flexfem.lie import se3
 from flexfem.system.assembly import Assembly
@@ -68,14 +68,14 @@ class EnergySeries:
         """Cells with so many corners."""
         block = part.block
         x = np.ascontiguousarray(se3.position(block.frames))
-        turn = se3.rotation(block.frames)
+        at, turn = Points(points=x), se3.rotation(block.frames)
         cells, body, energy = [], [], []
         for group in groups:
             pieces = _pieces(group)
             count = len(pieces) // max(len(group.nodes), 1)
             cells.append(pieces)
             body.append(np.repeat(group.body, count))
-            energy.append(np.repeat(group.energies(x) / group.size, count))
+            energy.append(np.repeat(group.energies(at) / group.size, count))
         self._series[corners].write(
             time, step, x, np.concatenate(cells), _SERIES[corners][1],
             {
