@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Frame of all runs: a folder of their own, and an orderly end whatever goes wrong."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
@@ -20,6 +21,8 @@ __all__ = ["agreed", "folder_is_lost", "guarded", "reason_of", "refuse"]
 
 #: Options that ranks may have for themselves, and kinds of values that are compared.
 _OWN, _PLAIN = ("quiet", "progress"), (bool, int, float, str)
+#: Seconds that ranks may need longer than another to find the same input wrong.
+_PATIENCE = 10.0
 
 
 @contextmanager
@@ -39,7 +42,8 @@ def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
         try:
             yield faults
         except InputError:
-            refuse(faults, comm)  # it is the reason, if there is one
+            if _all_come(comm):
+                refuse(faults, comm)  # it is the reason, if there is one
             raise
         except Interrupted as stop:
             if error := agreed(faults, comm):
@@ -49,6 +53,16 @@ def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
         if error is not None:
             error.outcome = faults.outcome  # type: ignore[attr-defined]
             raise error
+
+
+def _all_come(comm: MPI.Intracomm) -> bool:
+    """Return False if ranks stay in what one has failed in alone (collective otherwise)."""
+    barrier, end = comm.Ibarrier(), time.monotonic() + _PATIENCE
+    while not barrier.Test():
+        if time.monotonic() > end:
+            return False
+        time.sleep(launch.LOOK)
+    return True
 
 
 def _check_options(options: Settings, comm: MPI.Intracomm) -> None:

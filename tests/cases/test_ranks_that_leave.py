@@ -169,3 +169,33 @@ def test_case_that_one_rank_cannot_build(
     assert ended.stderr.count("Traceback") == len(trace)
     assert (f", in build\n    {failure}\n" in ended.stderr) is bool(trace)
     assert not (tmp_path / "results").exists()
+
+
+ALONE = """
+import sys
+import flexfem as ff
+from flexfem._checks import InputError
+from flexfem.simulation import run_guard, setup
+run_guard._PATIENCE = 1.0
+build = setup.build
+def fails(*given, **named):
+    if ff.launch.rank() == {leaving}:
+        raise InputError("found here alone")
+    return build(*given, **named)
+setup.build = fails
+model = ff.Model("top")
+model.add(ff.RigidBody("body", 1.0, (0.1, 0.1, 0.2)))
+ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=1e-3, output=sys.argv[1]))
+"""
+
+
+@pytest.mark.parametrize("leaving", [0, 1])
+def test_input_refused_on_one_rank_while_a_model_is_built(
+    leaving: int, tmp_path: Path, run: Callable[..., Any]
+) -> None:
+    """The others wait in a collective call of the same step: all end, with its error."""
+    script = tmp_path / "script.py"
+    script.write_text(ALONE.format(leaving=leaving))
+    ended = run(2, script, tmp_path / "results", timeout=60)  # without the limit: no end at all
+    assert ended.returncode == 1
+    assert ended.stderr.endswith("InputError: found here alone\n")
