@@ -31,6 +31,9 @@ _RELAX = 0.2
 #: The multipliers' system is kept within a step while iterations contract like this, or, where
 #: steps are refined, while they are smaller than this, m or rad.
 _WELL, _NEAR = 0.02, 0.01
+#: The second step is no measure of the contraction where it is below so many tolerances: what
+#: stiff directions turn is of second order in the first one, and gone in the third.
+_CLOSE = 100.0
 
 
 class _Attempt:
@@ -74,7 +77,7 @@ class _Attempt:
         frozen, tolerance = self._frozen, self._tolerance
         near = size <= _NEAR if self.refine else contraction < _WELL and size * size <= tolerance
         self._keep_interface = frozen.keepable and near
-        if iteration < 2:
+        if iteration < 2 or (iteration == 2 and size <= _CLOSE * tolerance):
             return
         if contraction > self._limit:
             self.refine = True
