@@ -2,13 +2,15 @@
 """Options: what a value may be, said once for the command line and for Python callers."""
 
 import difflib
+import inspect
 import math
 import operator
 import re
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, dataclass_transform
 
 from flexfem._checks import show
 from flexfem._files import number_in
@@ -28,6 +30,7 @@ class Option:
         maximum: Largest admissible number.
         above: The number must be strictly greater than this one.
         choices: Admissible values; empty when any is.
+        note: Sentences that the reference adds to the help.
 
     Raises:
         ValueError: If the name, the type or the default is not admissible.
@@ -42,6 +45,7 @@ class Option:
     maximum: float | None = None
     above: float | None = None
     choices: Sequence[Any] = ()
+    note: str = ""
 
     def __post_init__(self) -> None:
         """Check the declaration itself."""
@@ -238,7 +242,7 @@ _MOST = 2**63 - 1
 
 
 def is_text(path: str) -> bool:
-    """Whether the name of a file is UTF-8 and has no NUL."""
+    """Return True if the name of a file is UTF-8 and has no NUL."""
     return "\0" not in path and not any("\ud800" <= letter <= "\udfff" for letter in path)
 
 
@@ -269,26 +273,92 @@ def progress_kind(text: str) -> tuple[str, float]:
 PROGRESS = ProgressOption()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """Numerical options of one kind of analysis; subclasses have one field for each option.
+def option(help: str, *, default: Any = MISSING, kind: type[Option] = Option, **more: Any) -> Any:
+    """Declare a field of settings that is an option: all that is said of it.
+
+    Its name and type are those of the field. Without a default, each case gives one.
 
     Args:
-        output: Folder of the results; None writes nothing.
-        quiet: Show no progress, whatever ``progress`` is.
-        progress: "auto" (a bar if stderr is a terminal), "bar", "lines" (one every 30 s),
-            "lines:SECONDS" or "none".
+        help: One line for ``--help``, which the reference shows as well.
+        default: Value when the option is not given.
+        kind: Class of the option.
+        more: Unit, bounds, choices and note, see :class:`Option`.
     """
+    return field(default=default, metadata={"help": help, "kind": kind, "more": more})
 
+
+def setting(help: str, *, default: Any, note: str = "") -> Any:
+    """Declare a field of settings that is not numerical: no option of cases."""
+    return field(default=default, metadata={"help": help, "note": note})
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, setting))
+def settings[Kind: type[Settings]](cls: Kind) -> Kind:
+    """Make a frozen dataclass of a class of settings.
+
+    Options and paths are collected from its fields, and what these say is added to its docstring.
+    A plain value of an inherited option is another default.
+    """
+    dataclass(frozen=True, kw_only=True)(cls)
+    inherited, own = {one.name: one for one in cls.OPTIONS}, {}
+    for one in fields(cls):
+        if one.name not in cls.__annotations__:
+            continue
+        if "kind" in one.metadata:
+            own[one.name] = _declared(one)
+        elif one.name in inherited:
+            inherited[one.name] = replace(inherited[one.name], default=one.default)
+    cls.OPTIONS = tuple((own | inherited).values())
+    cls.PATHS = tuple(one.name for one in fields(cls) if one.type == Path | None)
+    others = [one for one in fields(cls) if "note" in one.metadata]
+    told = [(one.name, _told(one)) for one in cls.OPTIONS]
+    told += [(one.name, "{help}. {note}".format_map(one.metadata).rstrip()) for one in others]
+    cls.__doc__ = _with_arguments(inspect.cleandoc(cls.__doc__ or ""), told)
+    return cls
+
+
+def _declared(one: Any) -> Option:
+    """The option that a field of settings declares."""
+    default = None if one.default is MISSING else one.default
+    kind: type[Option] = one.metadata["kind"]
+    return kind(one.name, one.type, default, one.metadata["help"], **one.metadata["more"])
+
+
+def _told(one: Option) -> str:
+    """Help, admissible values and note of an option."""
+    values = "" if one.kind is bool else f" ({one.describe()})"
+    if one.kind is str and not one.choices:
+        values = f" [{one.unit}]" if one.unit else ""
+    return f"{one.help}{values}. {one.note}".rstrip()
+
+
+def _with_arguments(doc: str, told: Iterable[tuple[str, str]]) -> str:
+    """A docstring with a list of arguments before what is raised."""
+    entries = [
+        textwrap.fill(
+            f"{name}: {text}", 96, initial_indent=" " * 4, subsequent_indent=" " * 8,
+            break_on_hyphens=False,
+        )
+        for name, text in told
+    ]  # fmt: skip
+    text, raises, reasons = doc.partition("\n\nRaises:")
+    return "\n".join([f"{text}\n\nArgs:", *entries]) + raises + reasons
+
+
+@settings
+class Settings:
+    """Numerical options of one kind of analysis; subclasses have one field for each option."""
+
+    # All options, those that the class itself declares first.
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
     #: Options that a run that goes on from a checkpoint may not change.
     RESTART_AGREES: ClassVar[tuple[str, ...]] = ()
-    #: Fields that are paths, or None.
-    PATHS: ClassVar[tuple[str, ...]] = ("output",)
+    # Fields that are paths, or None.
+    PATHS: ClassVar[tuple[str, ...]] = ()
 
-    output: Path | None = None
-    quiet: bool = False
-    progress: str = "auto"
+    output: Path | None = setting("folder of the results; None writes nothing", default=None)
+    quiet: bool = setting("show no progress, whatever ``progress`` is", default=False)
+    progress: str = setting(f"{PROGRESS.help}: {PROGRESS.describe()}", default=PROGRESS.default)
 
     def __post_init__(self) -> None:
         """Check every value and turn it into its plain Python type.

@@ -6,26 +6,34 @@ from importlib import import_module
 from typing import Any
 
 from flexfem._checks import InputError
-from flexfem.options import Option, Settings
+from flexfem.options import Settings, option, setting
 
-__all__ = ["KERNELS", "SPLIT_ABOVE", "Analysis"]
+__all__ = ["Analysis", "kernels", "restart", "split_above"]
 
-#: What every analysis has among its options.
-KERNELS = Option(
-    "kernels",
-    str,
-    "fast",
-    "assemble shells by hand-written loops (fast) or from their UFL forms (ufl); everything else "
-    "that has a strain comes from UFL forms in any case",
-    choices=("fast", "ufl"),
-)
-SPLIT_ABOVE = Option(
-    "split_above",
-    int,
-    4000,
-    "a beam with more elements than this and than a rank's share is split over ranks",
-    minimum=1,
-)
+
+def kernels() -> Any:
+    """Declare the option of all analyses that says how shells are assembled."""
+    return option(
+        "assemble shells by hand-written loops (fast) or from their UFL forms (ufl); everything "
+        "else that has a strain comes from UFL forms in any case",
+        default="fast",
+        choices=("fast", "ufl"),
+        note="The results are the same.",
+    )
+
+
+def split_above() -> Any:
+    """Declare the option of all analyses that says which beams are divided."""
+    return option(
+        "a beam with more elements than this and than a rank's share is split over ranks",
+        default=4000,
+        minimum=1,
+    )
+
+
+def restart(more: str = "; --t-end may be later") -> Any:
+    """Declare the checkpoint that runs go on from."""
+    return setting(f"checkpoint to go on from, on any number of ranks{more}", default=None)
 
 
 @dataclass(frozen=True)

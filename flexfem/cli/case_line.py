@@ -23,10 +23,7 @@ from flexfem.options import PROGRESS, Option, Settings
 
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
 #: Files that analyses start from.
-_FILES = {
-    "restart": "checkpoint to go on from, on any number of ranks; --t-end may be later",
-    "state": "checkpoint of a motion or relaxation of the same model, whose state is looked at",
-}
+_FILES = ("restart", "state")
 #: What concerns the output alone.
 _OUTPUT = ("output", "quiet", "progress")
 _OUTPUTS = """\
@@ -129,10 +126,10 @@ def _case_parser(case: Case, analyses: Mapping[str, Analysis], prog: str | None)
         metavar="DIR",
         help=f"folder of the results (default: {Path('results') / case.folder})",
     )
-    known = {field.name for field in fields(case.analysis.settings)}
-    for name, text in _FILES.items():
-        if name in known:
-            common.add_argument(f"--{name}", type=file, metavar="FILE", help=text)
+    for one in fields(case.analysis.settings):
+        if one.name in _FILES:
+            text = one.metadata["help"]
+            common.add_argument(f"--{one.name}", type=file, metavar="FILE", help=text)
     _add_option(common, PROGRESS, "", "{auto,bar,lines,lines:S,none}")
     common.add_argument(
         "--quiet", action="store_true", default=False, help="no progress bar, errors only"
