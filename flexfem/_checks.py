@@ -6,6 +6,7 @@ Every function takes the `owner` (for example ``Beam "rod_1"``) and the `what` (
 come back as read-only copies, so that a frozen object stays as it was checked.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,20 @@ def text(owner: str, what: str, value: object) -> str:
             f"surrounding blanks, got {show(value)}"
         )
     return value
+
+
+def word(owner: str, what: str, value: object, words: Sequence[str]) -> str:
+    """Return a word that is one of those known.
+
+    Raises:
+        TypeError: `value` is not a string.
+        ValueError: It is none of `words`.
+    """
+    found = text(owner, what, value)
+    if found not in words:
+        known = " or ".join(f'"{one}"' for one in words)
+        raise ValueError(f"{owner}: {what} must be {known}, got {show(found)}")
+    return found
 
 
 def named(thing: object, name: object) -> str:

@@ -302,7 +302,7 @@ def settings[Kind: type[Settings]](cls: Kind) -> Kind:
     dataclass(frozen=True, kw_only=True)(cls)
     inherited, own = {one.name: one for one in cls.OPTIONS}, {}
     for one in fields(cls):
-        if one.name not in cls.__annotations__:
+        if one.name not in inspect.get_annotations(cls):
             continue
         if "kind" in one.metadata:
             own[one.name] = _declared(one)

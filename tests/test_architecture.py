@@ -19,6 +19,7 @@ LAYERS = [
         "_types",
         "_faults",
         "_checks",
+        "_fields",
         "_files",
         "_packages",
         "_trust",

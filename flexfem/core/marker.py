@@ -2,12 +2,13 @@
 """Places where joints, loads and probes attach."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import ZERO, Array, Rotation, checked, declared, rotation, text, vector
 from flexfem._types import FloatArray
 from flexfem.core.pose import Pose
 
@@ -18,13 +19,26 @@ LINE_ENDS = ("start", "end")
 _ONE = 1e-12
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _place(owner: str, what: str, value: Any) -> str | float | tuple[float, float, float]:
+    """Return a checked name, position or fraction."""
+    if isinstance(value, str):
+        return _checks.text(owner, what, value)
+    if isinstance(value, (tuple, list, np.ndarray)):
+        x, y, z = _checks.vector(owner, what, value).tolist()
+        return x, y, z
+    fraction = _checks.number(owner, what, value)
+    if not 0.0 <= fraction <= 1.0:
+        raise ValueError(f"{owner}: {what} must be a fraction in [0, 1], got {fraction}")
+    return fraction
+
+
+@declared
 class Marker:
     """Frame that moves with a rigid body or a place on a beam or shell.
 
     Attributes:
         body: Name of a Beam, Shell, RigidBody or FloatingBody.
-        point: For beams, where on the line: name of a physical point group, "start" or "end", or
+        point: For beams, a place on the line: name of a physical point group, "start" or "end", or
             a fraction of the arc length in [0, 1], also inside an element. For shells: name of a
             node of the surface mesh, or a position (x, y, z) at the start, for the shell's nearest
             node. None for rigid bodies.
@@ -32,42 +46,20 @@ class Marker:
             point of the rigid body (in body axes), shape (3,), metres.
         rotation: Orientation of the marker in inertial axes at the initial time, shape (3, 3);
             from then on it turns with the body.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: A fraction outside [0, 1], a wrong shape, NaN or no rotation matrix.
     """
 
     body: str
-    point: str | float | tuple[float, float, float] | None
-    offset: FloatArray
-    rotation: FloatArray
+    point: str | float | tuple[float, float, float] | None = checked(_place, default=None)
+    offset: Array = vector(default=ZERO)
+    rotation: Rotation = rotation(default=None)
 
-    def __init__(
-        self,
-        body: str,
-        point: str | float | tuple[float, float, float] | None = None,
-        offset: npt.ArrayLike = (0.0, 0.0, 0.0),
-        rotation: npt.ArrayLike | None = None,
-    ) -> None:
-        """Create a marker.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: A fraction outside [0, 1], a wrong shape, NaN or no rotation matrix.
-        """
-        owner = f'Marker on "{_checks.text("Marker", "body", body)}"'
-        if isinstance(point, str):
-            _checks.text(owner, "point", point)
-        elif isinstance(point, (tuple, list, np.ndarray)):
-            point = _position(owner, point)
-        elif point is not None:
-            point = _checks.number(owner, "point", point)
-            if not 0.0 <= point <= 1.0:
-                raise ValueError(f"{owner}: point must be a fraction in [0, 1], got {point}")
-        _checks.assign(
-            self,
-            body=body,
-            point=point,
-            offset=_checks.vector(owner, "offset", offset),
-            rotation=_checks.rotation(owner, "rotation", rotation),
-        )
+    @property
+    def _owner(self) -> str:
+        return f'Marker on "{_checks.text("Marker", "body", self.body)}"'
 
     def __str__(self) -> str:
         """Return body and point, for tables and messages."""
@@ -76,12 +68,6 @@ class Marker:
             point = "(" + ", ".join(f"{value:.5g}" for value in point) + ")"
         place = self.body if point is None else f"{self.body}:{point}"
         return f"{place}+offset" if self.offset.any() else place
-
-
-def _position(owner: str, point: npt.ArrayLike) -> tuple[float, float, float]:
-    """Return a checked position."""
-    x, y, z = _checks.vector(owner, "point", point).tolist()
-    return x, y, z
 
 
 class Carrier(Marker):
@@ -224,56 +210,40 @@ class SurfaceMarker(Marker):
         return f"{self.body}:{'-'.join(str(node) for node in self.nodes)}"
 
 
-@dataclass(frozen=True)
+@declared(eq=True)
 class SlidingMarker:
     """Section of a carrier at which the slider of a sliding joint is, for probes and events.
 
     Attributes:
         joint: Name of the joint.
+
+    Raises:
+        TypeError: It is not a string.
+        ValueError: It is empty or not printable.
     """
 
-    joint: str
-
-    def __post_init__(self) -> None:
-        """Check the name.
-
-        Raises:
-            TypeError: It is not a string.
-            ValueError: It is empty or not printable.
-        """
-        _checks.text("SlidingMarker", "joint", self.joint)
+    joint: str = text()
 
     def __str__(self) -> str:
         """Return a short text for tables and messages."""
         return f"slider of {self.joint}"
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class Ground:
     """Marker fixed in the inertial frame.
 
     Attributes:
         position: Position in inertial axes, shape (3,), metres.
         rotation: Orientation in inertial axes, shape (3, 3).
+
+    Raises:
+        TypeError: An argument does not consist of numbers.
+        ValueError: A wrong shape, NaN or no rotation matrix.
     """
 
-    position: FloatArray
-    rotation: FloatArray
-
-    def __init__(
-        self, position: npt.ArrayLike = (0.0, 0.0, 0.0), rotation: npt.ArrayLike | None = None
-    ) -> None:
-        """Create a marker on the ground.
-
-        Raises:
-            TypeError: An argument does not consist of numbers.
-            ValueError: A wrong shape, NaN or no rotation matrix.
-        """
-        _checks.assign(
-            self,
-            position=_checks.vector("Ground", "position", position),
-            rotation=_checks.rotation("Ground", "rotation", rotation),
-        )
+    position: Array = vector(default=ZERO)
+    rotation: Rotation = rotation(default=None)
 
     @property
     def pose(self) -> Pose:
@@ -285,9 +255,9 @@ class Ground:
         return "ground"
 
 
-#: What a joint connects.
+#: Ends of a joint.
 Attachment = Marker | Ground
 
-#: What probes and events observe.
+#: Markers that probes and events observe.
 Observed = Marker | Ground | SlidingMarker
 OBSERVED = (Marker, Ground, SlidingMarker)

@@ -1,12 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies: beams, rigid bodies and point masses."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, InitVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import (
+    ZERO,
+    Array,
+    Given,
+    Rotation,
+    checked,
+    declared,
+    direction,
+    instance,
+    number,
+    rotation,
+    settled,
+    vector,
+)
 from flexfem._types import FloatArray
 from flexfem.core.marker import Marker
 from flexfem.materials.section import Section
@@ -18,17 +33,15 @@ from flexfem.model.shapes import SHAPES, Shape
 _TRIANGLE_TOLERANCE = 1e-9
 _SINGULAR = 1e-12
 
-_ZERO = (0.0, 0.0, 0.0)
-
 #: Formulations of beams.
 FORMULATIONS = ("se3", "nurbs")
-#: What NURBS elements interpolate as rotations.
+#: Rotations as NURBS elements interpolate them.
 INTERPOLATIONS = ("quaternions", "relative_rotation_vectors")
 #: Degree of curves through the nodes of a mesh.
 _DEGREE = 3
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class Beam:
     """Beam along a named group of line cells, or along a NURBS curve.
 
@@ -37,14 +50,16 @@ class Beam:
         section: Stiffness and inertia.
         group: Line group of the model's mesh; None for that of the beam's name, or with a curve.
         curve: Curve of a beam that needs no mesh; its elements are its knot spans.
-        degree: Degree of the curve through the nodes of the group with the formulation "nurbs";
-            None for others.
+        degree: Degree of the curve through the nodes of the group with the formulation "nurbs", 3
+            when None; None for others.
         formulation: Element formulation: "se3" for geometrically exact two-node elements on the
-            cells of the group, "nurbs" for isogeometric elements.
-        interpolation: What isogeometric elements interpolate as rotations: the unit "quaternions"
-            of the control points, or their "relative_rotation_vectors" to one control point of
-            each element (Crisfield, Jelenic 1999); None for others. Both are objective. With the
-            vectors, sections jump a little between elements that share more than an end.
+            cells of the group, "nurbs" for isogeometric elements. None for "nurbs" where a curve is
+            given, else "se3".
+        interpolation: Rotations as isogeometric elements interpolate them: by the unit
+            "quaternions" of the control points, also when None, or their
+            "relative_rotation_vectors" to one control point of each element (Crisfield, Jelenic
+            1999); None for others. Both are objective. With the vectors, sections jump a little
+            between elements that share more than an end.
         orientation: Approximate direction of e2 in inertial axes: a vector, a function of points
             (n, 3) that returns vectors (n, 3), or None for rotation-minimising frames.
         damping: Stiffness-proportional damping, seconds.
@@ -52,136 +67,86 @@ class Beam:
             inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
             starts with `velocity + angular_velocity x x`.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: A wrong shape, NaN, a zero orientation, negative damping, or arguments that
+            exclude one another.
     """
 
     name: str
-    section: Section
-    group: str | None
-    curve: NurbsCurve | None
-    degree: int | None
-    formulation: str
-    interpolation: str | None
-    orientation: Orientation
-    damping: float
-    velocity: FloatArray
-    angular_velocity: FloatArray
+    section: Section = instance(Section)
+    _: KW_ONLY
+    group: str | None = None
+    curve: NurbsCurve | None = None
+    degree: int | None = None
+    formulation: Given[str | None, str] = settled(default=None)
+    interpolation: str | None = None
+    orientation: Orientation = direction(default=None)
+    damping: float = number(default=0.0, nonnegative=True)
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Array = vector(default=ZERO)
 
-    def __init__(
-        self,
-        name: str,
-        section: Section,
-        *,
-        group: str | None = None,
-        curve: NurbsCurve | None = None,
-        degree: int | None = None,
-        formulation: str | None = None,
-        interpolation: str | None = None,
-        orientation: Orientation = None,
-        damping: float = 0.0,
-        velocity: npt.ArrayLike = _ZERO,
-        angular_velocity: npt.ArrayLike = _ZERO,
-    ) -> None:
-        """Create a beam.
-
-        Without a curve, the group has the beam's name when None. The formulation is "nurbs" where
-        a curve is given, else "se3" when None; the degree is 3 and the interpolation that of
-        quaternions when None.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: A wrong shape, NaN, a zero orientation, negative damping, or arguments that
-                exclude one another.
-        """
-        owner = _checks.named(self, name)
-        _checks.instance(owner, "section", section, Section)
-        formulation, degree = _formulation(owner, group, curve, degree, formulation)
-        group = name if curve is None and group is None else group
-        if orientation is not None and not callable(orientation):
-            orientation = _checks.vector(owner, "orientation", orientation, nonzero=True)
+    def __post_init__(self) -> None:
+        """Settle what depends on whether there is a curve."""
+        owner = _checks.named(self, self.name)
+        formulation, degree = _formulation(
+            owner, self.group, self.curve, self.degree, self.formulation
+        )
         _checks.assign(
             self,
-            name=name,
-            section=section,
-            **{"group": group, "curve": curve, "degree": degree, "formulation": formulation},
-            interpolation=_interpolation(owner, formulation, interpolation),
-            orientation=orientation,
-            damping=_checks.number(owner, "damping", damping, nonnegative=True),
-            velocity=_checks.vector(owner, "velocity", velocity),
-            angular_velocity=_checks.vector(owner, "angular_velocity", angular_velocity),
+            group=self.name if self.curve is None and self.group is None else self.group,
+            degree=degree,
+            formulation=formulation,
+            interpolation=_interpolation(owner, formulation, self.interpolation),
         )
 
     @property
     def vectors(self) -> bool:
-        """Whether its elements interpolate relative rotation vectors."""
+        """True if its elements interpolate relative rotation vectors."""
         return self.interpolation == INTERPOLATIONS[1]
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class RigidBody:
     """Rigid body.
 
     Attributes:
         name: Unique name in the model.
         mass: Mass, kg.
-        inertia: Inertia tensor about the centre of mass in body axes, shape (3, 3), kg m^2.
+        inertia: Inertia tensor about the centre of mass in body axes, shape (3, 3), kg m^2; its
+            diagonal (3,) will do.
         position: Initial position of the reference point, inertial axes, shape (3,), metres.
-        rotation: Initial orientation of the body axes in inertial axes, shape (3, 3).
+        rotation: Initial orientation of the body axes in inertial axes, shape (3, 3), None for
+            none.
         centre: Centre of mass relative to the reference point, body axes, shape (3,), metres.
         velocity: Initial velocity of the reference point, inertial axes, shape (3,), m/s.
-        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s.
-        shape: How the body looks in pictures, None for a small default.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s. It may be
+            given in body axes instead, as ``local_angular_velocity``.
+        shape: Looks of the body in pictures, None for a small default.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: A wrong shape, NaN, both angular velocities, a mass that is not positive, or an
+            inertia tensor that no body has (not symmetric, not positive definite, triangle
+            inequality violated).
     """
 
     name: str
-    mass: float
-    inertia: FloatArray
-    position: FloatArray
-    rotation: FloatArray
-    centre: FloatArray
-    velocity: FloatArray
-    angular_velocity: FloatArray
-    shape: Shape | None
+    mass: float = number(positive=True)
+    inertia: Array = checked(lambda owner, what, value: _inertia_tensor(owner, value))
+    _: KW_ONLY
+    position: Array = vector(default=ZERO)
+    rotation: Rotation = rotation(default=None)
+    centre: Array = vector(default=ZERO)
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Rotation = settled(default=None)
+    local_angular_velocity: InitVar[npt.ArrayLike | None] = None
+    shape: Shape | None = instance(SHAPES, default=None)
 
-    def __init__(
-        self,
-        name: str,
-        mass: float,
-        inertia: npt.ArrayLike,
-        *,
-        position: npt.ArrayLike = _ZERO,
-        rotation: npt.ArrayLike | None = None,
-        centre: npt.ArrayLike = _ZERO,
-        velocity: npt.ArrayLike = _ZERO,
-        angular_velocity: npt.ArrayLike | None = None,
-        local_angular_velocity: npt.ArrayLike | None = None,
-        shape: Shape | None = None,
-    ) -> None:
-        """Create a rigid body; `inertia` may be its diagonal (3,), `rotation` None for none.
-
-        The angular velocity is given in inertial axes, or in body axes (`local_angular_velocity`).
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: A wrong shape, NaN, both angular velocities, a mass that is not positive, or
-                an inertia tensor that no body has (not symmetric, not positive definite, triangle
-                inequality violated).
-        """
-        owner = _checks.named(self, name)
-        if shape is not None:
-            _checks.instance(owner, "shape", shape, SHAPES)
-        axes = _checks.rotation(owner, "rotation", rotation)
-        _checks.assign(
-            self,
-            name=name,
-            mass=_checks.number(owner, "mass", mass, positive=True),
-            inertia=_inertia_tensor(owner, inertia),
-            position=_checks.vector(owner, "position", position),
-            rotation=axes,
-            centre=_checks.vector(owner, "centre", centre),
-            velocity=_checks.vector(owner, "velocity", velocity),
-            angular_velocity=initial_spin(owner, axes, angular_velocity, local_angular_velocity),
-            shape=shape,
-        )
+    def __post_init__(self, local: npt.ArrayLike | None) -> None:
+        """Take the angular velocity in the axes in which it is given."""
+        set_spin(self, local)
 
     @property
     def twist(self) -> FloatArray:
@@ -210,7 +175,7 @@ def inertia_matrix(mass: float, moment: FloatArray, inertia: FloatArray) -> Floa
     return np.block([[mass * np.eye(3), -first], [first, inertia]])
 
 
-@dataclass(frozen=True)
+@declared(eq=True)
 class PointMass:
     """Mass without rotary inertia, fixed to a marker.
 
@@ -218,22 +183,15 @@ class PointMass:
         name: Unique name in the model.
         mass: Mass, kg.
         marker: Where it sits.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: The mass is not positive.
     """
 
     name: str
-    mass: float
-    marker: Marker
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: The mass is not positive.
-        """
-        owner = _checks.named(self, self.name)
-        _checks.number(owner, "mass", self.mass, positive=True)
-        _checks.instance(owner, "marker", self.marker, Marker)
+    mass: float = number(positive=True, as_given=True)
+    marker: Marker = instance(Marker)
 
 
 def _formulation(
@@ -244,10 +202,7 @@ def _formulation(
         _checks.text(owner, "group", group)
     if formulation is None:
         formulation = "se3" if curve is None else "nurbs"
-    _checks.text(owner, "formulation", formulation)
-    if formulation not in FORMULATIONS:
-        known = " or ".join(f'"{name}"' for name in FORMULATIONS)
-        raise ValueError(f"{owner}: formulation must be {known}, got {_checks.show(formulation)}")
+    _checks.word(owner, "formulation", formulation, FORMULATIONS)
     if degree is not None:
         if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)):
             raise TypeError(f"{owner}: degree must be a whole number, got {_checks.show(degree)}")
@@ -283,11 +238,7 @@ def _interpolation(owner: str, formulation: str, given: str | None) -> str | Non
         return None
     if given is None:
         return INTERPOLATIONS[0]
-    _checks.text(owner, "interpolation", given)
-    if given not in INTERPOLATIONS:
-        known = " or ".join(f'"{name}"' for name in INTERPOLATIONS)
-        raise ValueError(f"{owner}: interpolation must be {known}, got {_checks.show(given)}")
-    return given
+    return _checks.word(owner, "interpolation", given, INTERPOLATIONS)
 
 
 def _inertia_tensor(owner: str, value: npt.ArrayLike) -> FloatArray:
@@ -310,33 +261,32 @@ def _inertia_tensor(owner: str, value: npt.ArrayLike) -> FloatArray:
 
 
 def _is_diagonal(value: npt.ArrayLike) -> bool:
-    """Return whether the argument has the shape of a diagonal."""
+    """Return True if the argument has the shape of a diagonal."""
     try:
         return np.shape(value) == (3,)
     except ValueError:  # ragged: reported as a matrix
         return False
 
 
-def initial_spin(
-    owner: str, rotation: FloatArray, inertial: npt.ArrayLike | None, local: npt.ArrayLike | None
-) -> FloatArray:
-    """Angular velocity of a body at the start, inertial axes, shape (3,).
+def set_spin(body: Any, local: npt.ArrayLike | None) -> None:
+    """Set the angular velocity of a body at the start, inertial axes, shape (3,).
 
     Args:
-        owner: the body in messages.
-        rotation: its axes at the start.
-        inertial: given in inertial axes, or None.
-        local: given in body axes, or None.
+        body: The body, with its axes at the start, and what is given in inertial axes, or None.
+        local: Given in body axes, or None.
 
     Raises:
         TypeError: One does not hold numbers.
         ValueError: Both are given, or one has another shape.
     """
+    owner, given = _checks.named(body, body.name), body.angular_velocity
     if local is None:
-        given = _ZERO if inertial is None else inertial
-        return _checks.vector(owner, "angular_velocity", given)
-    if inertial is not None:
+        spin = _checks.vector(owner, "angular_velocity", ZERO if given is None else given)
+    elif given is None:
+        own = _checks.vector(owner, "local_angular_velocity", local)
+        spin = _checks.freeze(body.rotation @ own)
+    else:
         raise ValueError(
             f"{owner}: give angular_velocity (inertial axes) or local_angular_velocity (body axes)"
         )
-    return _checks.freeze(rotation @ _checks.vector(owner, "local_angular_velocity", local))
+    _checks.assign(body, angular_velocity=spin)

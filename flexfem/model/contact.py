@@ -2,12 +2,14 @@
 """Contact between shells, and of shells with rigid surfaces."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
+from typing import Any
 
 from flexfem import _checks
+from flexfem._fields import Given, checked, declared, flag, number, text
 from flexfem.model.bodies import Beam
 from flexfem.model.body import Body
-from flexfem.model.probe import AnyProbe, check_columns
+from flexfem.model.probe import AnyProbe, name_columns
 from flexfem.model.rigid_surface import RigidSurface
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
@@ -15,7 +17,29 @@ from flexfem.model.structure import Structure
 __all__ = ["Contact", "ContactProbe"]
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _names(owner: str, what: str, names: str | Sequence[str]) -> tuple[str, ...]:
+    """Return checked names, each there once."""
+    if not isinstance(names, str):
+        _checks.instance(owner, what, names, (list, tuple))
+    several = (names,) if isinstance(names, str) else tuple(names)
+    for name in several:
+        _checks.text(owner, what, name)
+    if len(set(several)) < len(several):
+        raise ValueError(f"{owner}: {what} must be different, got {_checks.show(list(several))}")
+    return several
+
+
+def _surfaces(owner: str, what: str, surfaces: Any) -> tuple[RigidSurface, ...]:
+    """Return checked surfaces."""
+    if isinstance(surfaces, RigidSurface):
+        return (surfaces,)
+    _checks.instance(owner, what, surfaces, (list, tuple))
+    for surface in surfaces:
+        _checks.instance(owner, what, surface, RigidSurface)
+    return tuple(surfaces)
+
+
+@declared
 class Contact:
     """Contact of the nodes of shells with the triangles of shells, and with rigid surfaces.
 
@@ -41,70 +65,42 @@ class Contact:
         friction: Coulomb's coefficient; statics leave friction and damping out.
         damping: Viscous part of the normal force: the stiffness times this time, seconds, times
             the rate of penetration.
-        two_pass: Whether masters, shells or meshes of rigid surfaces, and slaves change roles in a
+        two_pass: True if masters, shells or meshes of rigid surfaces, and slaves change roles in a
             second pass, each with half of the stiffness; beams are slaves only.
-        skin: How far candidates are looked for, metres: nothing gets through a surface if both
-            move by less than half of it in a step. None: 0.4 edges of the mesh.
+        skin: Distance within which candidates are looked for, metres: nothing gets through a
+            surface if both move by less than half of it in a step. None: 0.4 edges of the mesh.
         radius: Of the beams, metres; None for that of their circular sections.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: Nothing that touches, a shell named twice, slaves and masters that overlap in
+            part, or a number out of range.
     """
 
     name: str
-    slaves: tuple[str, ...]
-    masters: tuple[str, ...]
-    surfaces: tuple[RigidSurface, ...]
-    stiffness: float | None
-    friction: float
-    damping: float
-    two_pass: bool
-    skin: float | None
-    radius: float | None
+    slaves: Given[str | Sequence[str], tuple[str, ...]] = checked(_names)
+    masters: Given[str | Sequence[str], tuple[str, ...]] = checked(_names, default=())
+    surfaces: Given[RigidSurface | Sequence[RigidSurface], tuple[RigidSurface, ...]] = checked(
+        _surfaces, default=()
+    )
+    _: KW_ONLY
+    stiffness: float | None = number(default=None, positive=True, as_given=True)
+    friction: float = number(default=0.0, nonnegative=True)
+    damping: float = number(default=0.0, nonnegative=True)
+    two_pass: bool = flag(default=True)
+    skin: float | None = number(default=None, positive=True, as_given=True)
+    radius: float | None = number(default=None, positive=True, as_given=True)
 
-    def __init__(
-        self,
-        name: str,
-        slaves: str | Sequence[str],
-        masters: str | Sequence[str] = (),
-        surfaces: RigidSurface | Sequence[RigidSurface] = (),
-        *,
-        stiffness: float | None = None,
-        friction: float = 0.0,
-        damping: float = 0.0,
-        two_pass: bool = True,
-        skin: float | None = None,
-        radius: float | None = None,
-    ) -> None:
-        """Create a contact.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: Nothing that touches, a shell named twice, slaves and masters that overlap
-                in part, or a number out of range.
-        """
-        owner = _checks.named(self, name)
-        first, second = _names(owner, "slaves", slaves), _names(owner, "masters", masters)
-        if not isinstance(surfaces, RigidSurface):
-            _checks.instance(owner, "surfaces", surfaces, (list, tuple))
-        rigid = (surfaces,) if isinstance(surfaces, RigidSurface) else tuple(surfaces)
-        for surface in rigid:
-            _checks.instance(owner, "surfaces", surface, RigidSurface)
-        if not first or not (second or rigid):
+    def __post_init__(self) -> None:
+        """Check what touches what."""
+        owner, slaves, masters = _checks.named(self, self.name), self.slaves, self.masters
+        if not slaves or not (masters or self.surfaces):
             raise ValueError(f"{owner}: it needs slaves, and masters or surfaces")
-        if set(first) & set(second) and set(first) != set(second):
+        if set(slaves) & set(masters) and set(slaves) != set(masters):
             raise ValueError(
                 f"{owner}: masters must be others than the slaves or just these, got "
-                f"{_checks.show(list(second))} and {_checks.show(list(first))}"
+                f"{_checks.show(list(masters))} and {_checks.show(list(slaves))}"
             )
-        _checks.instance(owner, "two_pass", two_pass, bool)
-        for what, value in (("stiffness", stiffness), ("skin", skin), ("radius", radius)):
-            if value is not None:
-                _checks.number(owner, what, value, positive=True)
-        _checks.assign(
-            self,
-            name=name, slaves=first, masters=second, surfaces=rigid, stiffness=stiffness,
-            friction=_checks.number(owner, "friction", friction, nonnegative=True),
-            damping=_checks.number(owner, "damping", damping, nonnegative=True),
-            two_pass=two_pass, skin=skin, radius=radius,
-        )  # fmt: skip
 
     def check(self, model: Structure) -> None:
         """Check the names of shells and beams, and what carries the surfaces.
@@ -152,7 +148,7 @@ class Contact:
         return radius
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class ContactProbe(AnyProbe):
     """Penetration and forces of a contact.
 
@@ -163,23 +159,17 @@ class ContactProbe(AnyProbe):
     Attributes:
         name: Unique name in the model.
         contact: Name of the contact.
+
+    Raises:
+        TypeError: A name is no string.
     """
 
     name: str
-    contact: str
+    contact: str = text()
 
     def __post_init__(self) -> None:
-        """Check the names.
-
-        Raises:
-            TypeError: One is no string.
-        """
-        owner = _checks.named(self, self.name)
-        _checks.text(owner, "contact", self.contact)
-        labels = ("penetration", "fx", "fy", "fz", "normal", "closed")
-        columns = tuple(f"{self.name}_{label}" for label in labels)
-        check_columns(owner, columns)
-        _checks.assign(self, columns=columns)
+        """Name the columns."""
+        name_columns(self, ("penetration", "fx", "fy", "fz", "normal", "closed"))
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -190,17 +180,5 @@ class ContactProbe(AnyProbe):
 
 
 def _has_surface(body: object) -> bool:
-    """Whether a body has triangles and a thickness, so that it can touch others."""
+    """True if a body has triangles and a thickness, so that it can touch others."""
     return isinstance(body, Body) and body.touches
-
-
-def _names(owner: str, what: str, names: str | Sequence[str]) -> tuple[str, ...]:
-    """Return checked names, each there once."""
-    if not isinstance(names, str):
-        _checks.instance(owner, what, names, (list, tuple))
-    several = (names,) if isinstance(names, str) else tuple(names)
-    for name in several:
-        _checks.text(owner, what, name)
-    if len(set(several)) < len(several):
-        raise ValueError(f"{owner}: {what} must be different, got {_checks.show(list(several))}")
-    return several

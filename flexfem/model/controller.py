@@ -1,21 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Controllers: what closes loops from probes to actuators and loads."""
+"""Controllers, which close loops from probes to actuators and loads."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import field
+from typing import Any
 
 from flexfem import _checks
+from flexfem._fields import Given, checked, declared, number
 from flexfem.control.law import Law, SampledLaw
 from flexfem.core.load import Load
 from flexfem.joints.actuator import Actuator
 from flexfem.model.measured import ReactionProbe
-from flexfem.model.probe import AnyProbe, check_columns, strings
+from flexfem.model.probe import AnyProbe, name_columns, strings
 from flexfem.model.structure import Structure
 
 __all__ = ["Controller"]
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _law(owner: str, what: str, value: Any) -> Any:
+    """Check a function of t and y, or a sampled law."""
+    if not callable(value) and not isinstance(value, SampledLaw):
+        raise TypeError(
+            f"{owner}: {what} must be a function of t and y, or have update(t, y) and state, got "
+            f"{_checks.show(value)}"
+        )
+    return value
+
+
+@declared
 class Controller:
     """Feedback from probes to actuators and loads.
 
@@ -45,50 +57,29 @@ class Controller:
         sample_time: s; None for a continuous law, and for every time step with memory.
         columns: of the history: ``<name>_<output>`` for each output, N or N m for an actuator, the
             factor of a load; a sampled one is that which acts from the row's time on.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: No outputs, one twice, or a sample time that is not positive.
     """
 
     name: str
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    law: Law
-    sample_time: float | None
-    columns: tuple[str, ...]
+    inputs: Given[Sequence[str], tuple[str, ...]] = checked(strings)
+    outputs: Given[Sequence[str], tuple[str, ...]] = checked(strings)
+    law: Law = checked(_law)
+    sample_time: float | None = number(default=None, positive=True)
+    columns: tuple[str, ...] = field(init=False)
 
-    def __init__(
-        self,
-        name: str,
-        inputs: Sequence[str],
-        outputs: Sequence[str],
-        law: Law,
-        sample_time: float | None = None,
-    ) -> None:
-        """Create a controller.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: No outputs, one twice, or a sample time that is not positive.
-        """
-        owner = _checks.named(self, name)
-        measured, driven = strings(owner, "inputs", inputs), strings(owner, "outputs", outputs)
-        if not driven:
+    def __post_init__(self) -> None:
+        """Name the columns."""
+        if not self.outputs:
+            owner = _checks.named(self, self.name)
             raise ValueError(f"{owner}: outputs must hold at least one name, got none")
-        columns = tuple(f"{name}_{output}" for output in driven)
-        check_columns(owner, columns)
-        if not callable(law) and not isinstance(law, SampledLaw):
-            raise TypeError(
-                f"{owner}: law must be a function of t and y, or have update(t, y) and state, got "
-                f"{_checks.show(law)}"
-            )
-        if sample_time is not None:
-            sample_time = _checks.number(owner, "sample_time", sample_time, positive=True)
-        _checks.assign(
-            self, name=name, inputs=measured, outputs=driven, law=law, sample_time=sample_time,
-            columns=columns,
-        )  # fmt: skip
+        name_columns(self, self.outputs)
 
     @property
     def sampled(self) -> bool:
-        """Whether its outputs are held between samples."""
+        """True if its outputs are held between samples."""
         return self.sample_time is not None or isinstance(self.law, SampledLaw)
 
     def measured(self, model: Structure) -> tuple[tuple[AnyProbe, int], ...]:

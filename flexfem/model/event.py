@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Events: what happens when a function of the motion crosses zero."""
+"""Events: actions when a function of the motion crosses zero."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from math import nan
-from typing import Protocol
+from typing import Any, Protocol
 
 from flexfem import _checks
 from flexfem._faults import FAILURES, noted
-from flexfem.core.marker import OBSERVED, Observed
-from flexfem.model.probe import MarkerState, strings
+from flexfem._fields import Given, checked, declared, flag, function, number
+from flexfem.core.marker import Observed
+from flexfem.model.probe import MarkerState, observed, strings
 
 __all__ = ["Action", "Event", "LockJoint", "Mechanism", "Rebound", "ReleaseJoint", "Stop"]
 
 
 class Mechanism(Protocol):
-    """What an action can do to the moving system; the same calls must be made on every rank.
+    """The moving system as actions change it; the same calls must be made on every rank.
 
     Attributes:
         time: of the event, s.
@@ -47,11 +48,11 @@ class Mechanism(Protocol):
         ...
 
     def happened(self, event: str) -> bool:
-        """Whether an event has happened so far, that of the action included."""
+        """Return True if an event has happened so far, that of the action included."""
         ...
 
 
-#: What an event does: one of the classes below, or a function of the mechanism.
+#: Action of an event: one of the classes below, or a function of the mechanism.
 Action = Callable[[Mechanism], None]
 
 
@@ -88,7 +89,13 @@ class ReleaseJoint:
         mechanism.set_active(self.joint, False)
 
 
-@dataclass(frozen=True)
+def _restitution(owner: str, what: str, value: float) -> None:
+    """Check a coefficient of restitution."""
+    if _checks.number(owner, what, value, nonnegative=True) > 1.0:
+        raise ValueError(f"{owner}: {what} must lie in [0, 1], got {value}")
+
+
+@declared(eq=True)
 class Rebound:
     """Impact at a rigid stop: Newton's law, with an impulse along the gradients of a joint's rows.
 
@@ -99,46 +106,37 @@ class Rebound:
         rest_speed: below this speed (m/s or rad/s) after an impact, the stop stays closed as a
             joint and the event does not happen again; without it the impacts of a body that comes
             to rest have no end.
+
+    Raises:
+        TypeError: one of them is no number.
+        ValueError: the restitution lies outside [0, 1], or the speed is negative.
     """
 
     joint: str
-    restitution: float
-    rest_speed: float = 0.0
+    restitution: float = checked(_restitution, as_given=True)
+    rest_speed: float = number(default=0.0, nonnegative=True, as_given=True)
 
-    def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            TypeError: one of them is no number.
-            ValueError: the restitution lies outside [0, 1], or the speed is negative.
-        """
-        owner = f'Rebound of "{self.joint}"'
-        if _checks.number(owner, "restitution", self.restitution, nonnegative=True) > 1.0:
-            raise ValueError(f"{owner}: restitution must lie in [0, 1], got {self.restitution}")
-        _checks.number(owner, "rest_speed", self.rest_speed, nonnegative=True)
+    @property
+    def _owner(self) -> str:
+        return f'Rebound of "{self.joint}"'
 
     def __call__(self, mechanism: Mechanism) -> None:
         """Act."""
         mechanism.rebound(self.joint, self.restitution, self.rest_speed)
 
 
-@dataclass(frozen=True)
+@declared(eq=True)
 class Stop:
     """The run ends, with success.
 
     Attributes:
         after: names of events that must have happened before, else nothing happens.
+
+    Raises:
+        TypeError: they are no list of names.
     """
 
-    after: Sequence[str] = ()
-
-    def __post_init__(self) -> None:
-        """Check the names.
-
-        Raises:
-            TypeError: they are no list of names.
-        """
-        object.__setattr__(self, "after", strings("Stop", "after", self.after))
+    after: Sequence[str] = checked(strings, default=())
 
     def __call__(self, mechanism: Mechanism) -> None:
         """Act."""
@@ -146,7 +144,25 @@ class Stop:
             mechanism.stop()
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _actions(owner: str, what: str, value: Any) -> tuple[Action, ...]:
+    """Return checked actions, of one or several."""
+    acts: tuple[Action, ...] = (value,) if callable(value) else tuple(value)
+    for act in acts:
+        if not callable(act):
+            raise TypeError(f"{owner}: {what} must be callable, got {_checks.show(act)}")
+    if not acts:
+        raise ValueError(f"{owner}: {what} must hold at least one, got none")
+    return acts
+
+
+def _sign(owner: str, what: str, value: int) -> int:
+    """Return a checked direction of crossing."""
+    if isinstance(value, bool) or value not in (-1, 0, 1):
+        raise ValueError(f"{owner}: {what} must be -1, 0 or 1, got {_checks.show(value)}")
+    return int(value)
+
+
+@declared
 class Event:
     """Actions where a function of the motion crosses zero.
 
@@ -157,63 +173,28 @@ class Event:
         markers: Markers whose states the function gets.
         function: `function(t, *states)` with time t (seconds) and one MarkerState per marker;
             returns one number. It is evaluated on every rank and must be continuous.
-        actions: What happens, in this order.
+        actions: One or several, carried out in this order.
         direction: +1 where the function rises through zero, -1 where it falls, 0 for both.
-        once: Whether only the first crossing counts.
-        tolerance: How closely the time of the event is located, seconds.
+        once: True if only the first crossing counts.
+        tolerance: Largest error of the time of the event, seconds.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: No action, a direction other than -1, 0, +1, a tolerance that is not positive.
     """
 
     name: str
-    markers: tuple[Observed, ...]
-    function: Callable[..., float]
-    actions: tuple[Action, ...]
-    direction: int
-    once: bool
-    tolerance: float
-
-    def __init__(
-        self,
-        name: str,
-        markers: Observed | Sequence[Observed],
-        function: Callable[..., float],
-        actions: Action | Sequence[Action],
-        *,
-        direction: int = 0,
-        once: bool = True,
-        tolerance: float = 1e-9,
-    ) -> None:
-        """Create an event.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: No action, a direction other than -1, 0, +1, a tolerance that is not
-                positive.
-        """
-        owner = _checks.named(self, name)
-        places = (markers,) if isinstance(markers, OBSERVED) else tuple(markers)
-        for marker in places:
-            _checks.instance(owner, "markers", marker, OBSERVED)
-        acts = (actions,) if callable(actions) else tuple(actions)
-        for what, value in [("function", function), *(("actions", a) for a in acts)]:
-            if not callable(value):
-                raise TypeError(f"{owner}: {what} must be callable, got {_checks.show(value)}")
-        if not acts:
-            raise ValueError(f"{owner}: actions must hold at least one, got none")
-        if isinstance(direction, bool) or direction not in (-1, 0, 1):
-            raise ValueError(
-                f"{owner}: direction must be -1, 0 or 1, got {_checks.show(direction)}"
-            )
-        _checks.instance(owner, "once", once, bool)
-        _checks.assign(
-            self,
-            name=name, markers=places, function=function, actions=acts,
-            direction=int(direction), once=once,
-            tolerance=_checks.number(owner, "tolerance", tolerance, positive=True),
-        )  # fmt: skip
+    markers: Given[Observed | Sequence[Observed], tuple[Observed, ...]] = checked(observed)
+    function: Callable[..., float] = function()
+    actions: Given[Action | Sequence[Action], tuple[Action, ...]] = checked(_actions)
+    _: KW_ONLY
+    direction: int = checked(_sign, default=0)
+    once: bool = flag(default=True)
+    tolerance: float = number(default=1e-9, positive=True)
 
     @property
     def reverses(self) -> bool:
-        """Whether an impact keeps the function on its side of zero."""
+        """True if an impact keeps the function on its side of zero."""
         return any(isinstance(action, Rebound) for action in self.actions)
 
     @property

@@ -1,16 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Elastic bodies that move far and deform little: finite elements in a floating frame."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, InitVar
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import (
+    ZERO,
+    Array,
+    Given,
+    Rotation,
+    declared,
+    flag,
+    instance,
+    rotation,
+    settled,
+    vector,
+)
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import AmplitudeMarker, Marker
-from flexfem.model.bodies import inertia_matrix, initial_spin
+from flexfem.model.bodies import inertia_matrix, set_spin
 from flexfem.reduction.reduced_body import ReducedBody
 
 __all__ = ["MEAN_AXES", "FloatingBody"]
@@ -18,10 +30,8 @@ __all__ = ["MEAN_AXES", "FloatingBody"]
 #: Name of the frame that moves with the body on average.
 MEAN_AXES = "mean_axes"
 
-_ZERO = (0.0, 0.0, 0.0)
 
-
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class FloatingBody:
     """Linear elastic body in a frame that moves with it.
 
@@ -33,60 +43,48 @@ class FloatingBody:
         name: Unique name in the model.
         reduced: Its elastic and inertial data, see ``reduce_body``.
         frame: Name of the interface whose frame is the floating one ("node-fixed"), or "mean_axes"
-            for the frame relative to which the body as a whole neither moves nor turns.
+            for the frame relative to which the body as a whole neither moves nor turns. None for
+            that of the first interface, without any the mean axes.
         position: Origin of the body's axes at the start, inertial axes, shape (3,), metres.
         rotation: Body axes at the start in inertial axes, shape (3, 3).
         velocity: Initial velocity of the origin, inertial axes, shape (3,), m/s.
-        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s. It may be
+            given in body axes instead, as ``local_angular_velocity``.
         stiffening: Forces and accelerations change the stiffness (geometric stiffening by stress
             of the frame's acceleration and of the interfaces' displacements); the reduced data
             must hold what it takes.
 
     Its markers: the name of an interface as ``point``, or None for the floating frame. The names
     of the interfaces are those in ``reduced``, and so are those of lines for sliders (``Carrier``).
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: A wrong shape, NaN, both angular velocities, a frame that the body has not, or
+            no data for geometric stiffening.
     """
 
     name: str
-    reduced: ReducedBody
-    frame: str
-    position: FloatArray
-    rotation: FloatArray
-    velocity: FloatArray
-    angular_velocity: FloatArray
-    stiffening: bool
+    reduced: ReducedBody = instance(ReducedBody)
+    _: KW_ONLY
+    frame: Given[str | None, str] = settled(default=None)
+    position: Array = vector(default=ZERO)
+    rotation: Rotation = rotation(default=None)
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Rotation = settled(default=None)
+    local_angular_velocity: InitVar[npt.ArrayLike | None] = None
+    stiffening: bool = flag(default=False)
 
-    def __init__(
-        self,
-        name: str,
-        reduced: ReducedBody,
-        *,
-        frame: str | None = None,
-        position: npt.ArrayLike = _ZERO,
-        rotation: npt.ArrayLike | None = None,
-        velocity: npt.ArrayLike = _ZERO,
-        angular_velocity: npt.ArrayLike | None = None,
-        local_angular_velocity: npt.ArrayLike | None = None,
-        stiffening: bool = False,
-    ) -> None:
-        """Create a body; the frame is that of the first interface, without any the mean axes.
-
-        The angular velocity is given in inertial axes, or in body axes (`local_angular_velocity`).
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: A wrong shape, NaN, both angular velocities, a frame that the body has not,
-                or no data for geometric stiffening.
-        """
-        owner = _checks.named(self, name)
-        _checks.instance(owner, "reduced", reduced, ReducedBody)
+    def __post_init__(self, local: npt.ArrayLike | None) -> None:
+        """Choose the frame, and check that the reduced data have what it and stiffening take."""
+        owner, reduced = _checks.named(self, self.name), self.reduced
         names = [interface.name for interface in reduced.interfaces]
+        frame = self.frame
         if frame is None:
             frame = names[0] if names else MEAN_AXES
         if _checks.text(owner, "frame", frame) not in (*names, MEAN_AXES):
             known = ", ".join([*names, MEAN_AXES])
             raise ValueError(f'{owner}: frame must be one of {known}, got "{frame}"')
-        _checks.instance(owner, "stiffening", stiffening, bool)
-        if stiffening and (
+        if self.stiffening and (
             reduced.acceleration_stiffness is None or reduced.interface_stiffness is None
         ):
             raise ValueError(
@@ -98,17 +96,8 @@ class FloatingBody:
                 f"{owner}: a body without motion out of its plane has no mean axes, take an "
                 f"interface as frame: {', '.join(names)}"
             )
-        axes = _checks.rotation(owner, "rotation", rotation)
-        _checks.assign(
-            self,
-            name=name,
-            reduced=reduced,
-            **{"frame": frame, "stiffening": stiffening},
-            position=_checks.vector(owner, "position", position),
-            rotation=axes,
-            velocity=_checks.vector(owner, "velocity", velocity),
-            angular_velocity=initial_spin(owner, axes, angular_velocity, local_angular_velocity),
-        )
+        _checks.assign(self, frame=frame)
+        set_spin(self, local)
 
     @property
     def mass(self) -> float:
@@ -128,7 +117,7 @@ class FloatingBody:
 
     @property
     def has_frame_node(self) -> bool:
-        """Whether the frame is that of a node; mean axes follow from the interfaces."""
+        """True if the frame is that of a node; mean axes follow from the interfaces."""
         return self.frame != MEAN_AXES or not self.reduced.interfaces
 
     @property

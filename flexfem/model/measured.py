@@ -2,17 +2,17 @@
 """Probes of energies, momenta, joint forces, beam resultants and elongations."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import checked, declared, text, vector
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
 from flexfem.model.bodies import Beam
 from flexfem.model.floating_body import FloatingBody
-from flexfem.model.probe import AnyProbe, check_columns, strings
+from flexfem.model.probe import AnyProbe, check_columns, name_columns, strings
 from flexfem.model.resolve import beam_cell
 from flexfem.model.shell import Shell
 from flexfem.model.structure import Structure
@@ -33,15 +33,38 @@ _SHELL_RESULTANTS = [f"{what}{i}" for what in "nm" for i in ("11", "22", "12")]
 _RESULTANTS = [f"n{i}" for i in "123"] + [f"m{i}" for i in "123"]
 
 
-def _assign_columns(probe: AnyProbe, labels: Sequence[str]) -> None:
-    """Check the name and give a probe the columns name_label."""
-    owner = _checks.named(probe, probe.name)
-    columns = tuple(f"{probe.name}_{label}" for label in labels)
-    check_columns(owner, columns)
-    _checks.assign(probe, columns=columns)
+def _bodies(owner: str, what: str, values: Sequence[str]) -> tuple[str, ...]:
+    """Return checked names, one at least."""
+    names = strings(owner, what, values)
+    if not names:
+        raise ValueError(f"{owner}: {what} must hold at least one name, or be None for all")
+    return names
 
 
-@dataclass(frozen=True, eq=False)
+def _axes(owner: str, what: str, value: str) -> str:
+    """Return the checked axes of a joint's force."""
+    if value not in ("inertial", "a", "b"):
+        raise ValueError(
+            f'{owner}: {what} must be "inertial", "a" or "b", got {_checks.show(value)}'
+        )
+    return value
+
+
+def _fraction(owner: str, what: str, value: float) -> None:
+    """Check a place along a beam."""
+    if not 0.0 <= _checks.number(owner, what, value) <= 1.0:
+        raise ValueError(f"{owner}: {what} must lie in [0, 1], got {value}")
+
+
+def _ends(owner: str, what: str, values: Sequence[str]) -> tuple[str, ...]:
+    """Return two checked names."""
+    ends = strings(owner, what, values)
+    if len(set(ends)) != 2 or len(ends) != 2:
+        raise ValueError(f"{owner}: {what} must be two names, got {_checks.show(values)}")
+    return ends
+
+
+@declared
 class _BodiesProbe(AnyProbe):
     """A probe of the whole model or of some of its bodies.
 
@@ -49,24 +72,14 @@ class _BodiesProbe(AnyProbe):
         name: Unique name in the model.
         bodies: Names of beams, shells and rigid bodies (with the point masses on them), None for
             all. A point mass where shells meet counts as being on the first of them.
+
+    Raises:
+        TypeError: They are no list of names.
+        ValueError: An empty list.
     """
 
     name: str
-    bodies: Sequence[str] | None = None
-
-    def __post_init__(self) -> None:
-        """Check the names.
-
-        Raises:
-            TypeError: They are no list of names.
-            ValueError: An empty list.
-        """
-        if self.bodies is not None:
-            owner = _checks.named(self, self.name)
-            names = strings(owner, "bodies", self.bodies)
-            if not names:
-                raise ValueError(f"{owner}: bodies must hold at least one name, or be None for all")
-            _checks.assign(self, bodies=names)
+    bodies: Sequence[str] | None = checked(_bodies, default=None)
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -77,7 +90,7 @@ class _BodiesProbe(AnyProbe):
                 )
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class EnergyProbe(_BodiesProbe):
     """Energies, J, in the columns name_kinetic, _strain, _gravity, _work, _dissipation, _balance.
 
@@ -104,12 +117,11 @@ class EnergyProbe(_BodiesProbe):
     name: str = "energy"
 
     def __post_init__(self) -> None:
-        """Check the names; see :class:`_BodiesProbe`."""
-        super().__post_init__()
-        _assign_columns(self, ("kinetic", "strain", "gravity", "work", "dissipation", "balance"))
+        """Name the columns."""
+        name_columns(self, ("kinetic", "strain", "gravity", "work", "dissipation", "balance"))
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class MomentumProbe(_BodiesProbe):
     """Momenta and centre of mass, inertial components.
 
@@ -118,12 +130,11 @@ class MomentumProbe(_BodiesProbe):
     """
 
     def __post_init__(self) -> None:
-        """Check the names; see :class:`_BodiesProbe`."""
-        super().__post_init__()
-        _assign_columns(self, [f"{what}{axis}" for what in "plc" for axis in "xyz"])
+        """Name the columns."""
+        name_columns(self, [f"{what}{axis}" for what in "plc" for axis in "xyz"])
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class ReactionProbe(AnyProbe):
     """Force (N) and moment (N m) that a joint, drive or spring exerts on the body of its marker b.
 
@@ -142,26 +153,19 @@ class ReactionProbe(AnyProbe):
         name: Unique name in the model.
         joint: Name of the joint.
         axes: Components in "inertial" axes, or in those of marker "a" or "b".
+
+    Raises:
+        TypeError: A name is no string.
+        ValueError: An empty name or other axes.
     """
 
     name: str
-    joint: str
-    axes: str = "inertial"
+    joint: str = text()
+    axes: str = checked(_axes, default="inertial")
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A name is no string.
-            ValueError: An empty name or other axes.
-        """
-        _assign_columns(self, [f"{what}{axis}" for what in "fm" for axis in "xyz"])
-        owner = _checks.named(self, self.name)
-        _checks.text(owner, "joint", self.joint)
-        if self.axes not in ("inertial", "a", "b"):
-            raise ValueError(
-                f'{owner}: axes must be "inertial", "a" or "b", got {_checks.show(self.axes)}'
-            )
+        """Name the columns."""
+        name_columns(self, [f"{what}{axis}" for what in "fm" for axis in "xyz"])
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -174,7 +178,7 @@ class ReactionProbe(AnyProbe):
             )
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class StrainProbe(AnyProbe):
     """Strains and stress resultants of a beam at one place, in section axes.
 
@@ -187,25 +191,19 @@ class StrainProbe(AnyProbe):
         name: Unique name in the model.
         beam: Name of the beam.
         fraction: Place along the beam as a fraction of its length, 0 to 1.
+
+    Raises:
+        TypeError: A name is no string, or the fraction no number.
+        ValueError: An empty name or a fraction outside [0, 1].
     """
 
     name: str
-    beam: str
-    fraction: float
+    beam: str = text()
+    fraction: float = checked(_fraction, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A name is no string, or the fraction no number.
-            ValueError: An empty name or a fraction outside [0, 1].
-        """
-        _assign_columns(self, _STRAINS + _RESULTANTS)
-        owner = _checks.named(self, self.name)
-        _checks.text(owner, "beam", self.beam)
-        fraction = _checks.number(owner, "fraction", self.fraction)
-        if not 0.0 <= fraction <= 1.0:
-            raise ValueError(f"{owner}: fraction must lie in [0, 1], got {self.fraction}")
+        """Name the columns."""
+        name_columns(self, _STRAINS + _RESULTANTS)
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -233,7 +231,7 @@ class StrainProbe(AnyProbe):
             raise ValueError(f"{owner}: {error}") from None
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class ShellEnergyProbe(_BodiesProbe):
     """Strain energies of shells by kind, J, in the columns name_membrane, _bending and _shear.
 
@@ -249,9 +247,8 @@ class ShellEnergyProbe(_BodiesProbe):
     name: str = "shell"
 
     def __post_init__(self) -> None:
-        """Check the names; see :class:`_BodiesProbe`."""
-        super().__post_init__()
-        _assign_columns(self, ("membrane", "bending", "shear"))
+        """Name the columns."""
+        name_columns(self, ("membrane", "bending", "shear"))
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -263,9 +260,9 @@ class ShellEnergyProbe(_BodiesProbe):
             raise ValueError(f"{owner}: {model!r} has no shells")
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class ElongationProbe(AnyProbe):
-    """By how much the axis of a body is longer than it was at the start, m, in one column.
+    """Elongation of the axis of a body since the start, m, in one column.
 
     It is what normal forces stretch: an end that comes nearer because the axis bends, by about
     ``0.6 w^2/l`` in a cantilever, is no elongation. Of an SE(3) beam it is the extension of all
@@ -277,28 +274,20 @@ class ElongationProbe(AnyProbe):
         name: Unique name in the model, and of the column.
         body: Name of the SE(3) beam or of the body in a floating frame.
         ends: Names of two interfaces of the body; None for its only two. None for a beam.
+
+    Raises:
+        TypeError: A name is no string.
+        ValueError: An empty name, or ends that are not two.
     """
 
     name: str
-    body: str
-    ends: Sequence[str] | None = None
+    body: str = text()
+    ends: Sequence[str] | None = checked(_ends, default=None)
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A name is no string.
-            ValueError: An empty name, or ends that are not two.
-        """
-        owner = _checks.named(self, self.name)
-        check_columns(owner, (self.name,))
-        _checks.text(owner, "body", self.body)
-        ends = self.ends
-        if ends is not None:
-            ends = strings(owner, "ends", ends)
-            if len(set(ends)) != 2 or len(ends) != 2:
-                raise ValueError(f"{owner}: ends must be two names, got {_checks.show(self.ends)}")
-        _checks.assign(self, columns=(self.name,), ends=ends)
+        """Name the column."""
+        check_columns(_checks.named(self, self.name), (self.name,))
+        _checks.assign(self, columns=(self.name,))
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -330,7 +319,7 @@ class ElongationProbe(AnyProbe):
         return names.index(ends[0]), names.index(ends[1])
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class ShellStrainProbe(AnyProbe):
     """Strains and stress resultants of a shell in one triangle, in its material axes.
 
@@ -344,23 +333,19 @@ class ShellStrainProbe(AnyProbe):
         name: Unique name in the model.
         shell: Name of the shell.
         position: The triangle is that whose centroid is nearest at the start, shape (3,), m.
+
+    Raises:
+        TypeError: A name is no string, or the position does not consist of numbers.
+        ValueError: An empty name, or a position of another shape or not finite.
     """
 
     name: str
-    shell: str
-    position: npt.ArrayLike
+    shell: str = text()
+    position: npt.ArrayLike = vector()
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A name is no string, or the position does not consist of numbers.
-            ValueError: An empty name, or a position of another shape or not finite.
-        """
-        _assign_columns(self, _SHELL_STRAINS + _SHELL_RESULTANTS)
-        owner = _checks.named(self, self.name)
-        _checks.text(owner, "shell", self.shell)
-        _checks.assign(self, position=_checks.vector(owner, "position", self.position))
+        """Name the columns."""
+        name_columns(self, _SHELL_STRAINS + _SHELL_RESULTANTS)
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""

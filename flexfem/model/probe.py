@@ -3,11 +3,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from flexfem import _checks
 from flexfem._faults import FAILURES, noted
+from flexfem._fields import Given, checked, declared, function
 from flexfem._types import FloatArray
 from flexfem.core.marker import OBSERVED, Observed
 from flexfem.model.structure import Structure
@@ -76,11 +78,53 @@ class AnyProbe:
         """
 
 
+def strings(owner: str, what: str, values: Sequence[str]) -> tuple[str, ...]:
+    """Return a checked tuple of names."""
+    if isinstance(values, str):
+        raise TypeError(f"{owner}: {what} must be a list of names, got {_checks.show(values)}")
+    return tuple(_checks.text(owner, what, value) for value in values)
+
+
+def check_columns(owner: str, columns: tuple[str, ...], unwrap: tuple[str, ...] = ()) -> None:
+    """Raise for column names that cannot head the columns of a table."""
+    if not columns:
+        raise ValueError(f"{owner}: columns must hold at least one name, got none")
+    for column in columns:
+        if column == "t":
+            raise ValueError(f'{owner}: column "t" is the time of the history')
+        if "," in column:
+            raise ValueError(f'{owner}: column "{column}" must not contain a comma')
+        if columns.count(column) > 1:
+            raise ValueError(f'{owner}: column "{column}" is there twice')
+    for column in unwrap:
+        if column not in columns:
+            raise ValueError(f'{owner}: unwrap "{column}" is none of its columns')
+
+
+def name_columns(probe: Any, labels: Sequence[str]) -> None:
+    """Give a probe, or a controller, the columns name_label.
+
+    Raises:
+        ValueError: The name is none for columns of a table.
+    """
+    columns = tuple(f"{probe.name}_{label}" for label in labels)
+    check_columns(_checks.named(probe, probe.name), columns)
+    _checks.assign(probe, columns=columns)
+
+
+def observed(owner: str, what: str, value: Any) -> tuple[Observed, ...]:
+    """Return checked markers, of one or several."""
+    places = (value,) if isinstance(value, OBSERVED) else tuple(value)
+    for marker in places:
+        _checks.instance(owner, what, marker, OBSERVED)
+    return places
+
+
 #: Function of time and marker states that returns one number per column.
 ProbeFunction = Callable[..., Sequence[float]]
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class Probe(AnyProbe):
     """Columns of the history computed from the motion of markers.
 
@@ -91,46 +135,22 @@ class Probe(AnyProbe):
         function: `function(t, *states)` with time t (seconds) and one MarkerState per marker;
             returns one number per column.
         unwrap: Columns that are angles (radians) and are made continuous along the history.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: No columns, a column twice or named t, a name that would break the table, or an
+            `unwrap` that is no column.
     """
 
     name: str
-    markers: tuple[Observed, ...]
-    columns: tuple[str, ...]
-    function: ProbeFunction
-    unwrap: tuple[str, ...]
+    markers: Given[Observed | Sequence[Observed], tuple[Observed, ...]] = checked(observed)
+    columns: Given[Sequence[str], tuple[str, ...]] = checked(strings)
+    function: ProbeFunction = function()
+    unwrap: Given[Sequence[str], tuple[str, ...]] = checked(strings, default=())
 
-    def __init__(
-        self,
-        name: str,
-        markers: Observed | Sequence[Observed],
-        columns: Sequence[str],
-        function: ProbeFunction,
-        unwrap: Sequence[str] = (),
-    ) -> None:
-        """Create a probe.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: No columns, a column twice or named t, a name that would break the table,
-                or an `unwrap` that is no column.
-        """
-        owner = _checks.named(self, name)
-        places = (markers,) if isinstance(markers, OBSERVED) else tuple(markers)
-        for marker in places:
-            _checks.instance(owner, "markers", marker, OBSERVED)
-        if not callable(function):
-            raise TypeError(f"{owner}: function must be callable, got {_checks.show(function)}")
-        names = strings(owner, "columns", columns)
-        angles = strings(owner, "unwrap", unwrap)
-        check_columns(owner, names, angles)
-        _checks.assign(
-            self,
-            name=name,
-            markers=places,
-            columns=names,
-            function=function,
-            unwrap=angles,
-        )
+    def __post_init__(self) -> None:
+        """Check the columns."""
+        check_columns(_checks.named(self, self.name), self.columns, self.unwrap)
 
     def evaluate(self, t: float, states: Sequence[MarkerState]) -> FloatArray:
         """Return the values of the columns at time `t`, shape (number of columns,).
@@ -164,26 +184,3 @@ class PositionProbe(Probe):
 
 def _position(t: float, state: MarkerState) -> Sequence[float]:
     return state.position.tolist()  # type: ignore[no-any-return]
-
-
-def strings(owner: str, what: str, values: Sequence[str]) -> tuple[str, ...]:
-    """Return a checked tuple of names."""
-    if isinstance(values, str):
-        raise TypeError(f"{owner}: {what} must be a list of names, got {_checks.show(values)}")
-    return tuple(_checks.text(owner, what, value) for value in values)
-
-
-def check_columns(owner: str, columns: tuple[str, ...], unwrap: tuple[str, ...] = ()) -> None:
-    """Raise for column names that cannot head the columns of a table."""
-    if not columns:
-        raise ValueError(f"{owner}: columns must hold at least one name, got none")
-    for column in columns:
-        if column == "t":
-            raise ValueError(f'{owner}: column "t" is the time of the history')
-        if "," in column:
-            raise ValueError(f'{owner}: column "{column}" must not contain a comma')
-        if columns.count(column) > 1:
-            raise ValueError(f'{owner}: column "{column}" is there twice')
-    for column in unwrap:
-        if column not in columns:
-            raise ValueError(f'{owner}: unwrap "{column}" is none of its columns')

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid surfaces that shells and beams touch: fixed in space, or moving with a body."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from flexfem import _checks
+from flexfem._fields import checked, declared, flag, instance, number
 from flexfem.core.marker import Attachment, Carrier, Ground, Marker, ShellLine, SurfaceMarker
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.mesh.surface_topology import connected_parts, vector_areas
@@ -19,37 +18,35 @@ __all__ = ["RigidCylinder", "RigidMesh", "RigidPlane", "RigidSphere", "RigidSurf
 _FLAT = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class RigidSurface:
     """Base class of the rigid surfaces.
 
     Attributes:
         place: Position and axes: in space, or moving with a rigid body, a node of an SE(3) beam or
             an interface of a floating-frame body, which then feel the forces.
+
+    Raises:
+        TypeError: A value is of the wrong type.
+        ValueError: A length is not positive.
     """
 
-    place: Attachment
+    place: Attachment = instance((Ground, Marker))
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A value is of the wrong type.
-            ValueError: A length is not positive.
-        """
+        """Check that the place is a frame."""
         kind = type(self).__name__
         if type(self) is RigidSurface:
             raise TypeError(
                 "RigidSurface: take a RigidPlane, RigidSphere, RigidCylinder or RigidMesh"
             )
-        _checks.instance(kind, "place", self.place, (Ground, Marker))
         if isinstance(self.place, (Carrier, ShellLine, SurfaceMarker)):
             raise TypeError(
                 f"{kind}: place must be a Ground or a plain Marker, got {type(self.place).__name__}"
             )
 
     def check(self, model: Structure, owner: str) -> None:
-        """Check what carries the surface.
+        """Check the carrier of the surface.
 
         Raises:
             ValueError: It is no body of the model, or one that carries no surface.
@@ -67,31 +64,31 @@ class RigidSurface:
         model.marker_place(self.place)
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class RigidPlane(RigidSurface):
     """The plane z = 0 of its place; shells are on the side z > 0."""
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class RigidSphere(RigidSurface):
     """A sphere with its centre at its place.
 
     Attributes:
         radius: Metres.
-        inside: Whether shells are inside.
+        inside: True if shells are inside.
     """
 
-    radius: float = 0.0
-    inside: bool = False
-
-    def __post_init__(self) -> None:
-        """See :class:`RigidSurface`."""
-        super().__post_init__()
-        _checks.number("RigidSphere", "radius", self.radius, positive=True)
-        _checks.instance("RigidSphere", "inside", self.inside, bool)
+    radius: float = number(default=0.0, positive=True, as_given=True)
+    inside: bool = flag(default=False)
 
 
-@dataclass(frozen=True, eq=False)
+def _length(owner: str, what: str, value: float) -> None:
+    """Check a length, which may be infinite."""
+    if value != np.inf:
+        _checks.number(owner, what, value, positive=True)
+
+
+@declared
 class RigidCylinder(RigidSurface):
     """A cylinder around the z axis of its place, which is in the middle.
 
@@ -99,23 +96,15 @@ class RigidCylinder(RigidSurface):
         radius: Metres.
         length: Metres. From outside, a finite cylinder is closed by flat ends; from inside it is
             open and acts between its ends.
-        inside: Whether shells are inside.
+        inside: True if shells are inside.
     """
 
-    radius: float = 0.0
-    length: float = np.inf
-    inside: bool = False
-
-    def __post_init__(self) -> None:
-        """See :class:`RigidSurface`."""
-        super().__post_init__()
-        _checks.number("RigidCylinder", "radius", self.radius, positive=True)
-        if self.length != np.inf:
-            _checks.number("RigidCylinder", "length", self.length, positive=True)
-        _checks.instance("RigidCylinder", "inside", self.inside, bool)
+    radius: float = number(default=0.0, positive=True, as_given=True)
+    length: float = checked(_length, default=np.inf, as_given=True)
+    inside: bool = flag(default=False)
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class RigidMesh(RigidSurface):
     """A surface of triangles, in the axes of its place.
 
@@ -126,24 +115,17 @@ class RigidMesh(RigidSurface):
 
     Attributes:
         mesh: Triangles; the names of its bodies do not matter. Metres.
-        inside: Whether shells are inside of closed surfaces, whose normals then point inwards.
-        two_sided: Whether both sides act, whatever the normals are.
+        inside: True if shells are inside of closed surfaces, whose normals then point inwards.
+        two_sided: True if both sides act, whatever the normals are.
     """
 
-    mesh: SurfaceMesh = field(kw_only=True)
-    inside: bool = False
-    two_sided: bool = False
+    mesh: SurfaceMesh = instance(SurfaceMesh, kw_only=True)
+    inside: bool = flag(default=False)
+    two_sided: bool = flag(default=False)
 
     def __post_init__(self) -> None:
-        """See :class:`RigidSurface`.
-
-        Raises:
-            ValueError: A surface that is open, or whose normals point to the wrong side.
-        """
+        """Join the bodies of the mesh, and check that the surface is closed and its normals."""
         super().__post_init__()
-        _checks.instance("RigidMesh", "mesh", self.mesh, SurfaceMesh)
-        _checks.instance("RigidMesh", "inside", self.inside, bool)
-        _checks.instance("RigidMesh", "two_sided", self.two_sided, bool)
         # faces of several bodies that share their edges are one surface
         rows = np.arange(len(self.mesh.triangles))
         whole = SurfaceMesh(self.mesh.points, self.mesh.triangles, {"surface": rows})

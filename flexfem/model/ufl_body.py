@@ -2,7 +2,7 @@
 """Bodies of finite elements whose strain energy the user writes in UFL."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 from functools import cached_property
 from math import factorial
 from types import MappingProxyType
@@ -12,6 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import (
+    ZERO,
+    Array,
+    Given,
+    checked,
+    declared,
+    function,
+    instance,
+    number,
+    settled,
+    vector,
+)
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Marker, SurfaceMarker
 from flexfem.core.pose import Pose
@@ -20,8 +32,6 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.body import Body
 
 __all__ = ["NodeSetMarker", "UFLBody"]
-
-_ZERO = (0.0, 0.0, 0.0)
 
 #: Smallest area coordinate of the points of rules for simplices of degree two, by corners.
 _NEAR = {2: 0.5 - 0.5 / np.sqrt(3.0), 3: 1.0 / 6.0, 4: (5.0 - np.sqrt(5.0)) / 20.0}
@@ -50,7 +60,14 @@ class NodeSetMarker(SurfaceMarker):
         _checks.assign(self, nodes=tuple(own), weights=(1.0 / len(own),) * len(own))
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _degree(owner: str, what: str, value: int) -> int:
+    """Return a checked degree of quadrature."""
+    _checks.instance(owner, what, value, int)
+    _checks.number(owner, what, value, nonnegative=True)
+    return value
+
+
+@declared
 class UFLBody(Body):
     """Body of finite elements with a strain energy in UFL, for example bars, membranes, solids.
 
@@ -76,54 +93,33 @@ class UFLBody(Body):
             inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
             starts with `velocity + angular_velocity x x`.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: A density that is not positive, a parameter that is not finite or not one for
+            each cell, or a set that the mesh does not have.
     """
 
     family = "flexfem.families.ufl_bodies:UFLBodyFamily"
 
     name: str
-    mesh: ElementMesh
-    energy: Energy
-    density: float
-    parameters: Mapping[str, FloatArray]
-    thickness: float | None
-    quadrature: int | None
-    fixed: Mapping[str, str]
-    velocity: FloatArray
-    angular_velocity: FloatArray
+    mesh: ElementMesh = instance(ElementMesh)
+    energy: Energy = function("x, X and p")
+    _: KW_ONLY
+    density: float = number(positive=True)
+    parameters: Given[Mapping[str, npt.ArrayLike], Mapping[str, FloatArray]] = settled(
+        default=MappingProxyType({})
+    )
+    thickness: float | None = number(default=None, positive=True)
+    quadrature: int | None = checked(_degree, default=None)
+    fixed: Mapping[str, str] = settled(default=MappingProxyType({}))
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Array = vector(default=ZERO)
 
-    def __init__(
-        self,
-        name: str,
-        mesh: ElementMesh,
-        energy: Energy,
-        *,
-        density: float,
-        parameters: Mapping[str, npt.ArrayLike] = MappingProxyType({}),
-        thickness: float | None = None,
-        quadrature: int | None = None,
-        fixed: Mapping[str, str] = MappingProxyType({}),
-        velocity: npt.ArrayLike = _ZERO,
-        angular_velocity: npt.ArrayLike = _ZERO,
-    ) -> None:
-        """Create a body.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: A density that is not positive, a parameter that is not finite or not one
-                for each cell, or a set that the mesh does not have.
-        """
-        owner = _checks.named(self, name)
-        _checks.instance(owner, "mesh", mesh, ElementMesh)
-        if not callable(energy):
-            raise TypeError(
-                f"{owner}: energy must be a function of x, X and p, got {_checks.show(energy)}"
-            )
-        if quadrature is not None:
-            _checks.instance(owner, "quadrature", quadrature, int)
-            _checks.number(owner, "quadrature", quadrature, nonnegative=True)
-        if thickness is not None:
-            thickness = _checks.number(owner, "thickness", thickness, positive=True)
-        for place, axes in fixed.items():
+    def __post_init__(self) -> None:
+        """Check the values that belong to sets and cells of the mesh."""
+        owner, mesh = _checks.named(self, self.name), self.mesh
+        for place, axes in self.fixed.items():
             mesh.chosen(f"{owner}: fixed", place)
             if not isinstance(axes, str) or not axes or not set(axes) <= set("xyz"):
                 raise ValueError(
@@ -131,18 +127,10 @@ class UFLBody(Body):
                 )
         _checks.assign(
             self,
-            name=name,
-            mesh=mesh,
-            energy=energy,
-            density=_checks.number(owner, "density", density, positive=True),
             parameters=MappingProxyType(
-                {key: _values(owner, key, value, mesh) for key, value in parameters.items()}
+                {key: _values(owner, key, value, mesh) for key, value in self.parameters.items()}
             ),
-            thickness=thickness,
-            quadrature=quadrature,
-            fixed=MappingProxyType(dict(fixed)),
-            velocity=_checks.vector(owner, "velocity", velocity),
-            angular_velocity=_checks.vector(owner, "angular_velocity", angular_velocity),
+            fixed=MappingProxyType(dict(self.fixed)),
         )
 
     def marker(self, name: str) -> NodeSetMarker:
@@ -172,7 +160,7 @@ class UFLBody(Body):
 
     @property
     def touches(self) -> bool:  # type: ignore[override]
-        """Whether it is a membrane of linear triangles whose thickness is given."""
+        """True if it is a membrane of linear triangles whose thickness is given."""
         return self.thickness is not None and self.surface is not None
 
     @property

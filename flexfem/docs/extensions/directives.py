@@ -26,7 +26,7 @@ from flexfem.options import Option
 #: Columns of printed help.
 _WIDTH = "84"
 #: Names of defaults in the sources, and what they say.
-_DEFAULTS = {"_ZERO": "(0.0, 0.0, 0.0)", "MappingProxyType({})": "{}"}
+_DEFAULTS = {"_ZERO": "(0.0, 0.0, 0.0)", "MappingProxyType({})": "{}", "mappingproxy({})": "{}"}
 
 
 class FromPackage(SphinxDirective):
