@@ -8,7 +8,7 @@ fields checked. Units and meaning are in the docstring of the class.
 """
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import MISSING, InitVar, dataclass, field, fields
 from typing import Any, dataclass_transform, get_args, get_origin
 
@@ -19,7 +19,8 @@ from flexfem._types import FloatArray
 
 __all__ = [
     "ZERO", "Array", "Given", "Rotation", "array", "checked", "choice", "declared", "direction",
-    "flag", "function", "instance", "number", "owner_of", "rotation", "settled", "text", "vector",
+    "flag", "function", "instance", "number", "one_of", "owner_of", "rotation", "settled", "text",
+    "time_function", "vector",
 ]  # fmt: skip
 
 #: Takes the object, the field and its value for messages; returns what is stored.
@@ -152,7 +153,30 @@ def choice(words: tuple[str, ...], *, default: Any = MISSING) -> Any:
     return checked(check, default=default)
 
 
-def function(of: str = "") -> Any:
+def one_of(names: Collection[str], *, default: Any = MISSING) -> Any:
+    """Declare one of several names; anything else is the wrong value, whatever its type."""
+    known = tuple(names)
+
+    def check(owner: str, what: str, value: Any) -> Any:
+        if not isinstance(value, str) or value not in known:
+            raise ValueError(
+                f"{owner}: {what} must be one of {', '.join(known)}, got {_checks.show(value)}"
+            )
+        return value
+
+    return checked(check, default=default)
+
+
+def time_function(*shape: int, default: Any = MISSING) -> Any:
+    """Declare a function of time, by its value at t = 0: a number, or an array of a shape."""
+
+    def check(owner: str, what: str, value: Any) -> None:
+        _checks.function(owner, what, value, shape)
+
+    return checked(check, default=default, as_given=True)
+
+
+def function(of: str = "", *, default: Any = MISSING) -> Any:
     """Declare a function; ``of`` says of what in messages."""
 
     def check(owner: str, what: str, value: Any) -> None:
@@ -160,7 +184,7 @@ def function(of: str = "") -> Any:
             wanted = f"a function of {of}" if of else "callable"
             raise TypeError(f"{owner}: {what} must be {wanted}, got {_checks.show(value)}")
 
-    return checked(check, as_given=True)
+    return checked(check, default=default, as_given=True)
 
 
 def owner_of(thing: Any) -> str:
@@ -176,8 +200,8 @@ def owner_of(thing: Any) -> str:
     frozen_default=True,
     eq_default=False,
     field_specifiers=(
-        array, checked, choice, direction, field, flag, function, instance, number, rotation,
-        settled, text, vector,
+        array, checked, choice, direction, field, flag, function, instance, number, one_of,
+        rotation, settled, text, time_function, vector,
     ),
 )  # fmt: skip
 def declared(cls: type | None = None, *, eq: bool = False) -> Any:
@@ -197,7 +221,7 @@ def declared(cls: type | None = None, *, eq: bool = False) -> Any:
                 stored[name] = kept
         elif isinstance(one.type, InitVar):
             accepted[name] = one.type.type
-            if name in vars(cls):  # its default is no attribute
+            if vars(cls).get(name) is not None:  # None is left for `replace`, which reads it
                 delattr(cls, name)
     cls.__annotations__ = stored
     return cls

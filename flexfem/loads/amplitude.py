@@ -8,42 +8,45 @@ attribute of that name.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import Array, checked, declared, function, number, one_of
 from flexfem._types import FloatArray
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _increasing(owner: str, what: str, value: Any) -> FloatArray:
+    """Return checked times."""
+    times = _checks.array(owner, what, value, (-1,))
+    if (np.diff(times) <= 0.0).any():
+        raise ValueError(f"{owner}: {what} must increase, got {_checks.show(value)}")
+    return times
+
+
+@declared
 class Table:
     """Piecewise linear function of time, constant before the first and after the last time.
 
     Attributes:
         times: Strictly increasing times, shape (n,), seconds.
         values: Values at these times, shape (n,).
+
+    Raises:
+        TypeError: An argument does not consist of numbers.
+        ValueError: No times, different lengths, NaN, or times that do not increase.
     """
 
-    times: FloatArray
-    values: FloatArray
+    times: Array = checked(_increasing)
+    values: Array
 
-    def __init__(self, times: npt.ArrayLike, values: npt.ArrayLike) -> None:
-        """Create a table.
-
-        Raises:
-            TypeError: An argument does not consist of numbers.
-            ValueError: No times, different lengths, NaN, or times that do not increase.
-        """
-        t = _checks.array("Table", "times", times, (-1,))
-        y = _checks.array("Table", "values", values, (len(t),))
-        if len(t) == 0:
+    def __post_init__(self) -> None:
+        """Check that there is a value for each time."""
+        values = _checks.array("Table", "values", self.values, (len(self.times),))
+        if len(values) == 0:
             raise ValueError("Table: times must hold at least one number, got none")
-        if (np.diff(t) <= 0.0).any():
-            raise ValueError(f"Table: times must increase, got {_checks.show(times)}")
-        _checks.assign(self, times=t, values=y)
+        _checks.assign(self, values=values)
 
     @property
     def breakpoints(self) -> FloatArray:
@@ -55,7 +58,7 @@ class Table:
         return float(np.interp(t, self.times, self.values))
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class Spline:
     """Smooth function of time through given values, constant before the first and after the last.
 
@@ -66,21 +69,20 @@ class Spline:
         times: Strictly increasing times, shape (n,), seconds.
         values: Values at these times, shape (n,).
         degree: 1, 3 or 5, below n.
+
+    Raises:
+        TypeError: An argument does not consist of numbers.
+        ValueError: Another degree, too few times for it, different lengths, NaN, or times that do
+            not increase.
     """
 
-    times: FloatArray
-    values: FloatArray
-    degree: int
+    times: Array
+    values: Array
+    degree: int = 5
 
-    def __init__(self, times: npt.ArrayLike, values: npt.ArrayLike, degree: int = 5) -> None:
-        """Create a spline.
-
-        Raises:
-            TypeError: An argument does not consist of numbers.
-            ValueError: Another degree, too few times for it, different lengths, NaN, or times that
-                do not increase.
-        """
-        table = Table(times, values)
+    def __post_init__(self) -> None:
+        """Check the table and the degree, and find the polynomials."""
+        table, degree = Table(self.times, self.values), self.degree
         if degree not in (1, 3, 5):
             raise ValueError(f"Spline: degree must be 1, 3 or 5, got {_checks.show(degree)}")
         if len(table.times) <= degree:
@@ -90,9 +92,7 @@ class Spline:
         from scipy.interpolate import make_interp_spline
 
         spline = make_interp_spline(table.times, table.values, k=degree)
-        _checks.assign(
-            self, times=table.times, values=table.values, degree=degree, _evaluate=spline
-        )
+        _checks.assign(self, times=table.times, values=table.values, _evaluate=spline)
 
     @property
     def breakpoints(self) -> FloatArray:
@@ -121,7 +121,7 @@ _PROFILES: dict[str, Callable[[float], float]] = {
 }
 
 
-@dataclass(frozen=True)
+@declared(eq=True)
 class SmoothStep:
     """Step from y0 to y1 along one of four profiles p of tau = (t - t0)/(t1 - t0) in [0, 1].
 
@@ -140,29 +140,23 @@ class SmoothStep:
         t1: Time at which it ends, seconds.
         y0: Value before.
         y1: Value after.
-        profile: How it goes.
+        profile: Name of the profile.
+
+    Raises:
+        TypeError: A value is not a number.
+        ValueError: A value is not finite, t1 is not after t0, or an unknown profile.
     """
 
-    t0: float
-    t1: float
-    y0: float = 0.0
-    y1: float = 1.0
-    profile: str = "polynomial"
+    t0: float = number(as_given=True)
+    t1: float = number(as_given=True)
+    y0: float = number(default=0.0, as_given=True)
+    y1: float = number(default=1.0, as_given=True)
+    profile: str = one_of(_PROFILES, default="polynomial")
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A value is not a number.
-            ValueError: A value is not finite, t1 is not after t0, or an unknown profile.
-        """
-        for what in ("t0", "t1", "y0", "y1"):
-            _checks.number("SmoothStep", what, getattr(self, what))
+        """Check that it ends after it begins."""
         if self.t1 <= self.t0:
             raise ValueError(f"SmoothStep: t1 must be after t0 = {self.t0}, got {self.t1}")
-        if self.profile not in _PROFILES:
-            known, got = ", ".join(_PROFILES), _checks.show(self.profile)
-            raise ValueError(f"SmoothStep: profile must be one of {known}, got {got}")
 
     @property
     def breakpoints(self) -> FloatArray:
@@ -175,7 +169,7 @@ class SmoothStep:
         return self.y0 + (self.y1 - self.y0) * _PROFILES[self.profile](tau)
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class TimeFunction:
     """A function of time with the times at which it jumps or has kinks.
 
@@ -186,28 +180,14 @@ class TimeFunction:
     Attributes:
         function: Function of time in seconds.
         breakpoints: Strictly increasing times, shape (n,), seconds.
+
+    Raises:
+        TypeError: The function is none, or the times do not consist of numbers.
+        ValueError: NaN, or times that do not increase.
     """
 
-    function: Callable[[float], Any]
-    breakpoints: FloatArray
-
-    def __init__(self, function: Callable[[float], Any], breakpoints: npt.ArrayLike) -> None:
-        """Create the function.
-
-        Raises:
-            TypeError: The function is none, or the times do not consist of numbers.
-            ValueError: NaN, or times that do not increase.
-        """
-        if not callable(function):
-            raise TypeError(
-                f"TimeFunction: function must be a function of time, got {_checks.show(function)}"
-            )
-        t = _checks.array("TimeFunction", "breakpoints", breakpoints, (-1,))
-        if (np.diff(t) <= 0.0).any():
-            raise ValueError(
-                f"TimeFunction: breakpoints must increase, got {_checks.show(breakpoints)}"
-            )
-        _checks.assign(self, function=function, breakpoints=t)
+    function: Callable[[float], Any] = function("time")
+    breakpoints: Array = checked(_increasing)
 
     def __call__(self, t: float) -> Any:
         """Return the value at time `t` in seconds."""

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Force and moment per length along a line of a shell."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, InitVar, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import ZERO, declared, number, text
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.load import NOTHING, Amplitude
+from flexfem.core.load import Amplitude
 from flexfem.loads.shell_load import ShellLoad
 from flexfem.mesh.surface_topology import sides_along
 from flexfem.mesh.topology import edge_keys
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from flexfem.mesh.surface_mesh import SurfaceMesh
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class EdgeLoad(ShellLoad):
     """Uniform dead force and bending moment per length at the start along a line of a shell.
 
@@ -32,45 +31,35 @@ class EdgeLoad(ShellLoad):
         name: Unique name in the model.
         shell: Name of the shell.
         line: Name of a line of the surface mesh, at the shell's boundary or inside it.
-        force: In inertial axes, shape (3,), N/m.
+        force: In inertial axes, shape (3,), N/m, given as ``force_per_length``.
         moment_per_length: About the edge, N m/m.
         amplitude: Factor as a function of time, None for the constant 1.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: An argument has the wrong shape or is not finite.
     """
 
     name: str
-    shell: str
-    line: str
-    force: FloatArray
-    moment_per_length: float
-    amplitude: Amplitude | None
+    shell: str = text()
+    line: str = text()
+    force_per_length: InitVar[npt.ArrayLike] = ZERO
+    force: FloatArray = field(init=False)
+    _: KW_ONLY
+    moment_per_length: float = number(default=0.0)
+    amplitude: Amplitude | None = None
 
-    def __init__(
-        self,
-        name: str,
-        shell: str,
-        line: str,
-        force_per_length: npt.ArrayLike = NOTHING,
-        *,
-        moment_per_length: float = 0.0,
-        amplitude: Amplitude | None = None,
-    ) -> None:
-        """Create the load.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: An argument has the wrong shape or is not finite.
-        """
-        self._assign(name, shell, "force_per_length", force_per_length, amplitude)
-        owner = self._check()
-        moment = _checks.number(owner, "moment_per_length", moment_per_length)
-        _checks.assign(self, line=_checks.text(owner, "line", line), moment_per_length=moment)
+    def __post_init__(self, force_per_length: npt.ArrayLike) -> None:
+        """Take the force."""
+        force = _checks.vector(self._owner, "force_per_length", force_per_length)
+        _checks.assign(self, force=force)
 
     @property
     def has_moment(self) -> bool:
         """See :attr:`flexfem.core.load.Load.has_moment`."""
         return self.moment_per_length != 0.0
 
-    def check(self, mesh: SurfaceMesh, body: str) -> None:
+    def check(self, mesh: "SurfaceMesh", body: str) -> None:
         """See :meth:`flexfem.loads.shell_load.ShellLoad.check`."""
         owner = f'EdgeLoad "{self.name}"'
         if self.line not in mesh.lines:
@@ -88,6 +77,6 @@ class EdgeLoad(ShellLoad):
                 "no side to turn"
             )
 
-    def elements(self, mesh: SurfaceMesh, body: str) -> IntArray:
+    def elements(self, mesh: "SurfaceMesh", body: str) -> IntArray:
         """See :meth:`flexfem.loads.shell_load.ShellLoad.elements`."""
         return mesh.lines[self.line]

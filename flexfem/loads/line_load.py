@@ -2,15 +2,17 @@
 """Force and moment per length along a beam."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._faults import FAILURES, located
+from flexfem._fields import ZERO, Given, checked, declared, flag, text
 from flexfem._types import FloatArray
-from flexfem.core.load import NOTHING, Amplitude, Load
+from flexfem.core.load import Amplitude, Load
 from flexfem.loads.line_table import LineTable
 
 __all__ = ["LineLoad"]
@@ -18,11 +20,27 @@ __all__ = ["LineLoad"]
 #: A vector, or a function of the place along the beam that returns one.
 Distribution = FloatArray | Callable[[float], npt.ArrayLike]
 
-#: What places along a beam may be counted in.
-_COORDINATES = ("length", "fraction")
+
+def _distribution(owner: str, what: str, value: Any) -> Distribution:
+    """Return a function as it is, or a checked vector."""
+    return value if callable(value) else _checks.vector(owner, what, value)
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _coordinate(owner: str, what: str, value: str) -> str:
+    """Return a checked coordinate along a beam."""
+    if value not in ("length", "fraction"):
+        raise ValueError(
+            f'{owner}: {what} must be "length" or "fraction", got {_checks.show(value)}'
+        )
+    return value
+
+
+def _breakpoints(owner: str, what: str, value: Sequence[float]) -> FloatArray:
+    """Return checked places along a beam."""
+    return _checks.array(owner, what, list(value) or np.empty(0), (-1,))
+
+
+@declared
 class LineLoad(Load):
     """Force and moment per initial length along a beam, uniform or functions of the place.
 
@@ -32,59 +50,39 @@ class LineLoad(Load):
         force_per_length: In inertial axes, or in section axes for a follower, shape (3,), N/m; or a
             function of the place that returns it.
         moment_per_length: Likewise, N m/m.
-        coordinate: What functions are given: the arc "length" from the start, m, or the "fraction"
+        coordinate: Argument of functions: the arc "length" from the start, m, or the "fraction"
             of the beam's length.
         breakpoints: Places where functions jump or bend, besides those of a :class:`LineTable`.
             Forces are integrated by Gauss points in each element, or in each piece of it.
-        follower: Whether it turns with the sections.
+        follower: True if it turns with the sections.
         amplitude: Factor as a function of time, None for the constant 1.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: An argument has the wrong shape or is not finite, or another coordinate.
     """
 
     name: str
-    body: str
-    force_per_length: Distribution
-    moment_per_length: Distribution
-    coordinate: str
-    breakpoints: FloatArray
-    follower: bool
-    amplitude: Amplitude | None
+    body: str = text()
+    force_per_length: Given[npt.ArrayLike | Callable[[float], npt.ArrayLike], Distribution] = (
+        checked(_distribution, default=ZERO)
+    )
+    _: KW_ONLY
+    moment_per_length: Given[npt.ArrayLike | Callable[[float], npt.ArrayLike], Distribution] = (
+        checked(_distribution, default=ZERO)
+    )
+    coordinate: str = checked(_coordinate, default="length")
+    breakpoints: Given[Sequence[float], FloatArray] = checked(_breakpoints, default=())
+    follower: bool = flag(default=False)
+    amplitude: Amplitude | None = None
 
-    def __init__(
-        self,
-        name: str,
-        body: str,
-        force_per_length: npt.ArrayLike | Callable[[float], npt.ArrayLike] = NOTHING,
-        *,
-        moment_per_length: npt.ArrayLike | Callable[[float], npt.ArrayLike] = NOTHING,
-        coordinate: str = "length",
-        breakpoints: Sequence[float] = (),
-        follower: bool = False,
-        amplitude: Amplitude | None = None,
-    ) -> None:
-        """Create the load.
+    _owner = property(Load._check)
 
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: An argument has the wrong shape or is not finite, or another coordinate.
-        """
-        _checks.assign(self, name=name, body=body, follower=follower, amplitude=amplitude)
-        owner = self._check()
-        _checks.text(owner, "body", body)
-        _checks.instance(owner, "follower", follower, bool)
-        if coordinate not in _COORDINATES:
-            raise ValueError(
-                f'{owner}: coordinate must be "length" or "fraction", got '
-                f"{_checks.show(coordinate)}"
-            )
-        tables = [t for t in (force_per_length, moment_per_length) if isinstance(t, LineTable)]
-        own = _checks.array(owner, "breakpoints", list(breakpoints) or np.empty(0), (-1,))
-        _checks.assign(
-            self,
-            force_per_length=_distribution(owner, "force_per_length", force_per_length),
-            moment_per_length=_distribution(owner, "moment_per_length", moment_per_length),
-            coordinate=coordinate,
-            breakpoints=np.unique(np.concatenate([own, *(table.breakpoints for table in tables)])),
-        )
+    def __post_init__(self) -> None:
+        """Add the kinks of tables to the breakpoints."""
+        given = (self.force_per_length, self.moment_per_length)
+        kinks = [table.breakpoints for table in given if isinstance(table, LineTable)]
+        _checks.assign(self, breakpoints=np.unique(np.concatenate([self.breakpoints, *kinks])))
 
     @property
     def beams(self) -> tuple[str, ...]:
@@ -133,15 +131,10 @@ class LineLoad(Load):
     def _value(
         self, what: str, function: Callable[[float], npt.ArrayLike], place: float
     ) -> FloatArray:
-        """What a function of the place returns."""
+        """Return the value of a function of the place."""
         owner = f'LineLoad "{self.name}"'
         try:
             value = function(place)
         except FAILURES as error:
             raise ValueError(f"{owner}: {what}: {located(function, error)}") from error
         return _checks.vector(owner, f"{what}({place:.6g})", value)
-
-
-def _distribution(owner: str, what: str, value: object) -> Distribution:
-    """Return a function as it is, or a checked vector."""
-    return value if callable(value) else _checks.vector(owner, what, value)

@@ -1,18 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Vectors along a beam, piecewise linear."""
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import Array, checked, declared
 from flexfem._types import FloatArray
 
 __all__ = ["LineTable"]
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _ascending(owner: str, what: str, value: Any) -> FloatArray:
+    """Return checked places."""
+    places = _checks.array(owner, what, value, (-1,))
+    if len(places) < 2 or (np.diff(places) < 0.0).any():
+        raise ValueError(
+            f"{owner}: {what} must be at least two that ascend, got {_checks.show(value)}"
+        )
+    return places
+
+
+@declared
 class LineTable:
     """Piecewise linear vector along a beam, zero before the first and after the last place.
 
@@ -22,26 +32,19 @@ class LineTable:
     Attributes:
         places: Ascending places along the beam, shape (n,), m or fractions of the length.
         values: Vectors there, shape (n, 3).
+
+    Raises:
+        TypeError: An argument does not consist of numbers.
+        ValueError: Fewer than two places, another number of values, NaN, or places that descend.
     """
 
-    places: FloatArray
-    values: FloatArray
+    places: Array = checked(_ascending)
+    values: Array
 
-    def __init__(self, places: npt.ArrayLike, values: npt.ArrayLike) -> None:
-        """Create a table.
-
-        Raises:
-            TypeError: An argument does not consist of numbers.
-            ValueError: Fewer than two places, another number of values, NaN, or places that
-                descend.
-        """
-        s = _checks.array("LineTable", "places", places, (-1,))
-        y = _checks.array("LineTable", "values", values, (len(s), 3))
-        if len(s) < 2 or (np.diff(s) < 0.0).any():
-            raise ValueError(
-                f"LineTable: places must be at least two that ascend, got {_checks.show(places)}"
-            )
-        _checks.assign(self, places=s, values=y)
+    def __post_init__(self) -> None:
+        """Check that there is a vector for each place."""
+        shape = (len(self.places), 3)
+        _checks.assign(self, values=_checks.array("LineTable", "values", self.values, shape))
 
     @property
     def breakpoints(self) -> FloatArray:

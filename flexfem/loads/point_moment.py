@@ -1,42 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Moment at a marker."""
 
-from dataclasses import dataclass
-
-import numpy.typing as npt
-
+from flexfem._fields import Array, declared, vector
 from flexfem._types import FloatArray
-from flexfem.core.load import NOTHING, Amplitude
-from flexfem.core.marker import Marker
+from flexfem.core.load import NOTHING
 from flexfem.loads.point_load import PointLoad
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class PointMoment(PointLoad):
     """Moment at a marker.
 
     Attributes:
+        name: Unique name in the model.
+        marker: Where it acts.
         moment: In inertial axes, or in the marker's axes for a follower, shape (3,), N m.
+        follower: True if it turns with the marker.
+        amplitude: Factor as a function of time, None for the constant 1.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: An argument has the wrong shape or is not finite.
     """
 
-    moment: FloatArray
-
-    def __init__(
-        self,
-        name: str,
-        marker: Marker,
-        moment: npt.ArrayLike,
-        *,
-        follower: bool = False,
-        amplitude: Amplitude | None = None,
-    ) -> None:
-        """Create the load.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: An argument has the wrong shape or is not finite.
-        """
-        self._assign(name, marker, "moment", moment, follower, amplitude)
+    moment: Array = vector()
 
     @property
     def wrench(self) -> tuple[FloatArray, FloatArray]:

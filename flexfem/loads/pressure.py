@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Pressure on a shell."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 
-from flexfem import _checks
+from flexfem._fields import declared, number, text
 from flexfem._types import FloatArray
 from flexfem.core.load import NOTHING, Amplitude, Load
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class Pressure(Load):
     """Uniform pressure on a whole shell: it stays normal to the shell and acts on its present area.
 
@@ -21,32 +21,20 @@ class Pressure(Load):
         shell: Name of the shell.
         pressure: Pa.
         amplitude: Factor as a function of time, None for the constant 1.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: The pressure is not finite.
     """
 
     name: str
-    shell: str
-    pressure: float
-    amplitude: Amplitude | None
+    shell: str = text()
+    pressure: float = number()
+    _: KW_ONLY
+    amplitude: Amplitude | None = None
+
     follower = True
-
-    def __init__(
-        self,
-        name: str,
-        shell: str,
-        pressure: float,
-        *,
-        amplitude: Amplitude | None = None,
-    ) -> None:
-        """Create the load.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: The pressure is not finite.
-        """
-        _checks.assign(self, name=name, shell=shell, amplitude=amplitude)
-        owner = self._check()
-        _checks.text(owner, "shell", shell)
-        _checks.assign(self, pressure=_checks.number(owner, "pressure", pressure))
+    _owner = property(Load._check)
 
     @property
     def shells(self) -> tuple[str, ...]:
