@@ -97,8 +97,9 @@ def number(
     *,
     positive: bool = False,
     nonnegative: bool = False,
+    nonzero: bool = False,
 ) -> float:
-    """Return a finite real number, positive or non-negative on demand.
+    """Return a finite real number, positive, non-negative or not zero on demand.
 
     Raises:
         TypeError: `value` is not a real number.
@@ -118,6 +119,8 @@ def number(
         raise ValueError(f"{owner}: {what} must be positive, got {show(value)}")
     if nonnegative and result < 0.0:
         raise ValueError(f"{owner}: {what} must not be negative, got {show(value)}")
+    if nonzero and result == 0.0:
+        raise ValueError(f"{owner}: {what} must not be zero, got {show(value)}")
     return result
 
 

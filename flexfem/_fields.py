@@ -88,7 +88,7 @@ def text(*, default: Any = MISSING) -> Any:
 def number(
     *, default: Any = MISSING, as_given: bool = False, none: bool | None = None, **bounds: bool
 ) -> Any:
-    """Declare a finite number, ``positive`` or ``nonnegative`` on demand."""
+    """Declare a finite number; ``positive``, ``nonnegative`` or ``nonzero`` on demand."""
 
     def check(owner: str, what: str, value: Any) -> float:
         return _checks.number(owner, what, value, **bounds)

@@ -10,12 +10,13 @@ joint is a new list of rows.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._fields import declared, instance, vector
 from flexfem._types import FloatArray
 from flexfem.core.marker import Attachment, Carrier, Ground, Marker
 from flexfem.core.node_row import NodeRow
@@ -41,7 +42,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class Joint:
     """A connection between two markers, or more where a joint says so.
 
@@ -149,24 +150,18 @@ class Joint:
         raise NotImplementedError
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class AxisJoint(Joint):
     """A joint with one axis.
 
     Attributes:
         axis: direction of the axis at the start, inertial axes; any length but zero.
+
+    Raises:
+        ValueError: the axis is zero or not three finite numbers.
     """
 
-    axis: Sequence[float] = (0.0, 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        """Check the axis.
-
-        Raises:
-            ValueError: the axis is zero or not three finite numbers.
-        """
-        super().__post_init__()
-        _checks.vector(self.owner, "axis", self.axis, nonzero=True)
+    axis: Sequence[float] = vector(default=(0.0, 0.0, 1.0), nonzero=True, as_given=True)
 
     @property
     def direction(self) -> FloatArray:
@@ -178,30 +173,28 @@ class AxisJoint(Joint):
         return {"axis": turns[0] @ self.direction}
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class JointAction(Joint):
     """Base class of forces and drives on the motion that another joint leaves, at its markers.
 
     Attributes:
         joint: the other joint; in the model too.
         motion: "translation" along or "rotation" about its axis; None for all that it leaves.
+
+    Raises:
+        TypeError: ``joint`` is not a joint.
+        ValueError: the joint leaves no such motion.
     """
 
     a: Attachment = field(init=False)
     b: Attachment = field(init=False)
-    joint: Joint
+    joint: Joint = instance(Joint)
     motion: str | None = None
 
     slides = True
 
     def __post_init__(self) -> None:
-        """Take markers and axis from the joint.
-
-        Raises:
-            TypeError: ``joint`` is not a joint.
-            ValueError: the joint leaves no such motion.
-        """
-        _checks.instance(self.owner, "joint", self.joint, Joint)
+        """Take markers and axis from the joint."""
         _checks.assign(self, a=self.joint.a, b=self.joint.b)
         super().__post_init__()
         if not self.motions:

@@ -2,10 +2,10 @@
 """Actuator: a force or torque between two markers as a function of time."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
+from flexfem._fields import declared, one_of, time_function
 from flexfem.core.joint import AxisJoint, distance, turn_angle
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term, applied
@@ -15,7 +15,7 @@ __all__ = ["Actuator"]
 _MOTIONS = ("rotation", "translation", "distance")
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class Actuator(AxisJoint):
     """Drives marker b against marker a by a torque about an axis, or a force along it.
 
@@ -28,27 +28,16 @@ class Actuator(AxisJoint):
         motion: "rotation" for a torque about the axis, "translation" for a force along it,
             "distance" for one along the line between the markers, which need no axis.
         force: function of time (s), N m or N.
+
+    Raises:
+        TypeError: the force is not a function.
+        ValueError: an unknown motion, or the force at t = 0 is not a number.
     """
 
-    motion: str = "rotation"
-    force: Callable[[float], float] = lambda t: 0.0
+    motion: str = one_of(_MOTIONS, default="rotation")
+    force: Callable[[float], float] = time_function(default=lambda t: 0.0)
 
     driven: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check motion and function.
-
-        Raises:
-            TypeError: the force is not a function.
-            ValueError: an unknown motion, or the force at t = 0 is not a number.
-        """
-        super().__post_init__()
-        if self.motion not in _MOTIONS:
-            raise ValueError(
-                f"{self.owner}: motion must be one of {', '.join(_MOTIONS)}, got "
-                f"{_checks.show(self.motion)}"
-            )
-        _checks.function(self.owner, "force", self.force, ())
 
     def coordinate(self, poses: Sequence[Pose]) -> Term:
         """The angle (rad), displacement (m) or distance (m) that it acts on.

@@ -2,11 +2,11 @@
 """Constant-velocity joint."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._fields import declared, vector
 from flexfem._types import FloatArray
 from flexfem.core.joint import AxisJoint, coincidence, perpendicular, unit
 from flexfem.core.pose import Pose
@@ -15,7 +15,7 @@ from flexfem.core.row import Row, RowKind, Term
 __all__ = ["ConstantVelocity"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class ConstantVelocity(AxisJoint):
     """Homokinetic joint: both shafts turn at the same speed at any angle between them.
 
@@ -25,22 +25,20 @@ class ConstantVelocity(AxisJoint):
     Attributes:
         axis: shaft fixed in marker a, inertial axes at the start.
         second_axis: shaft fixed in marker b in the same sense; None for the same direction.
+
+    Raises:
+        ValueError: a shaft is zero, or they point against each other.
     """
 
-    second_axis: Sequence[float] | None = None
+    second_axis: Sequence[float] | None = vector(default=None, nonzero=True, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check the shafts.
-
-        Raises:
-            ValueError: a shaft is zero, or they point against each other.
-        """
+        """Check that the shafts do not oppose one another."""
         super().__post_init__()
-        if self.second_axis is not None:
-            second = _checks.vector(self.owner, "second_axis", self.second_axis, nonzero=True)
-            if float(self.direction @ unit(second)) < -1.0 + 1e-9:
-                shown = _checks.show(self.second_axis)
-                raise ValueError(f"{self.owner}: second_axis must not oppose axis, got {shown}")
+        second = self.axis if self.second_axis is None else self.second_axis
+        if float(self.direction @ unit(second)) < -1.0 + 1e-9:
+            shown = _checks.show(self.second_axis)
+            raise ValueError(f"{self.owner}: second_axis must not oppose axis, got {shown}")
 
     def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
         """See :meth:`Joint.turned`."""

@@ -2,11 +2,13 @@
 """Coupling of two relative motions."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._fields import checked, declared, number, vector
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, turn_angle, unit
 from flexfem.core.marker import Attachment
@@ -18,7 +20,16 @@ __all__ = ["Coupling"]
 _MOTIONS = ("rotation", "translation")
 
 
-@dataclass(frozen=True, eq=False)
+def _two_motions(owner: str, what: str, value: Any) -> Any:
+    """Return checked names of two motions."""
+    if not isinstance(value, (tuple, list)) or len(value) != 2 or {*value} - {*_MOTIONS}:
+        raise ValueError(
+            f"{owner}: {what} must be two of rotation and translation, got {_checks.show(value)}"
+        )
+    return value
+
+
+@declared
 class Coupling(Joint):
     """Couples two relative motions from the start on: that of d from c = ratio times b from a.
 
@@ -34,34 +45,18 @@ class Coupling(Joint):
         ratio: motion of d from c over motion of b from a; 1, m/rad or rad/m where one of them is a
             translation; not zero.
         motions: of b from a and of d from c: "rotation" about or "translation" along the axis.
+
+    Raises:
+        TypeError: a marker is none, or the ratio is not a number.
+        ValueError: an axis or the ratio is zero, or not two known motions.
     """
 
     c: Attachment
     d: Attachment
-    axis: Sequence[float] = (0.0, 0.0, 1.0)
-    second_axis: Sequence[float] | None = None
-    ratio: float = 1.0
-    motions: tuple[str, str] = ("rotation", "rotation")
-
-    def __post_init__(self) -> None:
-        """Check axes, ratio and motions.
-
-        Raises:
-            TypeError: a marker is none, or the ratio is not a number.
-            ValueError: an axis or the ratio is zero, or not two known motions.
-        """
-        super().__post_init__()
-        _checks.vector(self.owner, "axis", self.axis, nonzero=True)
-        if self.second_axis is not None:
-            _checks.vector(self.owner, "second_axis", self.second_axis, nonzero=True)
-        if _checks.number(self.owner, "ratio", self.ratio) == 0.0:
-            raise ValueError(f"{self.owner}: ratio must not be zero, got {self.ratio}")
-        motions = self.motions
-        if not isinstance(motions, (tuple, list)) or len(motions) != 2 or {*motions} - {*_MOTIONS}:
-            raise ValueError(
-                f"{self.owner}: motions must be two of rotation and translation, got "
-                f"{_checks.show(motions)}"
-            )
+    axis: Sequence[float] = vector(default=(0.0, 0.0, 1.0), nonzero=True, as_given=True)
+    second_axis: Sequence[float] | None = vector(default=None, nonzero=True, as_given=True)
+    ratio: float = number(default=1.0, nonzero=True, as_given=True)
+    motions: tuple[str, str] = checked(_two_motions, default=("rotation", "rotation"))
 
     @property
     def places(self) -> tuple[tuple[str, Attachment], ...]:

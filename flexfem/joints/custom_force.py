@@ -2,9 +2,8 @@
 """Force element whose law is a function of the user's."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
-from flexfem import _checks
+from flexfem._fields import declared, one_of
 from flexfem.core.joint import AxisJoint, distance, turn_angle
 from flexfem.core.pose import Pose
 from flexfem.core.row import Law, LawKind, Row, RowKind, Term
@@ -15,7 +14,7 @@ __all__ = ["CustomForce"]
 _MOTIONS = ("distance", "translation", "rotation")
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class CustomForce(AxisJoint):
     """Spring, damper or drive between two markers with any law ``F(x, v, t)``.
 
@@ -33,25 +32,19 @@ class CustomForce(AxisJoint):
             or N m; v is the rate of x, t the time in s.
         parameters: up to eight numbers that the function is given as a tuple. Functions are
             compiled once and can be shared by elements with other parameters.
+
+    Raises:
+        TypeError: the force is no function, or parameters are no numbers.
+        ValueError: an unknown motion, a function of other arguments, too many parameters.
     """
 
-    motion: str = "distance"
+    motion: str = one_of(_MOTIONS, default="distance")
     force: Callable[..., float] = lambda x, v: 0.0
     parameters: Sequence[float] = ()
 
     def __post_init__(self) -> None:
-        """Check motion, function and parameters.
-
-        Raises:
-            TypeError: the force is no function, or parameters are no numbers.
-            ValueError: an unknown motion, a function of other arguments, too many parameters.
-        """
+        """Check function and parameters."""
         super().__post_init__()
-        if self.motion not in _MOTIONS:
-            raise ValueError(
-                f"{self.owner}: motion must be one of {', '.join(_MOTIONS)}, got "
-                f"{_checks.show(self.motion)}"
-            )
         _ = self._user
 
     @property

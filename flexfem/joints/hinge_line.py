@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem import _checks
+from flexfem._fields import declared, number
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, coincidence
 from flexfem.core.marker import Attachment, ShellLine
@@ -22,7 +23,7 @@ __all__ = ["HingeLine", "LinePart", "match"]
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class HingeLine(Joint):
     """Joins a line of a shell to that of another, or to a body or the ground; it leaves rotations.
 
@@ -38,23 +39,21 @@ class HingeLine(Joint):
         a: line of a shell.
         b: line of a shell, or a marker on what carries the nodes of a.
         tolerance: largest distance of the two lines at the start, relative to the length of a.
+
+    Raises:
+        TypeError: a is no line of a shell, or the tolerance no number.
+        ValueError: the tolerance is not positive.
     """
 
     a: ShellLine
-    tolerance: float = 1e-6
+    tolerance: float = number(default=1e-6, positive=True, as_given=True)
 
     joins_lines = True
 
     def __post_init__(self) -> None:
-        """Check the arguments.
-
-        Raises:
-            TypeError: a is no line of a shell, or the tolerance no number.
-            ValueError: the tolerance is not positive.
-        """
+        """Check the line."""
         super().__post_init__()
         _checks.instance(self.owner, "a", self.a, ShellLine)
-        _checks.number(self.owner, "tolerance", self.tolerance, positive=True)
 
     def parts(self, lines: Sequence[NodeRow | None]) -> Sequence[Joint]:
         """See :meth:`Joint.parts`."""

@@ -2,9 +2,9 @@
 """Friction in a joint."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from flexfem import _checks
+from flexfem._fields import declared, number
 from flexfem.core.joint import Joint, JointAction
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, friction
@@ -13,7 +13,7 @@ from flexfem.core.user_function import FunctionKind, UserFunction
 __all__ = ["JointFriction"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class JointFriction(JointAction):
     """Regularised Coulomb friction and viscous drag on the motion that another joint leaves.
 
@@ -31,22 +31,21 @@ class JointFriction(JointAction):
         radius: r of the rubbing surface, m; for a rotation with a coefficient.
         velocity: v_0, m/s or rad/s.
         viscous: c, N s/m or N m s/rad.
+
+    Raises:
+        TypeError: an argument has the wrong type.
+        ValueError: the joint leaves no such motion, not just one of force and coefficient, a
+            negative number, ``v_0`` not positive, a radius missing or out of place.
     """
 
     force: float | Callable[[float], float] | None = None
     coefficient: float | Callable[[float], float] | None = None
     radius: float | None = None
-    velocity: float = 1e-3
-    viscous: float = 0.0
+    velocity: float = number(default=1e-3, positive=True, as_given=True)
+    viscous: float = number(default=0.0, nonnegative=True, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check all arguments.
-
-        Raises:
-            TypeError: an argument has the wrong type.
-            ValueError: the joint leaves no such motion, not just one of force and coefficient, a
-                negative number, ``v_0`` not positive, a radius missing or out of place.
-        """
+        """Check the arguments against one another."""
         super().__post_init__()
         if len(self.motions) != 1:
             raise ValueError(
@@ -57,13 +56,12 @@ class JointFriction(JointAction):
                 f"{self.owner}: needs either force or coefficient, got {self.force} and "
                 f"{self.coefficient}"
             )
-        for what in ("force", "coefficient", "viscous"):
+        for what in ("force", "coefficient"):
             value = getattr(self, what)
-            if callable(value) and what != "viscous":
+            if callable(value):
                 _ = self._user(what)
             elif value is not None:
                 _checks.number(self.owner, what, value, nonnegative=True)
-        _checks.number(self.owner, "velocity", self.velocity, positive=True)
         arm = self.coefficient is not None and self.motions == ("rotation",)
         if arm:
             _checks.number(self.owner, "radius", self.radius, positive=True)

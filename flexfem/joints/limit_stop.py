@@ -2,11 +2,12 @@
 """End stop."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, InitVar, dataclass
+from dataclasses import KW_ONLY, InitVar
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._fields import declared, one_of
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, check_limits, displacement, distance, turn_angle, unit
 from flexfem.core.pose import Pose
@@ -19,7 +20,7 @@ _MOTIONS = ("translation", "rotation", "distance")
 _FORMER = {"displacement": "translation", "angle": "rotation"}
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class LimitStop(Joint):
     """Stop that presses where a relative coordinate x passes a limit.
 
@@ -37,7 +38,7 @@ class LimitStop(Joint):
         coordinate: refused, ``motion`` says it.
     """
 
-    motion: str = "translation"
+    motion: str = one_of(_MOTIONS, default="translation")
     axis: Sequence[float] | None = None
     lower: float | None = None
     upper: float | None = None
@@ -59,11 +60,6 @@ class LimitStop(Joint):
             motion = _FORMER.get(str(coordinate), "distance")
             raise ValueError(
                 f'{self.owner}: coordinate={_checks.show(coordinate)} is written motion="{motion}"'
-            )
-        if self.motion not in _MOTIONS:
-            raise ValueError(
-                f"{self.owner}: motion must be one of {', '.join(_MOTIONS)}, got "
-                f"{_checks.show(self.motion)}"
             )
         if self.motion == "distance":
             if self.axis is not None:

@@ -2,9 +2,8 @@
 """Lock of a joint."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from flexfem import _checks
+from flexfem._fields import declared, flag
 from flexfem.core.joint import Joint, JointAction
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind
@@ -12,7 +11,7 @@ from flexfem.core.row import Row, RowKind
 __all__ = ["Lock"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class Lock(JointAction):
     """Holds the motion that another joint leaves while it is locked; released it does nothing.
 
@@ -22,19 +21,13 @@ class Lock(JointAction):
         joint: the joint to be locked; in the model too.
         motion: "translation" along or "rotation" about its axis; None for all that it leaves.
         locked: whether it holds at the start.
+
+    Raises:
+        TypeError: ``joint`` is none, or ``locked`` is not a truth value.
+        ValueError: the joint leaves no such motion.
     """
 
-    locked: bool = False
-
-    def __post_init__(self) -> None:
-        """Check all arguments.
-
-        Raises:
-            TypeError: ``joint`` is none, or ``locked`` is not a truth value.
-            ValueError: the joint leaves no such motion.
-        """
-        super().__post_init__()
-        _checks.instance(self.owner, "locked", self.locked, bool)
+    locked: bool = flag(default=False)
 
     @property
     def partner(self) -> Joint:

@@ -2,10 +2,10 @@
 """Prescribed relative angle."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
+from flexfem._fields import declared, time_function
 from flexfem.core.joint import AxisJoint, turn_angle
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
@@ -13,7 +13,7 @@ from flexfem.core.row import Row
 __all__ = ["PrescribedAngle"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class PrescribedAngle(AxisJoint):
     """Drives the angle by which marker b has turned relative to marker a; one constraint.
 
@@ -22,21 +22,15 @@ class PrescribedAngle(AxisJoint):
 
     Attributes:
         angle: function of time (s), rad, counted from the start.
+
+    Raises:
+        TypeError: the angle is not a function.
+        ValueError: its value at t = 0 is not a number.
     """
 
-    angle: Callable[[float], float] = lambda t: 0.0
+    angle: Callable[[float], float] = time_function(default=lambda t: 0.0)
 
     driven: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the function.
-
-        Raises:
-            TypeError: the angle is not a function.
-            ValueError: its value at t = 0 is not a number.
-        """
-        super().__post_init__()
-        _checks.function(self.owner, "angle", self.angle, ())
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

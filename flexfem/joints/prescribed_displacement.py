@@ -2,10 +2,10 @@
 """Prescribed displacement along an axis."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
+from flexfem._fields import declared, time_function
 from flexfem.core.joint import AxisJoint, displacement
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
@@ -13,28 +13,22 @@ from flexfem.core.row import Row
 __all__ = ["PrescribedDisplacement"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class PrescribedDisplacement(AxisJoint):
     """Drives the displacement of marker b from marker a along an axis; one constraint.
 
     Attributes:
         axis: direction fixed in marker a, inertial axes at the start.
         displacement: function of time (s), m; added to the position at the start.
+
+    Raises:
+        TypeError: the displacement is not a function.
+        ValueError: its value at t = 0 is not a number.
     """
 
-    displacement: Callable[[float], float] = lambda t: 0.0
+    displacement: Callable[[float], float] = time_function(default=lambda t: 0.0)
 
     driven: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the function.
-
-        Raises:
-            TypeError: the displacement is not a function.
-            ValueError: its value at t = 0 is not a number.
-        """
-        super().__post_init__()
-        _checks.function(self.owner, "displacement", self.displacement, ())
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

@@ -2,10 +2,10 @@
 """Prescribed distance."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
+from flexfem._fields import declared, time_function
 from flexfem.core.joint import Joint, distance
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term
@@ -13,27 +13,21 @@ from flexfem.core.row import Row, RowKind, Term
 __all__ = ["PrescribedDistance"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class PrescribedDistance(Joint):
     """Drives the distance of two markers, as a hydraulic cylinder does; one constraint.
 
     Attributes:
         elongation: function of time (s), m; added to the distance at the start.
+
+    Raises:
+        TypeError: the elongation is not a function.
+        ValueError: its value at t = 0 is not a number.
     """
 
-    elongation: Callable[[float], float] = lambda t: 0.0
+    elongation: Callable[[float], float] = time_function(default=lambda t: 0.0)
 
     driven: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the function.
-
-        Raises:
-            TypeError: the elongation is not a function.
-            ValueError: its value at t = 0 is not a number.
-        """
-        super().__post_init__()
-        _checks.function(self.owner, "elongation", self.elongation, ())
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`; raises ValueError when both markers start at one point."""

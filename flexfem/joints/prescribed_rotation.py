@@ -2,12 +2,12 @@
 """Prescribed relative rotation."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import declared, time_function
 from flexfem.core.joint import Joint, equal_rotation
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
@@ -15,28 +15,22 @@ from flexfem.core.row import Row
 __all__ = ["PrescribedRotation"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class PrescribedRotation(Joint):
     """Drives the rotation of marker b relative to marker a; three constraints.
 
     Attributes:
         rotation: function of time (s) that returns the rotation vector (rad), shape (3,), in the
             axes of marker a, by which b has turned since the start.
+
+    Raises:
+        TypeError: the rotation is not a function.
+        ValueError: its value at t = 0 has the wrong shape.
     """
 
-    rotation: Callable[[float], npt.ArrayLike] = lambda t: (0.0, 0.0, 0.0)
+    rotation: Callable[[float], npt.ArrayLike] = time_function(3, default=lambda t: (0.0, 0.0, 0.0))
 
     driven: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        """Check the function.
-
-        Raises:
-            TypeError: the rotation is not a function.
-            ValueError: its value at t = 0 has the wrong shape.
-        """
-        super().__post_init__()
-        _checks.function(self.owner, "rotation", self.rotation, (3,))
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

@@ -2,10 +2,10 @@
 """Prescribed motion of a slider along its beam."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from flexfem import _checks
+from flexfem._fields import declared, time_function
 from flexfem.core.joint import Joint, JointAction, check_sliding
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
@@ -13,29 +13,27 @@ from flexfem.core.row import Row
 __all__ = ["PrescribedSlide"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class PrescribedSlide(JointAction):
     """Drives the slider of a sliding joint along its carrier; one constraint.
 
     Attributes:
         joint: the ``Sliding`` joint; in the model too.
         zeta: function of time (s): arc length from the carrier's start in the undeformed state, m.
+
+    Raises:
+        TypeError: the joint does not slide, or zeta is not a function.
+        ValueError: its value at t = 0 is not a number.
     """
 
-    zeta: Callable[[float], float] = lambda t: 0.0
+    zeta: Callable[[float], float] = time_function(default=lambda t: 0.0)
 
     driven: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check the function.
-
-        Raises:
-            TypeError: the joint does not slide, or zeta is not a function.
-            ValueError: its value at t = 0 is not a number.
-        """
+        """Check that the joint slides."""
         super().__post_init__()
         check_sliding(self)
-        _checks.function(self.owner, "zeta", self.zeta, ())
 
     @property
     def partner(self) -> Joint:

@@ -2,13 +2,13 @@
 """Prescribed relative translation."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import declared, vector
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, unit
 from flexfem.core.pose import Pose
@@ -17,7 +17,7 @@ from flexfem.core.row import Row, RowKind, Term
 __all__ = ["PrescribedTranslation"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class PrescribedTranslation(Joint):
     """Drives the position of marker b relative to marker a; one or three constraints.
 
@@ -27,26 +27,22 @@ class PrescribedTranslation(Joint):
             the start.
         axis: direction fixed in marker a, given in inertial axes at the start; None for all three
             components.
+
+    Raises:
+        TypeError: the displacement is not a function.
+        ValueError: the axis is zero, or the displacement at t = 0 has the wrong shape.
     """
 
     displacement: Callable[[float], npt.ArrayLike] = lambda t: 0.0
-    axis: Sequence[float] | None = None
+    axis: Sequence[float] | None = vector(default=None, nonzero=True, as_given=True)
 
     driven: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check axis and function.
-
-        Raises:
-            TypeError: the displacement is not a function.
-            ValueError: the axis is zero, or the displacement at t = 0 has the wrong shape.
-        """
+        """Check the function."""
         super().__post_init__()
-        if self.axis is not None:
-            _checks.vector(self.owner, "axis", self.axis, nonzero=True)
-        _checks.function(
-            self.owner, "displacement", self.displacement, () if self.axis is not None else (3,)
-        )
+        shape = () if self.axis is not None else (3,)
+        _checks.function(self.owner, "displacement", self.displacement, shape)
 
     def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
         """See :meth:`Joint.turned`."""

@@ -2,10 +2,10 @@
 """Screw joint."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import tau
 
-from flexfem import _checks
+from flexfem._fields import declared, number
 from flexfem.core.joint import AxisJoint, displacement, line_guidance, parallelism, turn_angle
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
@@ -13,29 +13,22 @@ from flexfem.core.row import Row
 __all__ = ["Screw"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class Screw(AxisJoint):
     """Couples the translation along a common axis to the rotation about it; five constraints.
 
     Attributes:
         pitch: advance of marker b along the axis in one positive turn, m; negative for a left-hand
             thread.
+
+    Raises:
+        TypeError: the pitch is not a number.
+        ValueError: the pitch is zero.
     """
 
-    pitch: float = 1e-3
+    pitch: float = number(default=1e-3, nonzero=True, as_given=True)
 
     leaves = ("translation", "rotation")
-
-    def __post_init__(self) -> None:
-        """Check the pitch.
-
-        Raises:
-            TypeError: the pitch is not a number.
-            ValueError: the pitch is zero.
-        """
-        super().__post_init__()
-        if _checks.number(self.owner, "pitch", self.pitch) == 0.0:
-            raise ValueError(f"{self.owner}: pitch must not be zero, got {self.pitch}")
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

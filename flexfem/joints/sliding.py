@@ -2,9 +2,9 @@
 """Sliding joint along a line."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from flexfem import _checks
+from flexfem._fields import declared, flag, number
 from flexfem.core.joint import Joint, displacement, equal_rotation
 from flexfem.core.marker import Carrier
 from flexfem.core.pose import Pose
@@ -13,7 +13,7 @@ from flexfem.core.row import Row, RowKind, Term
 __all__ = ["Sliding"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class Sliding(Joint):
     """Marker b slides on a line of a body; two constraints, five when tied.
 
@@ -36,29 +36,26 @@ class Sliding(Joint):
         b: marker that slides; on the line at the start.
         tied: it keeps its rotation relative to the carrier's section (prismatic joint).
         beyond: how far it may go beyond either end of the carrier, m.
+
+    Raises:
+        TypeError: a is not a ``Carrier``, b not a marker on something else, or ``tied`` not
+            a truth value.
+        ValueError: the name is empty, or ``beyond`` negative.
     """
 
     a: Carrier
-    tied: bool = False
-    beyond: float = 0.0
+    tied: bool = flag(default=False)
+    beyond: float = number(default=0.0, nonnegative=True, as_given=True)
 
     slides = True
     leaves = ("translation",)
 
     def __post_init__(self) -> None:
-        """Check all arguments.
-
-        Raises:
-            TypeError: a is not a ``Carrier``, b not a marker on something else, or ``tied`` not
-                a truth value.
-            ValueError: the name is empty, or ``beyond`` negative.
-        """
+        """Check that a line slides on something else."""
         super().__post_init__()
         _checks.instance(self.owner, "a", self.a, Carrier)
         if isinstance(self.b, Carrier):
             raise TypeError(f'{self.owner}: b must be a Marker or Ground, got Carrier "{self.b}"')
-        _checks.instance(self.owner, "tied", self.tied, bool)
-        _checks.number(self.owner, "beyond", self.beyond, nonnegative=True)
 
     def motion_term(self, kind: str, poses: Sequence[Pose]) -> Term:
         """See :meth:`Joint.motion_term`: zeta."""

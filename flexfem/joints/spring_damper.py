@@ -2,9 +2,9 @@
 """Spring and damper between two points."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from flexfem import _checks
+from flexfem._fields import declared, number
 from flexfem.core.joint import Joint, distance
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term, spring
@@ -12,7 +12,7 @@ from flexfem.core.row import Row, RowKind, Term, spring
 __all__ = ["SpringDamper"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class SpringDamper(Joint):
     """Linear spring and damper along the line between two markers.
 
@@ -24,23 +24,20 @@ class SpringDamper(Joint):
         stiffness: N/m.
         damping: N s/m.
         rest_length: m; None for the distance at the start.
+
+    Raises:
+        TypeError: an argument is not a number.
+        ValueError: stiffness, damping or rest length is negative, or both former are zero.
     """
 
     stiffness: float = 0.0
     damping: float = 0.0
-    rest_length: float | None = None
+    rest_length: float | None = number(default=None, nonnegative=True, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            TypeError: an argument is not a number.
-            ValueError: stiffness, damping or rest length is negative, or both former are zero.
-        """
+        """Check that there is a spring or a damper."""
         super().__post_init__()
         _checks.stiffness_and_damping(self.owner, self.stiffness, self.damping)
-        if self.rest_length is not None:
-            _checks.number(self.owner, "rest_length", self.rest_length, nonnegative=True)
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`; raises ValueError when both markers start at one point."""

@@ -2,9 +2,9 @@
 """Spring and damper about an axis."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from flexfem import _checks
+from flexfem._fields import declared, number
 from flexfem.core.joint import AxisJoint, turn_angle
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, spring
@@ -12,7 +12,7 @@ from flexfem.core.row import Row, spring
 __all__ = ["TorsionalSpringDamper"]
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class TorsionalSpringDamper(AxisJoint):
     """Linear torsional spring and damper about an axis fixed in marker a.
 
@@ -23,22 +23,20 @@ class TorsionalSpringDamper(AxisJoint):
         stiffness: N m/rad.
         damping: N m s/rad.
         rest_angle: rad.
+
+    Raises:
+        TypeError: an argument is not a number.
+        ValueError: stiffness or damping is negative, or both are zero.
     """
 
     stiffness: float = 0.0
     damping: float = 0.0
-    rest_angle: float = 0.0
+    rest_angle: float = number(default=0.0, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            TypeError: an argument is not a number.
-            ValueError: stiffness or damping is negative, or both are zero.
-        """
+        """Check that there is a spring or a damper."""
         super().__post_init__()
         _checks.stiffness_and_damping(self.owner, self.stiffness, self.damping)
-        _checks.number(self.owner, "rest_angle", self.rest_angle)
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""

@@ -2,9 +2,8 @@
 """Universal joint."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
-from flexfem import _checks
+from flexfem._fields import declared, vector
 from flexfem._types import FloatArray
 from flexfem.core.joint import AxisJoint, coincidence, unit
 from flexfem.core.pose import Pose
@@ -16,7 +15,7 @@ __all__ = ["Universal"]
 _PERPENDICULAR = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class Universal(AxisJoint):
     """Cardan joint: the arms of its cross, one fixed in each marker, stay perpendicular.
 
@@ -27,19 +26,17 @@ class Universal(AxisJoint):
     Attributes:
         axis: arm fixed in marker a, inertial axes at the start.
         second_axis: arm fixed in marker b, perpendicular to the other.
+
+    Raises:
+        ValueError: an arm is zero, or they are not perpendicular.
     """
 
-    second_axis: Sequence[float] = (1.0, 0.0, 0.0)
+    second_axis: Sequence[float] = vector(default=(1.0, 0.0, 0.0), nonzero=True, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check the arms.
-
-        Raises:
-            ValueError: an arm is zero, or they are not perpendicular.
-        """
+        """Check that the arms are perpendicular."""
         super().__post_init__()
-        second = _checks.vector(self.owner, "second_axis", self.second_axis, nonzero=True)
-        cosine = float(self.direction @ unit(second))
+        cosine = float(self.direction @ unit(self.second_axis))
         if abs(cosine) > _PERPENDICULAR:
             raise ValueError(
                 f"{self.owner}: second_axis must be perpendicular to axis, got a cosine of "
