@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Isotropic linear elastic material."""
 
-from dataclasses import dataclass
-
 from flexfem import _checks
+from flexfem._fields import checked, declared, number
 
 
-@dataclass(frozen=True)
+def _ratio(owner: str, what: str, value: float) -> None:
+    """Check a Poisson's ratio."""
+    ratio = _checks.number(owner, what, value)
+    if not -1.0 < ratio <= 0.5:
+        raise ValueError(f"{owner}: {what} must be in (-1, 0.5], got {ratio}")
+
+
+@declared(eq=True)
 class Material:
     """Isotropic linear elastic material.
 
@@ -14,24 +20,15 @@ class Material:
         youngs_modulus: Young's modulus E, pascals, positive.
         poisson_ratio: Poisson's ratio nu, in (-1, 0.5].
         density: Mass per volume, kg/m^3, not negative.
+
+    Raises:
+        TypeError: A value is not a number.
+        ValueError: A value is not finite or outside its range.
     """
 
-    youngs_modulus: float
-    poisson_ratio: float
-    density: float
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A value is not a number.
-            ValueError: A value is not finite or outside its range.
-        """
-        _checks.number("Material", "youngs_modulus", self.youngs_modulus, positive=True)
-        _checks.number("Material", "density", self.density, nonnegative=True)
-        ratio = _checks.number("Material", "poisson_ratio", self.poisson_ratio)
-        if not -1.0 < ratio <= 0.5:
-            raise ValueError(f"Material: poisson_ratio must be in (-1, 0.5], got {ratio}")
+    youngs_modulus: float = number(positive=True, as_given=True)
+    poisson_ratio: float = checked(_ratio, as_given=True)
+    density: float = number(nonnegative=True, as_given=True)
 
     @property
     def shear_modulus(self) -> float:

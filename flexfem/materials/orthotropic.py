@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Orthotropic linear elastic material."""
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flexfem import _checks
+from flexfem._fields import checked, declared, number, vector
 from flexfem._types import FloatArray
 
 __all__ = ["OrthotropicMaterial"]
@@ -14,7 +15,14 @@ __all__ = ["OrthotropicMaterial"]
 _DEFINITE = 1e-9
 
 
-@dataclass(frozen=True)
+def _moduli(owner: str, what: str, value: Any) -> None:
+    """Check three positive numbers."""
+    moduli = _checks.vector(owner, what, value)
+    if (moduli <= 0.0).any():
+        raise ValueError(f"{owner}: {what} must be positive, got {moduli.tolist()}")
+
+
+@declared(eq=True)
 class OrthotropicMaterial:
     """Orthotropic linear elastic material, axis 1 along the fibres.
 
@@ -23,29 +31,20 @@ class OrthotropicMaterial:
         shear_moduli: (G12, G13, G23), pascals, positive.
         poisson_ratios: (nu12, nu13, nu23); nu12 is the contraction along 2 under tension along 1.
         density: Mass per volume, kg/m^3, not negative.
+
+    Raises:
+        TypeError: A value is not a number.
+        ValueError: A value is not finite or outside its range, or the material is not positive
+            definite.
     """
 
-    youngs_moduli: tuple[float, float, float]
-    shear_moduli: tuple[float, float, float]
-    poisson_ratios: tuple[float, float, float]
-    density: float
+    youngs_moduli: tuple[float, float, float] = checked(_moduli, as_given=True)
+    shear_moduli: tuple[float, float, float] = checked(_moduli, as_given=True)
+    poisson_ratios: tuple[float, float, float] = vector(as_given=True)
+    density: float = number(nonnegative=True, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A value is not a number.
-            ValueError: A value is not finite or outside its range, or the material is not
-                positive definite.
-        """
-        owner = "OrthotropicMaterial"
-        _checks.number(owner, "density", self.density, nonnegative=True)
-        for what in ("youngs_moduli", "shear_moduli", "poisson_ratios"):
-            values = _checks.array(owner, what, getattr(self, what), (3,))
-            if what != "poisson_ratios" and (values <= 0.0).any():
-                raise ValueError(
-                    f"OrthotropicMaterial: {what} must be positive, got {values.tolist()}"
-                )
+        """Check that the material is positive definite."""
         block = self.compliance[:3, :3]
         scale = np.sqrt(np.diagonal(block))
         if np.linalg.eigvalsh(block / np.outer(scale, scale))[0] < _DEFINITE:

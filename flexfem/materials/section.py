@@ -19,13 +19,14 @@ entry of J read (I_3, I_2).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import KW_ONLY
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import Array, Given, checked, declared, instance, settled
 from flexfem._types import FloatArray
 from flexfem.materials import constants
 from flexfem.materials.material import Material
@@ -39,7 +40,23 @@ from flexfem.materials.section_wall import SectionWall
 _ROUND = (12, 1e-6)
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _inertia(owner: str, what: str, value: Any) -> FloatArray:
+    """Return a checked inertia per length."""
+    inertia = _checks.array(owner, what, value, (6, 6))
+    check_definite(owner, what, inertia, semidefinite=True)
+    check_inertia_form(owner, inertia)
+    return inertia
+
+
+def _outline(owner: str, what: str, value: Any) -> FloatArray:
+    """Return checked vertices."""
+    outline = _checks.array(owner, what, value, (-1, 2))
+    if len(outline) < 3:
+        raise ValueError(f"{owner}: {what} must have at least three vertices, got {len(outline)}")
+    return outline
+
+
+@declared
 class Section(ProfileSections):
     """Section of a beam: stiffness or law, inertia, and an outline for pictures.
 
@@ -52,61 +69,39 @@ class Section(ProfileSections):
             (k, 2), metres; None when unknown.
         law: The section's own law; None for the linear one of the stiffness.
         walls: Boundaries as pictures show them: the outer one, and the inner one of hollow shapes;
-            with what is known of the stresses there. Empty without an outline.
+            with what is known of the stresses there. If left out, that of the outline alone; empty
+            without an outline.
         shape: Area, second moments, torsion constant, shear centre and the like; None where only
             matrices are known.
+
+    The other constructors are for common shapes.
+
+    Raises:
+        TypeError: An argument does not consist of numbers, or the law is no BeamLaw.
+        ValueError: The stiffness is not symmetric and positive definite, the inertia not symmetric
+            and positive semidefinite or not of the form `[[m I, -S], [S, J]]`, an argument has the
+            wrong shape or is not finite, or both a stiffness and a law are given.
     """
 
-    stiffness: FloatArray | None
-    inertia: FloatArray
-    outline: FloatArray | None
-    law: BeamLaw | None
-    walls: tuple[SectionWall, ...]
-    shape: constants.Shape | None
+    stiffness: Given[npt.ArrayLike | None, FloatArray | None]
+    inertia: Array = checked(_inertia)
+    outline: Given[npt.ArrayLike | None, FloatArray | None] = checked(_outline, default=None)
+    _: KW_ONLY
+    law: BeamLaw | None = instance(BeamLaw, default=None)
+    walls: Given[Sequence[SectionWall], tuple[SectionWall, ...]] = settled(default=())
+    shape: constants.Shape | None = None
 
-    def __init__(
-        self,
-        stiffness: npt.ArrayLike | None,
-        inertia: npt.ArrayLike,
-        outline: npt.ArrayLike | None = None,
-        *,
-        law: BeamLaw | None = None,
-        walls: Sequence[SectionWall] = (),
-        shape: constants.Shape | None = None,
-    ) -> None:
-        """Create a section from its matrices; the other constructors are for common shapes.
-
-        Without ``walls`` that of the outline is the only one.
-
-        Raises:
-            TypeError: An argument does not consist of numbers, or the law is no BeamLaw.
-            ValueError: The stiffness is not symmetric and positive definite, the inertia not
-                symmetric and positive semidefinite or not of the form `[[m I, -S], [S, J]]`, an
-                argument has the wrong shape or is not finite, or both a stiffness and a law are
-                given.
-        """
-        if law is not None:
-            _checks.instance("Section", "law", law, BeamLaw)
-            if stiffness is not None:
-                raise ValueError(f"Section: give a stiffness or the {law.owner}, not both")
-            d = None
-        else:
-            d = _checks.array("Section", "stiffness", stiffness, (6, 6))
-            check_definite("Section", "stiffness", d, semidefinite=False)
-        m = _checks.array("Section", "inertia", inertia, (6, 6))
-        check_definite("Section", "inertia", m, semidefinite=True)
-        check_inertia_form("Section", m)
-        if outline is not None:
-            outline = _checks.array("Section", "outline", outline, (-1, 2))
-            if len(outline) < 3:
-                raise ValueError(
-                    f"Section: outline must have at least three vertices, got {len(outline)}"
-                )
-            walls = walls or (SectionWall(outline),)
-        walls = tuple(walls)
-        _checks.assign(
-            self, stiffness=d, inertia=m, outline=outline, law=law, walls=walls, shape=shape
-        )
+    def __post_init__(self) -> None:
+        """Check the stiffness, or that a law takes its place."""
+        stiffness, walls = self.stiffness, tuple(self.walls)
+        if self.law is None:
+            stiffness = _checks.array("Section", "stiffness", stiffness, (6, 6))
+            check_definite("Section", "stiffness", stiffness, semidefinite=False)
+        elif stiffness is not None:
+            raise ValueError(f"Section: give a stiffness or the {self.law.owner}, not both")
+        if self.outline is not None:
+            walls = walls or (SectionWall(self.outline),)
+        _checks.assign(self, stiffness=stiffness, walls=walls)
 
     @classmethod
     def general(

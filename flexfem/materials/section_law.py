@@ -16,16 +16,33 @@ matrix is symmetric, and that damping takes energy out can be checked.
 
 import keyword
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, replace
 from types import MappingProxyType
 from typing import Any, Self
 
 from flexfem import _checks
+from flexfem._fields import Given, checked, declared, flag, function
 
 __all__ = ["BeamLaw", "SectionLaw", "ShellLaw"]
 
 
-@dataclass(frozen=True, eq=False, init=False)
+def _values(owner: str, what: str, given: Any) -> Mapping[str, float]:
+    """Return a read-only copy of checked parameters."""
+    if given is not None and not isinstance(given, Mapping):
+        raise TypeError(f"{owner}: {what} must map names to numbers, got {_checks.show(given)}")
+    values = {}
+    for name, value in (given or {}).items():
+        usable = isinstance(name, str) and name.isidentifier() and not keyword.iskeyword(name)
+        if not usable or name.startswith("_"):
+            raise ValueError(
+                f"{owner}: the name of a parameter must be a plain Python identifier, got "
+                f"{_checks.show(name)}"
+            )
+        values[name] = _checks.number(owner, f'parameter "{name}"', value)
+    return MappingProxyType(values)
+
+
+@declared
 class SectionLaw:
     """Constitutive law of a section, written in UFL; base of those of beams and shells.
 
@@ -39,45 +56,29 @@ class SectionLaw:
             W/m, or area, W/m^2: half the dissipated power where the viscous stress is linear in the
             rate. None for none.
         parameters: Values of the parameters by name.
-        allow_unstable: Whether the stiffness at zero strain need not be positive definite, as in a
+        allow_unstable: True if the stiffness at zero strain need not be positive definite, as in a
             beam that snaps between two shapes or a cable without bending stiffness.
+
+    Functions are tried when a system is built.
+
+    Raises:
+        TypeError: A function cannot be called, or a parameter is not a number.
+        ValueError: A parameter is not finite, or its name cannot be an attribute.
     """
 
-    energy: Callable[..., Any]
-    dissipation: Callable[..., Any] | None
-    parameters: Mapping[str, float]
-    allow_unstable: bool
+    energy: Callable[..., Any] = function("strain and parameters")
+    _: KW_ONLY
+    dissipation: Callable[..., Any] | None = function(
+        "strain, strain rate and parameters", default=None
+    )
+    parameters: Given[Mapping[str, float] | None, Mapping[str, float]] = checked(
+        _values, default=None, none=False
+    )
+    allow_unstable: bool = flag(default=False)
 
-    def __init__(
-        self,
-        energy: Callable[..., Any],
-        *,
-        dissipation: Callable[..., Any] | None = None,
-        parameters: Mapping[str, float] | None = None,
-        allow_unstable: bool = False,
-    ) -> None:
-        """Create a law; whether its functions are usable is checked when a system is built.
-
-        Raises:
-            TypeError: A function cannot be called, or a parameter is not a number.
-            ValueError: A parameter is not finite, or its name cannot be an attribute.
-        """
-        if not callable(energy):
-            raise TypeError(
-                f"{type(self).__name__}: energy must be a function of strain and parameters, got "
-                f"{_checks.show(energy)}"
-            )
-        _checks.assign(self, energy=energy)
-        if dissipation is not None and not callable(dissipation):
-            raise TypeError(
-                f"{self.owner}: dissipation must be a function of strain, strain rate and "
-                f"parameters, got {_checks.show(dissipation)}"
-            )
-        _checks.instance(self.owner, "allow_unstable", allow_unstable, bool)
-        values = _values(self.owner, {} if parameters is None else parameters)
-        _checks.assign(
-            self, dissipation=dissipation, parameters=values, allow_unstable=allow_unstable
-        )
+    @property
+    def _owner(self) -> str:
+        return self.owner if callable(self.energy) else type(self).__name__
 
     @property
     def owner(self) -> str:
@@ -96,12 +97,7 @@ class SectionLaw:
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
                 raise ValueError(f'{self.owner}: no parameter "{name}", known are {known}')
-        return type(self)(
-            self.energy,
-            dissipation=self.dissipation,
-            parameters={**self.parameters, **changes},
-            allow_unstable=self.allow_unstable,
-        )
+        return replace(self, parameters={**self.parameters, **changes})
 
 
 class BeamLaw(SectionLaw):
@@ -110,21 +106,3 @@ class BeamLaw(SectionLaw):
 
 class ShellLaw(SectionLaw):
     """Law of a shell section; see :class:`SectionLaw`."""
-
-
-def _values(owner: str, parameters: object) -> Mapping[str, float]:
-    """Return a read-only copy of the checked parameters."""
-    if not isinstance(parameters, Mapping):
-        raise TypeError(
-            f"{owner}: parameters must map names to numbers, got {_checks.show(parameters)}"
-        )
-    values = {}
-    for name, value in parameters.items():
-        usable = isinstance(name, str) and name.isidentifier() and not keyword.iskeyword(name)
-        if not usable or name.startswith("_"):
-            raise ValueError(
-                f"{owner}: the name of a parameter must be a plain Python identifier, got "
-                f"{_checks.show(name)}"
-            )
-        values[name] = _checks.number(owner, f'parameter "{name}"', value)
-    return MappingProxyType(values)

@@ -11,13 +11,13 @@ shear across their thickness, gamma1 and gamma2, which the shear stiffness maps 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import Array, Rotation, checked, declared, instance, number
 from flexfem._types import FloatArray
 from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite
@@ -30,7 +30,20 @@ __all__ = ["Ply", "ShellSection"]
 _SHEAR_FACTOR = 5.0 / 6.0
 
 
-@dataclass(frozen=True)
+def _moduli(owner: str, what: str, value: Any) -> None:
+    """Check two positive numbers."""
+    for modulus in _checks.array(owner, what, value, (2,)).tolist():
+        _checks.number(owner, "modulus", modulus, positive=True)
+
+
+def _matrix(owner: str, what: str, value: Any) -> FloatArray:
+    """Return a checked stiffness."""
+    matrix = _checks.array(owner, what, value, (2, 2) if what == "shear" else (6, 6))
+    check_definite(owner, what, matrix, semidefinite=False)
+    return matrix
+
+
+@declared(eq=True)
 class Ply:
     """Layer of a laminate: orthotropic, its fibres in the plane of the shell.
 
@@ -41,30 +54,22 @@ class Ply:
         shear_modulus: in the plane, Pa.
         poisson_ratio: contraction across the fibres under tension along them.
         density: kg/m^3.
+
+    Raises:
+        TypeError: A value is not a number.
+        ValueError: A value is not finite or outside its range.
     """
 
-    thickness: float
-    angle: float
-    moduli: tuple[float, float]
-    shear_modulus: float
+    thickness: float = number(positive=True, as_given=True)
+    angle: float = number(as_given=True)
+    moduli: tuple[float, float] = checked(_moduli, as_given=True)
+    shear_modulus: float = number(positive=True, as_given=True)
     poisson_ratio: float
-    density: float
+    density: float = number(nonnegative=True, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: A value is not a number.
-            ValueError: A value is not finite or outside its range.
-        """
-        _checks.number("Ply", "thickness", self.thickness, positive=True)
-        _checks.number("Ply", "angle", self.angle)
-        moduli = _checks.array("Ply", "moduli", self.moduli, (2,))
-        for value in moduli:
-            _checks.number("Ply", "modulus", float(value), positive=True)
-        _checks.number("Ply", "shear_modulus", self.shear_modulus, positive=True)
-        _checks.number("Ply", "density", self.density, nonnegative=True)
-        _check_ratio("Ply", self.poisson_ratio, *moduli.tolist())
+        """Check the ratio against the moduli."""
+        _check_ratio("Ply", self.poisson_ratio, *self.moduli)
 
     @property
     def stiffness(self) -> FloatArray:
@@ -81,7 +86,7 @@ class Ply:
         return stiffness
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class ShellSection:
     """Section of a shell.
 
@@ -89,55 +94,32 @@ class ShellSection:
         stiffness: Maps strains to forces and moments per length, shape (6, 6); N/m, N, N m.
         mass: Mass per area, kg/m^2.
         thickness: m, of pictures, of contact and of rotary inertia.
-        shear: Maps shear strains across the thickness to forces per length, shape (2, 2), N/m.
+        shear: Maps shear strains across the thickness to forces per length, shape (2, 2), N/m. None
+            for 5/6 of the stiffness of the membrane in shear along both axes, which is right for a
+            homogeneous isotropic plate.
         law: The section's own law, which takes the place of the stiffness; None for the linear one.
+            The stiffness is that for small strains then, of which free edges and the automatic
+            stiffness of contact are made.
+
+    The other constructors are for common laws.
+
+    Raises:
+        TypeError: An argument does not consist of numbers.
+        ValueError: A stiffness is not symmetric and positive definite, the mass negative, the
+            thickness not positive, or an argument has the wrong shape or is not finite.
     """
 
-    stiffness: FloatArray
-    mass: float
-    thickness: float
-    shear: FloatArray
-    law: ShellLaw | None
+    stiffness: Array = checked(_matrix)
+    mass: float = number(nonnegative=True)
+    thickness: float = number(positive=True)
+    shear: Rotation = checked(_matrix, default=None)
+    law: ShellLaw | None = instance(ShellLaw, default=None)
 
-    def __init__(
-        self,
-        stiffness: npt.ArrayLike,
-        mass: float,
-        thickness: float,
-        shear: npt.ArrayLike | None = None,
-        law: ShellLaw | None = None,
-    ) -> None:
-        """Create a section from its matrix; the other constructors are for common laws.
-
-        Args:
-            stiffness: as the attribute.
-            mass: as the attribute.
-            thickness: as the attribute.
-            shear: as the attribute; None for 5/6 of the stiffness of the membrane in shear along
-                both axes, which is right for a homogeneous isotropic plate.
-            law: as the attribute; the stiffness is that for small strains then, of which free edges
-                and the automatic stiffness of contact are made.
-
-        Raises:
-            TypeError: An argument does not consist of numbers.
-            ValueError: A stiffness is not symmetric and positive definite, the mass negative,
-                the thickness not positive, or an argument has the wrong shape or is not finite.
-        """
-        if law is not None:
-            _checks.instance("ShellSection", "law", law, ShellLaw)
-        matrix = _checks.array("ShellSection", "stiffness", stiffness, (6, 6))
-        check_definite("ShellSection", "stiffness", matrix, semidefinite=False)
-        given = _SHEAR_FACTOR * matrix[2, 2] * np.eye(2) if shear is None else shear
-        across = _checks.array("ShellSection", "shear", given, (2, 2))
-        check_definite("ShellSection", "shear", across, semidefinite=False)
-        _checks.assign(
-            self,
-            stiffness=matrix,
-            shear=across,
-            law=law,
-            mass=_checks.number("ShellSection", "mass", mass, nonnegative=True),
-            thickness=_checks.number("ShellSection", "thickness", thickness, positive=True),
-        )
+    def __post_init__(self) -> None:
+        """Choose a shear stiffness where none is given."""
+        if self.shear is None:
+            shear = _SHEAR_FACTOR * self.stiffness[2, 2] * np.eye(2)
+            _checks.assign(self, shear=_checks.freeze(shear))
 
     def with_law(self, law: ShellLaw) -> Self:
         """Create the same section with a law of its own.

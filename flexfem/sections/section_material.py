@@ -6,12 +6,13 @@ of the beam, 2 and 3 are e2 and e3 of the section.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import checked, declared, instance, number
 from flexfem._types import FloatArray
 from flexfem.materials.material import Material
 from flexfem.materials.orthotropic import OrthotropicMaterial
@@ -22,7 +23,13 @@ __all__ = ["VOIGT", "OrientedMaterial", "elastic_matrices", "elastic_matrix"]
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
-@dataclass(frozen=True)
+def _angle(owner: str, what: str, value: Any) -> None:
+    """Check a number; functions are checked where they are called."""
+    if not callable(value):
+        _checks.number(owner, what, value)
+
+
+@declared(eq=True)
 class OrientedMaterial:
     """Orthotropic material and its axes in a section.
 
@@ -36,24 +43,17 @@ class OrientedMaterial:
         fibre_angle: From e1 within the layer, radians.
         plane_angle: From e2 about e1, radians; or a function that maps points (y, z) of shape
             (k, 2), the centres of cells, to angles of shape (k,), as along a curved wall.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: An angle is not finite.
     """
 
-    material: OrthotropicMaterial
-    fibre_angle: float = 0.0
-    plane_angle: float | Callable[[FloatArray], npt.ArrayLike] = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            TypeError: An argument has the wrong type.
-            ValueError: An angle is not finite.
-        """
-        owner = "OrientedMaterial"
-        _checks.instance(owner, "material", self.material, OrthotropicMaterial)
-        _checks.number(owner, "fibre_angle", self.fibre_angle)
-        if not callable(self.plane_angle):
-            _checks.number(owner, "plane_angle", self.plane_angle)
+    material: OrthotropicMaterial = instance(OrthotropicMaterial)
+    fibre_angle: float = number(default=0.0, as_given=True)
+    plane_angle: float | Callable[[FloatArray], npt.ArrayLike] = checked(
+        _angle, default=0.0, as_given=True
+    )
 
     @property
     def density(self) -> float:
@@ -91,8 +91,8 @@ def elastic_matrices(material: SectionMaterial, centres: FloatArray) -> FloatArr
     plane = _checks.array("OrientedMaterial", "plane_angle", raw, (len(centres),))
     axes = _axes(material.fibre_angle, plane)
     index = np.empty((3, 3), dtype=int)
-    for number, (i, j) in enumerate(VOIGT):
-        index[i, j] = index[j, i] = number
+    for k, (i, j) in enumerate(VOIGT):
+        index[i, j] = index[j, i] = k
     tensor = elastic_matrix(material.material)[index[:, :, None, None], index]
     turned = np.einsum("kia,kjb,kpc,kqd,abcd->kijpq", axes, axes, axes, axes, tensor, optimize=True)
     rows, columns = np.transpose(VOIGT)
