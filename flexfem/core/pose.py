@@ -1,41 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Position and orientation of a frame in the inertial frame."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
-from flexfem import _checks
+from flexfem._fields import ZERO, Array, Rotation, declared, rotation, vector
 from flexfem._types import FloatArray
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@declared
 class Pose:
     """Frame H = (x, R) in the inertial frame.
 
     Attributes:
         position: Origin x of the frame in inertial axes, shape (3,), metres.
-        rotation: Matrix R that maps components in the frame to inertial ones, shape (3, 3).
+        rotation: Matrix R that maps components in the frame to inertial ones, shape (3, 3); the
+            identity when None.
+
+    Raises:
+        TypeError: An argument does not consist of numbers.
+        ValueError: An argument has the wrong shape, is not finite or not a rotation.
     """
 
-    position: FloatArray
-    rotation: FloatArray
-
-    def __init__(
-        self, position: npt.ArrayLike = (0.0, 0.0, 0.0), rotation: npt.ArrayLike | None = None
-    ) -> None:
-        """Create a pose; the rotation is the identity when None.
-
-        Raises:
-            TypeError: An argument does not consist of numbers.
-            ValueError: An argument has the wrong shape, is not finite or not a rotation.
-        """
-        _checks.assign(
-            self,
-            position=_checks.vector("Pose", "position", position),
-            rotation=_checks.rotation("Pose", "rotation", rotation),
-        )
+    position: Array = vector(default=ZERO)
+    rotation: Rotation = rotation(default=None)
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Return the pose of `other`, which is given relative to this one: H_self H_other."""

@@ -18,6 +18,7 @@ from typing import NoReturn
 import numpy as np
 
 from flexfem import _checks
+from flexfem._fields import Array, declared, vector
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.reduction.body_line import BodyLine
 
@@ -28,27 +29,21 @@ __all__ = ["Interface", "Recovery", "ReducedBody", "interface_motions"]
 _ROUND_OFF = 1e-5
 
 
-@dataclass(frozen=True, eq=False)
+@declared
 class Interface:
     """Frame that is tied to a region of the body, and at rest has the body's axes.
 
     Attributes:
         name: unique name in the body.
         position: (3,) of the frame at rest, body axes, m.
+
+    Raises:
+        TypeError: one of them has the wrong type.
+        ValueError: the name is empty, or the position is not three finite numbers.
     """
 
     name: str
-    position: FloatArray
-
-    def __post_init__(self) -> None:
-        """Check name and position.
-
-        Raises:
-            TypeError: one of them has the wrong type.
-            ValueError: the name is empty, or the position is not three finite numbers.
-        """
-        owner = _checks.named(self, self.name)
-        _checks.assign(self, position=_checks.vector(owner, "position", self.position))
+    position: Array = vector()
 
 
 def interface_motions(interfaces: Sequence[Interface], held: BoolArray) -> FloatArray:

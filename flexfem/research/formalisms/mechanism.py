@@ -9,6 +9,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._faults import FAILURES, located
+from flexfem._fields import ZERO, Array, Rotation, declared, instance, rotation, vector
 from flexfem._types import BoolArray, FloatArray
 from flexfem.research.formalisms.frame_motion import FrameMotion
 from flexfem.research.formalisms.frames import Frame, PlanarFrame, SpatialFrame
@@ -26,7 +27,7 @@ def _first_section(x: FloatArray) -> BoolArray:
     return np.asarray(x[:, 0] < first + 1e-9 * max(np.ptp(x[:, 0]), 1e-300))
 
 
-@dataclass(frozen=True)
+@declared(eq=True)
 class EnergyBody:
     """Elastic body in a floating frame, described by its energies.
 
@@ -53,19 +54,18 @@ class EnergyBody:
 
     name: str
     matter: Any
-    frame: Frame
+    frame: Frame = instance((PlanarFrame, SpatialFrame))
     mesh: Callable[[Any], Any]
     held: Callable[[FloatArray], Any] | None = None
-    origin: Any = (0.0, 0.0, 0.0)
-    rotation: Any = None
-    velocity: Any = (0.0, 0.0, 0.0)
-    angular_velocity: Any = (0.0, 0.0, 0.0)
-    motion: FrameMotion | None = None
+    origin: Array = vector(default=ZERO)
+    rotation: Rotation = rotation(default=None)
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Array = vector(default=ZERO)
+    motion: FrameMotion | None = instance(FrameMotion, default=None)
 
     def __post_init__(self) -> None:
-        """Check the arguments."""
+        """Check the functions, and the frame's motion against its kind."""
         owner = _checks.named(self, self.name)
-        _checks.instance(owner, "frame", self.frame, (PlanarFrame, SpatialFrame))
         for name in ("place", "inertia", "strain_energy"):
             if not hasattr(self.matter, name):
                 raise TypeError(f"{owner}: matter has no '{name}', got {self.matter!r}")
@@ -73,16 +73,8 @@ class EnergyBody:
             value = getattr(self, what)
             if not callable(value) and (what == "mesh" or value is not None):
                 raise TypeError(f"{owner}: {what} must be a function, got {value!r}")
-        vectors = {
-            what: _checks.vector(owner, what, getattr(self, what))
-            for what in ("origin", "velocity", "angular_velocity")
-        }
-        rotation = _checks.rotation(owner, "rotation", self.rotation)
-        _checks.assign(self, **vectors, rotation=rotation)
-        if self.motion is not None:
-            _checks.instance(owner, "motion", self.motion, FrameMotion)
-            if self.velocity.any() or self.angular_velocity.any():
-                raise ValueError(f"{owner}: its motion is prescribed, leave out its velocities")
+        if self.motion is not None and (self.velocity.any() or self.angular_velocity.any()):
+            raise ValueError(f"{owner}: its motion is prescribed, leave out its velocities")
         if isinstance(self.frame, PlanarFrame):
             flat = self.rotation[2, 2] > 1.0 - 1e-12
             still = not (self.velocity[2] or self.angular_velocity[:2].any() or self.origin[2])

@@ -2,12 +2,13 @@
 """Motion of the rigid base that a beam is built into: prescribed, or free."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._fields import ZERO, Array, checked, declared, number, vector
 from flexfem._types import FloatArray
 
 __all__ = ["FreeBase", "PrescribedBase"]
@@ -83,7 +84,21 @@ class PrescribedBase:
         return np.concatenate([x, r.reshape(-1)])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+def _inertia(owner: str, what: str, value: npt.ArrayLike) -> FloatArray:
+    """Return a checked inertia tensor."""
+    whole = np.diag(value) if np.shape(value) == (3,) else value
+    moments = _checks.array(owner, what, whole, (3, 3))
+    if np.abs(moments - moments.T).max() > 1e-10 * np.abs(moments).max() or (
+        np.linalg.eigvalsh(moments)[0] <= 0.0
+    ):
+        raise ValueError(
+            f"{owner}: {what} must be symmetric and positive definite, got "
+            f"{_checks.show(moments.tolist())}"
+        )
+    return moments
+
+
+@declared
 class FreeBase:
     """Rigid body that nothing holds; the beam's root O is its reference point.
 
@@ -93,36 +108,15 @@ class FreeBase:
         centre: mass centre relative to O, m.
         velocity, angular_velocity: at the start, components along a1, a2, a3 (then the inertial
             axes), m/s and rad/s.
+
+    Raises:
+        TypeError: one is no number.
+        ValueError: a wrong shape, or a mass or an inertia that is not positive.
     """
 
-    mass: float
-    inertia: npt.ArrayLike
-    centre: npt.ArrayLike = (0.0, 0.0, 0.0)
-    velocity: npt.ArrayLike = (0.0, 0.0, 0.0)
-    angular_velocity: npt.ArrayLike = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            TypeError: one is none.
-            ValueError: a wrong shape, or a mass or an inertia that is not positive.
-        """
-        owner = "FreeBase"
-        inertia = np.diag(self.inertia) if np.shape(self.inertia) == (3,) else self.inertia
-        _checks.assign(
-            self,
-            mass=_checks.number(owner, "mass", self.mass, positive=True),
-            inertia=_checks.array(owner, "inertia", inertia, (3, 3)),
-            centre=_checks.vector(owner, "centre", self.centre),
-            velocity=_checks.vector(owner, "velocity", self.velocity),
-            angular_velocity=_checks.vector(owner, "angular_velocity", self.angular_velocity),
-        )
-        moments = np.asarray(self.inertia)
-        if np.abs(moments - moments.T).max() > 1e-10 * np.abs(moments).max() or (
-            np.linalg.eigvalsh(moments)[0] <= 0.0
-        ):
-            raise ValueError(
-                f"{owner}: inertia must be symmetric and positive definite, got "
-                f"{_checks.show(moments.tolist())}"
-            )
+    _: KW_ONLY
+    mass: float = number(positive=True)
+    inertia: Array = checked(_inertia)
+    centre: Array = vector(default=ZERO)
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Array = vector(default=ZERO)
