@@ -7,7 +7,7 @@ carries a bob of 0.2 kg at its other end and falls from the horizontal.
 History: ``path_x``, ``path_y``, ``path_z`` (m) of the bob; ``sag`` (m), the distance of the
 rod's middle from the straight line between its ends; ``energy_kinetic``, ``energy_strain``,
 ``energy_gravity``, ``energy_work``, ``energy_dissipation`` and ``energy_balance`` (J), the last one
-what the integration has lost (negative) or made up.
+numerical dissipation (negative) or spurious energy (positive).
 
 Expected: the rod bends by up to 0.106 m on its way, and the bob gets as low as -1.0006 m, since the
 rod also stretches. The energies add up to 1e-4 J.

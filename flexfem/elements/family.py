@@ -105,9 +105,9 @@ class ElementFamily(Protocol):
         """Least size (m,) of each cell relative to that at the start, where it can change its sign.
 
         Of beams the length along the sections' normal, of shells with directors the area across
-        these, of bodies distances of interfaces. What is not above zero is turned inside out, which
-        solves equations with linear laws, but is no motion of a body. Shells without directors
-        measure lengths, which cannot: ones.
+        these, of bodies distances of interfaces. Elements whose value is not positive are inverted:
+        they may solve the equations with linear laws, but no body moves there. Shells without
+        directors measure lengths, which cannot: ones.
         """
         ...
 

@@ -57,8 +57,8 @@ def check_independence(system: System) -> None:
     more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
     raise InputError(
         f"{', '.join(names[:_NAMES])}{more}: {excess} of {total} constraints are redundant "
-        "(the joints hold the same motion twice, or the position is singular); leave out what "
-        "others hold already, or let a motion carry it with redundant_constraints least_norm"
+        "(joints constrain the same motion twice, or the configuration is singular); remove the "
+        "duplicates, or use redundant_constraints least_norm in a motion"
     )
 
 

@@ -170,7 +170,7 @@ def _step(point: OperatingPoint, options: CampbellOptions, speed: float, sweep: 
     modes = modes_at(point, options, more)
     if len(modes) == 0:
         text = f"no mode converged at the spin {speed:.6g} rad/s"
-        return with_hint(text, "ask for fewer modes, or more speeds")
+        return with_hint(text, "request fewer modes, or more speeds")
     kept = modes.first(options.modes)
     doubt = doubts(kept, len(kept), options.accuracy)
     if doubt != "ok" and sweep.reason == "ok":

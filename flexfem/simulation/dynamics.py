@@ -217,8 +217,8 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
             return f'Event "{name}": the function is not finite after t = {t:.6g} s'
         name = simulation.events.fired[-1][0]
         return (
-            f'Event "{name}": too many in one step at t = {t:.6g} s (what bounces comes to rest '
-            "with a rest_speed)"
+            f'Event "{name}": too many in one step at t = {t:.6g} s (set rest_speed to let '
+            "rebounds come to rest)"
         )
     # the start looks ahead to differentiate drives
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])

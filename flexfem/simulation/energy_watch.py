@@ -36,8 +36,8 @@ _LOSS = 0.75
 _TURN = 0.5
 #: Energy, J, that is round-off.
 _NOTHING = 1e-12
-_SMALLER = "take a smaller dt, or smoother starts, drives and contacts"
-_DAMPED = "let rho_inf be below 1, which damps what the steps do not resolve, or "
+_SMALLER = "reduce dt, or use smoother initial velocities, drives and contacts"
+_DAMPED = "set rho_inf below 1 to damp what the steps do not resolve, or "
 
 
 class EnergyWatch:
@@ -203,8 +203,8 @@ class EnergyWatch:
         if self._bad is None:
             return []
         return [
-            f"positions, velocities or forces are not finite at t = {self._bad:.6g} s, if not "
-            "before; results behind it are worthless"
+            f"positions, velocities or forces are not finite at t = {self._bad:.6g} s or earlier; "
+            "later results are invalid"
         ]
 
     def _inside_out(self) -> list[str]:
@@ -213,8 +213,7 @@ class EnergyWatch:
             return []
         t, found = min(every)
         return [
-            f"{found.text(self._serial)} at t = {t:.6g} s, if not before; results behind it are "
-            "worthless"
+            f"{found.text(self._serial)} at t = {t:.6g} s or earlier; later results are invalid"
         ]
 
     def _turns(self) -> list[str]:
@@ -223,8 +222,8 @@ class EnergyWatch:
         if turn <= _TURN or self._fast:
             return []
         return [
-            f"{owner_of(self._serial.body(kind, body))}: it turns by {turn:.3g} rad in the step of "
-            f"{self._h:.3g} s to t = {t:.4g} s, which is not accurate; take steps of "
+            f"{owner_of(self._serial.body(kind, body))}: it rotates by {turn:.3g} rad in the step "
+            f"of {self._h:.3g} s to t = {t:.4g} s, which is not accurate; use steps of "
             f"{0.2 * _TURN * self._h / turn:.1g} s or less"
         ]
 
@@ -232,7 +231,7 @@ class EnergyWatch:
         every = self._system.comm.allgather(self._drives.jumps())
         found = dict(one for ranks in every for one in ranks)
         return [
-            f"{found[number]}, which gives forces that depend on the step; let it change smoothly "
+            f"{found[number]}, which gives forces that depend on the step; make it smooth "
             "(SmoothStep, Spline)"
             for number in sorted(found)
         ]
@@ -244,13 +243,13 @@ class EnergyWatch:
             return []
         if gained and not self._probed:
             return [
-                f"the integration has made up {self._most_gain:.3g} J beside energies of "
-                f"{largest:.3g} J at most; {self._advice} (EnergyProbe tells when)"
+                f"spurious energy: the balance has grown by {self._most_gain:.3g} J with energies "
+                f"of at most {largest:.3g} J; {self._advice} (an EnergyProbe shows when)"
             ]
         if self._loss > _LOSS * largest and not self._losing:
             return [
-                f"the integration has lost {self._loss:.3g} J beside energies of "
-                f"{largest:.3g} J at most, where nothing takes any; {_SMALLER} (EnergyProbe tells "
-                "when)"
+                f"numerical dissipation: the balance has fallen by {self._loss:.3g} J with "
+                f"energies of at most {largest:.3g} J in a model without dissipation; {_SMALLER} "
+                "(an EnergyProbe shows when)"
             ]
         return []

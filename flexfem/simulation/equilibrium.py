@@ -108,6 +108,6 @@ def check_held(serial: Assembly, equilibrium: Equilibrium) -> None:
     more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
     raise InputError(
         f"{', '.join(names[:_NAMES])}{more}: can move without any stiffness at the start (a "
-        "mechanism, or the free spin of a body); hold it by joints or springs, or let the run "
-        "stabilise it"
+        "mechanism, or a body that is free to rotate); constrain it by joints or springs, or use "
+        "stabilise"
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bodies that a solution turns inside out: it solves the equations, but no body can move there.
+"""Inverted elements: solutions of the equations that no body can move to.
 
 Linear laws resist compression to nothing with a finite force. Beyond it equations may have
 solutions again, of an arm that turns faster than it can bear for example.
@@ -33,7 +33,7 @@ class InsideOut:
 
     @classmethod
     def worst(cls, system: System) -> "InsideOut | None":
-        """The worst cell of this rank in the trial state, None if none is turned inside out."""
+        """The worst cell of this rank in the trial state, None if none is inverted."""
         found = []
         for part in system.parts:
             if part.elements is None or not len(part.elements.body):
@@ -49,13 +49,13 @@ class InsideOut:
     def text(self, serial: Assembly) -> str:
         """Body and stretch in words."""
         return (
-            f"{owner_of(serial.body(self.kind, self.body))}: turned inside out (an element is "
-            f"{self.stretch:.3g} times as large as at the start)"
+            f"{owner_of(serial.body(self.kind, self.body))}: an element is inverted "
+            f"(its size is {self.stretch:.3g} times that at the start)"
         )
 
 
 def inside_out(serial: Assembly, system: System) -> str:
-    """Words for a body that is turned inside out in the trial state, else empty (collective)."""
+    """Text for an inverted element in the trial state, empty if there is none (collective)."""
     found = InsideOut.worst(system)
     every = [found] if system.comm.size == 1 else system.comm.allgather(found)
     worst = min((one for one in every if one is not None), default=None)

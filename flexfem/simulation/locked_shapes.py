@@ -20,9 +20,9 @@ def locked_shapes(serial: Assembly, system: System) -> list[str]:
     if curves is None:
         return []
     return [
-        f"{owner_of(beam)}: as it is bent at the end, its smooth elements lock: it is too stiff "
-        f"there, by about {percent(share)} %; take its curve with_continuity(0), more "
-        "elements or a higher degree"
+        f"{owner_of(beam)}: its smooth elements lock in the final shape, where it is too stiff by "
+        f"about {percent(share)} %; use its curve with_continuity(0), more elements or a higher "
+        "degree"
         for beam, share in stiffened(curves, system.comm.allreduce(_own_excess(curves, system)))
     ]
 

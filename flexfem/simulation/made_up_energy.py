@@ -11,8 +11,8 @@ from flexfem.model.model import Model
 
 __all__ = ["made_up_energy"]
 
-#: Part of the largest energy from which it is told. Sound runs stay below a quarter of this; what
-#: impacts and jumps make of coarse steps is some times as much.
+#: Part of the largest energy above which growth is reported. Sound runs stay below a quarter of
+#: this; what impacts and jumps make of coarse steps is some times as much.
 _PART = 0.02
 #: Energies, J, that are round-off.
 _NOTHING = 1e-12
@@ -40,7 +40,7 @@ def _found(model: Model, history: Mapping[str, FloatArray]) -> Iterator[str]:
             continue
         jump = int(np.argmax(np.diff(balance))) + 1
         yield (
-            f"the integration has made up {gained:.3g} J ({probe.name}_balance) beside energies of "
-            f"{largest:.3g} J at most, most of it at t = {history['t'][jump]:.4g} s; take a "
-            "smaller dt, or smoother starts, drives and contacts"
+            f"spurious energy: the balance has grown by {gained:.3g} J ({probe.name}_balance) with "
+            f"energies of at most {largest:.3g} J, most of it at t = {history['t'][jump]:.4g} s; "
+            "reduce dt, or use smoother initial velocities, drives and contacts"
         )

@@ -146,25 +146,25 @@ def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
     if len(found) < asked:
         finer = " or a larger accuracy" if accuracy is not None and accuracy < _FINE else ""
         return with_hint(
-            f"only {len(found)} of {asked} modes converged", f"ask for fewer modes{finer}{near}"
+            f"only {len(found)} of {asked} modes converged", f"request fewer modes{finer}{near}"
         )
     if found.missing:
         return with_hint(
-            f"{found.missing} modes lie among the {asked} found and were not found",
-            f"ask for more modes{near}",
+            f"{found.missing} modes in the range of the {asked} found were missed",
+            f"request more modes{near}",
         )
     if not found.doubtful.any():
         return "ok" if not found.unsettled else with_hint(
             f"the error of the equilibrium moves modes by up to {found.state_error:.1e}",
-            f"ask for fewer modes{'' if accuracy is None else ', or a larger accuracy'}",
+            f"request fewer modes{'' if accuracy is None else ', or a larger accuracy'}",
         )  # fmt: skip
     worst = float(found.residuals.max())
     text = f"{int(found.doubtful.sum())} of {asked} modes have residuals up to {worst:.1e}"
     if accuracy is None:
-        return with_hint(text, "ask for fewer modes")
-    taken = f"; accuracy {worst:.1g} takes them as they are" if worst < _COARSE else ""
+        return with_hint(text, "request fewer modes")
+    taken = f"; accuracy {worst:.1g} accepts them" if worst < _COARSE else ""
     return with_hint(
-        f"{text}, more than accuracy {accuracy:g}", f"ask for fewer modes{near}{taken}"
+        f"{text}, more than accuracy {accuracy:g}", f"request fewer modes{near}{taken}"
     )
 
 

@@ -45,7 +45,7 @@ class OperatingPoint:
         linearization: evaluated at the state after :meth:`settle`.
         freedoms: number of degrees of freedom.
         cautions: what the analysis warns of.
-        inverted: the body that the last solution turned inside out, empty if it turned none.
+        inverted: text on the element that the last solution inverted, empty if there is none.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class OperatingPoint:
         return find_equilibrium(self.linearization, rotation, self._upright)
 
     def _upright(self) -> bool:
-        """Return True if no body is turned inside out in the present state (collective)."""
+        """Return True if no element is inverted in the present state (collective)."""
         self.inverted = inside_out(self.serial, self.system)
         return not self.inverted
 

@@ -30,47 +30,46 @@ __all__ = [
 #: Failures whose last iteration tells where in the model they came from.
 ITERATED = (Status.NOT_CONVERGED, Status.DIVERGED)
 _STEP = (
-    "take a smaller dt or smoother drives, loads and contacts, and look at the last fields, "
-    "where it starts"
+    "reduce dt, use smoother drives, loads and contacts, and inspect the last fields to see where "
+    "the failure starts"
 )
 #: What to try where a motion failed.
 MOTION: Mapping[Status, str] = {
     Status.NOT_CONVERGED: _STEP,
     Status.DIVERGED: _STEP,
-    Status.INACCURATE: "take a larger error_tolerance, or smooth what jumps",
-    Status.SINGULAR: "look for joints that hold the same motion twice there (redundant_constraints "
-    "least_norm carries them), for bodies without mass, and for positions that a mechanism cannot "
-    "pass",
+    Status.INACCURATE: "increase error_tolerance, or smooth the jumps of drives and loads",
+    Status.SINGULAR: "check for redundant constraints there (redundant_constraints least_norm "
+    "admits them), for bodies without mass, and for singular configurations of mechanisms",
 }
 #: The same where the equilibrium was not found in which it is to start.
 START = (
-    "the model may have no equilibrium near its start, because nothing holds it up for example: "
-    "flexfem info tells what looks wrong, start given begins at rest or with what bodies have"
+    "the model may have no static equilibrium near its initial configuration (is a body "
+    "unsupported?): run flexfem info, or use start given to begin with the initial velocities"
 )
 #: The same where a mechanism of energies, or other equations, failed.
 EQUATIONS: Mapping[Status, str] = {
     Status.NOT_CONVERGED: _STEP,
     Status.DIVERGED: _STEP,
-    Status.SINGULAR: "look for constraints that hold the same motion twice there, for bodies "
-    "without mass, and for positions that a mechanism cannot pass",
+    Status.SINGULAR: "check for redundant constraints there, for bodies without mass, and for "
+    "singular configurations of mechanisms",
 }
 _LOAD = (
-    "take more load_steps, arc_length to pass a limit point, or stabilise to find a stable "
+    "increase load_steps, use arc_length to pass a limit point, or stabilise to find a stable "
     "equilibrium"
 )
 #: The same for statics.
 STATICS: Mapping[Status, str] = {
     Status.NOT_CONVERGED: _LOAD,
     Status.DIVERGED: _LOAD,
-    Status.SINGULAR: "hold what moves without stiffness by joints or springs, or stabilise; at a "
-    "limit point take arc_length",
-    Status.INSIDE_OUT: "linear laws yield to a finite force: take smaller loads, or a law that "
-    "resists any compression",
+    Status.SINGULAR: "constrain motions without stiffness by joints or springs, or use stabilise; "
+    "at a limit point use arc_length",
+    Status.INSIDE_OUT: "a finite force compresses a linear law to nothing: reduce the loads, or "
+    "use a law that resists any compression",
 }
 #: What to try where a relaxation has not come to rest, and where it diverged.
 RELAXATION = (
-    "raise max_iterations, go on with restart, or accept a larger tolerance",
-    "raise margin, or lower the stiffness of contact",
+    "increase max_iterations, continue with restart, or accept a larger tolerance",
+    "increase margin, or reduce the contact stiffness",
 )
 
 
@@ -87,11 +86,11 @@ def modes_hint(status: Status, spin: float) -> str:
         spin: speed of the steady rotation, rad/s; only without one there is a choice of states.
     """
     if status is Status.SINGULAR:
-        return "look for bodies without mass and for motions without stiffness"
-    loads = "how far its loads can grow"
+        return "check for bodies without mass and for motions without stiffness"
+    loads = "run the analysis statics to find how far its loads can grow"
     if spin:
-        return f"a lower spin shows how fast it can turn, the analysis statics {loads}"
-    return f"start rest takes the model as it is given; the analysis statics shows {loads}"
+        return f"reduce spin to find how fast the model can rotate, or {loads}"
+    return f"use start rest to linearise about the model as it is given, or {loads}"
 
 
 def not_finite(serial: Assembly, times: Iterable[float]) -> str | None:
@@ -107,7 +106,7 @@ def not_finite(serial: Assembly, times: Iterable[float]) -> str | None:
 
 
 def moves_most(serial: Assembly, system: System) -> str:
-    """Words for the body that the last iteration moved most, and where (collective).
+    """Text for the largest Newton increment: its body and place (collective).
 
     Steps of positions count relative to the size of the model, those of rotations in rad.
     """
@@ -129,4 +128,4 @@ def moves_most(serial: Assembly, system: System) -> str:
     _, kind, number, x = found
     owner = serial.body(-kind, -number)
     at = f" at ({', '.join(f'{c:.3g}' for c in x)})" if x else ""
-    return f' (the last iteration moved {type(owner).__name__} "{owner.name}" most{at})'
+    return f' (largest Newton increment: {type(owner).__name__} "{owner.name}"{at})'

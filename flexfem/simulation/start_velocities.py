@@ -52,9 +52,9 @@ class StartVelocities:
         body = min(b for b, (way, _) in found.items() if float(f"{way:.3g}") == most)
         others = f" and {len(found) - 1} more" if len(found) > 1 else ""
         return (
-            f"{owner_of(self._serial.body(*body))}{others}: initial velocities that joints or "
-            f"drives do not allow: the run starts with {found[body][1]}; give those that fit, or "
-            "let drives begin smoothly (SmoothStep)"
+            f"{owner_of(self._serial.body(*body))}{others}: initial velocities violate joints "
+            f"or drives: the run starts with {found[body][1]}; give consistent ones, or let drives "
+            "begin smoothly (SmoothStep)"
         )
 
 

@@ -83,11 +83,11 @@ class UnresolvedTurns:
         advice = [f"steps of {_down(smaller):.1g} s or less"] if smaller > 0.0 else []
         advice += [f"a rho_inf of {radius:.2g}"] if radius >= 0.0 else []
         return [
-            f"{owner_of(self._serial.body(kind, body))}: it turns by {turn:.3g} rad in a step of "
-            f"{options.dt:.3g} s, and steps fail behind t = {self._failed_at:.4g} s "
+            f"{owner_of(self._serial.body(kind, body))}: it rotates by {turn:.3g} rad in a step of "
+            f"{options.dt:.3g} s, and steps fail after t = {self._failed_at:.4g} s "
             f"({self._rejected} of them): beyond {self._limit:.3g} rad, with rho_inf "
             f"{options.rho_inf:g}, vibrations grow that the steps do not resolve; results are "
-            f"doubtful, take {' or '.join(advice)}"
+            f"doubtful, use {' or '.join(advice)}"
         ]
 
 

@@ -154,7 +154,7 @@ def find_equilibrium(
     Args:
         linearization: of the system.
         rotation: the spin, zero at rest.
-        upright: whether no body is turned inside out in the present state (collective).
+        upright: returns True if no element is inverted in the present state (collective).
     """
     system = linearization.system
     frames = [part.block.frames.copy() for part in system.parts]

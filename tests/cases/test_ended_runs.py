@@ -94,7 +94,7 @@ def test_killed_run_leaves_readable_results(
 @pytest.mark.parametrize(
     ("drive", "reason"),
     [
-        ("far", r' at t = 0.007\d* s \(.*RigidBody "bob".*; take a smaller dt'),
+        ("far", r' at t = 0.007\d* s \(.*RigidBody "bob".*; reduce dt'),
         ("nan", r'^PrescribedTranslation "drive": .*not finite'),
     ],
 )

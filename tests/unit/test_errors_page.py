@@ -122,5 +122,5 @@ def test_a_failure_says_where_and_what_to_try() -> None:
     model = bob(drive(lambda t: 50.0 * t))
     model.add(ff.RigidBody("idle", 1.0, (0.1, 0.1, 0.1), position=(9.0, 0.0, 0.0)))
     status = moved(model)
-    assert '(the last iteration moved RigidBody "bob" most at (' in status
-    assert status.split("; ")[-1].startswith("take a smaller dt")
+    assert '(largest Newton increment: RigidBody "bob" at (' in status
+    assert status.split("; ")[-1].startswith("reduce dt")

@@ -125,7 +125,7 @@ def test_made_up_energy_is_told() -> None:
         )  # fmt: skip
 
     (line,) = told([0.0, 0.01, 0.3, 0.31])
-    assert "made up 0.31 J (energy_balance) beside energies of 10 J" in line
+    assert "grown by 0.31 J (energy_balance) with energies of at most 10 J" in line
     assert "t = 2 s" in line
     assert not told([0.0, 0.0, 0.19, 0.19])
     assert not told([0.0, -1.0, -2.0, -3.0])
@@ -176,7 +176,7 @@ def test_no_equilibrium_is_said_so() -> None:
     model.add(ff.Prismatic("rail", ff.Ground(), ff.Marker("bob")))
     status = ff.simulate(model, ff.RunOptions(dt=1e-2, t_end=0.1, start="equilibrium")).status
     assert "in the search for the equilibrium" in status
-    assert "smaller dt" not in status
+    assert "reduce dt" not in status
 
 
 @pytest.fixture

@@ -37,7 +37,7 @@ def test_bars_pushed_to_nothing(smooth: bool) -> None:
     """A bar of a linear law is as long as 1 - F/EA: at 1.5 EA equilibria end at t = 2/3."""
     options = ff.StaticOptions(load_steps=2, quiet=True)
     outcome = ff.solve_static(bar(1.5, smooth=smooth), options)
-    assert outcome.status.startswith('Beam "bar": turned inside out (an element is -')
+    assert outcome.status.startswith('Beam "bar": an element is inverted (its size is -')
     assert_on_page(outcome.status)
     if outcome.history:
         # steps are halved twelve times; without a check the run is ok and ends at 1
@@ -51,9 +51,9 @@ def test_arms_that_turn_too_fast() -> None:
     """
     options = ff.CampbellOptions(modes=1, spin=40.0, spin_end=5000.0, speeds=2, quiet=True)
     outcome = ff.sweep_spin(bar(turning=True), options)
-    assert outcome.status.startswith('Beam "bar": turned inside out (an element is -')
+    assert outcome.status.startswith('Beam "bar": an element is inverted (its size is -')
     assert_on_page(outcome.status)
-    assert " at the spin 5000 rad/s; a lower spin shows " in outcome.status
+    assert " at the spin 5000 rad/s; reduce spin to find " in outcome.status
     assert "start rest" not in outcome.status  # a rotation is always in equilibrium
     if outcome.history:
         assert outcome.history["t"].tolist() == [40.0]
@@ -62,9 +62,9 @@ def test_arms_that_turn_too_fast() -> None:
 def test_modes_of_loads_that_are_too_large() -> None:
     options = ff.ModeOptions(modes=1, start="equilibrium", quiet=True)
     outcome = ff.find_modes(bar(1.5), options)
-    assert outcome.status.startswith('Beam "bar": turned inside out (an element is -')
+    assert outcome.status.startswith('Beam "bar": an element is inverted (its size is -')
     # without a rotation the model may also be taken as it is given
-    assert " in the search for the equilibrium; start rest takes " in outcome.status
+    assert " in the search for the equilibrium; use start rest " in outcome.status
     assert_on_page(outcome.status)
 
 
@@ -72,12 +72,12 @@ def test_motions_are_warned_of() -> None:
     """A force put on at once compresses twice as much: 0.9 EA by more than the length."""
     options = ff.RunOptions(dt=1e-3, t_end=0.04, quiet=True)
     turned = ff.simulate(bar(0.9), options)
-    (line,) = [text for text in turned.summary["warnings"] if "inside out" in text]
-    assert line.startswith('Beam "bar": turned inside out (an element is -')
+    (line,) = [text for text in turned.summary["warnings"] if "is inverted" in text]
+    assert line.startswith('Beam "bar": an element is inverted (its size is -')
     assert_on_page(line)
     # by 0.8 of the length
     sound = ff.simulate(bar(0.4), options)
-    assert not any("inside out" in text for text in sound.summary["warnings"])
+    assert not any("is inverted" in text for text in sound.summary["warnings"])
 
 
 def test_directors_behind_the_surface() -> None:

@@ -78,9 +78,9 @@ def test_turns_that_let_vibrations_grow_are_told() -> None:
     growth, (line,) = spun(0.9, 0.02)
     assert growth > 5.0  # 1.06^50 is 18
     # 0.12, and what the vibrations have grown to
-    assert line.startswith('Beam "beam": it turns by 0.13')
+    assert line.startswith('Beam "beam": it rotates by 0.13')
     assert "beyond 0.075 rad, with rho_inf 0.9, vibrations grow" in line
-    assert line.endswith("take steps of 0.009 s or less or a rho_inf of 0.8")
+    assert line.endswith("use steps of 0.009 s or less or a rho_inf of 0.8")
     for rho, dt in ((0.8, 0.02), (0.9, 0.01)):
         growth, lines = spun(rho, dt)
         assert growth < 1.0

@@ -94,7 +94,7 @@ def test_lost_modes_of_rotors_are_named(spin, target, sparse, monkeypatch):
         monkeypatch.setattr(sparse, "_solve", forgetful)
         outcome = ff.find_modes(_rotor(elements=4), options)
         # residuals of the others are as small as ever: nothing else would tell
-        assert outcome.status.startswith("1 modes lie among the 4 found and were not found; ")
+        assert outcome.status.startswith("1 modes in the range of the 4 found were missed; ")
         assert_on_page(outcome.status)
 
 

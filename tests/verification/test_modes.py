@@ -200,7 +200,7 @@ def test_modes_that_are_not_good_enough_are_no_success(monkeypatch):
     monkeypatch.setattr(solver, "_solve", forgetful)
     lost = ff.find_modes(_soft(), ff.ModeOptions(modes=3, quiet=True))
     # Sylvester's count is the only one that can tell
-    assert lost.status.startswith("1 modes lie among the 3 found and were not found; ")
+    assert lost.status.startswith("1 modes in the range of the 3 found were missed; ")
     assert_on_page(lost.status)
 
 

@@ -89,9 +89,9 @@ def partition(G: FloatArray, preferred: BoolArray) -> Partition:
     if m > n or pivots[-1] <= _RANK * pivots[0]:
         excess = m - int((pivots > _RANK * pivots[0]).sum())
         raise InputError(
-            f"Mechanism: {excess} of {m} constraints are redundant (its joints hold the same "
-            "motion twice, or the position is singular); leave out what others hold already, or "
-            "start elsewhere"
+            f"Mechanism: {excess} of {m} constraints are redundant (joints constrain the "
+            "same motion twice, or the configuration is singular); remove the duplicates, or "
+            "start from another configuration"
         )
     return Partition(np.sort(order[:m]), np.sort(order[m:]))
 
