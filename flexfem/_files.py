@@ -50,7 +50,9 @@ def open_file(owner: str, path: str | PathLike[str]) -> BufferedReader:
     if stat.S_ISREG(mode):
         return os.fdopen(number, "rb")
     os.close(number)
-    kind = "Is a directory" if stat.S_ISDIR(mode) else "is no plain file but a pipe or a device"
+    kind = (
+        "Is a directory" if stat.S_ISDIR(mode) else "is not a regular file but a pipe or a device"
+    )
     raise InputError(f"{owner}: {kind}")
 
 
@@ -121,7 +123,7 @@ def read_text(owner: str, path: str | PathLike[str], limit: int) -> str:
         ) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
-        raise InputError(f"{owner}: line {line} has a NUL, it is no text")
+        raise InputError(f"{owner}: line {line} has a NUL byte, it is not a text")
     return text
 
 

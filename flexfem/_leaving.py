@@ -99,18 +99,15 @@ def _tell_of(others: list[int], code: int) -> None:
 
     rank, size = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
     if code:
-        text = (
-            f"failed: rank {rank} of {size} has left the program with exit code {code}, "
-            "others have not"
-        )
+        text = f"failed: rank {rank} of {size} has exited with code {code}, others have not"
         tell(text)
         abort(code)
         os._exit(code)
     elif all(lower in others for lower in range(rank)):
         text = (
-            f"warning: rank {rank} of {size} has left the program, rank {others[0]} has not for "
-            f"{_ALONE:g} s; if it waits for the other in a collective call it does so for ever: "
-            "leave on all ranks or on none"
+            f"warning: rank {rank} of {size} has exited, rank {others[0]} has not for "
+            f"{_ALONE:g} s; it never will if it waits in a collective call: exit on all ranks or "
+            "on none"
         )
         tell(text)
 

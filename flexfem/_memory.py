@@ -60,8 +60,8 @@ def check_room(owner: str, needed: float, of: float | None = None) -> None:
     room = available() if of is None else of
     if needed > room:
         raise InputError(
-            f"{owner} would need about {shown(needed)} of memory, {shown(room)} are left; were so "
-            "many meant?"
+            f"{owner} would need about {shown(needed)} of memory, {shown(room)} are available; "
+            "reduce the number of elements"
         )
 
 

@@ -36,8 +36,8 @@ def require(name: str) -> ModuleType:
 def missing(name: str) -> InstallationError:
     """The error for a package that is not installed."""
     return InstallationError(
-        f"{name} is not installed, which flexfem needs: pip install {name}, or its package of "
-        "conda-forge or Debian"
+        f"{name} is required but not installed: pip install {name}, or its package of conda-forge "
+        "or Debian"
     )
 
 

@@ -59,8 +59,8 @@ _GOOD: set[tuple[str, str]] = set()
 @cache
 def _tell(why: str, advice: str) -> None:
     launch.say(
-        f"warning: compiled code is not taken from folders where others can put theirs: {why}; "
-        f"it is compiled anew elsewhere until they cannot (chmod go-w), or {advice}",
+        f"warning: compiled code in folders that other users can write to is not used: {why}; "
+        f"it is recompiled elsewhere until you remove that permission (chmod go-w), or {advice}",
         error=True,
     )
 

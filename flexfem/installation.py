@@ -70,13 +70,13 @@ def load_dolfinx() -> None:
     _check_version("DOLFINx", dolfinx)
     if find_spec("petsc4py") is None or not getattr(dolfinx, "has_petsc4py", True):
         raise InstallationError(
-            f"the DOLFINx in {_place(dolfinx)} has no petsc4py, which flexfem needs: {_SOURCES}"
+            f"the DOLFINx in {_place(dolfinx)} was built without petsc4py: {_SOURCES}"
         )
     _check_petsc(require("petsc4py.PETSc"))
     if find_spec("slepc4py") is None:
         raise InstallationError(
-            "slepc4py is not installed, with which modes are found: slepc4py of conda-forge, "
-            "python3-slepc4py-real of Debian; the wheels of flexfem[dolfinx] hold it"
+            "slepc4py, which computes modes, is not installed: install slepc4py of conda-forge or "
+            "python3-slepc4py-real of Debian; the wheels of flexfem[dolfinx] contain it"
         )
     check_packages()
 
@@ -116,7 +116,7 @@ def _check_petsc(petsc: Any) -> None:
         )
     if not petsc.Sys.hasExternalPackage("mumps"):
         raise InstallationError(
-            f"the PETSc in {place} has no MUMPS, with which flexfem solves: configure it with "
+            f"the PETSc in {place} was built without MUMPS: configure it with "
             f"--download-mumps --download-scalapack, or {_SOURCES}"
         )
 

@@ -243,7 +243,7 @@ def _end_without(other: int) -> None:
     if any(not comm.iprobe(source=lower, tag=LEFT) for lower in range(comm.rank)):
         time.sleep(_FIRST)  # a lower rank says so
     else:
-        text = f"failed: rank {other} of {comm.size} has left the program before a run of all ranks"
+        text = f"failed: rank {other} of {comm.size} has exited before a run of all ranks"
         tell(text)
     abort(1)
     os._exit(1)  # the request to end takes its time

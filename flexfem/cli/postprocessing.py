@@ -68,4 +68,6 @@ def _missing(error: ImportError) -> Exception:
         return UsageError(f"cannot draw here, {error}")  # a library of the system
     if library not in _EXTRA:
         return error
-    return UsageError(f"this needs {library}, which is not here: pip install 'flexfem[post]'")
+    return UsageError(
+        f"this command needs {library}, which is not installed: pip install 'flexfem[post]'"
+    )

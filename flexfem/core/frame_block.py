@@ -266,7 +266,7 @@ class FrameBlock:
         turns = state["frames"][:, 3:].reshape(-1, 3, 3)
         defect = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(initial=0.0)
         good = defect < _ROUND_OFF and (np.linalg.det(turns) > 0.0).all()
-        return "" if good else f'"{self.name}/frames" has a rotation that is none'
+        return "" if good else f'"{self.name}/frames" contains a matrix that is not a rotation'
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         """Accept a state returned by :meth:`state`, ghosts included."""

@@ -199,7 +199,7 @@ class JointAction(Joint):
         super().__post_init__()
         if not self.motions:
             what = "motion along or about an axis" if self.motion is None else str(self.motion)
-            raise ValueError(f"{self.owner}: {self.joint.owner} leaves no {what}")
+            raise ValueError(f"{self.owner}: {self.joint.owner} has no free {what}")
 
     @property
     def motions(self) -> tuple[str, ...]:

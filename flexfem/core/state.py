@@ -97,7 +97,7 @@ _MOST = 2.0**53
 def _misfit(name: str, mine: FloatArray, theirs: FloatArray | None, finite: bool) -> str:
     """Return the difference between two arrays as text."""
     if theirs is None:
-        return f'it does not hold "{name}"'
+        return f'it has no "{name}"'
     grows = mine.ndim > 0 and theirs.ndim == mine.ndim and not len(mine)
     if theirs.shape != mine.shape and not (grows and theirs.shape[1:] == mine.shape[1:]):
         return f'"{name}" has the shape {theirs.shape}, not {mine.shape}'

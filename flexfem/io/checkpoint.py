@@ -45,7 +45,7 @@ _BLOCK = 512  # bytes of the user block: the least that HDF5 has
 _SEAL = re.compile(rb"flexfem checkpoint\nformat (\d+)\nbytes (\d+)\nblake2b ([0-9a-f]{64})\n")
 _MARK = b"flexfem checkpoint\n"
 #: What can be done about a damaged one: the last two are kept.
-_OTHER = "take the other one that is kept"
+_OTHER = "use the other one that is kept"
 
 
 def write_checkpoint(
@@ -166,9 +166,7 @@ class Checkpoint:
                 f"is damaged: {_BLOCK + size} bytes instead of {_BLOCK + int(found[2])}; {_OTHER}"
             )
         if digest != found[3].decode():
-            raise ValueError(
-                f"is damaged: its contents do not have the checksum they had; {_OTHER}"
-            )
+            raise ValueError(f"is damaged: the checksum of its contents differs; {_OTHER}")
 
     def _rows(self, dataset: Any, numbering: Numbering) -> NDArray[np.float64]:
         count = dataset.shape[0] if dataset.shape else 0

@@ -121,8 +121,8 @@ class PlainFile:
         for path in filter(None, name.split("/")):
             link = item.get(path, getlink=True) if path in item else None
             if type(link).__name__ != "HardLink":
-                raise ValueError(f'it does not hold "{name}"')
+                raise ValueError(f'it has no "{name}"')
             item = item[path]
         if name and type(item).__name__ != kind:
-            raise ValueError(f'it does not hold "{name}"')
+            raise ValueError(f'it has no "{name}"')
         return item

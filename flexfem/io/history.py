@@ -34,7 +34,7 @@ class FolderLostError(OSError):
         kept = (
             "it holds other results now, which are left as they are"
             if replaced
-            else "the table, a checkpoint and the summary are written anew, earlier fields are lost"
+            else "the table, a checkpoint and the summary are rewritten, earlier fields are lost"
         )
         super().__init__(f"output folder '{folder}' was removed during the run, {kept}")
         self.folder, self.replaced = folder, replaced

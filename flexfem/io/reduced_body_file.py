@@ -151,7 +151,9 @@ def _check_made_with(raw: bytes, wanted: Mapping[str, Parameter]) -> None:
     known = json.loads(text) if text else {}
     for name, value in wanted.items():
         if name not in known:
-            raise ValueError(f"it does not say with which {name} it was made; make it anew")
+            raise ValueError(
+                f"the {name} that it was made with is not recorded; reduce the body again"
+            )
         if known[name] != value:
             raise ValueError(
                 f"it was made with {name} = {known[name]}, not {value}; name another file"
@@ -267,7 +269,7 @@ def _surface(arrays: dict[str, Any]) -> dict[str, Any]:
     """
     for name in _SURFACE:
         if name not in arrays:
-            raise ValueError(f'it does not hold "recovery/{name}"')
+            raise ValueError(f'it has no "recovery/{name}"')
     points, cells, displacement = (arrays[name] for name in _SURFACE)
     whole = Recovery(points, cells, displacement, arrays.get("stress"))
     return {name: getattr(whole, name) for name in (*_SURFACE, "stress")}

@@ -107,8 +107,8 @@ def _check_closed(mechanism: RigidMechanism, tolerance: float, what: str) -> Non
     if len(gaps) and not gaps[worst] <= tolerance:
         joint = mechanism.joints[int(rows.joint_of_row[worst])]
         raise InputError(
-            f"{joint.owner}: it {what}, a gap of {gaps[worst]:.6g} is left; place the bodies "
-            "nearer to where they fit, or check lengths and axes"
+            f"{joint.owner}: it {what}, a gap of {gaps[worst]:.6g} remains; place the bodies "
+            "closer to a position in which joints hold, or check lengths and axes"
         )
 
 
@@ -121,4 +121,4 @@ def _check_start(model: Model, tolerance: float) -> None:
     serial = Assembly(model)
     parts = RigidParts(serial)
     mechanism = RigidMechanism(serial, parts, serial.joints)
-    _check_closed(mechanism, 10.0 * tolerance, "does not hold at t = 0 where the bodies fit")
+    _check_closed(mechanism, 10.0 * tolerance, "does not hold at t = 0 in the assembled position")

@@ -166,7 +166,7 @@ class _Task:
             rubbing = self.mechanism.rows.joint_of_row[self.mechanism.rows.coupled[0, 0]]
             raise ValueError(
                 f"{self.mechanism.joints[rubbing].owner}: friction that depends on joint forces "
-                "has no inverse dynamics here"
+                "is not supported in inverse dynamics"
             )
         self.names = tuple(actuator.name for actuator in actuators)
         self.outputs = outputs
@@ -201,12 +201,12 @@ class _Task:
         prescribed = int(self.driven.sum())
         if prescribed != freedoms:
             raise ValueError(
-                f"inverse_dynamics: outputs must prescribe {freedoms} coordinates, as many as the "
-                f"mechanism has freedoms, got {prescribed}"
+                f"inverse_dynamics: outputs must prescribe {freedoms} coordinates, the "
+                f"degrees of freedom of the mechanism, got {prescribed}"
             )
         if len(self.names) < freedoms:
             raise ValueError(
-                f"inverse_dynamics: {freedoms} freedoms need as many actuators, got "
+                f"inverse_dynamics: {freedoms} degrees of freedom need as many actuators, got "
                 f"{len(self.names)}: {', '.join(self.names)}"
             )
         self.freedoms = freedoms
@@ -236,13 +236,13 @@ class _Task:
         names = ", ".join(joint.owner for joint in self.outputs)
         if not gap <= _REACHED:
             raise ValueError(
-                f"{names}: the motion is out of reach at t = {t:.6g} s, a gap of {gap:.6g} is "
-                "left; prescribe one that the mechanism can follow, in steps that do not jump"
+                f"{names}: the motion is out of reach at t = {t:.6g} s, a gap of {gap:.6g} "
+                "remains; prescribe a motion that the mechanism can follow, without jumps"
             )
         if rank < mechanism.size:
             raise ValueError(
-                f"{names}: they leave {mechanism.size - rank} motions of the mechanism open at "
-                f"t = {t:.6g} s (a singular position, or dependent outputs)"
+                f"{names}: these outputs leave {mechanism.size - rank} degrees of freedom of the "
+                f"mechanism free at t = {t:.6g} s (a singular configuration, or dependent outputs)"
             )
         inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T
         rows.accept()
@@ -293,8 +293,8 @@ class _Task:
         if not sizes.min(initial=np.inf) > _SINGULAR * sizes.max(initial=0.0):
             raise ValueError(
                 f"inverse_dynamics: the actuators {', '.join(self.names)} cannot drive all "
-                f"{self.freedoms} freedoms at t = {t:.6g} s (they are dependent there, or the "
-                "position is singular)"
+                f"{self.freedoms} degrees of freedom at t = {t:.6g} s (they are dependent there, "
+                "or the configuration is singular)"
             )
         tau: FloatArray = across[: len(sizes)].T @ ((left.T @ right) / sizes)
         free = across[len(sizes) :].T

@@ -50,7 +50,7 @@ def place_joint(parts: RigidParts, joint: Joint, index: int) -> PlacedJoint:
     for marker in joint.markers:
         if isinstance(marker, Carrier):
             raise ValueError(
-                f"{joint.owner}: it slides along a line, which is no motion of bodies as wholes"
+                f"{joint.owner}: sliding along a line is not supported in rigid-body kinematics"
             )
         try:
             places.append(parts.place(marker))
@@ -229,7 +229,8 @@ def place_loads(parts: RigidParts, loads: Sequence[Load]) -> PlacedLoads:
     for load in loads:
         if not isinstance(load, PointLoad):
             raise ValueError(
-                f'{type(load).__name__} "{load.name}": bodies as wholes bear loads at markers only'
+                f'{type(load).__name__} "{load.name}": rigid-body kinematics takes loads at '
+                "markers only"
             )
         found.append((load, [parts.place(marker) for marker in load.markers]))
     return found

@@ -103,7 +103,7 @@ def check_speed(degree: int, knots: FloatArray, points: FloatArray, weights: Flo
     if still.any():
         e, n = np.unravel_index(int(np.argmax(still)), still.shape)
         u = (1.0 - xi[n]) * knots[spans[e]] + xi[n] * knots[spans[e] + 1]
-        raise ValueError(f"{OWNER}: the curve stands still (zero derivative) at parameter {u:g}")
+        raise ValueError(f"{OWNER}: the curve has a zero derivative at parameter {u:g}")
 
 
 def check_order(degree: int, order: int) -> None:

@@ -71,7 +71,7 @@ class SavedState:
         if version != flexfem.__version__:
             raise self._file.refuse(
                 f"was written by flexfem {_checks.show(version)[1:-1]}, this is "
-                f"{flexfem.__version__}; go on with that version, or start anew"
+                f"{flexfem.__version__}; continue with that version, or start a new run"
             )
 
     def _entry(self, name: str, kind: type) -> Any:
@@ -101,8 +101,8 @@ class SavedState:
         other = self._comm.bcast(other)
         if other:
             raise self._file.refuse(
-                f"belongs to another model, other {', '.join(other)}; go on with the case and the "
-                "options that wrote it"
+                f"belongs to another model, other {', '.join(other)}; continue with the case and "
+                "the options that wrote it"
             )
 
     def refuse(self, why: str) -> InputError:
@@ -121,7 +121,7 @@ class SavedState:
         try:
             target.restore(self.state)
         except KeyError as error:
-            raise self._file.refuse(f"does not hold {error}") from error
+            raise self._file.refuse(f"{error} is missing") from error
         except (IndexError, TypeError, ValueError) as error:  # of values: the same on all ranks
             raise self._file.refuse(" ".join(str(error).split())) from error
 

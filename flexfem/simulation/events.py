@@ -297,10 +297,10 @@ def _check_rebounds(rows: Constraints, model: Model) -> None:
         owner, joint = f'Event "{event.name}"', f'"{action.joint}"'
         lawful = bool(np.any(rows.elastic[rows.rows_of(action.joint), 0] != LawKind.RIGID))
         if rows.comm.allreduce(lawful, op=MPI.LOR):
-            raise InputError(f"{owner}: nothing rebounds at {joint}, which holds no value rigidly")
+            raise InputError(f"{owner}: rebounds need a rigid constraint, but {joint} has none")
         if action.joint not in opened and not custom:
             raise InputError(
-                f"{owner}: rebounds are at open joints, but nothing opens {joint} "
+                f"{owner}: rebounds need an open joint, but {joint} is never released "
                 f"(Model.release({joint}))"
             )
 

@@ -39,7 +39,7 @@ def last_record(state: State, columns: int) -> FloatArray:
     """
     row = state.values.get("history")
     if row is None or row.shape != (1 + columns,) or not 0.0 <= row[0] < np.inf:
-        raise InputError(f"checkpoint: it does not hold the last time and {columns} columns")
+        raise InputError(f"checkpoint: the last time and {columns} columns are missing")
     return row
 
 

@@ -410,7 +410,7 @@ class StaticSteps(Steps):
         if self.followed.steps == options.max_steps:
             return with_hint(
                 f"not at the end after {options.max_steps} arc-length steps, t = {t:.6g}",
-                "take more max_steps or a larger arc_length, or a stop_value that is reached",
+                "increase max_steps or arc_length, or choose a stop_value that is reached",
             )
         h = options.t_end / options.load_steps
         culprit = not_finite(self._serial, t + h * np.array([0.5**_HALVINGS, 0.5, 1.0]))
@@ -427,7 +427,7 @@ class StaticSteps(Steps):
         return with_hint(
             f"stop_value {wanted:g} of {options.stop_column} not reached: {last:g} at "
             f"t = {options.t_end:g}",
-            "take a larger t_end, or a value of the other sign if the column moves away from it",
+            "increase t_end, or change the sign of stop_value if the column moves away from it",
         )
 
     def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:

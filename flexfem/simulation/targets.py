@@ -49,7 +49,7 @@ class Targets:
         for value in self.values.get(LOAD, ()):
             if not 0.0 < value <= end * (1.0 + _THERE):
                 raise InputError(
-                    f"StaticOptions: output_at t = {value:g} is not on the way from 0 to {end:g}"
+                    f"StaticOptions: output_at t = {value:g} is not between 0 and {end:g}"
                 )
 
     def room(self, t: float) -> float:
@@ -94,7 +94,7 @@ class Targets:
         """Values that the path has not met, in words."""
         met = {(entry["column"], entry["value"]) for entry in self.met}
         return [
-            f"output_at: {name} = {value:g} was not met"
+            f"output_at: {name} = {value:g} was not reached"
             for name, values in self.values.items()
             for value in values
             if (name, value) not in met

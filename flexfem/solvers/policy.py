@@ -116,7 +116,7 @@ class MaterialPolicy(UpdatedPolicy):
         if not any(part.elements is not None and part.elements.stressed for part in system.parts):
             raise InputError(
                 "iteration_matrix 'material' leaves out the geometric stiffness of beams and "
-                "shells, of which there are none"
+                "shells, but the model has none"
             )
 
     def solve(

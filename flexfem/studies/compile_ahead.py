@@ -56,7 +56,7 @@ def compile_ahead(cases: Sequence[str], jobs: int) -> Iterator[Compiled]:
                     processes.start((case, own / "log"), run_command(line, 1), own / "log")
                 for (case, log), code in processes.ended():
                     said = log.read_text(errors="replace").strip().splitlines()
-                    fault = f"exit code {code}: {said[-1] if said else 'nothing was said'}"
+                    fault = f"exit code {code}: {said[-1] if said else 'no message'}"
                     yield Compiled(case, time.monotonic() - begun[case], fault if code else "")
         finally:
             processes.stop()

@@ -39,8 +39,8 @@ __all__ = ["Assembly"]
 
 #: What makes a node at a place inside an element, by the formulation of the beam.
 _MORE_NODES = {
-    "nurbs": "a knot of multiplicity p there makes one (NurbsCurve.insert)",
-    "se3": "choose elements so that one is there",
+    "nurbs": "insert a knot of multiplicity p there (NurbsCurve.insert)",
+    "se3": "choose elements so that a node is there",
 }
 
 
@@ -186,8 +186,8 @@ class Assembly:
         place = self._place_of(marker)
         if place is not None and place.node is None:
             raise ValueError(
-                f'Marker on "{marker.body}": point {marker.point} lies inside an element, where no '
-                f"node is; {_MORE_NODES[self.model[marker.body].formulation]}"
+                f'Marker on "{marker.body}": point {marker.point} lies inside an element, not at a '
+                f"node; {_MORE_NODES[self.model[marker.body].formulation]}"
             )
         family = self.family_of(marker.body)
         return family.kind, family.node(marker, place)

@@ -190,7 +190,10 @@ FILES = {
     "--mesh rod.txt": ("rod.txt", ".msh"),
     "--mesh script.msh": ("script.msh", "scripts of gmsh are not executed"),
     "--mesh printf.msh": ("printf.msh", "scripts of gmsh are not executed"),
-    "--mesh old.msh": ("old.msh", "it is of format 3.0 of gmsh, and 2.2, 4.0 and 4.1 can be"),
+    "--mesh old.msh": (
+        "old.msh",
+        "format 3.0 of gmsh is not supported; save it in format 2.2, 4.0",
+    ),
     "--mesh empty.msh": ("empty.msh",),
     "--mesh noise.msh": ("noise.msh",),
     "--mesh truncated.msh": ("truncated.msh",),

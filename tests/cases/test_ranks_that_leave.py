@@ -35,7 +35,7 @@ def test_sys_exit_on_one_rank(
     script.write_text(SCRIPT.format(first=first, leaving=leaving, code=code))
     ended = run(2, script, tmp_path / "results", timeout=30)
     assert ended.returncode == 1
-    line = f"failed: rank {leaving} of 2 has left the program before a run of all ranks\n"
+    line = f"failed: rank {leaving} of 2 has exited before a run of all ranks\n"
     assert ended.stderr.count(line) == 1
     assert "Traceback" not in ended.stderr
     assert not (tmp_path / "results").exists()
@@ -68,7 +68,7 @@ def test_sys_exit_while_others_wait(
     script = tmp_path / "script.py"
     script.write_text(BETWEEN.format(leaving=leaving, end=end, wait="MPI.COMM_WORLD.Barrier()"))
     ended = run(2, script, timeout=30)
-    line = f"failed: rank {leaving} of 2 has left the program with exit code 3, others have not\n"
+    line = f"failed: rank {leaving} of 2 has exited with code 3, others have not\n"
     assert (ended.returncode, ended.stdout, ended.stderr) == (3, "", line)
 
 
@@ -82,7 +82,7 @@ def test_ranks_that_have_left_well_tell_why_the_program_does_not_end(
     ended = run(2, script, timeout=30)
     assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (0, "", 1)
     assert ended.stderr.startswith(
-        "warning: rank 1 of 2 has left the program, rank 0 has not for 0.3 s; if it waits for "
+        "warning: rank 1 of 2 has exited, rank 0 has not for 0.3 s; it never will if it waits in a "
     )
 
 

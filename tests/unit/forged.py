@@ -105,17 +105,17 @@ def put(name: str, value: float) -> Callable[[Any], object]:
 
 #: Changes of a checkpoint of a motion with an event, and what is said of them.
 FORGERIES: Mapping[str, tuple[Callable[[Any], object], str]] = {
-    "no values": (lambda f: f.__delitem__("values"), 'it does not hold "values"'),
-    "no rows": (lambda f: f.__delitem__("rows"), 'it does not hold "rows/'),
-    "no time": (lambda f: f.__delitem__("values/time"), 'it does not hold "time"'),
+    "no values": (lambda f: f.__delitem__("values"), 'it has no "values"'),
+    "no rows": (lambda f: f.__delitem__("rows"), 'it has no "rows/'),
+    "no time": (lambda f: f.__delitem__("values/time"), 'it has no "time"'),
     "no frames": (lambda f: f.__delitem__("rows/rigid_bodies/frames"), "rigid_bodies/frames"),
     "values are numbers": (
         lambda f: (f.__delitem__("values"), f.__setitem__("values", [1.0])),
-        'it does not hold "values"',
+        'it has no "values"',
     ),
     "time is a group": (
         lambda f: (f.__delitem__("values/time"), f.create_group("values/time")),
-        'it does not hold "values/time"',
+        'it has no "values/time"',
     ),
     "text": (replaced("values/time", data=[b"now"]), '"values/time" does not hold numbers'),
     "objects": (
@@ -155,11 +155,11 @@ FORGERIES: Mapping[str, tuple[Callable[[Any], object], str]] = {
         replaced("values/time", shape=(10**9,), dtype="f8"), "claims numbers that are not in"
     ),
     "many names": (_same_again, "claims numbers that are not in the file"),
-    "link": (_linked("values/time", h5py.SoftLink("/values/counters")), 'hold "values/time"'),
-    "link to itself": (_linked("values", h5py.SoftLink("/values")), 'hold "values"'),
+    "link": (_linked("values/time", h5py.SoftLink("/values/counters")), 'has no "values/time"'),
+    "link to itself": (_linked("values", h5py.SoftLink("/values")), 'has no "values"'),
     "link to a file": (
         _linked("values/time", h5py.ExternalLink("/etc/hostname", "/x")),
-        'it does not hold "values/time"',
+        'it has no "values/time"',
     ),
     "virtual": (_virtual, "claims numbers that are not in the file"),
     "external": (_external, "claims numbers that are not in the file"),
@@ -174,7 +174,7 @@ FORGERIES: Mapping[str, tuple[Callable[[Any], object], str]] = {
         lambda f: f["rows/rigid_bodies/frames"].__setitem__(
             (slice(None), slice(3, 12)), 2.0 * np.eye(3).ravel()
         ),
-        "has a rotation that is none",
+        "contains a matrix that is not a rotation",
     ),
     "negative counts": (put("values/counters", -1.0), '"counters" must hold whole numbers that'),
     "half a count": (put("values/steps", 0.5), '"steps" must hold whole numbers'),
@@ -183,9 +183,9 @@ FORGERIES: Mapping[str, tuple[Callable[[Any], object], str]] = {
     "no such event": (replaced("values/fired", data=[[9.0, 0.1]]), "list index out of range"),
     "a negative event": (replaced("values/fired", data=[[-1.0, 0.1]]), '"fired" must hold whole'),
     "events of another shape": (replaced("values/fired", data=np.zeros((1, 3))), '"fired" has'),
-    "no history": (lambda f: f.__delitem__("values/history"), "it does not hold the last time"),
+    "no history": (lambda f: f.__delitem__("values/history"), "the last time"),
     "history of another shape": (
-        replaced("values/history", data=np.zeros(2)), "it does not hold the last time and"
+        replaced("values/history", data=np.zeros(2)), "the last time and"
     ),
     "sums of another shape": (replaced("values/sums", data=np.zeros(3)), '"sums" does not hold 7'),
 }  # fmt: skip

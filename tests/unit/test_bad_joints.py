@@ -129,12 +129,12 @@ ALONE = {
     ),
     "JointFriction motion": (
         lambda: ff.JointFriction("j", HINGE, "translation", force=1.0),
-        'Revolute "hinge" leaves no translation',
+        'Revolute "hinge" has no free translation',
     ),
     "JointFriction which": (
         lambda: ff.JointFriction("j", TUBE, force=1.0), "must be translation or rotation, got None"
     ),
-    "Lock joint": (lambda: ff.Lock("j", ff.Rigid("weld", A, B)), 'Rigid "weld" leaves no motion'),
+    "Lock joint": (lambda: ff.Lock("j", ff.Rigid("weld", A, B)), 'Rigid "weld" has no free motion'),
     "Lock flag": (lambda: ff.Lock("j", HINGE, locked=1), "locked must be a bool, got 1"),
     "RigidNodes one": (lambda: ff.RigidNodes("j", A, B), "nodes must be a list or tuple, got Mar"),
     "RigidNodes none": (lambda: ff.RigidNodes("j", A, []), "at least one marker, got none"),

@@ -68,7 +68,7 @@ ALONE = {
     ),
     "friction against a rotation": (
         lambda: ff.JointFriction("j", SLIDE, "rotation", force=1.0),
-        'Sliding "slide" leaves no rotation',
+        'Sliding "slide" has no free rotation',
     ),
 }  # fmt: skip
 

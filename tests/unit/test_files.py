@@ -16,8 +16,8 @@ pytestmark = pytest.mark.serial
 
 #: What makes a file of a name, and what must be said of it.
 FILES: dict[str, tuple[Callable[[Path], object], str]] = {
-    "pipe": (os.mkfifo, "is no plain file but a pipe or a device"),
-    "device": (lambda p: p.symlink_to("/dev/zero"), "is no plain file but a pipe or a device"),
+    "pipe": (os.mkfifo, "is not a regular file but a pipe or a device"),
+    "device": (lambda p: p.symlink_to("/dev/zero"), "is not a regular file but a pipe or a device"),
     "folder": (lambda p: p.mkdir(), "Is a directory"),
     "missing": (lambda p: None, "No such file or directory"),
     "circle": (lambda p: p.symlink_to(p), "Too many levels of symbolic links"),
@@ -27,7 +27,7 @@ FILES: dict[str, tuple[Callable[[Path], object], str]] = {
     "endless": (lambda p: p.symlink_to("/proc/self/mem"), "Input/output error"),
     "Latin-1": (lambda p: p.write_bytes(b"name,E\nst\xe4hl,1\n"), "line 2 is not UTF-8, .* 0xe4"),
     "UTF-16": (lambda p: p.write_bytes("name,E\n".encode("utf-16")), "it is in UTF-16; save it"),
-    "NUL": (lambda p: p.write_bytes(b"name,E\na,\0"), "line 2 has a NUL, it is no text"),
+    "NUL": (lambda p: p.write_bytes(b"name,E\na,\0"), "line 2 has a NUL byte, it is not a text"),
 }
 #: What the reader of XML knows about itself.
 XML = {"Latin-1": "no well-formed", "UTF-16": "no element found|well-formed", "NUL": "well-formed"}
@@ -197,9 +197,9 @@ def test_summaries_that_are_none(text: str, reason: str, tmp_path: Path) -> None
 def test_results_that_are_pipes(tmp_path: Path) -> None:
     for name in ("summary.json", "history.csv"):
         os.mkfifo(tmp_path / name)
-    with pytest.raises(ValueError, match=r"^summary '.*': is no plain file"):
+    with pytest.raises(ValueError, match=r"^summary '.*': is not a regular file"):
         read_summary(tmp_path / "summary.json")
-    with pytest.raises(ValueError, match=r"^history '.*': is no plain file"):
+    with pytest.raises(ValueError, match=r"^history '.*': is not a regular file"):
         read_history(tmp_path / "history.csv")
 
 

@@ -165,7 +165,7 @@ def _bomb(path: Path, **sizes: int) -> None:
         (lambda p: zipfile.ZipFile(p, "w").writestr("../../x", "x"), "outside of its folder"),
         (lambda p: zipfile.ZipFile(p, "w").writestr("/etc/x", "x"), "outside of its folder"),
         (lambda p: p.write_text("no archive"), "is no FMU: File is not a zip file"),
-        (os.mkfifo, "cannot be read: is no plain file but a pipe"),
+        (os.mkfifo, "cannot be read: is not a regular file but a pipe"),
     ],
 )
 def test_archives_that_are_traps(make: Any, reason: str, tmp_path: Path) -> None:

@@ -123,7 +123,7 @@ def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
     COMM.barrier()
     for path in (pipe, device):
         text = refused(path, shared_tmp_path)
-        assert text == f"checkpoint '{path}': is no plain file but a pipe or a device"
+        assert text == f"checkpoint '{path}': is not a regular file but a pipe or a device"
     assert refused(shared_tmp_path, shared_tmp_path).endswith("': Is a directory")
 
 

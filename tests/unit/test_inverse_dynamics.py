@@ -335,12 +335,14 @@ def test_what_has_no_solution_is_told():
     model, drives, motions = arm()
     t = np.linspace(0.0, 1.0, 3)
     ask = ff.inverse_dynamics
-    with pytest.raises(ValueError, match="2 freedoms need as many actuators, got 1: yaw"):
+    with pytest.raises(ValueError, match="2 degrees of freedom need as many actuators, got 1: yaw"):
         ask(model, motions, drives[:1], t)
     with pytest.raises(ValueError, match=r"prescribe 2 coordinates, .* got 1"):
         ask(model, motions[:1], drives, t)
     again = ff.Actuator("again", ff.Ground(), ff.Marker("post"), axis=Z)
-    with pytest.raises(ValueError, match=r"yaw, again cannot drive all 2 freedoms at t = 0 s"):
+    with pytest.raises(
+        ValueError, match=r"yaw, again cannot drive all 2 degrees of freedom at t = 0 s"
+    ):
         ask(model, motions, [drives[0], again], t)
     lost = ff.Actuator("lost", ff.Ground(), ff.Marker("nobody"), axis=Z)
     with pytest.raises(ValueError, match=r'Actuator "lost": .*"nobody"'):
@@ -364,7 +366,9 @@ def test_what_has_no_solution_is_told():
     top = ff.PrescribedTranslation(
         "top", ff.Ground(), ff.Marker("ball"), lambda t: -t, axis=(1.0, 0.0, 0.0)
     )
-    with pytest.raises(ValueError, match=r'"top".*: they leave 1 motions .* open at t = 0.8 s'):
+    with pytest.raises(
+        ValueError, match=r'"top".*: these outputs leave 1 degrees of freedom .* free at t = 0.8 s'
+    ):
         ask(model, [up, top], drives, [0.8])
     found = ask(model, motions, drives, t)
     with pytest.raises(ValueError, match='there is no actuator "roll", they are yaw, pitch'):

@@ -233,7 +233,9 @@ def test_inertia_of_bodies_as_wholes():
 
 
 def test_what_cannot_be_closed_is_named():
-    with pytest.raises(ValueError, match=r'^\w+ "[A-D]": it cannot be closed, a gap of 0\.0\d+ is'):
+    with pytest.raises(
+        ValueError, match=r'^\w+ "[A-D]": it cannot be closed, a gap of 0\.0\d+ remains'
+    ):
         ff.assemble(four_bar(), keep=["crank", "rocker"])
     with pytest.raises(
         ValueError, match=r'keep: there is no body "wheel"; there are rocker, crank'

@@ -62,7 +62,9 @@ def test_meshes_that_were_not_meant(owner: str, monkeypatch: Any) -> None:
     if room is not None:
         monkeypatch.setattr(_memory, "available", lambda: room)
     begin = time.process_time()
-    with pytest.raises(ValueError, match=r"of memory, .* are left; were so many meant") as caught:
+    with pytest.raises(
+        ValueError, match=r"of memory, .* are available; reduce the number of elements"
+    ) as caught:
         make()
     assert str(caught.value).startswith(f"{owner} would need about ")
     # making the mesh first takes 4 s for every 10^6 elements
@@ -74,7 +76,9 @@ def test_meshes_are_shared_by_the_ranks_of_a_computer(monkeypatch: Any) -> None:
     """10^6 elements need 12.7 GB: too much for one computer with 7 GB, not for two of them."""
     monkeypatch.setattr(_memory, "available", lambda: 7e9)
     monkeypatch.setattr(launch, "ranks_here", lambda: (4, 4))
-    with pytest.raises(ValueError, match=r"would need about 13\.4 GB of memory, 7 GB are left"):
+    with pytest.raises(
+        ValueError, match=r"would need about 13\.4 GB of memory, 7 GB are available"
+    ):
         _memory.check_run("x", 1e6, _memory.LINE_NODE)
     monkeypatch.setattr(launch, "ranks_here", lambda: (2, 4))
     _memory.check_run("x", 1e6, _memory.LINE_NODE)
@@ -108,7 +112,7 @@ def test_models_that_take_most_of_what_is_left_are_named(monkeypatch: Any) -> No
     (finding,) = look.find(inspection)
     assert finding.where == 'Model "m"'
     assert finding.what == (
-        'a step takes about 1.39 GB of memory, 2.5 GB are left; 70000 elements in Beam "rod"'
+        'a step takes about 1.39 GB of memory, 2.5 GB are available; 70000 elements in Beam "rod"'
     )
     monkeypatch.setattr(look, "available", lambda: 1e8)
     assert not list(look.find(Inspection(rod(100))))  # small ones are not asked for
@@ -161,7 +165,9 @@ def test_what_is_there(tmp_path: Path, monkeypatch: Any) -> None:
     (tmp_path / "max").write_text("3000000000\n")
     (tmp_path / "used").write_text("2500000000\n")
     assert available() == 5e8
-    with pytest.raises(ValueError, match=r"x would need about 1.5 GB of memory, 500 MB are left"):
+    with pytest.raises(
+        ValueError, match=r"x would need about 1.5 GB of memory, 500 MB are available"
+    ):
         check_room("x", 1.5e9)
     check_room("x", 0.9e9)  # so little is never asked for
 

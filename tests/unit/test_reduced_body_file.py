@@ -111,7 +111,7 @@ def test_bad_files_are_refused_by_all_ranks(shared_tmp_path: Path, damage: str) 
 
 #: Changes of a file whose checksum is computed anew, and what is said of them.
 FORGERIES: dict[str, tuple[Callable[[Any], object], str]] = {
-    "missing": (lambda f: f.__delitem__("stiffness"), 'it does not hold "stiffness"'),
+    "missing": (lambda f: f.__delitem__("stiffness"), 'it has no "stiffness"'),
     "shape": (replaced("stiffness", data=np.zeros((3, 3))), "stiffness must hold 12 x 12 numbers"),
     "text": (replaced("stiffness", data=[b"x"]), '"stiffness" does not hold numbers'),
     "without end": (
@@ -122,7 +122,7 @@ FORGERIES: dict[str, tuple[Callable[[Any], object], str]] = {
             f.__delitem__("stiffness"),
             f.__setitem__("stiffness", h5py.ExternalLink("/etc/hostname", "/x")),
         ),
-        'it does not hold "stiffness"',
+        'it has no "stiffness"',
     ),
     "mass": (lambda f: f.attrs.__setitem__("mass", np.nan), "mass must be finite"),
     "no mass": (lambda f: f.attrs.__setitem__("mass", "heavy"), '"mass" is no number'),
@@ -132,10 +132,10 @@ FORGERIES: dict[str, tuple[Callable[[Any], object], str]] = {
     "deep": (lambda f: f.attrs.__setitem__("interfaces", "[" * 50_000), "have no names"),
     "held": (replaced("held", data=np.zeros(12)), "held must hold 12 truth values"),
     "positions": (replaced("positions", data=np.zeros(4)), "cannot reshape"),
-    "surface": (lambda f: f.__delitem__("recovery/points"), 'not hold "recovery/points"'),
+    "surface": (lambda f: f.__delitem__("recovery/points"), 'has no "recovery/points"'),
     "cells": (replaced("recovery/cells", data=[[0, 1, -1]]), "cells must lie in 0 to"),
     "surface is none": (
-        lambda f: (f.__delitem__("recovery"), f.__setitem__("recovery", 1.0)), "not hold"
+        lambda f: (f.__delitem__("recovery"), f.__setitem__("recovery", 1.0)), 'it has no "recovery'
     ),
 }  # fmt: skip
 
@@ -176,7 +176,7 @@ def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
     if COMM.rank == 0:
         os.mkfifo(shared_tmp_path / "rod.h5")
     COMM.Barrier()
-    with pytest.raises(ValueError, match=r"^reduced body '.*rod.h5': is no plain file"):
+    with pytest.raises(ValueError, match=r"^reduced body '.*rod.h5': is not a regular file"):
         ff.load_reduced_body(shared_tmp_path / "rod.h5")
 
 
@@ -197,8 +197,8 @@ def test_bodies_of_other_numbers_are_refused(shared_tmp_path):
     assert ff.load_reduced_body(path, made_with=made_with).mass == two_masses().mass
     with pytest.raises(ValueError, match=r"rod.h5': it was made with length = 0.3.*4, not 0.31;"):
         ff.load_reduced_body(path, made_with=made_with | {"length": 0.31})
-    with pytest.raises(ValueError, match="does not say with which density"):
+    with pytest.raises(ValueError, match="density that it was made with is not recorded"):
         ff.load_reduced_body(path, made_with={"density": 1.0})
     ff.save_reduced_body(path, two_masses())
-    with pytest.raises(ValueError, match="does not say with which length"):
+    with pytest.raises(ValueError, match="length that it was made with is not recorded"):
         ff.load_reduced_body(path, made_with=made_with)

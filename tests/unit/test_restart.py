@@ -425,7 +425,7 @@ def pendulum(length: float = 1.0, joint: Any = ff.Spherical, name: str = "bob") 
 
 OTHERS: dict[str, tuple[Any, dict[str, Any], str]] = {
     "length": (lambda: pendulum(1.0 + 1e-7), {}, "other joints, rigid bodies; "),
-    "kind": (lambda: pendulum(joint=ff.Rigid), {}, "another model, other joints; go"),
+    "kind": (lambda: pendulum(joint=ff.Rigid), {}, "another model, other joints; continue"),
     "name": (
         lambda: pendulum(name="bib"),
         {},

@@ -242,7 +242,8 @@ def test_missing_libraries_are_named(results: Path, name: str, missing: str) -> 
     )
     assert ended.returncode == 2
     assert ended.stderr == (
-        f"error: this needs {missing}, which is not here: pip install 'flexfem[post]'\n"
+        f"error: this command needs {missing}, which is not installed: "
+        "pip install 'flexfem[post]'\n"
     )
 
 

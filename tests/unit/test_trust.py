@@ -67,7 +67,9 @@ def test_folders_that_others_can_write(way: str, folder: Path, capsys: Any) -> N
     change, reason = WAYS[way]
     change(folder)
     text = said(folder, capsys)
-    assert text.startswith("warning: compiled code is not taken from folders where others can")
+    assert text.startswith(
+        "warning: compiled code in folders that other users can write to is not used"
+    )
     assert reason.format(folder, folder.parent) in text
     assert "chmod go-w" in text
     assert "X names a folder of your own" in text

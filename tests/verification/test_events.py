@@ -332,11 +332,11 @@ def test_bad_rebounds():
     model.add(ff.SpringDamper("pull", spring, hook, stiffness=1.0))
     model.release("pull")
     # it would cut the spring at the impact
-    _raises('Event "hit": nothing rebounds at "pull", which holds no', lambda: _run(model))
+    _raises('Event "hit": rebounds need a rigid constraint, but "pull" has', lambda: _run(model))
     closed = _ball(ff.Rebound("wall", 0.5))
     closed.add(ff.PointOnPlane("wall", ff.Ground(), hook, axis=(1, 0, 0)))
     # it would open the joint at the impact
-    _raises('Event "hit": rebounds are at open joints, but nothing opens "wall"',
+    _raises('Event "hit": rebounds need an open joint, but "wall" is never released',
             lambda: _run(closed))  # fmt: skip
     model = _ball(ff.Stop())
     model.add(ff.Event("e", ff.Marker("ball"), lambda t: 1.0, ff.Stop()))

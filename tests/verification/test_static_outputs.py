@@ -37,7 +37,7 @@ def test_path_meets_load_factors_and_values_of_columns(steps, shared_tmp_path: P
     wanted = {"t": [0.5, 0.77, 1.0], "tip_z": [-0.3, -0.31, -3.0]}
     outcome = _solve(output_at=wanted, output=shared_tmp_path / "run", every=100, **steps)
     assert outcome.status == "ok"
-    assert outcome.summary["warnings"][-1] == "output_at: tip_z = -3 was not met"
+    assert outcome.summary["warnings"][-1] == "output_at: tip_z = -3 was not reached"
     met = outcome.summary["output_at"]
     assert [(entry["column"], entry["value"]) for entry in met] == [
         ("tip_z", -0.3), ("tip_z", -0.31), ("t", 0.5), ("t", 0.77), ("t", 1.0)
@@ -84,5 +84,5 @@ def test_mistakes_are_named() -> None:
         ff.StaticOptions(max_step=0.05)
     with pytest.raises(ValueError, match="output_at names the column 'tipp', the history has t, "):
         _solve(output_at="tipp=1")
-    with pytest.raises(ValueError, match="output_at t = 2 is not on the way from 0 to 1"):
+    with pytest.raises(ValueError, match="output_at t = 2 is not between 0 and 1"):
         _solve(output_at="t=2")

@@ -104,7 +104,7 @@ def _sweep(name: str, case: Case, own: Any, given: dict[str, Any], output: Path)
 
     for file in ("restart", "state"):
         if file in given:
-            raise ValueError(f"a sweep knows no --{file}: its runs start by themselves")
+            raise ValueError(f"a sweep does not take --{file}: its runs start from the beginning")
     smoke = given.pop("smoke")
     given.pop("quiet")
     options = {option.name: option for option in case.all_options()}

@@ -27,6 +27,6 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         count = f"; {len(most.lengths)} elements in {owner_of(most.body)}" if most else ""
         yield Finding(
             "memory", repr(model),
-            f"a step takes about {shown(needed)} of memory, {shown(room)} are left{count}",
-            "were so many meant? runs that need a quarter more than there is are refused",
+            f"a step takes about {shown(needed)} of memory, {shown(room)} are available{count}",
+            "reduce the number of elements; runs that need a quarter more than that are refused",
         )  # fmt: skip

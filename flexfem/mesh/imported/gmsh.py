@@ -128,7 +128,7 @@ class _File:
         one = self.content[match.end() : match.end() + 4]
         orders = {b"\1\0\0\0": "<", b"\0\0\0\1": ">"}
         if one not in orders:
-            self._fail("the order of its bytes cannot be told")
+            self._fail("its byte order is unknown")
         self.order = orders[one]
         return match.end() + 4
 
@@ -149,7 +149,7 @@ class _File:
 
 
 def _version(text: str) -> str:
-    return f"it is of format {text} of gmsh, and 2.2, 4.0 and 4.1 can be; save it anew"
+    return f"format {text} of gmsh is not supported; save it in format 2.2, 4.0 or 4.1"
 
 
 class _Mesh:

@@ -79,7 +79,7 @@ def sparse_modes(
     found = eps.getConverged()
     if found < count:
         raise ArithmeticError(
-            f"only {found} of {count} modes were found; ask for fewer, or refine the mesh"
+            f"only {found} of {count} modes were found; request fewer, or refine the mesh"
         )
     vector = stiffness.createVecRight()
     modes = np.zeros((vector.getLocalSize(), count))

@@ -50,8 +50,8 @@ def prepare(owner: str, body: LinearBody, integrals: MassIntegrals, ties: Ties) 
         static = response.move(ties.motion, means)
     except ArithmeticError as error:
         raise ValueError(
-            f"{owner}: the interfaces do not hold the body: {error}; take larger ones or more, so "
-            "that it cannot move or turn while they are at rest"
+            f"{owner}: the interfaces do not constrain all rigid motions of the body: {error}; "
+            "take larger ones or more"
         ) from None
     _check_contained(owner, body, ties, static)
     return Pieces(
@@ -73,15 +73,15 @@ def _present(comm: Any, rigid: FloatArray) -> BoolArray:
 
 
 def _check_energy(owner: str, comm: Any, stiffness: Any, rigid: FloatArray) -> None:
-    """Rigid motions must cost no energy."""
+    """Raise for rigid motions that have strain energy."""
     energy = np.diagonal(projected(comm, rigid, multiply(stiffness, rigid)))
     diagonal = stiffness.getDiagonal().getArray()[:, np.newaxis]
     scale = np.diagonal(projected(comm, rigid, diagonal * rigid))
     worst = float(np.max(np.abs(energy) / scale))
     if not worst <= _RIGID:
         raise ValueError(
-            f"{owner}: rigid motions must cost no energy, but cost {worst:.3g} of what their "
-            "parts cost; check the body's elastic form and its rigid motions"
+            f"{owner}: rigid motions must have no strain energy, but have {worst:.3g} of that of "
+            "their parts; check the body's elastic form and its rigid motions"
         )
 
 

@@ -69,7 +69,7 @@ def find_region(owner: str, domain: mesh.Mesh, where: Any) -> Region:
     elif callable(where):
         topology.create_entities(dimension)
         entities = mesh.locate_entities(domain, dimension, _marker(owner, where))
-        what = "the points that the function tells"
+        what = "the points that the function returns"
     else:
         try:
             point = _checks.vector(owner, "point", where)

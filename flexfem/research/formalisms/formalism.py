@@ -166,7 +166,7 @@ def consistent_start(
     else:
         raise InputError(
             f'Mechanism "{equations.mechanism.name}": its joints cannot be closed at the start, '
-            f"a gap of {np.abs(gap).max():g} is left; place its bodies nearer to each other"
+            f"a gap of {np.abs(gap).max():g} remains; place its bodies closer to each other"
         )
     G = equations.jacobian(q)
     wanted = equations.prescribed_rates(t) - G @ qd
@@ -185,5 +185,5 @@ def _check_inertia(equations: MechanismEquations, M: FloatArray, G: FloatArray) 
     if len(own) and np.linalg.eigvalsh(scale[:, None] * own * scale)[0] < 1e-13:
         raise InputError(
             f'Mechanism "{equations.mechanism.name}": the mass matrix is singular; a body has no '
-            "mass, or elastic coordinates that move it like its frame must be held"
+            "mass, or elastic coordinates that move it like its frame must be fixed (held)"
         )

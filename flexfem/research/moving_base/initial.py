@@ -95,7 +95,7 @@ def _near(basis: Basis, what: str, function: Callable[[FloatArray], npt.ArrayLik
     part = np.sqrt(np.sum(inertia * left**2) / max(np.sum(inertia * theirs**2), 1e-300))
     if part > _LEFT:
         raise ValueError(
-            f"{what}: {100.0 * part:.3g} per cent of it cannot be told by {basis.size} functions; "
-            "take more modes"
+            f"{what}: {basis.size} functions cannot represent {100.0 * part:.3g} per cent of it; "
+            "use more modes"
         )
     return out
