@@ -36,7 +36,7 @@ def require(name: str) -> ModuleType:
 def missing(name: str) -> InstallationError:
     """The error for a package that is not installed."""
     return InstallationError(
-        f"{name} is required but not installed: pip install {name}, or its package of conda-forge "
+        f"{name} is not installed, but required: pip install {name}, or its package of conda-forge "
         "or Debian"
     )
 

@@ -75,7 +75,7 @@ def load_dolfinx() -> None:
     _check_petsc(require("petsc4py.PETSc"))
     if find_spec("slepc4py") is None:
         raise InstallationError(
-            "slepc4py, which computes modes, is not installed: install slepc4py of conda-forge or "
+            "slepc4py is not installed, but required for modes: slepc4py of conda-forge or "
             "python3-slepc4py-real of Debian; the wheels of flexfem[dolfinx] contain it"
         )
     check_packages()
