@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The end of a rank: together with the others, or ending all of them."""
+"""Exit of MPI ranks: together with the others, or aborting all of them."""
 
 import os
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Available memory, and the refusal of what will not fit before room is made for it."""
+"""Available memory, and refusal of models that do not fit before they are allocated."""
 
 import os
 import resource

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Folders of compiled code: whoever can write there can run a program of his in our name.
+"""Trust in folders of compiled code: whoever can write there can run code as this user.
 
 Numba and FFCx keep what they have compiled and load it without a look at where it comes from. A
 folder is used for that only where no one but its user, the system's administrator, and whoever owns

@@ -214,7 +214,7 @@ def target_values(text: str) -> dict[str, tuple[float, ...]]:
 
 @dataclass(frozen=True, init=False)
 class ProgressOption(Option):
-    """How progress is shown: see :func:`progress_kind`."""
+    """Display of progress: see :func:`progress_kind`."""
 
     def __init__(self) -> None:
         """Declare the option."""

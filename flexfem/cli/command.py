@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The ``flexfem`` command: finds the command that the first argument names."""
+"""The ``flexfem`` command: dispatch by its first argument."""
 
 import importlib
 import pkgutil

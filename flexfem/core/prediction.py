@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Predictors of the increments of a step."""
+"""Predictors of the increments of a step, of order 0 to 2."""
 
 from enum import IntEnum
 

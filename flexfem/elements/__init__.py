@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Flexible elements: one formulation a file."""
+"""Flexible elements: formulations, their compiled loops and their interface to the system."""

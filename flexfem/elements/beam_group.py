@@ -196,7 +196,7 @@ class BeamGroup:
 
     @property
     def viscous(self) -> bool:
-        """Whether the cells resist the rate of their strain."""
+        """True if the material of the cells is viscous: it resists the rate of strain."""
         return self._material.viscous
 
     def _strain(

@@ -21,7 +21,7 @@ _UPPER = np.triu_indices(6)
 
 
 class Material(Protocol):
-    """What distinguishes the cells of one material from others.
+    """Constitutive model of the cells of one group.
 
     Attributes:
         law, damped: what the forms of an element depend on: the law, None for the linear one, and

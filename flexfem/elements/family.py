@@ -44,7 +44,7 @@ class ElementFamily(Protocol):
 
     @property
     def viscous(self) -> bool:
-        """Whether any cells resist the rate of their strain."""
+        """True if any material is viscous: it resists the rate of strain."""
         ...
 
     def add_residual(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Values of laws of the user: compiled once for all sections that share one but for parameters."""
+"""Values of user-defined laws, compiled once for all sections that differ in parameters only."""
 
 from collections.abc import Sequence
 
@@ -55,7 +55,7 @@ class LawValues:
                 _check_dissipation(where, row[43:49], row[49:].reshape(6, 6))
 
     def at(self, strain: FloatArray, rate: FloatArray, sections: IntArray) -> FloatArray:
-        """What ``forms.beam_law.LawForm`` lists, (m, k), at strains and their rates (m, 6)."""
+        """Values (m, k) of ``forms.beam_law.LawForm`` at strains and their rates (m, 6)."""
         values = np.empty((len(strain), self._kernel.size))
         cells = plain_cells(
             np.concatenate([strain, rate], axis=1), section=sections, sections=self.parameters

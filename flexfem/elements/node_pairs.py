@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pairs of nodes that triangles couple: their matrices are summed up before they are inserted."""
+"""Pairs of nodes that triangles couple: their matrices are summed before assembly."""
 
 from collections.abc import Sequence
 

@@ -16,7 +16,7 @@ Strains = Sequence[FloatArray]
 
 @dataclass(frozen=True)
 class TangentRequest:
-    """Which residual or tangent a family is to compute.
+    """The residual or tangent that a family is to compute.
 
     Attributes:
         strains: Strains whose stresses are taken in place of the present ones, see

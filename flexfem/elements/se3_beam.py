@@ -189,7 +189,7 @@ class SE3Beams:
 
     @property
     def viscous(self) -> bool:
-        """Whether any cells resist the rate of their strain."""
+        """True if any material is viscous: it resists the rate of strain."""
         return any(group.viscous for _, group in self.groups)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled loops over the nodes of shells, whose translations are counted in axes of their own.
+"""Compiled loops over the nodes of shells, whose translations are counted in corotating axes.
 
 The axes of a node turn with the shell around it from step to step, so that the matrices of a shell
 in motion change little. Sums over triangles are made in inertial axes and turned node by node.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""UFL forms of an energy of nodal positions that a user gives as a function."""
+"""UFL forms of a user-defined energy of nodal positions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

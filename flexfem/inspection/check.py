@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Look through a model for what is admissible but looks like a mistake."""
+"""Run the checks of a model: findings of admissible input that looks like a mistake."""
 
 import importlib
 import pkgutil

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Files that are the old or the new version, never half of one; errors known to all ranks."""
+"""Atomic replacement of files, and errors raised together by all ranks."""
 
 from __future__ import annotations
 

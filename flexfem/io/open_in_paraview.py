@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Open the results beside this file in ParaView 5.11 or newer, in colours that say something.
+"""Open the results beside this file in ParaView 5.11 or newer, coloured by their fields.
 
 In ParaView: File > Load State. From a shell, with the window or without:
 

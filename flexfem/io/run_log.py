@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Files that take what a run prints."""
+"""Log files for the output of processes."""
 
 from __future__ import annotations
 

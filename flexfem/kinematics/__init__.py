@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Mechanisms whose bodies move as wholes: assembly of positions, inverse dynamics."""
+"""Rigid-body kinematics of mechanisms: assembly of positions, inverse dynamics."""
 
 from flexfem.installation import check_packages
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Joints between bodies that move as wholes: values, gradients, closing of gaps, forces."""
+"""Joints between rigidly moving bodies: values, gradients, closing of gaps, forces."""
 
 from collections.abc import Sequence
 

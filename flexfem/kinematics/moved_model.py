@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A model with its bodies at other places, and all that is fixed to them."""
+"""Copy of a model with its bodies, and all that is fixed to them, at other places."""
 
 from collections.abc import Callable, Mapping
 from copy import copy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The bodies of a model as wholes: one frame and one inertia matrix for each."""
+"""Bodies of a model as rigid bodies: one frame and one inertia matrix for each."""
 
 from collections.abc import Iterable
 from functools import cached_property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All joints of a model at the start: on the nodes, and on the bodies as wholes."""
+"""Constraint equations of all joints at the start, on nodes and on rigidly moving bodies."""
 
 from collections.abc import Sequence
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rows of a sparse matrix that depend on one another, group by group of rows with common columns.
+"""Linearly dependent rows of a sparse matrix, by groups of rows with common columns.
 
 The columns are twists of nodes, six each. Rows without a common node are independent, so that
 every connected group of nodes is looked at by itself: two nodes for joints between beams, whole

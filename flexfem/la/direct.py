@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solutions by factorising, with MUMPS; small matrices are factorised whole on every rank."""
+"""Direct solver: MUMPS, and redundant factorisation of small matrices on every rank."""
 
 from mpi4py import MPI
 from petsc4py import PETSc

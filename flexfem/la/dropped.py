@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Fate of PETSc objects that Python lets go of."""
+"""Deferred collective destruction of PETSc objects that Python has released."""
 
 from mpi4py import MPI
 from petsc4py import PETSc

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A word on the compilation of kernels, which keeps a first run waiting."""
+"""Notice that a first run waits for the compilation of kernels."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cells side by side, as batched kernels take them."""
+"""Cells in SIMD lanes, as batched kernels take them."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The nest of blocks and multipliers as PETSc matrices and vectors."""
+"""Block matrices and vectors (MATNEST) of blocks and multipliers in PETSc."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nodes of director shells: middles of curved edges, directors and axes at the start."""
+"""Nodes of director shells: midside nodes of curved edges, directors and axes at the start."""
 
 from dataclasses import dataclass
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""On which meshes the curvatures of patches lead to a wrong limit."""
+"""Meshes on which the curvatures of patches converge to a wrong limit."""
 
 import numpy as np
 

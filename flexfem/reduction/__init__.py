@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""From finite elements to the reduced data of bodies in a floating frame."""
+"""Model order reduction: finite elements to the reduced data of bodies in a floating frame."""

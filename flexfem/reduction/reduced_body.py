@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Reduced data of an elastic body in a floating frame: all that a multibody simulation needs of it.
+"""Reduced data of an elastic body in a floating frame of reference.
 
 A point of the body, at rest at r in the body's axes, is at ``r + sum_j Phi_j(r) eta_j`` when the
 body is deformed. The coordinates eta are, interface by interface, its displacement and its

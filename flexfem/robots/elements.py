@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""XML elements that know where they stand, and say so when a value is wrong."""
+"""XML elements with file and line, for messages on wrong values."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field

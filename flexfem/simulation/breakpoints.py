@@ -156,7 +156,7 @@ class _Function:
         self.times: FloatArray = np.where(self.off, self.real, nearest)
 
     def sampled(self) -> str:
-        """That it is known at the ends of steps only, if it changes faster than these."""
+        """Warning of a function with breakpoints within steps, empty if there are few."""
         count = int(self.off.sum())
         steps = max(float(np.ptp(self.real)) / self._h, 1.0)
         if count <= steps:

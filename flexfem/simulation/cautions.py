@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Warnings of a run: kept for the summary, and said on stderr once it is no longer refused."""
+"""Warnings of a run: kept for the summary, and printed to stderr once the run is accepted."""
 
 from collections.abc import Iterable
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checkpoints of a run, and what it takes to go on from one.
+"""Checkpoints of a run, and restart from them.
 
 What a checkpoint holds is said by ``state()`` of the simulation and of what it consists of; here
 are the checks that file and model belong together, and which files are kept.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A cheap watch over every motion: energy, turns, drives that jump, what is absurd or not finite.
+"""Monitor of every motion: energy balance, rotations, jumps, inverted elements, values not finite.
 
 The work of loads and drives is summed up in every step, by few numbers; energies are summed over
 the model only at some of them, which are counted, not timed, so that runs and ranks agree.

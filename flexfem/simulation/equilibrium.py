@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A model at rest: its static equations, and what moves without any stiffness."""
+"""Static equations of a model at rest, and detection of motions without stiffness."""
 
 from mpi4py import MPI
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Runs that a signal, or functions that differ between ranks, end on all ranks alike."""
+"""Interruption of a run on all ranks: by a signal, or by functions that differ between ranks."""
 
 from pathlib import Path
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Smooth NURBS beams that lock in the shape that a run has bent them to."""
+"""Locking of smooth NURBS beams in the shape at the end of a run."""
 
 import numpy as np
 

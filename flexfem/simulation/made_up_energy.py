@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Detection of spurious energy, a sign of too large steps: growth that nothing explains."""
+"""Detection of spurious energy: growth of the energy balance, a sign of too large steps."""
 
 from collections.abc import Iterator, Mapping
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Ranks that make nothing faster: those without bodies, and more of them than cores."""
+"""Load balance of ranks: ranks without bodies, and more ranks than cores."""
 
 import os
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""From a model to its system, with mistakes told as such."""
+"""Set-up of a run: the system of a model, with faults of the model as input errors."""
 
 from collections.abc import Callable
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Initial velocities that joints and drives have changed at the start of a motion."""
+"""Initial velocities that were projected onto the constraints at the start of a motion."""
 
 from mpi4py import MPI
 

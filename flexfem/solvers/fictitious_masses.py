@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Masses with which an explicit step of one unit of time is stable.
+"""Fictitious masses of dynamic relaxation, with which an explicit step of unit size is stable.
 
 The largest eigenvalue of ``M^-1 K`` is at most the largest sum of ``|K_ij| / m_i`` over a row
 (Gershgorin); steps are stable below a limit that depends on the damping. Masses in proportion to

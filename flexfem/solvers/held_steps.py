@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Steps towards stable equilibria, held by stabilisation where the stiffness does not suffice.
+"""Regularised (shifted) Newton method towards stable equilibria.
 
 The blocks' matrices get a multiple of their initial diagonals added, which leaves the equilibrium
 as it is: a step of Newton's method for a body in a viscous fluid. Where contacts close within a

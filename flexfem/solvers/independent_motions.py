@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Motions that the constraints leave, of systems small enough for dense matrices.
+"""Null space of the constraints, for systems small enough for dense matrices.
 
 Local twists u of all nodes are split as ``u = N y + Y z``: N spans the motions that the rigid rows
 leave at the accepted state, Y the rest, both orthonormal and kept over a step. At another state of

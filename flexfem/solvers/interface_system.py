@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The small linear system of the multipliers, distributed over the ranks.
+"""Interface system: the dual Schur complement of the multipliers, distributed over the ranks.
 
 Every rank holds entries between the rows that it evaluates. It eliminates the rows of its own; the
 complement on the rows shared with other ranks is summed by one reduction and solved everywhere.

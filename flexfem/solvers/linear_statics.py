@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Linear statics: stiffness of the start without loads, loads upon it, and what that leaves out."""
+"""Linear statics about the unloaded initial state, with an estimate of the linearisation error."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

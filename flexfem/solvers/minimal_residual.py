@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""GMRES for a few vectors, for operators that are close to the identity.
+"""GMRES with a few basis vectors, for operators that are close to the identity.
 
 Inner products are the caller's: those of frozen steps leave out the multipliers, which several
 ranks may hold, and take one reduction a vector, with the norm. PETSc's GMRES has neither. By itself

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The eigenproblem of the linearised equations of motion, before it is solved.
+"""Quadratic eigenvalue problem of the linearised equations of motion.
 
 ``(lambda^2 M + lambda C + K) u + G^T mu = 0, G u = 0`` with the matrices of ``linearization``.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Policies by name: when the iteration matrix is assembled and factorised.
+"""Policies of the Newton method by name: when the iteration matrix is factorised.
 
 ``updated`` takes a fresh matrix in every iteration, ``material`` the same without geometric
 stiffness. ``frozen`` keeps the factors of the bodies for each step size. ``auto`` does the same,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Policy that assembles and factorises the iteration matrix in every iteration."""
+"""Full Newton policy: the iteration matrix is assembled and factorised in every iteration."""
 
 from collections.abc import Callable
 from typing import Protocol

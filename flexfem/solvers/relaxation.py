@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Dynamic relaxation: equilibrium as the end of a damped motion in a time of its own.
+"""Dynamic relaxation: equilibrium as the end of a damped motion in fictitious time.
 
 Steps have the unit size, ``v <- keep v - smooth M^-1 (r - r_before) - push M^-1 r`` and
 ``q <- q exp(v)``, with diagonal masses that have nothing to do with those of the model;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rows of joints in explicit steps: springs push, rigid rows are projected onto.
+"""Joints in dynamic relaxation: forces of springs, projection onto the constraint equations.
 
 A step v is made to end on the constraints to first order, ``Phi + G v = 0``, by multipliers of
 ``G M^-1 G^T``, M being diagonal.

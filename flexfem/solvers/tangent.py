@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The exact iteration matrix as a nest, solved directly.
+"""The consistent tangent as a block matrix (MATNEST), solved directly.
 
 ``[[s (K + c C + m M) + H(L), G^T], [G, -compliance]]`` with H the derivative of the constraint
 forces; all blocks keep their pattern, so that only numbers are set in an iteration.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Short runs of cases that leave compiled loops and forms behind for all later runs."""
+"""Ahead-of-time compilation of loops and forms, by short runs of cases."""
 
 import tempfile
 import time

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compile loops ahead of a first run, in processes beside it.
+"""Background compilation: processes that compile loops during a first run, before it needs them.
 
 A run compiles its loops one after the other, most of them at its start, and so would a core alone
 be at work. ``loops.txt`` lists loops, those first that nearly all models call: they are compiled

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All joints of this rank as one batch of rows."""
+"""Constraint equations and force laws (rows) of all joints of this rank, as one batch."""
 
 from collections.abc import Sequence
 
@@ -108,7 +108,7 @@ class Constraints(NumberedRows):
         self.own.relaxation = value
 
     def state(self) -> State:
-        """What the rows remember of the accepted state, and which of them hold what."""
+        """State of the rows at the accepted step: forces, targets, active and held rows."""
         active, held = self.active.astype(np.float64), self.held.astype(np.float64)
         rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
         values = {"relaxation": np.array([self.relaxation])}

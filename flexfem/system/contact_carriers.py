@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The points of contacts on this rank: where they are, how they move, and what carries them.
+"""Contact points on this rank: positions, motion and the nodes that carry them.
 
 Arrays have one row for every point of the model; only those of points here or nearby are used. A
 point belongs to the rank that owns the node that carries it, one between two others to that of the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Surfaces that intersect, or lie too deep in each other, before anything has moved."""
+"""Check of contact at the start: surfaces that intersect or penetrate too deeply."""
 
 from collections.abc import Sequence
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Serial data of the contacts of a model: what touches what, the same on every rank."""
+"""Serial data of all contacts: pairs of slave and master surfaces, the same on every rank."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Serial data of director shells: nodes amid the edges, what is held there; cells on a rank."""
+"""Serial data of director shells: midside nodes and their Dirichlet conditions; cells on a rank."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Size of a model."""
+"""Bounding box of a model, and its diagonal."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Dirichlet conditions of nodes along arbitrary directions, which become axes of the nodes."""
+"""Dirichlet conditions along arbitrary directions: rotated nodal axes."""
 
 from collections.abc import Iterator
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nodes at which joints attach, and their exchange between ranks.
+"""Interface nodes, at which joints attach, and their exchange between ranks.
 
 Every rank keeps a table of the nodes its joints touch. Owned nodes are copied from their block,
 the others arrive by one message per neighbouring rank: 24 numbers a node (frame, increment,

@@ -183,7 +183,7 @@ class LineJoints:
         self.own.accepted[:] = places + self._offsets()
 
     def _offsets(self) -> FloatArray:
-        """What is added to elements of lines for their numbers on this rank, (m, 2)."""
+        """Offsets (m, 2) from elements of lines to their numbers on this rank."""
         first = self.own.first_element[self.own.line]
         return np.stack([first, np.zeros_like(first)], axis=1).astype(np.float64)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nodes that joints touch, held whole by this process: what rows need of an interface."""
+"""Table of all interface nodes in one process, for serial evaluation of rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

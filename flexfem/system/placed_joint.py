@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Joints on nodes of the interface, and where their rows stand in the table."""
+"""Joints on interface nodes, and the numbers of their rows in the table."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

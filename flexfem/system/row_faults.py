@@ -81,7 +81,7 @@ def _pose_arguments(H: FloatArray) -> tuple[tuple[float, ...], tuple[tuple[float
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a function is used: its row, and its first term there, -1 for that of a law."""
+    """Use of a function: its row, and its first term there, -1 for that of a law."""
 
     user: UserFunction
     row: int
@@ -131,7 +131,7 @@ class Functions:
     def _arguments(
         self, place: _Place, rows: Any, sums: FloatArray, rates: FloatArray
     ) -> tuple[Any, ...]:
-        """What the function was called with; empty if it is not known."""
+        """Arguments that the function was called with; empty if they are not known."""
         r = place.row
         if place.user.kind is FunctionKind.POSE:
             if place.term < 0:

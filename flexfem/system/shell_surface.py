@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Serial data of all shells of a model: triangles, edges, held directions."""
+"""Serial data of all shells of a model: triangles, edges, Dirichlet conditions."""
 
 from dataclasses import dataclass
 from typing import Self

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All rows of this rank over a step that conserves energy.
+"""Rows of this rank in the energy-momentum scheme.
 
 Rigid rows hold at the end of the step. A spring pulls with ``k`` times the mean of its values at
 both ends, which is the change of its energy divided by that of its value; dampers see the mean
@@ -63,7 +63,7 @@ class StepRows:
         self._applied0[:] = self._rows.elastic[:, 3]
 
     def state(self) -> dict[str, FloatArray]:
-        """What the next step needs of the last one, (r,) each."""
+        """State carried from one step to the next, (r,) each."""
         return {
             "last_changes": self._last,
             "last_targets": self._targets0,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Equations of a whole step whose forces do exactly the work by which energies change.
+"""Energy-momentum equations of a step, whose forces do exactly the work by which energies change.
 
 The residuals are momentum balances over the step multiplied by ``h (1 + chi)/2 h``, so that the
 iteration matrix is that of Newmark's method, ``M + h^2 (1 + chi)^2/4 K``; multipliers are scaled
@@ -214,7 +214,7 @@ class StepMechanics(Mechanics):
         return min(1.0, self.h / self._last_h) if np.isfinite(self._last_h) else 1.0
 
     def state(self, system: System) -> State:
-        """What the next step needs of the last one."""
+        """State carried from one step to the next."""
         blocks = {p.block.name: {"before": self._parts[id(p)].before} for p in system.parts}
         return State({"last_h": np.array([self._last_h])}, {**blocks, "rows": self._rows.state()})
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""flexfem compile: compiled loops and forms before they are waited for."""
+"""flexfem compile: ahead-of-time compilation of loops and forms."""
 
 from collections.abc import Sequence
 

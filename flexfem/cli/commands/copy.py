@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""flexfem copy: a shipped case beside the user, to change it."""
+"""flexfem copy: copies of shipped cases, to be changed."""
 
 from collections.abc import Sequence
 from pathlib import Path

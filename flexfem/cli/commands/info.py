@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""flexfem info: what the model of a case comes to, and what looks wrong in it."""
+"""flexfem info: summary and check of the model of a case."""
 
 import json
 from collections.abc import Sequence

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Joints that do not hold at the start."""
+"""Joints whose constraints are violated at the start."""
 
 from collections.abc import Iterator
 

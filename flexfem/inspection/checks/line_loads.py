@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Loads along beams that change faster than the points see at which elements take them.
+"""Loads along beams that change faster than the quadrature points of elements resolve.
 
 Each element is integrated by Gauss points, and once more in two halves. Functions without jumps
 inside elements give the same to six digits and more; a jump that is no breakpoint gives up to a

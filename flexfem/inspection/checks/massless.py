@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bodies without mass, where a motion is looked for."""
+"""Bodies without mass in a motion."""
 
 from collections.abc import Iterator
 

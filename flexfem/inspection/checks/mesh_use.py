@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Meshes that no body lives on."""
+"""Meshes that no body uses."""
 
 from collections.abc import Iterator
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Constraints that say the same thing twice."""
+"""Redundant constraints."""
 
 from collections.abc import Iterator
 

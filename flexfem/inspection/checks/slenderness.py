@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bodies too long or too short for their sections, and stiffnesses that are worlds apart."""
+"""Bodies too long or too short for their sections, and stiffnesses of very different size."""
 
 from collections.abc import Iterator
 

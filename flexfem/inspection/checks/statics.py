@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Motions of bodies as wholes that nothing resists, where equilibria are looked for."""
+"""Rigid-body motions without stiffness, in searches for equilibria."""
 
 from collections.abc import Iterator
 

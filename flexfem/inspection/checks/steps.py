@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Steps that are too long for how fast the model turns at the start."""
+"""Steps that are too long for the angular velocities at the start."""
 
 from collections.abc import Iterator
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Loads and drives that change faster than steps follow, which see values at their ends only."""
+"""Loads and drives that change faster than steps resolve, which use values at their ends only."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Internal functions of a body: displacements that leave all interfaces where they are."""
+"""Internal functions of a body with fixed interfaces: modes, inertia-relief functions, or all."""
 
 from dataclasses import dataclass
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Matrices, responses and static functions of a body, and whether they can be right."""
+"""Matrices, responses and static (constraint) modes of a body, with checks of them."""
 
 from collections.abc import Sequence
 from typing import Any

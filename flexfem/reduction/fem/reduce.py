@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""From a linear elastic body on a mesh to its reduced data."""
+"""Component mode synthesis (Craig–Bampton and others) of a linear elastic body on a mesh."""
 
 from collections.abc import Mapping
 from typing import Any

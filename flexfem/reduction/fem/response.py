@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Static responses of a body whose interfaces are held or moved, or that has none.
+"""Static responses of a body with fixed, moved or no interfaces.
 
 Regions of rigid interfaces are eliminated: their rows are fixed. All other conditions on the
 motion, ``C^T u = q`` (means over the regions of averaged interfaces; for a body without interfaces

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Number of modes that are kept: given, by frequency, or by the mass that they move."""
+"""Selection of modes: by number, frequency or effective modal mass."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Frames tied to regions of a body: which rows they prescribe, which means they are."""
+"""Coupling of interface frames to regions of a body: rigid or averaged (ties)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

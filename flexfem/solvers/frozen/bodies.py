@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bodies of one part of the system, as the frozen solver sees them, and their kept factors."""
+"""Bodies of the frozen solver: frozen factors and interface responses."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

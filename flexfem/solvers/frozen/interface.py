@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The multipliers' system of the frozen solver: a dual Schur complement over all bodies.
+"""Interface system of the frozen solver: a dual Schur complement over all bodies.
 
 ``S = G~ A^-1 G^T + compliance``. A body touches it through the active components of its interface
 nodes, its columns.

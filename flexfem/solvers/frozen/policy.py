@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Policies with kept factors: when they are renewed, and steps refined."""
+"""Modified Newton policies: when bodies are refactorised, and steps refined."""
 
 from collections.abc import Callable
 
