@@ -100,6 +100,6 @@ def _check_dissipation(owner: str, stress: FloatArray, viscosity: FloatArray) ->
         )
     if np.abs(stress).max() > _AT_REST * np.abs(viscosity).max():
         raise ValueError(
-            f"{owner}: the viscous stress of what is at rest must be zero, got {stress.tolist()}"
+            f"{owner}: the viscous stress at zero strain rate must be zero, got {stress.tolist()}"
         )
     check_definite(owner, "viscosity at zero strain and rate", viscosity, semidefinite=True)

@@ -140,7 +140,7 @@ class UFLBodyFamily(Family):
 
     @override
     def line(self, carrier: Carrier) -> Line:
-        raise ValueError(f'Carrier on "{carrier.body}": an UFLBody has no line')
+        raise ValueError(f'Carrier on "{carrier.body}": a UFLBody has no line')
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:
@@ -236,7 +236,7 @@ class UFLBodyFamily(Family):
     @override
     def contact_numbers(self, body: UFLBody, contact: Contact) -> tuple[float, float]:
         raise ValueError(
-            f'UFLBody "{body.name}": its energy tells no stiffness through the thickness, give '
+            f'UFLBody "{body.name}": its energy has no stiffness through the thickness, give '
             "Contact(stiffness=...)"
         )
 

@@ -21,7 +21,7 @@ class _Parameters:
     def __getitem__(self, name: str) -> Any:
         if name not in self._values:
             known = ", ".join(self._values) or "none"
-            raise ValueError(f'the energy asks for a parameter "{name}"; there are {known}')
+            raise ValueError(f'the energy needs a parameter "{name}"; given are {known}')
         self.asked.add(name)
         return self._values[name]
 

@@ -94,7 +94,7 @@ def stop(it: Connection, stops: Stops) -> LimitStop:
     assert limits.upper is not None
     if limits.lower == limits.upper:
         it.data.element.required("limit").refuse(
-            f"leaves no motion between stops, lower and upper are {limits.lower:g}"
+            f"has no range between its stops, lower and upper are {limits.lower:g}"
         )
     margin = 1e-9 * max(1.0, abs(start))
     if not limits.lower - margin <= start <= limits.upper + margin:

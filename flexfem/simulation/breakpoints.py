@@ -163,8 +163,8 @@ class _Function:
             return ""
         return (
             f"{self._owner}: {count} breakpoints within steps, {count / steps:.3g} in each of "
-            f"{self._h:.3g} s: its values at the ends of steps are taken; take a smaller dt, or "
-            "means over the steps"
+            f"{self._h:.3g} s: its values at the ends of steps are used; reduce dt, or give means "
+            "over the steps"
         )
 
     def met(self, off_grid: bool) -> tuple[BoolArray, BoolArray]:

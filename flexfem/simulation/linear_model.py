@@ -102,7 +102,7 @@ def linearize(
     point = OperatingPoint(model, options, comm)
     if options.modes == 0 and point.system.unknowns > LARGEST:
         raise InputError(
-            f"LinearOptions: modes must be given for {model!r} with {point.system.unknowns} > "
+            f"LinearOptions: give modes for {model!r} with {point.system.unknowns} > "
             f"{LARGEST} unknowns"
         )
     point.check_count("LinearOptions", options.modes)

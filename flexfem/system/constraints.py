@@ -208,7 +208,7 @@ class Constraints(NumberedRows):
     def _switchable(self, name: str) -> IntArray:
         rows = np.flatnonzero(self.switchable & self._named(name)).astype(np.int64)
         if self.comm.allreduce(len(rows)) == 0:
-            raise ValueError(f'joint "{name}": the model has none that can be locked and released')
+            raise ValueError(f'joint "{name}": no such joint can be locked and released')
         return rows
 
     def _switch(self, rows: IntArray, active: bool) -> None:

@@ -395,7 +395,7 @@ BAD = {
     ),
     "at rest": (
         _law(linear, dissipation=lambda e, r, p: p.k * (ufl.dot(r, r) + r[0])),
-        r"the viscous stress of what is at rest must be zero, got \[1.0, ",
+        r"the viscous stress at zero strain rate must be zero, got \[1.0, ",
     ),
     "dry": (
         _law(linear, dissipation=lambda e, r, p: p.k * ufl.sqrt(ufl.dot(r, r))),

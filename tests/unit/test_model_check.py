@@ -275,7 +275,7 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     ),
     # axes of the body lie across those of gravity
     "on a rail": (
-        "unconnected", "no joint to the ground holds it up", lambda: railed(Z), lambda: railed(X),
+        "unconnected", "no joint to the ground supports it", lambda: railed(Z), lambda: railed(X),
         None,
     ),
     "lost sheet": (
@@ -391,7 +391,7 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
         lambda: shaken(400.0, drive=True), lambda: shaken(200.0, drive=True), MOTION,
     ),
     "aliased, or told": (
-        "unresolved", "which are all that the motion sees", lambda: shaken(1000.0),
+        "unresolved", "the only values that the integrator uses", lambda: shaken(1000.0),
         lambda: shaken(1000.0, told=True), MOTION,
     ),
     "pulses": (
@@ -410,7 +410,7 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     ),
     "nothing acts": ("loads", "no gravity", lambda: still(False), lambda: still(True), None),
     "statics": (
-        "statics", '"rod": free to move as wholes in 3 ways',
+        "statics", '"rod": free rigid-body motion in 3 ways',
         lambda: hinged(ff.Spherical("pin", ff.Ground(), START)), beam, STATICS,
     ),
     "statics on a spring": (

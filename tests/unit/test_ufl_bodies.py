@@ -218,7 +218,7 @@ def test_a_family_of_the_user_has_a_block_of_its_own():
 REFUSED = {
     "not zero": (lambda x, X, p: bar(x, X, p) + 1.0, {"EA": 1.0}, "where it must vanish"),
     "not finite": (lambda x, X, p: bar(x, X, p) / (x[2] * 0 + X[2]), {"EA": 1.0}, "not finite"),
-    "missing": (bar, {}, 'asks for a parameter "EA"; there are none'),
+    "missing": (bar, {}, 'the energy needs a parameter "EA"; given are none'),
     "idle": (bar, {"EA": 1.0, "GA": 2.0}, 'does not depend on the parameter "GA"'),
     "vector": (lambda x, X, p: x * p.EA, {"EA": 1.0}, "must return a scalar"),
     "fails": (lambda x, X, p: 1 / 0, {}, "energy fails: division by zero"),

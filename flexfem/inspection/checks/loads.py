@@ -27,5 +27,5 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     yield Finding(
         "loads", repr(model), "no gravity, load, drive, prestress or initial velocity acts on it",
-        "add what is to move it",
+        "add gravity, a load, a drive or an initial velocity",
     )  # fmt: skip

@@ -26,7 +26,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         total = int(np.isin(joint[group], guilty).sum())
         yield Finding(
             "redundant", listed(list(names)),
-            f"{null.shape[1]} of {total} constraints are redundant: the joints hold the same "
-            "motion twice, or the position is singular",
-            "take joints that leave more motions, or --redundant-constraints least_norm",
+            f"{null.shape[1]} of {total} constraints are redundant: joints constrain the same "
+            "motion twice, or the configuration is singular",
+            "use joints with fewer constraints, or --redundant-constraints least_norm",
         )  # fmt: skip

@@ -21,6 +21,6 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     kinds = "one way" if count == 1 else f"{count} ways"
     yield Finding(
         "statics", listed([f'"{name}"' for name in names]),
-        f"free to move as wholes in {kinds}: no joint, spring or held edge resists",
-        "hold them, or take --stabilise if their loads do",
+        f"free rigid-body motion in {kinds}: no joint, spring or fixed edge resists it",
+        "constrain them, or use --stabilise if their loads hold them in place",
     )  # fmt: skip

@@ -24,7 +24,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     if len(groups) == 1 and floating:
         if falls and inspection.moves is not False:
             yield Finding(
-                "unconnected", repr(model), "nothing connects it to the ground, it falls freely",
+                "unconnected", repr(model), "it is not connected to the ground and falls freely",
                 "join it to Ground(), or leave gravity out",
             )  # fmt: skip
         return
@@ -36,10 +36,10 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     for group in floating:
         names = [name for i in sorted(group) for name in parts.names[i]]
         where = listed([owner_of(model[name]) for name in names])
-        what = "no joint, contact or held edge connects it to anything"
+        what = "no joint, contact or fixed edge connects it to anything"
         if len(names) > 1:
-            what = "no joint, contact or held edge connects them to the other bodies or the ground"
-        hint = "add the joint that is missing, or the body to a contact"
+            what = "no joint, contact or fixed edge connects them to the other bodies or the ground"
+        hint = "add the missing joint, or add the body to a contact"
         yield Finding("unconnected", where, what, hint)
 
 
@@ -61,8 +61,8 @@ def _falling(inspection: Inspection, held: list[set[int]]) -> Iterator[Finding]:
     np.add.at(drops, table.row, np.einsum("tsi,tsi->t", table.gradient[..., :3], ways[table.nodes]))
     if len(drops) and np.abs(drops).max() < _ZERO:
         yield Finding(
-            "unconnected", repr(model), "it falls freely: no joint to the ground holds it up",
-            "join it to Ground() where it is held, or leave gravity out",
+            "unconnected", repr(model), "it falls freely: no joint to the ground supports it",
+            "join it to Ground() at its supports, or leave gravity out",
         )  # fmt: skip
 
 

@@ -104,6 +104,6 @@ def _between(
     yield Finding(
         "unresolved", owner,
         f"within a step it is {inside:.4g} at t = {times[worst, 1]:.6g} s, and {begin:.4g} and "
-        f"{end:.4g} at the step's ends, which are all that the motion sees",
-        "take five steps or more in each period (smaller dt), or means over the steps",
+        f"{end:.4g} at the step's ends, the only values that the integrator uses",
+        "use five steps or more in each period (smaller dt), or means over the steps",
     )  # fmt: skip

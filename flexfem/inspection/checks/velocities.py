@@ -35,8 +35,8 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         yield Finding(
             "velocities", joint.owner,
             f"{cause} differ by {abs(rates[row]):.4g} {unit} at the start",
-            "a run begins with the nearest velocities that fit; give those that are meant, or "
-            "let the drive begin smoothly (SmoothStep)",
+            "a run begins with the nearest consistent velocities; give consistent ones, or let the "
+            "drive begin smoothly (SmoothStep)",
         )  # fmt: skip
 
 
