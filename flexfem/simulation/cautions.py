@@ -2,6 +2,9 @@
 """Warnings of a run: kept for the summary, and printed to stderr once the run is accepted."""
 
 from collections.abc import Iterable
+from typing import Self
+
+from mpi4py import MPI
 
 from flexfem import launch
 from flexfem.inspection.check import findings_of_run
@@ -21,22 +24,29 @@ class Cautions:
         found: names of the checks that have found something.
     """
 
-    def __init__(self, serial: Assembly, options: Settings, system: System) -> None:
-        """Note what the checks of the model have found, and ranks in vain (collective).
+    def __init__(self, comm: MPI.Intracomm, options: Settings) -> None:
+        """Begin without any; the first rank speaks, unless options are ``quiet``."""
+        self._aloud = comm.rank == 0 and not options.quiet
+        self._said = 0
+        self.texts: list[str] = []
+        self.found: set[str] = set()
+
+    @classmethod
+    def of_model(cls, serial: Assembly, options: Settings, system: System) -> Self:
+        """Note the findings of the checks of a model, and ranks in vain (collective).
 
         Args:
             serial: serial data of the model, the same on every rank.
-            options: those of the analysis; with ``quiet`` nothing is said, but kept.
-            system: the model's system, whose first rank speaks.
+            options: those of the analysis.
+            system: the model's system.
         """
-        self._aloud = system.comm.rank == 0 and not options.quiet
-        self._said = 0
-        self.texts: list[str] = []
+        made = cls(system.comm, options)
         findings = findings_of_run(serial, options)
-        self.found = {finding.check for finding in findings}
+        made.found = {finding.check for finding in findings}
         # the run knows better with which velocities it starts
-        self.note(str(finding) for finding in findings if finding.check != "velocities")
-        self.note(idle_or_crowded(system))
+        made.note(str(finding) for finding in findings if finding.check != "velocities")
+        made.note(idle_or_crowded(system))
+        return made
 
     def note(self, texts: Iterable[str]) -> None:
         """Keep warnings, the same on every rank, until the next :meth:`say`."""

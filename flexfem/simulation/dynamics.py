@@ -70,6 +70,8 @@ def simulate(
 class _TimeSteps(Steps):
     """Steps of the size ``dt`` on a grid in time."""
 
+    recorder: Recorder
+
     def __init__(
         self, model: Model, options: RunOptions, comm: MPI.Intracomm, restart: Restart | None
     ) -> None:

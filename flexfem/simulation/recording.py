@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from typing import Protocol
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from flexfem.system.assembly import Assembly
 from flexfem.system.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["Recorder", "closing_table", "last_record"]
+__all__ = ["Recorder", "Records", "closing_table", "last_record"]
 
 #: Relative difference of times that are the same.
 _SAME = 1e-9
@@ -43,8 +44,35 @@ def last_record(state: State, columns: int) -> FloatArray:
     return row
 
 
+class Records(Protocol):
+    """History, fields and progress of a run, as the run loop knows them."""
+
+    @property
+    def due(self) -> bool:
+        """This rank shows progress, and it is time for :meth:`show`."""
+
+    def show(self) -> None:
+        """Show progress with what is known of the accepted state (collective)."""
+
+    def state(self) -> State:
+        """Return the state the records go on from; the table is on disk first (collective).
+
+        Raises:
+            OSError: on all ranks; the disk does not take it.
+        """
+
+    def close(self) -> None:
+        """Write what is left (collective)."""
+
+    def history(self) -> dict[str, FloatArray]:
+        """Columns recorded so far, on the first rank."""
+
+    def release(self) -> None:
+        """Close the table with what it has, on this rank alone, after an unexpected error."""
+
+
 @contextmanager
-def closing_table(recorder: Recorder) -> Iterator[None]:
+def closing_table(recorder: Records) -> Iterator[None]:
     """Close the table of a run whatever ends it; other ranks may not know, so nobody is asked."""
     try:
         yield

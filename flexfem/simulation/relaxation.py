@@ -79,6 +79,8 @@ def relax(
 class _Iterations(Steps):
     """Iterations of the relaxation, as many at a time as lie between two records."""
 
+    recorder: Recorder
+
     def __init__(
         self, model: Model, options: RelaxationOptions, comm: MPI.Intracomm,
         restart: Restart | None,
@@ -87,7 +89,7 @@ class _Iterations(Steps):
         self._serial, self.system = set_up(
             model, comm, options.split_above, kernels=options.kernels
         )
-        self.cautions = Cautions(self._serial, options, self.system)
+        self.cautions = Cautions.of_model(self._serial, options, self.system)
         if restart is not None:
             restart.check(self._serial)
         self.system.set_time(options.at_time)

@@ -22,9 +22,8 @@ from flexfem.simulation.checkpoints import Checkpoints, Restart
 from flexfem.simulation.functions_alike import NONE, FunctionsAlike
 from flexfem.simulation.interruption import Agreement, interruption
 from flexfem.simulation.outcome import Outcome, Results, conclude, summary_of
-from flexfem.simulation.recording import Recorder, closing_table
+from flexfem.simulation.recording import Records, closing_table
 from flexfem.simulation.run_guard import guarded, reason_of
-from flexfem.system.system import System
 
 __all__ = ["Run", "Steps", "carry_out"]
 
@@ -35,7 +34,7 @@ class Steps:
     """Steps of one analysis, taken and recorded one after the other by a :class:`Run`.
 
     Attributes:
-        system: the assembled system.
+        system: the assembled system, or what else has a communicator ``comm``.
         functions: compares what functions of the user's give on the ranks; None compares nothing.
         cautions: what the run warns of.
         recorder: history, fields and progress.
@@ -44,10 +43,10 @@ class Steps:
         done: the analysis has come to its end.
     """
 
-    system: System
+    system: Any
     functions: FunctionsAlike | None
     cautions: Cautions
-    recorder: Recorder
+    recorder: Records
     checkpoints: Checkpoints
     status: Status = Status.OK
     done: bool = False
@@ -99,6 +98,10 @@ class Steps:
 
     def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
         """Warn of what is known at the end only (collective); the history is the first rank's."""
+
+    def common(self, case: str, reason: str) -> dict[str, Any]:
+        """Entries of ``summary.json`` on sizes, counts and status."""
+        return summary_of(self.system, case, reason)
 
     def summary(self) -> dict[str, Any]:
         """Entries of ``summary.json`` that only this analysis has."""
@@ -227,7 +230,7 @@ class Run:
         steps.recorder.close()
         history = steps.recorder.history()
         steps.look_back(reason, history)
-        summary = summary_of(steps.system, self._case, reason) | steps.summary() | {
+        summary = steps.common(self._case, reason) | steps.summary() | {
             "restarted_at_step": self._start,
             "wall_seconds": wall,
             "wall_seconds_setup": self._setup or wall,

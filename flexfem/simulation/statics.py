@@ -116,6 +116,8 @@ def _too_large(part: float, size: float) -> str:
 class StaticSteps(Steps):
     """Steps along a path of equilibria."""
 
+    recorder: Recorder
+
     def __init__(
         self, model: Model, options: StaticOptions, comm: MPI.Intracomm, restart: Restart | None
     ) -> None:
@@ -135,7 +137,7 @@ class StaticSteps(Steps):
         self._serial, self.system = set_up(
             model, comm, options.split_above, check, kernels=options.kernels
         )
-        self.cautions = Cautions(self._serial, options, self.system)
+        self.cautions = Cautions.of_model(self._serial, options, self.system)
         self._probes = ProbeRecorder(self.system, self._serial, depth=1)
         self._check_column()
         self._targets = Targets(options.output_at, self._probes.columns, options.t_end)

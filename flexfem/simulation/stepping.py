@@ -87,7 +87,7 @@ class Simulation:
             model, comm, options.split_above, check, outputs, options.kernels
         )
         self.options = options
-        self.cautions = Cautions(self.serial, options, self.system)
+        self.cautions = Cautions.of_model(self.serial, options, self.system)
         self.breakpoints = Breakpoints(model, grid, options.t_end)
         self.cautions.note(self.breakpoints.texts)
         self._jump_to(0.0)

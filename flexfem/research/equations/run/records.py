@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """History, pictures and progress of a run of equations of motion."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from mpi4py import MPI
@@ -18,7 +19,7 @@ from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.io.vtu_series import VtuSeries
 from flexfem.research.equations.run.stepping import SteppedEquations
-from flexfem.research.equations.vector_equations import Motion, VectorEquations
+from flexfem.research.equations.vector_equations import Motion
 from flexfem.simulation.recording import last_record
 from flexfem.simulation.run_guard import agreed
 
@@ -36,13 +37,14 @@ class EquationRecords:
 
     def __init__(
         self,
-        equations: VectorEquations,
+        simulation: SteppedEquations,
         options: RunOptions,
         comm: MPI.Intracomm,
         resume: State | None,
     ) -> None:
         """Open the history; with a saved state ``resume`` it goes on after that instant."""
-        self._equations, self._comm, self._every = equations, comm, options.every
+        self._simulation, self._equations = simulation, simulation.equations
+        self._comm, self._every, equations = comm, options.every, simulation.equations
         self._columns = list(equations.columns)
         self._angles = AngleColumns(self._columns, list(equations.angles))
         self._rows: list[FloatArray] = []
@@ -71,24 +73,25 @@ class EquationRecords:
 
     @property
     def due(self) -> bool:
-        """This rank shows progress, and it is time for :meth:`show`."""
+        """See :class:`Records`."""
         return self._progress.due
 
-    def show(self, simulation: SteppedEquations) -> None:
-        """Show progress."""
-        counters, t = simulation.stepper.counters, simulation.stepper.motion.t
+    def show(self) -> None:
+        """See :class:`Records`."""
+        stepper = self._simulation.stepper
+        counters, t = stepper.counters, stepper.motion.t
         self._progress.update(t, counters["newton_iterations"], counters["factorizations"])
 
-    def record(self, step: int, simulation: SteppedEquations, last: bool = False) -> None:
-        """Note the accepted state."""
-        motion = simulation.stepper.motion
-        row = self._angles.unwrap(simulation.observed())
+    def record(self, step: int, last: bool = False) -> None:
+        """Note the accepted state (collective)."""
+        motion = self._simulation.stepper.motion
+        row = self._angles.unwrap(self._simulation.observed())
         self._rows.append(np.concatenate([[motion.t], row]))
         self._write(motion.t, row)
         if last or step % self._every == 0:
-            self.picture(step, motion)
+            self.picture(step)
         if last:
-            self.show(simulation)
+            self.show()
 
     def _write(self, t: float, row: FloatArray) -> None:
         """Append a row to the table, as long as the disk takes them."""
@@ -100,12 +103,12 @@ class EquationRecords:
             self._faults.note(error)
             self._table, self._broken = None, True
 
-    def picture(self, step: int, motion: Motion) -> None:
+    def picture(self, step: int) -> None:
         """Write what is seen, unless something has failed (collective)."""
         self._look_after_the_table()
         if self._folder is not None and agreed(self._faults, self._comm) is None:
             with self._faults.files():
-                self._picture(self._folder, step, motion)
+                self._picture(self._folder, step, self._simulation.stepper.motion)
 
     def _look_after_the_table(self) -> None:
         """Write it anew where it was removed; the run ends then."""
@@ -136,7 +139,7 @@ class EquationRecords:
             self._opened = True
 
     def state(self) -> State:
-        """Return the state that the records go on from; the table is on disk first (collective)."""
+        """See :class:`Records`."""
         error: Exception | None = self._faults.error if self._broken else None
         try:
             if self._table is not None:
@@ -146,8 +149,8 @@ class EquationRecords:
         raise_together(self._comm, error)
         return State({"history": self._rows[-1]})
 
-    def close(self) -> dict[str, FloatArray]:
-        """Close the files; the columns so far on the first rank."""
+    def close(self) -> None:
+        """See :class:`Records`."""
         self._progress.close()
         self._look_after_the_table()
         with self._faults.files():
@@ -160,7 +163,17 @@ class EquationRecords:
                         VtuSeries(self._folder, name, self._comm).close()
             for series in self._series.values():
                 series.close()
+
+    def history(self) -> dict[str, FloatArray]:
+        """See :class:`Records`."""
         if self._comm.rank or not self._rows:
             return {}
         table = np.array(self._rows)
         return dict(zip(["t", *self._columns], table.T.copy(), strict=True))
+
+    def release(self) -> None:
+        """See :class:`Records`."""
+        self._progress.close()
+        if self._table is not None:
+            with suppress(OSError):
+                self._table.close()

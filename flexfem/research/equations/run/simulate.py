@@ -6,10 +6,9 @@ Every rank solves the same equations, the first one writes.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Protocol
 
 from mpi4py import MPI
 
@@ -19,15 +18,15 @@ from flexfem._faults import current
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.io.atomic import raise_together
-from flexfem.launch import Interrupted, StopSignals
 from flexfem.research.equations.run.records import EquationRecords
 from flexfem.research.equations.run.stepping import SteppedEquations
 from flexfem.research.equations.vector_equations import VectorEquations
+from flexfem.simulation.cautions import Cautions
 from flexfem.simulation.checkpoints import Checkpoints, Restart
-from flexfem.simulation.interruption import Agreement, interruption
-from flexfem.simulation.outcome import Outcome, Results, conclude
+from flexfem.simulation.outcome import Outcome, Results
 from flexfem.simulation.reasons import EQUATIONS, with_hint
-from flexfem.simulation.run_guard import guarded, reason_of, refuse
+from flexfem.simulation.run import Steps, carry_out
+from flexfem.simulation.run_guard import agreed, refuse
 from flexfem.simulation.time_grid import TimeGrid
 
 __all__ = ["Source", "simulate_equations"]
@@ -100,19 +99,8 @@ def simulate_equations(
             "iteration_matrix 'material': equations in coordinates know only 'auto', 'frozen' and "
             "'updated'"
         )
-    begin = time.perf_counter()
     comm = comm or MPI.COMM_WORLD
-    with guarded(options, comm) as faults:
-        restart = None if options.restart is None else Restart(options, comm)
-        simulation = _started(source, options, comm, restart)
-        refuse(faults, comm)
-        with StopSignals() as signals:
-            run = _Run(simulation, options, case, results, begin, restart)
-            status = run.to_the_end(signals)
-            if run.signal:
-                raise run.interrupted()
-            when = f" after t = {comm.bcast(run.time):.6g} s"
-            return run.finish(reason_of(faults, comm, when, lambda: run.reason(status)))
+    return carry_out(partial(_EquationSteps, source, options, comm), options, comm, case, results)
 
 
 def _started(
@@ -157,99 +145,87 @@ def _validate(source: Source, comm: MPI.Intracomm) -> None:
         raise error from mistake
 
 
-class _Run:
-    """One run from the start, or from a checkpoint, to the results.
+class _EquationSteps(Steps):
+    """Steps of the size ``dt``; every rank takes all of them."""
 
-    Attributes:
-        signal: number of the signal that ended it early, 0 for none.
-    """
+    recorder: EquationRecords
 
     def __init__(
-        self, simulation: SteppedEquations, options: RunOptions, case: str, results: Results | None,
-        begin: float, restart: Restart | None,
-    ) -> None:  # fmt: skip
-        self._simulation, self._options, self._case = simulation, options, case
-        self._results, self._begin = results, begin
-        comm = simulation.system.comm
+        self, source: Source, options: RunOptions, comm: MPI.Intracomm, restart: Restart | None
+    ) -> None:
+        self._simulation = simulation = _started(source, options, comm, restart)
+        refuse(current(), comm)
+        self.system, self.status, self.functions = simulation.system, simulation.status, None
+        self.cautions = Cautions(comm, options)
         self._grid = TimeGrid.of(options.dt, options.t_end) if restart is None else restart.grid
-        self._start = None if restart is None else restart.step
-        self._records = EquationRecords(
-            simulation.equations, options, comm, None if restart is None else restart.state
+        self._count = self._grid.steps(options.t_end)
+        self._step = self._completed = 0 if restart is None else restart.step
+        self.done = self._step >= self._count
+        self.recorder = EquationRecords(
+            simulation, options, comm, None if restart is None else restart.state
         )
-        self._checkpoints = Checkpoints(
+        self.checkpoints = Checkpoints(
             simulation, simulation.equations.identity(), options, self._grid, restart
         )
-        self._checkpoint: Path | None = None
-        self.signal, self._agreement = 0, Agreement(comm)
-        self._setup = self._first = None  # type: float | None
-
-    def to_the_end(self, signals: StopSignals) -> Status:
-        """Take all steps, or those before the first that fails or a signal."""
-        simulation, options, grid = self._simulation, self._options, self._grid
-        if simulation.status is not Status.OK:
-            return simulation.status
-        if self._start is None:
-            self._records.record(0, simulation)
-        self._setup = time.perf_counter() - self._begin
-        count, first = grid.steps(options.t_end), (self._start or 0) + 1
-        every, status = options.checkpoint_every, Status.OK
-        for step in range(first, count + 1):
-            t = simulation.stepper.motion.t
-            status = simulation.advance(grid.rest(t, step), grid.time(step))
-            if step == first:
-                self._first = time.perf_counter() - self._begin
-            self.signal = self._agreement.on(signals)
-            if self._agreement.failed:  # what the first rank has is what is written
-                status = simulation.system.comm.bcast(status)
-            if status is not Status.OK:
-                self._records.picture(step - 1, simulation.stepper.motion)
-                self._save(step - 1)
-                break
-            self._records.record(step, simulation, last=step == count)
-            if self._records.due:
-                self._records.show(simulation)
-            early = self.signal or self._agreement.failed
-            if early or (every and (step % every == 0 or step == count)):
-                self._save(step)
-            if early:
-                break
-        return status
-
-    def _save(self, step: int) -> None:
-        with current().files():
-            self._checkpoint = self._checkpoints.write(step, self._records.state())
 
     @property
-    def time(self) -> float:
+    def at(self) -> str:
+        """See :class:`Steps`."""
+        return f"t = {self._time:.6g} s"
+
+    @property
+    def after(self) -> str:
+        """See :class:`Steps`; of the first rank (collective)."""
+        return f"t = {self.system.comm.bcast(self._time):.6g} s"
+
+    @property
+    def _time(self) -> float:
         """Time of the accepted state, s; 0 where there is none."""
         started = self._simulation.status is Status.OK
         return self._simulation.stepper.motion.t if started else 0.0
 
-    def interrupted(self) -> Interrupted:
-        """Write what is left and the summary; the exception that ends the run (collective)."""
-        reason = f"interrupted at t = {self._simulation.stepper.motion.t:.6g} s"
-        outcome = self.finish(reason)
-        return interruption(self.signal, reason, self._checkpoint, outcome)
+    @property
+    def completed(self) -> int:
+        """See :class:`Steps`."""
+        return self._completed
+
+    def record_start(self) -> None:
+        """See :class:`Steps`."""
+        self.recorder.record(0)
+
+    def take(self, stopping: Callable[[], bool]) -> Status:
+        """See :class:`Steps`."""
+        simulation, grid, comm = self._simulation, self._grid, self.system.comm
+        step = self._step + 1
+        status = simulation.advance(grid.rest(simulation.stepper.motion.t, step), grid.time(step))
+        if agreed(current(), comm) is not None:  # the first rank's state is the one that is written
+            status = comm.bcast(status)
+        if status is Status.OK:
+            self._step = self._completed = step
+            self.done = step == self._count
+            self.recorder.record(step, last=self.done)
+        return status
+
+    def record_failure(self) -> None:
+        """See :class:`Steps`."""
+        self.recorder.picture(self._step)
 
     def reason(self, status: Status) -> str:
-        """The status in words."""
+        """See :class:`Steps`."""
         if status is Status.OK:
             return "ok"
-        return with_hint(f"{status.value} at t = {self.time:.6g} s", EQUATIONS.get(status))
+        return with_hint(f"{status.value} at {self.at}", EQUATIONS.get(status))
 
-    def finish(self, reason: str) -> Outcome:
-        """Write what is left and the summary (collective)."""
-        simulation = self._simulation
-        history = self._records.close()
-        equations, wall = simulation.equations, time.perf_counter() - self._begin
-        summary = {
-            "case": self._case, "ranks": simulation.system.comm.size,
+    def common(self, case: str, reason: str) -> dict[str, Any]:
+        """See :class:`Steps`."""
+        simulation, equations = self._simulation, self._simulation.equations
+        return {
+            "case": case, "ranks": self.system.comm.size,
             "unknowns": equations.size, "multipliers": equations.multipliers,
             "steps": simulation.steps, "rejected_steps": simulation.rejected,
             **simulation.stepper.counters, "status": reason, "results": {},
-            "restarted_at_step": self._start, "wall_seconds": wall,
-            "wall_seconds_setup": self._setup or wall, "wall_seconds_first_step": self._first,
-            **equations.summary(),
         }  # fmt: skip
-        comm = simulation.system.comm
-        return conclude(summary, history, self._results, self._options, comm)
+
+    def summary(self) -> dict[str, Any]:
+        """See :class:`Steps`."""
+        return dict(self._simulation.equations.summary())
