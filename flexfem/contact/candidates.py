@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Neighbour (Verlet) lists of contact: triangles that a node may touch until it has moved far."""
 
-from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.contact.data import Slaves
 from flexfem.contact.regions import closest_on_triangle
 from flexfem.contact.search import overlaps, triangle_boxes
 from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Int1D, Memory, Record, unpack
 
 __all__ = ["Rows", "find_candidates", "largest_move", "rings"]
 
 
-@dataclass(frozen=True)
-class Rows:
+class Rows(Record):
     """Lists of whole numbers, one after the other.
 
     Attributes:
@@ -23,59 +23,54 @@ class Rows:
         values: Ascending within a list, shape (k,).
     """
 
-    starts: IntArray
-    values: IntArray
+    starts: Int1D
+    values: Int1D
 
     @classmethod
     def empty(cls, count: int) -> Self:
         """Lists of nothing."""
-        return cls(np.zeros(count + 1, np.int64), np.zeros(0, np.int64))
-
-    @property
-    def longest(self) -> int:
-        """Length of the longest list."""
-        return int(np.diff(self.starts).max(initial=0))
+        return cls(starts=np.zeros(count + 1, np.int64), values=np.zeros(0, np.int64))
 
 
 def find_candidates(
-    points: FloatArray, slaves: IntArray, offsets: FloatArray, triangles: IntArray,
-    thickness: FloatArray, skin: float, excluded: Rows,
-) -> Rows:  # fmt: skip
+    points: FloatArray, slaves: Slaves, triangles: IntArray, thickness: FloatArray, skin: float,
+    excluded: Rows,
+) -> tuple[IntArray, IntArray]:  # fmt: skip
     """Find the triangles that each slave may touch when both have moved by half of the skin.
 
     Args:
         points: Positions, shape (n, 3), metres.
-        slaves: Their nodes, shape (s,).
-        offsets: Distance at which each slave touches a surface of no thickness, (s,), metres.
+        slaves: What may touch.
         triangles: Node indices, shape (m, 3).
         thickness: Half the thickness of each triangle, shape (m,), metres.
         skin: Farthest gap, metres.
         excluded: Nodes whose triangles each slave never touches.
+
+    Returns:
+        Where those of each slave begin, shape (s + 1,), and their numbers, ascending for each.
     """
     low, high = np.empty((len(triangles), 3)), np.empty((len(triangles), 3))
-    margins = thickness + (float(offsets.max(initial=0.0)) + skin)
+    margins = thickness + (float(slaves.offsets.max(initial=0.0)) + skin)
     triangle_boxes(points, triangles, margins, low, high)
-    at = points[slaves]
-    found, values = overlaps(at, at, low, high)
-    starts = np.zeros_like(found)
-    _choose(
-        points, slaves, offsets, triangles, thickness, skin, excluded.starts, excluded.values,
-        found, values, starts,
-    )  # fmt: skip
-    return Rows(starts, values[: starts[-1]].copy())
+    at = points[slaves.nodes]
+    starts, values = overlaps(at, at, low, high)
+    _choose(points, slaves.memory, triangles, thickness, skin, excluded.memory, starts, values)
+    return starts, values[: starts[-1]].copy()
 
 
 @kernel
 def _choose(
-    points: FloatArray, slaves: IntArray, offsets: FloatArray, triangles: IntArray,
-    thickness: FloatArray, skin: float, ex_starts: IntArray, ex_nodes: IntArray, found: IntArray,
-    values: IntArray, starts: IntArray,
+    points: FloatArray, slaves: Memory, triangles: IntArray, thickness: FloatArray, skin: float,
+    excluded: Memory, starts: IntArray, values: IntArray,
 ) -> None:  # fmt: skip
-    """Keep those of the ``values`` within reach, moved together, and write where rows start."""
-    w, kept = np.empty(3), 0
-    for i in range(len(slaves)):
-        p, never = points[slaves[i]], ex_nodes[ex_starts[i] : ex_starts[i + 1]]
-        for e in range(found[i], found[i + 1]):
+    """Keep those of the ``values`` within reach, moved together, and where rows start then."""
+    own, never_near = unpack(Slaves, slaves), unpack(Rows, excluded)
+    nodes, offsets, begins = own.nodes, own.offsets, never_near.starts
+    w, kept, first = np.empty(3), 0, 0
+    for i in range(len(nodes)):
+        p, never = points[nodes[i]], never_near.values[begins[i] : begins[i + 1]]
+        last = starts[i + 1]
+        for e in range(first, last):
             t = values[e]
             allowed = True
             for k in range(3):
@@ -92,7 +87,7 @@ def _choose(
             if square <= (offsets[i] + thickness[t] + skin) ** 2:
                 values[kept] = t
                 kept += 1
-        starts[i + 1] = kept
+        starts[i + 1], first = kept, last
 
 
 @kernel
@@ -134,4 +129,4 @@ def rings(triangles: IntArray, nodes: IntArray, count: int, joined: IntArray) ->
     for _ in range(count):
         near = near @ step
     near.sort_indices()
-    return Rows(near.indptr.astype(np.int64), near.indices.astype(np.int64))
+    return Rows(starts=near.indptr.astype(np.int64), values=near.indices.astype(np.int64))

@@ -15,18 +15,41 @@ Beyond the rim of an open surface there is no side, and the rim is round.
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
-from flexfem.contact.closest import closest_candidates, is_first, leave_minima, signed_distance
+from flexfem._types import FloatArray
+from flexfem.contact.closest import (
+    AT,
+    CORNERS,
+    LEAST,
+    REGION,
+    SQUARE,
+    closest_candidates,
+    is_first,
+    leave_minima,
+    signed_distance,
+)
+from flexfem.contact.data import (
+    AREAS,
+    BEND,
+    DISTANCE,
+    FIELDS,
+    FIRST,
+    GAP,
+    NORMAL,
+    REACH,
+    SECOND,
+    TURN,
+    Candidates,
+    Found,
+    Masters,
+    Slaves,
+)
 from flexfem.contact.held_contacts import MOST_HELD
 from flexfem.contact.regions import FACE, dot, unit_normal
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Memory, unpack
 
-__all__ = ["FIELDS", "MOST", "find_contacts", "normals_into"]
+__all__ = ["MOST", "find_contacts", "normals_into"]
 
-#: Numbers of a contact: area coordinates (0), gap (3), distance (4), normal (5), directions (8),
-#: how the normal turns with the nodes about each of them (14), curvatures of the distance (20),
-#: force (22), its slope (23) and potential (24), over the stiffness.
-FIELDS = 25
 #: Contacts of one node with one surface, at most.
 MOST = MOST_HELD
 #: Cosine of the angle of normals beyond which contacts of one node are two.
@@ -34,11 +57,11 @@ _APART = 0.5
 
 
 @kernel
-def normals_into(
-    points: FloatArray, triangles: IntArray, chosen: IntArray, normals: FloatArray
-) -> None:
-    """Write the unit normals (m, 3) of the chosen triangles."""
-    for t in chosen:
+def normals_into(points: FloatArray, masters: Memory, candidates: Memory) -> None:
+    """Write the unit normals of the chosen triangles."""
+    own = unpack(Candidates, candidates)
+    triangles, normals = unpack(Masters, masters).triangles, own.normals
+    for t in own.chosen:
         i, j, k = triangles[t]
         unit_normal(points[i], points[j], points[k], normals[t])
 
@@ -46,12 +69,12 @@ def normals_into(
 @inlined
 def _basis(contact: FloatArray) -> None:
     """Write any two directions across the normal."""
-    n0, n1, n2 = contact[5], contact[6], contact[7]
-    k = 0 if abs(n0) < 0.6 else 1
-    nk = contact[5 + k]
+    n, e = contact[NORMAL : NORMAL + 3], contact[FIRST : FIRST + 3]
+    k = 0 if abs(n[0]) < 0.6 else 1
+    nk = n[k]
     size = np.sqrt(1.0 - nk * nk)
-    contact[8], contact[9], contact[10] = -nk * n0 / size, -nk * n1 / size, -nk * n2 / size
-    contact[8 + k] += 1.0 / size
+    e[0], e[1], e[2] = -nk * n[0] / size, -nk * n[1] / size, -nk * n[2] / size
+    e[k] += 1.0 / size
 
 
 @inlined
@@ -63,36 +86,30 @@ def _way(points: FloatArray, a: int, b: int) -> tuple[float, float, float]:
 @inlined
 def _geometry(points: FloatArray, i: int, j: int, k: int, region: int, contact: FloatArray) -> None:
     """Write directions, turns and curvatures of a contact from its normal and distance."""
-    contact[14:22] = 0.0
-    bend = 1.0 / contact[4] if contact[4] != 0.0 else 0.0
+    n, e, f = contact[NORMAL : NORMAL + 3], contact[FIRST : FIRST + 3], contact[SECOND : SECOND + 3]
+    contact[TURN : TURN + 6] = 0.0
+    contact[BEND] = contact[BEND + 1] = 0.0
+    bend = 1.0 / contact[DISTANCE] if contact[DISTANCE] != 0.0 else 0.0
     first = 0 if region == FACE else region % 3
     if region > 3:
-        contact[20] = bend
+        contact[BEND] = bend
         _basis(contact)
     else:
         a, b = (i, j) if first == 0 else ((j, k) if first == 1 else (k, i))
-        d0, d1, d2 = (
-            points[b, 0] - points[a, 0],
-            points[b, 1] - points[a, 1],
-            points[b, 2] - points[a, 2],
-        )
+        d0, d1, d2 = _way(points, a, b)
         short = 1.0 / np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-        contact[8], contact[9], contact[10] = d0 * short, d1 * short, d2 * short
-        contact[14 + first], contact[14 + (first + 1) % 3] = -short, short
-    n0, n1, n2, e0, e1, e2 = contact[5], contact[6], contact[7], contact[8], contact[9], contact[10]
+        e[0], e[1], e[2] = d0 * short, d1 * short, d2 * short
+        contact[TURN + first], contact[TURN + (first + 1) % 3] = -short, short
+    n0, n1, n2, e0, e1, e2 = n[0], n[1], n[2], e[0], e[1], e[2]
     f0, f1, f2 = n1 * e2 - n2 * e1, n2 * e0 - n0 * e2, n0 * e1 - n1 * e0
-    contact[11], contact[12], contact[13] = f0, f1, f2
+    f[0], f[1], f[2] = f0, f1, f2
     if region != FACE:
-        contact[21] = bend
+        contact[BEND + 1] = bend
         return
-    d0, d1, d2 = (
-        points[k, 0] - points[i, 0],
-        points[k, 1] - points[i, 1],
-        points[k, 2] - points[i, 2],
-    )
+    d0, d1, d2 = _way(points, i, k)
     along, across = d0 * e0 + d1 * e1 + d2 * e2, 1.0 / (d0 * f0 + d1 * f1 + d2 * f2)
-    contact[17] = (-1.0 - along * contact[14]) * across
-    contact[18], contact[19] = -along * contact[15] * across, across
+    contact[TURN + 3] = (-1.0 - along * contact[TURN]) * across
+    contact[TURN + 4], contact[TURN + 5] = -along * contact[TURN + 1] * across, across
 
 
 @inlined
@@ -100,49 +117,49 @@ def _keeps_apart(contacts: FloatArray, first: int, count: int, n: FloatArray) ->
     """Return True if a normal differs enough from those of the node's other contacts."""
     apart = True
     for c in range(first, count):
-        apart = apart and dot(contacts[c, 5:8], n) <= _APART
+        apart = apart and dot(contacts[c, NORMAL : NORMAL + 3], n) <= _APART
     return apart
 
 
 @inlined
-def _following(near: IntArray, measures: FloatArray, count: int, one: int, last: float) -> int:
+def _following(candidates: Candidates, count: int, one: int, last: float) -> int:
     """The next minimum by distance, then by number; -1 at the end."""
+    near, measures = candidates.near, candidates.measures
     following, least = -1, np.inf
     for o in range(count):
-        d = measures[o, 3]
-        if near[o, 2] == 1 and (d > last or (d == last and o > one)) and d < least:
+        d = measures[o, SQUARE]
+        if near[o, LEAST] == 1 and (d > last or (d == last and o > one)) and d < least:
             following, least = o, d
     return following
 
 
 @inlined
 def _minima(
-    points: FloatArray, triangles: IntArray, rims: IntArray, normals: FloatArray, row: IntArray,
-    side: IntArray, near: IntArray, measures: FloatArray, count: int, contacts: FloatArray,
-    ends: IntArray, first: int,
+    points: FloatArray, masters: Masters, candidates: Candidates, count: int, found: Found,
+    first: int,
 ) -> int:  # fmt: skip
     """Write one slave's minima that count, from row ``first`` on.
 
     Returns:
         The row after the last one, negative where one has a negative distance.
     """
+    near, measures, contacts = candidates.near, candidates.measures, found.numbers
     kept, one, last, sign = first, -1, -1.0, 1
-    for _ in range(leave_minima(near, measures, count)):
-        one = _following(near, measures, count, one, last)
-        last = measures[one, 3]
-        c = contacts[kept]
-        c[4] = signed_distance(
-            points, triangles, normals, rims, row, side[near[one, 0]], near, measures, count, one,
-            c[5:8],
-        )  # fmt: skip
-        through = c[4] < 0.0 and not is_first(near, measures, count, one)
-        if through or not _keeps_apart(contacts, first, kept, c[5:8]):
+    for _ in range(leave_minima(candidates, count)):
+        one = _following(candidates, count, one, last)
+        last = measures[one, SQUARE]
+        c, n = contacts[kept], contacts[kept, NORMAL : NORMAL + 3]
+        c[DISTANCE] = signed_distance(points, masters, candidates, count, one, n)
+        through = c[DISTANCE] < 0.0 and not is_first(candidates, count, one)
+        if through or not _keeps_apart(contacts, first, kept, n):
             continue
-        if c[4] < 0.0:
+        if c[DISTANCE] < 0.0:
             sign = -1
-        c[0], c[1], c[2] = measures[one, 0], measures[one, 1], measures[one, 2]
-        ends[kept, 1] = row[near[one, 0]]
-        _geometry(points, near[one, 3], near[one, 4], near[one, 5], near[one, 1], c)
+        for a in range(3):
+            c[AREAS + a] = measures[one, a]
+        found.ends[kept, 1] = candidates.triangles[near[one, AT]]
+        i, j, k = near[one, CORNERS], near[one, CORNERS + 1], near[one, CORNERS + 2]
+        _geometry(points, i, j, k, near[one, REGION], c)
         kept += 1
         if kept == first + MOST:
             break
@@ -151,62 +168,35 @@ def _minima(
 
 @kernel
 def find_contacts(
-    points: FloatArray, slaves: IntArray, offsets: FloatArray, triangles: IntArray,
-    thickness: FloatArray, rims: IntArray, normals: FloatArray, starts: IntArray,
-    candidates: IntArray, sides: IntArray, labels: IntArray, near: IntArray, measures: FloatArray,
-    ends: IntArray, contacts: FloatArray,
-) -> int:  # fmt: skip
-    """Write slave and triangle (c, 2) and the numbers (c, ``FIELDS``) of all contacts.
+    points: FloatArray, slaves: Memory, masters: Memory, candidates: Memory, found: Memory
+) -> None:
+    """Write all contacts: what they are between, their geometry, gaps and reaches.
 
-    Args:
-        points: Positions, shape (n, 3), metres.
-        slaves: Their nodes, shape (s,).
-        offsets: Distance at which each slave touches a mid-surface of no thickness, (s,), metres.
-        triangles: Node indices, shape (m, 3).
-        thickness: Half the thickness of each triangle, shape (m,), metres.
-        rims: Which edges and nodes of each triangle are on a rim, bits, shape (m,).
-        normals: Unit normals of the triangles, shape (m, 3).
-        starts: Where the candidates of each slave begin, shape (s + 1,).
-        candidates: Triangles that may be near, shape (k,).
-        sides: On which side of each the slave belongs: 1, -1, or 0 for none, shape (k,).
-        labels: Which candidates of a slave hang together, shape (k,).
-        near: Work space, (longest row of candidates, 9).
-        measures: Work space, (longest row of candidates, 7).
-        ends: Shape (MOST (s + 1), 2).
-        contacts: Shape (MOST (s + 1), FIELDS).
-
-    Returns:
-        Number of contacts.
+    ``points`` (n, 3) are positions, m; normals are up to date.
     """
-    found = 0
-    for i in range(len(slaves)):
+    touching, touched = unpack(Slaves, slaves), unpack(Masters, masters)
+    own, made = unpack(Candidates, candidates), unpack(Found, found)
+    offsets, thickness, starts = touching.offsets, touched.thickness, own.starts
+    ends, contacts = made.ends, made.numbers
+    closed = 0
+    for i in range(len(offsets)):
         if starts[i] == starts[i + 1]:
             continue
-        row, side = candidates[starts[i] : starts[i + 1]], sides[starts[i] : starts[i + 1]]
-        label, p = labels[starts[i] : starts[i + 1]], points[slaves[i]]
-        count = closest_candidates(
-            points, p, triangles, normals, offsets[i], thickness, row, side, label, near, measures
-        )
-        kept = _minima(
-            points, triangles, rims, normals, row, side, near, measures, count, contacts, ends,
-            found,
-        )  # fmt: skip
+        node = touching.nodes[i]
+        count = closest_candidates(points, node, touched, own, i, offsets[i])
+        kept = _minima(points, touched, own, count, made, closed)
         if kept < 0:
             # the node seems to have got through: only all candidates tell whether it has
-            count = closest_candidates(
-                points, p, triangles, normals, np.inf, thickness, row, side, label, near, measures
-            )
-            kept = _minima(
-                points, triangles, rims, normals, row, side, near, measures, count, contacts, ends,
-                found,
-            )  # fmt: skip
-        for c in range(found, abs(kept)):
+            count = closest_candidates(points, node, touched, own, i, np.inf)
+            kept = _minima(points, touched, own, count, made, closed)
+        for c in range(closed, abs(kept)):
             t = ends[c, 1]
-            gap = contacts[c, 4] - offsets[i] - thickness[t]
+            gap = contacts[c, DISTANCE] - offsets[i] - thickness[t]
             if gap < 0.0:
-                if c != found:
+                if c != closed:
                     for a in range(FIELDS):
-                        contacts[found, a] = contacts[c, a]
-                contacts[found, 3], ends[found, 0], ends[found, 1] = gap, i, t
-                found += 1
-    return found
+                        contacts[closed, a] = contacts[c, a]
+                contacts[closed, GAP], contacts[closed, REACH] = gap, offsets[i] + thickness[t]
+                ends[closed, 0], ends[closed, 1] = i, t
+                closed += 1
+    made.closed[0] = closed

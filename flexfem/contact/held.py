@@ -13,7 +13,7 @@ harder than N. The error of a step is of first order in its size.
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray
+from flexfem._types import FloatArray
 from flexfem.lie.compiled import kernel
 
 __all__ = ["held_forces", "held_losses"]
@@ -22,8 +22,7 @@ __all__ = ["held_forces", "held_losses"]
 @kernel
 def held_forces(
     slips: FloatArray, normals: FloatArray, pushes: FloatArray, pulls: FloatArray,
-    sticking: FloatArray, viscous: FloatArray, friction: float, forces: FloatArray,
-    tangents: FloatArray, stuck: BoolArray,
+    stiffness: FloatArray, law: FloatArray, forces: FloatArray, tangents: FloatArray,
 ) -> None:  # fmt: skip
     """Write forces against the relative displacements (c, 3) and their derivatives (c, 3, 3).
 
@@ -32,33 +31,33 @@ def held_forces(
         normals: Of the surface, shape (c, 3).
         pushes: Normal forces at the start of the step, shape (c,), newtons.
         pulls: Tangential forces then, shape (c, 3), newtons.
-        sticking: Tangential stiffness, shape (c,), N/m.
-        viscous: Damping divided by the step, shape (c,), N/m.
-        friction: Coefficient.
+        stiffness: Normal stiffness, shape (c,), N/m.
+        law: Coefficient of friction, and over the normal stiffness the tangential one and the
+            damping divided by the step, shape (3,).
         forces: What the residual of the node gets; that of the surface gets the opposite.
         tangents: Derivatives of the forces by the slips.
-        stuck: Which contacts do not slide, shape (c,).
     """
     t = np.empty(3)
     for c in range(len(slips)):
-        n, d, limit = normals[c], slips[c], friction * pushes[c]
+        n, d, limit = normals[c], slips[c], law[0] * pushes[c]
+        sticking, viscous = law[1] * stiffness[c], law[2] * stiffness[c]
         along = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
         size = 0.0
         for a in range(3):
-            t[a] = pulls[c, a] + sticking[c] * (d[a] - along * n[a])
+            t[a] = pulls[c, a] + sticking * (d[a] - along * n[a])
             size += t[a] * t[a]
         size = np.sqrt(size)
-        stuck[c] = size <= limit
-        factor = 1.0 if stuck[c] else limit / size
-        damped = viscous[c] * along < pushes[c]
-        normal, k = (viscous[c] * along if damped else pushes[c]), factor * sticking[c]
+        stuck = size <= limit
+        factor = 1.0 if stuck else limit / size
+        damped = viscous * along < pushes[c]
+        normal, k = (viscous * along if damped else pushes[c]), factor * sticking
         for a in range(3):
             forces[c, a] = factor * t[a] + normal * n[a]
             for b in range(3):
                 K = k * ((1.0 if a == b else 0.0) - n[a] * n[b])
-                if not stuck[c] and size > 0.0:
+                if not stuck and size > 0.0:
                     K -= k * t[a] * t[b] / (size * size)
-                tangents[c, a, b] = K + (viscous[c] * n[a] * n[b] if damped else 0.0)
+                tangents[c, a, b] = K + (viscous * n[a] * n[b] if damped else 0.0)
 
 
 @kernel

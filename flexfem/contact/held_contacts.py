@@ -79,7 +79,7 @@ class HeldContacts:
         count = len(self.slaves)
         self.forces, self.tangents = np.zeros((count, 3)), np.zeros((count, 3, 3))
         self._slips = np.zeros((count, 3))
-        self._stuck = np.zeros(count, dtype=np.bool_)
+        self._numbers = np.array([self.law.friction, self._stick, 0.0])
 
     @classmethod
     def none(cls, law: ContactLaw) -> Self:
@@ -89,11 +89,11 @@ class HeldContacts:
 
     def evaluate(self, slips: FloatArray, h: float) -> None:
         """Forces and tangents for relative displacements (c, 3), m, in a step of ``h`` seconds."""
-        viscous = self.stiffness * (self.law.damping / h if h > 0.0 else 0.0)
+        self._numbers[2] = self.law.damping / h if h > 0.0 else 0.0
         self._slips = slips
         held_forces(
-            slips, self.normals, self.pushes, self.pulls, self._sticking(), viscous,
-            self.law.friction, self.forces, self.tangents, self._stuck,
+            slips, self.normals, self.pushes, self.pulls, self.stiffness, self._numbers,
+            self.forces, self.tangents,
         )  # fmt: skip
 
     @property
@@ -152,8 +152,13 @@ class HeldContacts:
         made = cls(law, slaves, normals, found[:, 1].copy(), pulls, stiffness[slaves])
         return made, found[:, 8:].copy()
 
+    @property
+    def _stick(self) -> float:
+        """Tangential stiffness over the normal one."""
+        return self.law.stick if self.law.friction > 0.0 else 0.0
+
     def _sticking(self) -> FloatArray:
-        return self.stiffness * (self.law.stick if self.law.friction > 0.0 else 0.0)
+        return self.stiffness * self._stick
 
 
 @kernel

@@ -10,23 +10,33 @@ from enum import IntEnum
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray
+from flexfem.contact.data import (
+    BEND,
+    FIRST,
+    FORCE,
+    GAP,
+    NORMAL,
+    PLACE,
+    REACH,
+    RIGID_FIELDS,
+    SECOND,
+    SLOPE,
+    Found,
+    Slaves,
+)
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Float1D, Memory, Record, unpack
 
 __all__ = [
-    "RIGID_FIELDS",
+    "RigidShape",
     "ShapeKind",
     "add_rigid_actions",
     "add_rigid_forces",
     "distances_into",
     "find_rigid_contacts",
     "rigid_blocks_into",
-    "rigid_energy",
 ]
-
-#: Numbers of a contact: gap (0), normal (1), directions (4), curvatures (10), place (12), and over
-#: the stiffness: force (15), its slope (16) and potential (17).
-RIGID_FIELDS = 18
 
 
 class ShapeKind(IntEnum):
@@ -45,6 +55,22 @@ class ShapeKind(IntEnum):
     TUBE = 4
 
 
+class RigidShape(Record):
+    """A rigid surface.
+
+    Attributes:
+        frame: At the trial state, shape (12,).
+        kind: A :class:`ShapeKind`.
+        radius: Metres.
+        length: Along the axis, metres, or infinite.
+    """
+
+    frame: Float1D
+    kind: int
+    radius: float
+    length: float
+
+
 _PLANE, _SPHERE, _HOLLOW = int(ShapeKind.PLANE), int(ShapeKind.SPHERE), int(ShapeKind.HOLLOW_SPHERE)
 _TUBE = int(ShapeKind.TUBE)
 #: Distance from a centre or an axis, in radii, where there is no normal.
@@ -52,25 +78,26 @@ _CENTRE = 1e-12
 
 
 @inlined
-def _put(contact: FloatArray, n0: float, n1: float, n2: float) -> None:
-    """Write a normal."""
-    contact[1], contact[2], contact[3] = n0, n1, n2
+def _put(contact: FloatArray, at: int, x: float, y: float, z: float) -> None:
+    """Write a normal or direction."""
+    contact[at], contact[at + 1], contact[at + 2] = x, y, z
 
 
 @inlined
 def _round(contact: FloatArray, x: float, y: float, size: float, sign: float) -> None:
     """Normal and curvature of a lateral surface: e around the axis, f along it."""
-    _put(contact, sign * x / size, sign * y / size, 0.0)
-    contact[4], contact[5], contact[6] = -y / size, x / size, 0.0
-    contact[7], contact[8], contact[9] = 0.0, 0.0, 1.0
-    contact[10], contact[11] = sign / size, 0.0
+    _put(contact, NORMAL, sign * x / size, sign * y / size, 0.0)
+    _put(contact, FIRST, -y / size, x / size, 0.0)
+    _put(contact, SECOND, 0.0, 0.0, 1.0)
+    contact[BEND], contact[BEND + 1] = sign / size, 0.0
 
 
 @inlined
 def _flat(contact: FloatArray, sign: float) -> None:
-    _put(contact, 0.0, 0.0, sign)
-    contact[4:12] = 0.0
-    contact[4] = contact[8] = 1.0
+    _put(contact, NORMAL, 0.0, 0.0, sign)
+    _put(contact, FIRST, 1.0, 0.0, 0.0)
+    _put(contact, SECOND, 0.0, 1.0, 0.0)
+    contact[BEND] = contact[BEND + 1] = 0.0
 
 
 @inlined
@@ -80,7 +107,7 @@ def _sphere(q: FloatArray, radius: float, sign: float, contact: FloatArray) -> f
     if size < _CENTRE * radius:
         _flat(contact, 1.0)
         return float(sign * (size - radius))
-    n, e, f = contact[1:4], contact[4:7], contact[7:10]
+    n, e, f = contact[NORMAL : NORMAL + 3], contact[FIRST : FIRST + 3], contact[SECOND : SECOND + 3]
     k = 0 if abs(q[0]) < 0.6 * size else 1
     length = 0.0
     for a in range(3):
@@ -93,7 +120,7 @@ def _sphere(q: FloatArray, radius: float, sign: float, contact: FloatArray) -> f
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         f[a] = n[b] * e[c] - n[c] * e[b]
-    contact[10] = contact[11] = sign / size
+    contact[BEND] = contact[BEND + 1] = sign / size
     return float(sign * (size - radius))
 
 
@@ -110,16 +137,17 @@ def _closed(q: FloatArray, size: float, radius: float, half: float, contact: Flo
         return float(above)
     s = np.sqrt(above * above + beside * beside)
     x, y, radial, axial = q[0] / size, q[1] / size, beside / s, end * above / s
-    _put(contact, radial * x, radial * y, axial)
-    contact[4], contact[5], contact[6] = -y, x, 0.0
-    contact[7], contact[8], contact[9] = -axial * x, -axial * y, radial
-    contact[10], contact[11] = radial / size, 1.0 / s
+    _put(contact, NORMAL, radial * x, radial * y, axial)
+    _put(contact, FIRST, -y, x, 0.0)
+    _put(contact, SECOND, -axial * x, -axial * y, radial)
+    contact[BEND], contact[BEND + 1] = radial / size, 1.0 / s
     return float(s)
 
 
 @inlined
-def _distance(q: FloatArray, kind: int, radius: float, length: float, contact: FloatArray) -> float:
+def _distance(shape: RigidShape, q: FloatArray, contact: FloatArray) -> float:
     """Distance of a place in the surface's axes; writes normal, directions and curvatures."""
+    kind, radius, length = shape.kind, shape.radius, shape.length
     if kind == _PLANE:
         _flat(contact, 1.0)
         return float(q[2])
@@ -150,53 +178,34 @@ def _local(frame: FloatArray, p: FloatArray, q: FloatArray) -> None:
 
 @kernel
 def distances_into(
-    points: FloatArray, frame: FloatArray, kind: int, radius: float, length: float,
-    distances: FloatArray,
-) -> None:  # fmt: skip
-    """Write the distances (n,) of points (n, 3) from a surface."""
-    contact, q = np.empty(RIGID_FIELDS), np.empty(3)
+    points: FloatArray, frame: FloatArray, shape: Memory, distances: FloatArray
+) -> None:
+    """Write the distances (n,) of points (n, 3) from a surface with another frame (12,)."""
+    own, contact, q = unpack(RigidShape, shape), np.empty(RIGID_FIELDS), np.empty(3)
     for i in range(len(points)):
         _local(frame, points[i], q)
-        distances[i] = _distance(q, kind, radius, length, contact)
+        distances[i] = _distance(own, q, contact)
 
 
 @kernel
-def find_rigid_contacts(
-    points: FloatArray, slaves: IntArray, offsets: FloatArray, frame: FloatArray, kind: int,
-    radius: float, length: float, ends: IntArray, contacts: FloatArray,
-) -> int:  # fmt: skip
-    """Write slaves (c,) and numbers (c, ``RIGID_FIELDS``) of all contacts; returns how many.
+def find_rigid_contacts(points: FloatArray, slaves: Memory, shape: Memory, found: Memory) -> None:
+    """Write all contacts: their slaves, geometry, gaps and reaches.
 
-    Args:
-        points: Positions, shape (n, 3), metres.
-        slaves: Their nodes, shape (s,).
-        offsets: Distance at which each slave touches, shape (s,), metres.
-        frame: Of the surface, shape (12,).
-        kind: A ``ShapeKind``.
-        radius: Metres.
-        length: Along the axis, metres, or infinite.
-        ends: Numbers of the slaves, shape (s,).
-        contacts: Shape (s, RIGID_FIELDS).
+    ``points`` (n, 3) are positions, m.
     """
-    found = 0
-    for i in range(len(slaves)):
-        contact = contacts[found]
-        q = contact[12:15]
-        _local(frame, points[slaves[i]], q)
-        gap = _distance(q, kind, radius, length, contact) - offsets[i]
+    touching, surface, own = unpack(Slaves, slaves), unpack(RigidShape, shape), unpack(Found, found)
+    nodes, offsets, frame = touching.nodes, touching.offsets, surface.frame
+    ends, contacts = own.ends, own.numbers
+    closed = 0
+    for i in range(len(nodes)):
+        contact = contacts[closed]
+        q = contact[PLACE : PLACE + 3]
+        _local(frame, points[nodes[i]], q)
+        gap = _distance(surface, q, contact) - offsets[i]
         if gap < 0.0:
-            contact[0], ends[found] = gap, i
-            found += 1
-    return found
-
-
-@kernel
-def rigid_energy(count: int, ends: IntArray, contacts: FloatArray, stiffness: FloatArray) -> float:
-    """Energy stored by all contacts, J."""
-    total = 0.0
-    for c in range(count):
-        total += stiffness[ends[c]] * contacts[c, 17]
-    return total
+            contact[GAP], contact[REACH], ends[closed, 0] = gap, offsets[i], i
+            closed += 1
+    own.closed[0] = closed
 
 
 @inlined
@@ -207,22 +216,27 @@ def _turned(frame: FloatArray, v: FloatArray, a: int) -> float:
 
 @kernel
 def add_rigid_forces(
-    count: int, slaves: IntArray, ends: IntArray, contacts: FloatArray, stiffness: FloatArray,
-    frame: FloatArray, scale: float, residual: FloatArray, wrench: FloatArray,
+    slaves: Memory, shape: Memory, found: Memory, scale: float, residual: FloatArray,
+    wrench: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the derivative of the energy.
 
     The residual (n, 3) is that of all nodes, in inertial axes; the wrench (6,), force and moment,
     that of the surface's frame, in its axes.
     """
-    f = np.empty(3)
-    for c in range(count):
-        i, contact = ends[c], contacts[c]
-        force, q = scale * stiffness[i] * contact[15], contact[12:15]
+    touching, frame, own = (
+        unpack(Slaves, slaves),
+        unpack(RigidShape, shape).frame,
+        unpack(Found, found),
+    )
+    nodes, stiffness, f = touching.nodes, touching.stiffness, np.empty(3)
+    for c in range(own.closed[0]):
+        i, contact = own.ends[c, 0], own.numbers[c]
+        force, q = scale * stiffness[i] * contact[FORCE], contact[PLACE : PLACE + 3]
         for a in range(3):
-            f[a] = force * contact[1 + a]
+            f[a] = force * contact[NORMAL + a]
         for a in range(3):
-            residual[slaves[i], a] += _turned(frame, f, a)
+            residual[nodes[i], a] += _turned(frame, f, a)
             wrench[a] -= f[a]
             wrench[3 + a] -= q[(a + 1) % 3] * f[(a + 2) % 3] - q[(a + 2) % 3] * f[(a + 1) % 3]
 
@@ -232,13 +246,14 @@ def _stiff(contact: FloatArray, k: float, dq: FloatArray, df: FloatArray) -> Non
     """Write the change (3,) of the force on the node for a change of its place."""
     normal = e = f = 0.0
     for a in range(3):
-        normal += contact[1 + a] * dq[a]
-        e += contact[4 + a] * dq[a]
-        f += contact[7 + a] * dq[a]
-    normal *= contact[16]
-    e, f = e * contact[10] * contact[15], f * contact[11] * contact[15]
+        normal += contact[NORMAL + a] * dq[a]
+        e += contact[FIRST + a] * dq[a]
+        f += contact[SECOND + a] * dq[a]
+    normal *= contact[SLOPE]
+    e, f = e * contact[BEND] * contact[FORCE], f * contact[BEND + 1] * contact[FORCE]
     for a in range(3):
-        df[a] = k * (normal * contact[1 + a] + e * contact[4 + a] + f * contact[7 + a])
+        along = normal * contact[NORMAL + a] + e * contact[FIRST + a] + f * contact[SECOND + a]
+        df[a] = k * along
 
 
 @inlined
@@ -247,8 +262,9 @@ def _change(
     change: FloatArray,
 ) -> None:  # fmt: skip
     """Write the change of the node's force (inertial axes) and of the frame's wrench, (9,)."""
-    q, n, dq, df = contact[12:15], contact[1:4], np.empty(3), np.empty(3)
-    turn, force = twist[3:], k * contact[15]
+    q, n = contact[PLACE : PLACE + 3], contact[NORMAL : NORMAL + 3]
+    dq, df = np.empty(3), np.empty(3)
+    turn, force = twist[3:], k * contact[FORCE]
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         dq[a] = q[b] * turn[c] - q[c] * turn[b] - twist[a]
@@ -268,33 +284,38 @@ def _change(
 
 @kernel
 def add_rigid_actions(
-    count: int, slaves: IntArray, ends: IntArray, contacts: FloatArray, stiffness: FloatArray,
-    frame: FloatArray, scale: float, steps: FloatArray, twist: FloatArray, residual: FloatArray,
-    wrench: FloatArray,
+    slaves: Memory, shape: Memory, found: Memory, scale: float, steps: FloatArray,
+    twist: FloatArray, residual: FloatArray, wrench: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the tangent applied to steps of nodes (n, 3) and the frame's twist."""
-    change = np.empty(9)
-    for c in range(count):
-        i = ends[c]
-        _change(contacts[c], scale * stiffness[i], frame, steps[slaves[i]], twist, change)
+    touching, frame, own = (
+        unpack(Slaves, slaves),
+        unpack(RigidShape, shape).frame,
+        unpack(Found, found),
+    )
+    stiffness, change = touching.stiffness, np.empty(9)
+    for c in range(own.closed[0]):
+        i = own.ends[c, 0]
+        node, k = touching.nodes[i], scale * stiffness[i]
+        _change(own.numbers[c], k, frame, steps[node], twist, change)
         for a in range(3):
-            residual[slaves[i], a] += change[a]
+            residual[node, a] += change[a]
         for a in range(6):
             wrench[a] += change[3 + a]
 
 
 @kernel
 def rigid_blocks_into(
-    count: int, ends: IntArray, contacts: FloatArray, stiffness: FloatArray, frame: FloatArray,
-    scale: float, blocks: FloatArray,
-) -> None:  # fmt: skip
+    slaves: Memory, shape: Memory, found: Memory, scale: float, blocks: FloatArray
+) -> None:
     """Write ``scale`` times the tangents (c, 9, 9): node, then twist of the frame."""
-    step, change = np.zeros(9), np.empty(9)
-    for c in range(count):
-        k = scale * stiffness[ends[c]]
+    stiffness, frame = unpack(Slaves, slaves).stiffness, unpack(RigidShape, shape).frame
+    own, step, change = unpack(Found, found), np.zeros(9), np.empty(9)
+    for c in range(own.closed[0]):
+        k = scale * stiffness[own.ends[c, 0]]
         for b in range(9):
             step[b] = 1.0
-            _change(contacts[c], k, frame, step[:3], step[3:], change)
+            _change(own.numbers[c], k, frame, step[:3], step[3:], change)
             step[b] = 0.0
             for a in range(9):
                 blocks[c, a, b] = change[a]

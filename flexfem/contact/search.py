@@ -41,18 +41,13 @@ def overlaps(
     origin = np.minimum(low.min(0), other_low.min(0))
     extent = float((np.maximum(high.max(0), other_high.max(0)) - origin).max())
     size = max(float((other_high - other_low).max(1).mean()), extent / (1 << (_BITS - 1)), 1e-300)
-    cells = _count_cells(low, high, origin, 1.0 / size)
+    place = np.append(origin, 1.0 / size)
+    cells = _count_cells(low, high, place)
     buckets = 1 << int(np.ceil(np.log2(max(2 * cells, 16))))
     starts, keys = np.zeros(buckets + 1, np.int64), np.empty(cells, np.int64)
     boxes = np.empty(cells, np.int64)
-    _fill_cells(low, high, origin, 1.0 / size, starts, keys, boxes)
-    rows, grid = np.zeros(len(low) + 2, np.int64), (origin, 1.0 / size, starts, keys, boxes)
-    nothing = np.empty(0, np.int64)
-    _pairs(low, high, other_low, other_high, *grid, False, rows[2:], nothing)
-    np.cumsum(rows, out=rows)
-    found = np.empty(rows[-1], np.int64)
-    # rows[1:] holds the starts, which filling turns into the ends
-    _pairs(low, high, other_low, other_high, *grid, True, rows[1:], found)
+    _fill_cells(low, high, place, starts, keys, boxes)
+    rows, found = _pairs(low, high, other_low, other_high, place, starts, keys, boxes)
     return rows[:-1], found
 
 
@@ -81,9 +76,12 @@ def _bucket(i: int, j: int, k: int, buckets: int) -> int:
 
 
 @kernel
-def _count_cells(low: FloatArray, high: FloatArray, origin: FloatArray, finer: float) -> int:
-    """Number of cells that all boxes touch together."""
-    total = 0
+def _count_cells(low: FloatArray, high: FloatArray, place: FloatArray) -> int:
+    """Number of cells that all boxes touch together.
+
+    ``place`` (4,) is the origin of the grid, m, and the number of cells per length, 1/m.
+    """
+    origin, finer, total = place[:3], place[3], 0
     for b in range(len(low)):
         cells = 1
         for a in range(3):
@@ -95,11 +93,11 @@ def _count_cells(low: FloatArray, high: FloatArray, origin: FloatArray, finer: f
 
 @kernel
 def _fill_cells(
-    low: FloatArray, high: FloatArray, origin: FloatArray, finer: float, starts: IntArray,
-    keys: IntArray, boxes: IntArray,
+    low: FloatArray, high: FloatArray, place: FloatArray, starts: IntArray, keys: IntArray,
+    boxes: IntArray,
 ) -> None:  # fmt: skip
     """Sort the boxes by the buckets of their cells; ``starts`` is zero before."""
-    buckets = len(starts) - 1
+    origin, finer, buckets = place[:3], place[3], len(starts) - 1
     first, last = np.empty(3, np.int64), np.empty(3, np.int64)
     for fill in range(2):
         for b in range(len(low)):
@@ -127,34 +125,42 @@ def _fill_cells(
 @kernel
 def _pairs(
     low: FloatArray, high: FloatArray, other_low: FloatArray, other_high: FloatArray,
-    origin: FloatArray, finer: float, starts: IntArray, keys: IntArray, boxes: IntArray,
-    fill: bool, rows: IntArray, found: IntArray,
-) -> None:  # fmt: skip
-    """Count the pairs of each box into ``rows``, or write them from ``rows`` on, which move on.
+    place: FloatArray, starts: IntArray, keys: IntArray, boxes: IntArray,
+) -> tuple[IntArray, IntArray]:  # fmt: skip
+    """Where the pairs of each box begin, one row too many, and the other boxes of the pairs.
 
-    A pair is taken in the cell that holds the lower corner of what both have in common.
+    They are counted, then written. A pair is taken in the cell that holds the lower corner of what
+    both have in common.
     """
+    rows, found = np.zeros(len(low) + 2, np.int64), np.empty(0, np.int64)
+    x, y, z, finer = place
     buckets = len(starts) - 1
-    x, y, z = origin
-    for o in range(len(other_low)):
-        u0, u1, u2 = other_low[o, 0], other_low[o, 1], other_low[o, 2]
-        v0, v1, v2 = other_high[o, 0], other_high[o, 1], other_high[o, 2]
-        for i in range(_cell(u0, x, finer), _cell(v0, x, finer) + 1):
-            for j in range(_cell(u1, y, finer), _cell(v1, y, finer) + 1):
-                for k in range(_cell(u2, z, finer), _cell(v2, z, finer) + 1):
-                    key = (((i << _BITS) + j) << _BITS) + k
-                    at = _bucket(i, j, k, buckets)
-                    for e in range(starts[at], starts[at + 1]):
-                        b = boxes[e]
-                        if (
-                            keys[e] == key
-                            and _begins(low[b, 0], high[b, 0], u0, v0, x, finer, i)
-                            and _begins(low[b, 1], high[b, 1], u1, v1, y, finer, j)
-                            and _begins(low[b, 2], high[b, 2], u2, v2, z, finer, k)
-                        ):
-                            if fill:
-                                found[rows[b]] = o
-                            rows[b] += 1
+    for fill in range(2):
+        for o in range(len(other_low)):
+            u0, u1, u2 = other_low[o, 0], other_low[o, 1], other_low[o, 2]
+            v0, v1, v2 = other_high[o, 0], other_high[o, 1], other_high[o, 2]
+            for i in range(_cell(u0, x, finer), _cell(v0, x, finer) + 1):
+                for j in range(_cell(u1, y, finer), _cell(v1, y, finer) + 1):
+                    for k in range(_cell(u2, z, finer), _cell(v2, z, finer) + 1):
+                        key = (((i << _BITS) + j) << _BITS) + k
+                        bucket = _bucket(i, j, k, buckets)
+                        for e in range(starts[bucket], starts[bucket + 1]):
+                            b = boxes[e]
+                            if (
+                                keys[e] == key
+                                and _begins(low[b, 0], high[b, 0], u0, v0, x, finer, i)
+                                and _begins(low[b, 1], high[b, 1], u1, v1, y, finer, j)
+                                and _begins(low[b, 2], high[b, 2], u2, v2, z, finer, k)
+                            ):
+                                at = b + 2 - fill
+                                if fill == 1:
+                                    found[rows[at]] = o
+                                rows[at] += 1
+        if fill == 0:
+            # rows[1:] holds the starts, which filling turns into the ends
+            rows = np.cumsum(rows)
+            found = np.empty(rows[-1], np.int64)
+    return rows, found
 
 
 @inlined

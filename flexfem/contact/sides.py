@@ -9,9 +9,19 @@ that share nodes have the same side.
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.contact.closest import closest_candidates, mean_normal, on_rim
+from flexfem.contact.closest import (
+    AT,
+    REGION,
+    SQUARE,
+    WAY,
+    closest_candidates,
+    mean_normal,
+    on_rim,
+)
+from flexfem.contact.data import Candidates, Masters, Slaves
 from flexfem.contact.regions import FACE, dot
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["carry_sides", "label_candidates", "settle_sides"]
 
@@ -20,39 +30,39 @@ _CLEAR = 0.5
 
 
 @kernel
-def carry_sides(
-    old_starts: IntArray, old_candidates: IntArray, old_sides: IntArray, starts: IntArray,
-    candidates: IntArray, sides: IntArray,
-) -> None:  # fmt: skip
-    """Write the sides of candidates that were there before, 0 for new ones; rows ascend."""
+def carry_sides(candidates: Memory, starts: IntArray, triangles: IntArray, sides: IntArray) -> None:
+    """Write the sides of new lists of candidates: those that they had before, or 0."""
+    old = unpack(Candidates, candidates)
+    old_starts, old_triangles, old_sides = old.starts, old.triangles, old.sides
     for i in range(len(starts) - 1):
         o = old_starts[i]
         for c in range(starts[i], starts[i + 1]):
-            while o < old_starts[i + 1] and old_candidates[o] < candidates[c]:
+            while o < old_starts[i + 1] and old_triangles[o] < triangles[c]:
                 o += 1
-            there = o < old_starts[i + 1] and old_candidates[o] == candidates[c]
+            there = o < old_starts[i + 1] and old_triangles[o] == triangles[c]
             sides[c] = old_sides[o] if there else 0
 
 
 @inlined
-def _settled(row: IntArray, side: IntArray, rims: IntArray) -> bool:
-    """Return True if all sides are known, away from rims."""
-    settled = True
+def _settled(masters: Masters, candidates: Candidates, i: int) -> bool:
+    """Return True if all sides of a slave are known, away from rims."""
+    first, last = candidates.starts[i], candidates.starts[i + 1]
+    row, side = candidates.triangles[first:last], candidates.sides[first:last]
+    rims, settled = masters.rims, True
     for c in range(row.size):
         settled = settled and side[c] != 0 and rims[row[c]] == 0
     return settled
 
 
 @kernel
-def label_candidates(
-    triangles: IntArray, parts: IntArray, closed: IntArray, starts: IntArray, candidates: IntArray,
-    labels: IntArray,
-) -> None:  # fmt: skip
+def label_candidates(masters: Memory, candidates: Memory) -> None:
     """Number alike those candidates of each slave that share nodes, directly or through others.
 
-    Parts (m,) number the connected parts: only triangles of one part are numbered alike, and all of
-    a part that is ``closed`` (m,), not 0: the triangles on its other side are no other layer.
+    Only triangles of one connected part are numbered alike, and all of a part of which only one
+    side acts: the triangles on its other side are no other layer.
     """
+    touched, own = unpack(Masters, masters), unpack(Candidates, candidates)
+    triangles, parts, starts, labels = touched.triangles, touched.parts, own.starts, own.labels
     for i in range(len(starts) - 1):
         first, last = starts[i], starts[i + 1]
         for c in range(first, last):
@@ -61,12 +71,12 @@ def label_candidates(
         while changed:
             changed = False
             for c in range(first, last):
-                t = candidates[c]
+                t = own.triangles[c]
                 for o in range(first, c):
-                    u = candidates[o]
+                    u = own.triangles[o]
                     if labels[c] == labels[o] or parts[t] != parts[u]:
                         continue
-                    shared = closed[t] != 0
+                    shared = touched.sides[t] != 0
                     for k in range(3):
                         node = triangles[t, k]
                         a, b, d = triangles[u]
@@ -78,62 +88,55 @@ def label_candidates(
 
 @inlined
 def _side(
-    points: FloatArray, triangles: IntArray, normals: FloatArray, rims: IntArray, row: IntArray,
-    near: IntArray, measures: FloatArray, label: int, labels: IntArray, known: int, n: FloatArray,
+    points: FloatArray, masters: Masters, candidates: Candidates, count: int, label: int,
+    known: int, n: FloatArray,
 ) -> int:  # fmt: skip
-    """Side of the candidates with one label."""
+    """Side of the candidates with one label, all of which are near; ``n`` (3,) is work space."""
+    near, measures = candidates.near, candidates.measures
+    first = near[0, AT]
+    labels = candidates.labels[first : first + count]
     one, least = -1, np.inf
-    for c in range(row.size):
-        if labels[c] == label and measures[c, 3] < least:
-            one, least = c, measures[c, 3]
-    region = near[one, 1]
-    if on_rim(rims[row[one]], region):
+    for c in range(count):
+        if labels[c] == label and measures[c, SQUARE] < least:
+            one, least = c, measures[c, SQUARE]
+    t, region = candidates.triangles[first + one], near[one, REGION]
+    if on_rim(masters.rims[t], region):
         return 0
     if known != 0:
         return known
-    r = measures[one, 4:7]
+    r = measures[one, WAY : WAY + 3]
     if region == FACE:
-        return 1 if dot(r, normals[row[one]]) >= 0.0 else -1
-    mean_normal(points, triangles, normals, row, near, row.size, one, n)
+        return 1 if dot(r, candidates.normals[t]) >= 0.0 else -1
+    mean_normal(points, masters, candidates, count, one, n)
     height = dot(r, n)
-    if abs(height) <= _CLEAR * np.sqrt(measures[one, 3]):
+    if abs(height) <= _CLEAR * np.sqrt(measures[one, SQUARE]):
         return 0
     return 1 if height > 0.0 else -1
 
 
 @kernel
-def settle_sides(
-    points: FloatArray, slaves: IntArray, triangles: IntArray, rims: IntArray, labels: IntArray,
-    normals: FloatArray, starts: IntArray, candidates: IntArray, sides: IntArray,
-    near: IntArray, measures: FloatArray,
-) -> None:  # fmt: skip
+def settle_sides(points: FloatArray, slaves: Memory, masters: Memory, candidates: Memory) -> None:
     """Find sides that are not known, and forget those of nodes at a rim.
 
-    Arguments are those of ``find.find_contacts``.
+    ``points`` (n, 3) are positions, m; normals are up to date.
     """
-    n, nothing = np.empty(3), np.zeros(len(triangles))
-    unknown = np.zeros(len(near), np.int64)
-    for i in range(len(slaves)):
-        if starts[i] == starts[i + 1]:
+    nodes, touched = unpack(Slaves, slaves).nodes, unpack(Masters, masters)
+    own = unpack(Candidates, candidates)
+    starts, n = own.starts, np.empty(3)
+    for i in range(len(nodes)):
+        first, last = starts[i], starts[i + 1]
+        if first == last or _settled(touched, own, i):
             continue
-        row, side = candidates[starts[i] : starts[i + 1]], sides[starts[i] : starts[i + 1]]
-        if _settled(row, side, rims):
-            continue
-        group = labels[starts[i] : starts[i + 1]]
-        closest_candidates(
-            points, points[slaves[i]], triangles, normals, np.inf, nothing, row,
-            unknown[: row.size], group, near, measures,
-        )  # fmt: skip
-        for label in range(row.size):
+        count = closest_candidates(points, nodes[i], touched, own, i, np.inf)
+        side, group = own.sides[first:last], own.labels[first:last]
+        for label in range(count):
             if group[label] != label:
                 continue
             known = 0
-            for c in range(row.size):
+            for c in range(count):
                 if group[c] == label and side[c] != 0:
                     known = side[c]
-            now = _side(
-                points, triangles, normals, rims, row, near, measures, label, group, known, n
-            )
-            for c in range(row.size):
+            now = _side(points, touched, own, count, label, known, n)
+            for c in range(count):
                 if group[c] == label:
                     side[c] = now

@@ -5,6 +5,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.candidates import Rows
+from flexfem.contact.data import GAP, REACH
 from flexfem.contact.search import overlaps, triangle_boxes
 from flexfem.contact.triangles import TriangleContact
 from flexfem.lie.compiled import kernel, subroutine
@@ -18,14 +19,12 @@ def deepest_start(contact: TriangleContact) -> tuple[float, int, int]:
     Call it after the contact has been updated and evaluated with the positions at the start; 0 and
     -1 when nothing touches.
     """
-    count = contact.count
-    if count == 0:
+    if contact.count == 0:
         return 0.0, -1, -1
-    slave, triangle = contact.ends[:count].T
-    reach = contact.slaves.offsets[slave] + contact.masters.thickness[triangle]
-    parts = -contact.contacts[:count, 3] / np.maximum(reach, 1e-300)
+    parts = -contact.contacts[:, GAP] / np.maximum(contact.contacts[:, REACH], 1e-300)
     worst = int(np.argmax(parts))
-    return float(parts[worst]), int(contact.slaves.nodes[slave[worst]]), int(triangle[worst])
+    slave, triangle = contact.ends[worst].tolist()
+    return float(parts[worst]), int(contact.slaves.nodes[slave]), triangle
 
 
 def winding_numbers(points: FloatArray, corners: FloatArray) -> FloatArray:

@@ -12,8 +12,9 @@ of that distance. The force has a potential and a slope without jumps.
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem.contact.data import FORCE, GAP, POTENTIAL, REACH, SLOPE, Found
 from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["STIFFER", "stiffen"]
 
@@ -24,33 +25,21 @@ _DEPTH = 0.1
 
 
 @kernel
-def stiffen(
-    count: int, contacts: FloatArray, gap: int, first: int, slaves: IntArray, offsets: FloatArray,
-    triangles: IntArray, thickness: FloatArray, most: float,
-) -> None:  # fmt: skip
-    """Write force, slope and potential of contacts (c, ...), over k, from column ``first`` on.
+def stiffen(found: Memory, most: float) -> None:
+    """Write force, slope and potential of contacts over k from their gaps.
 
-    Args:
-        count: Number of contacts.
-        contacts: Their numbers; gaps, negative, in the column ``gap``, m.
-        gap: Column of the gaps: 3 of triangles (``find.FIELDS``), 0 of ``rigid.RIGID_FIELDS``.
-        first: Column of the force, 22 or 15; slope and potential follow it.
-        slaves: Of each, shape (c,).
-        offsets: Distance at which slaves touch a surface without thickness, shape (s,), metres.
-        triangles: Of each contact, shape (c,); none for rigid surfaces.
-        thickness: Half of the thickness of triangles, shape (m,), metres.
-        most: m, at least 1.
+    ``most`` is m, at least 1.
     """
-    for c in range(count):
-        g = contacts[c, gap]
-        reach = offsets[slaves[c]] + (thickness[triangles[c]] if triangles.size else 0.0)
-        contacts[c, first], contacts[c, first + 1], contacts[c, first + 2] = g, 1.0, 0.5 * g * g
+    own = unpack(Found, found)
+    contacts = own.numbers
+    for c in range(own.closed[0]):
+        contact = contacts[c]
+        g, reach = contact[GAP], contact[REACH]
+        contact[FORCE], contact[SLOPE], contact[POTENTIAL] = g, 1.0, 0.5 * g * g
         if most > 1.0 and reach > 0.0:
             d = _DEPTH * reach
             x = g / d
             turn, more = np.arctan(x), most - 1.0
-            contacts[c, first] += more * (g - d * turn)
-            contacts[c, first + 1] += more * x * x / (1.0 + x * x)
-            contacts[c, first + 2] += (
-                more * d * d * (0.5 * x * x - x * turn + 0.5 * np.log1p(x * x))
-            )
+            contact[FORCE] += more * (g - d * turn)
+            contact[SLOPE] += more * x * x / (1.0 + x * x)
+            contact[POTENTIAL] += more * d * d * (0.5 * x * x - x * turn + 0.5 * np.log1p(x * x))

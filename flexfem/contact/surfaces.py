@@ -6,16 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.contact import rigid
+from flexfem.contact import penalty, rigid
+from flexfem.contact.data import FORCE, GAP, NORMAL, PLACE, RIGID_FIELDS, Found, Slaves
 from flexfem.contact.held_contacts import ContactLaw, HeldContacts
 from flexfem.contact.stiffening import stiffen
-from flexfem.contact.triangles import Slaves
 
 __all__ = ["RigidContact", "Shape"]
-
-#: Rigid surfaces of simple shapes have no triangles, and so none that are thick.
-_NO_TRIANGLES: IntArray = np.zeros(0, np.int64)
-_NO_THICKNESS: FloatArray = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -23,7 +19,7 @@ class Shape:
     """A rigid surface in the axes of its frame; see ``rigid.ShapeKind``.
 
     Attributes:
-        kind: Which shape.
+        kind: Of the surface.
         radius: Metres.
         length: Along the axis, metres.
     """
@@ -38,58 +34,55 @@ class RigidContact:
 
     Attributes:
         slaves, shape: What touches.
-        count: Contacts at the trial state.
-        ends: Slave of each, shape (count,) used.
-        contacts: Numbers of each, see ``rigid``, shape (count, RIGID_FIELDS) used.
+        found: Contacts at the trial state.
         held: What friction and damping act on.
         stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
 
     def __init__(self, slaves: Slaves, shape: Shape, law: ContactLaw | None = None) -> None:
         """Describe what touches."""
-        self.slaves, self.shape, self.count = slaves, shape, 0
+        self.slaves, self.shape, count = slaves, shape, len(slaves.nodes)
         self.stiffer = 1.0
-        self.ends = np.empty(len(slaves.nodes), np.int64)
-        self.contacts = np.empty((len(slaves.nodes), rigid.RIGID_FIELDS))
-        self._frame = np.zeros(12)
+        self.found = Found(
+            closed=np.zeros(1, np.int64), ends=np.empty((count, 1), np.int64),
+            numbers=np.empty((count, RIGID_FIELDS)),
+        )  # fmt: skip
+        self._surface = rigid.RigidShape(
+            frame=np.zeros(12), kind=int(shape.kind), radius=shape.radius, length=shape.length
+        )
         self._law = ContactLaw() if law is None else law
         self.held = HeldContacts.none(self._law)
         self._arms, self._start = np.zeros((0, 3)), np.zeros((0, 3))
 
     def distances(self, points: FloatArray, frame: FloatArray) -> FloatArray:
         """Gaps of all slaves (s,), m."""
-        values, shape = np.empty(len(self.slaves.nodes)), self.shape
-        rigid.distances_into(
-            points[self.slaves.nodes], frame, int(shape.kind), shape.radius, shape.length, values
-        )
+        values = np.empty(len(self.slaves.nodes))
+        rigid.distances_into(points[self.slaves.nodes], frame, self._surface.memory, values)
         return values - self.slaves.offsets
 
     def evaluate(self, points: FloatArray, frame: FloatArray, h: float = 0.0) -> None:
         """Find the contacts at a trial state, with the surface's frame (12,)."""
-        self._frame, s, shape = frame.copy(), self.slaves, self.shape
-        self.count = rigid.find_rigid_contacts(
-            points, s.nodes, s.offsets, self._frame, int(shape.kind), shape.radius, shape.length,
-            self.ends, self.contacts,
-        )  # fmt: skip
-        stiffen(
-            self.count, self.contacts, 0, 15, self.ends, s.offsets, _NO_TRIANGLES, _NO_THICKNESS,
-            self.stiffer,
-        )  # fmt: skip
+        self._surface.frame[:] = frame
+        rigid.find_rigid_contacts(
+            points, self.slaves.memory, self._surface.memory, self.found.memory
+        )
+        stiffen(self.found.memory, self.stiffer)
         if len(self.held.slaves):
             places = frame[:3] + self._arms @ frame[3:].reshape(3, 3).T
-            nodes = s.nodes[self.held.slaves]
+            nodes = self.slaves.nodes[self.held.slaves]
             self.held.evaluate(points[nodes] - places - self._start, h)
 
     def accept(self, points: FloatArray) -> None:
         """End a step: the contacts evaluated last are those that friction acts on now."""
         if self._law.elastic:
             return
-        c, ends, R = self.contacts[: self.count], self.ends[: self.count], self._rotation
-        stiffness = self.slaves.stiffness[ends]
-        self.held = self.held.follow(ends.copy(), c[:, 1:4] @ R.T, -stiffness * c[:, 15], stiffness)
-        self._arms = c[:, 12:15].copy()
-        places = self._frame[:3] + self._arms @ R.T
-        self._start = points[self.slaves.nodes[ends]] - places
+        c, slaves, R = self.contacts, self.ends[:, 0], self._rotation
+        stiffness = self.slaves.stiffness[slaves]
+        normals = c[:, NORMAL : NORMAL + 3] @ R.T
+        self.held = self.held.follow(slaves.copy(), normals, -stiffness * c[:, FORCE], stiffness)
+        self._arms = c[:, PLACE : PLACE + 3].copy()
+        places = self._surface.frame[:3] + self._arms @ R.T
+        self._start = points[self.slaves.nodes[slaves]] - places
 
     def memory(self) -> FloatArray:
         """The contacts that are held, a row for each slave."""
@@ -97,34 +90,47 @@ class RigidContact:
 
     def recall(self, points: FloatArray, frame: FloatArray, memory: FloatArray) -> None:
         """Take back what :meth:`memory` returned, at the same positions."""
-        self._frame = frame.copy()
+        self._surface.frame[:] = frame
         self.held, self._arms = HeldContacts.unpacked(self._law, memory, self.slaves.stiffness)
         places = frame[:3] + self._arms @ self._rotation.T
         self._start = points[self.slaves.nodes[self.held.slaves]] - places
 
     @property
     def _rotation(self) -> FloatArray:
-        return self._frame[3:].reshape(3, 3)
+        return self._surface.frame[3:].reshape(3, 3)
+
+    @property
+    def count(self) -> int:
+        """Number of contacts at the trial state."""
+        return int(self.found.closed[0])
+
+    @property
+    def ends(self) -> IntArray:
+        """Slave of each contact, shape (count, 1)."""
+        return self.found.ends[: self.count]
+
+    @property
+    def contacts(self) -> FloatArray:
+        """Numbers of each contact, see ``data``, shape (count, RIGID_FIELDS)."""
+        return self.found.numbers[: self.count]
 
     @property
     def energy(self) -> float:
         """Energy stored, J."""
-        value: float = rigid.rigid_energy(
-            self.count, self.ends, self.contacts, self.slaves.stiffness
-        )
+        value: float = penalty.energy(self.slaves.memory, self.found.memory)
         return value
 
     @property
     def deepest(self) -> float:
         """Largest penetration, m."""
-        return float(-self.contacts[: self.count, 0].min(initial=0.0))
+        return float(-self.contacts[:, GAP].min(initial=0.0))
 
     @property
     def forces(self) -> FloatArray:
         """Normal forces of the contacts on the slaves, inertial axes, (count, 3), newtons."""
-        c = self.contacts[: self.count]
-        sizes = -self.slaves.stiffness[self.ends[: self.count]] * c[:, 15]
-        return sizes[:, None] * (c[:, 1:4] @ self._rotation.T)
+        c = self.contacts
+        sizes = -self.slaves.stiffness[self.ends[:, 0]] * c[:, FORCE]
+        return sizes[:, None] * (c[:, NORMAL : NORMAL + 3] @ self._rotation.T)
 
     def add_forces(self, residual: FloatArray, wrench: FloatArray, scale: float = 1.0) -> None:
         """Add ``scale`` times the forces.
@@ -134,11 +140,8 @@ class RigidContact:
             wrench: Of the surface's frame, force and moment in its axes, shape (6,).
             scale: Factor.
         """
-        s = self.slaves
-        rigid.add_rigid_forces(
-            self.count, s.nodes, self.ends, self.contacts, s.stiffness, self._frame, scale,
-            residual, wrench,
-        )  # fmt: skip
+        slaves, surface, found = self.slaves.memory, self._surface.memory, self.found.memory
+        rigid.add_rigid_forces(slaves, surface, found, scale, residual, wrench)
         if len(self.held.slaves):
             self._add_held(scale * self.held.forces, residual, wrench)
 
@@ -147,14 +150,11 @@ class RigidContact:
         scale: float = 1.0,
     ) -> None:  # fmt: skip
         """Add ``scale`` times the tangent applied to steps (n, 3) and a local twist (6,)."""
-        s = self.slaves
-        rigid.add_rigid_actions(
-            self.count, s.nodes, self.ends, self.contacts, s.stiffness, self._frame, scale, steps,
-            twist, residual, wrench,
-        )  # fmt: skip
+        slaves, surface, found = self.slaves.memory, self._surface.memory, self.found.memory
+        rigid.add_rigid_actions(slaves, surface, found, scale, steps, twist, residual, wrench)
         if len(self.held.slaves):
             moved = (twist[:3] + np.cross(twist[3:], self._arms)) @ self._rotation.T
-            slips = steps[s.nodes[self.held.slaves]] - moved
+            slips = steps[self.slaves.nodes[self.held.slaves]] - moved
             forces = np.einsum("cij,cj->ci", self.held.tangents, slips)
             self._add_held(scale * forces, residual, wrench)
             # forces keep their inertial axes, while those of the frame turn
@@ -167,10 +167,8 @@ class RigidContact:
         """Nodes (c,) and ``scale`` times the tangents (c, 9, 9): node, then twist of the frame."""
         s, held = self.slaves, self.held
         blocks = np.empty((self.count, 9, 9))
-        rigid.rigid_blocks_into(
-            self.count, self.ends, self.contacts, s.stiffness, self._frame, scale, blocks
-        )
-        nodes = s.nodes[self.ends[: self.count]]
+        rigid.rigid_blocks_into(s.memory, self._surface.memory, self.found.memory, scale, blocks)
+        nodes = s.nodes[self.ends[:, 0]]
         if not len(held.slaves):
             return nodes, blocks
         return (

@@ -4,64 +4,34 @@
 Two passes are two of these with the roles exchanged, each with half of the stiffness.
 """
 
-from dataclasses import dataclass
-from typing import Self
-
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.contact import penalty
 from flexfem.contact.candidates import Rows, find_candidates, largest_move
-from flexfem.contact.find import FIELDS, MOST, find_contacts, normals_into
+from flexfem.contact.closest import MEASURES, NEAR
+from flexfem.contact.data import (
+    AREAS,
+    FIELDS,
+    FORCE,
+    GAP,
+    NORMAL,
+    Candidates,
+    Found,
+    Masters,
+    Slaves,
+)
+from flexfem.contact.find import MOST, find_contacts, normals_into
 from flexfem.contact.held_contacts import ContactLaw, HeldContacts
 from flexfem.contact.sides import carry_sides, label_candidates, settle_sides
 from flexfem.contact.stiffening import stiffen
 from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Memory, unpack
 
-__all__ = ["Masters", "Slaves", "TriangleContact"]
-
+__all__ = ["TriangleContact"]
 
 #: Triangles of one node that it may have got through, at most.
 _THROUGH = 4
-
-
-@dataclass(frozen=True)
-class Slaves:
-    """Nodes that touch.
-
-    Attributes:
-        nodes: Rows of the positions, shape (s,).
-        offsets: Distance at which each touches a surface of no thickness, shape (s,), metres.
-        stiffness: Force per penetration, shape (s,), N/m.
-    """
-
-    nodes: IntArray
-    offsets: FloatArray
-    stiffness: FloatArray
-
-    def restricted(self, kept: BoolArray) -> Self:
-        """Those that are marked in (s,)."""
-        return type(self)(self.nodes[kept], self.offsets[kept], self.stiffness[kept])
-
-
-@dataclass(frozen=True)
-class Masters:
-    """Triangles that are touched.
-
-    Attributes:
-        triangles: Rows of the positions, shape (m, 3).
-        thickness: Half of the thickness, shape (m,), metres.
-        rims: Which edges (bits 0 to 2, opposite to the nodes) and nodes (bits 3 to 5) are on the
-            rim of the surface, shape (m,).
-        parts: Number of the connected part, in which all normals point to one side, shape (m,).
-        sides: The only side that acts, 1 or -1, of closed surfaces; 0 where both do, shape (m,).
-    """
-
-    triangles: IntArray
-    thickness: FloatArray
-    rims: IntArray
-    parts: IntArray
-    sides: IntArray
 
 
 class TriangleContact:
@@ -71,12 +41,9 @@ class TriangleContact:
         slaves, masters: What touches.
         skin: How far candidates are looked for, m: nothing gets through a surface that moves by
             less than half of it, relative to the surface, in a step.
-        rows: Candidates of each slave.
-        sides: On which side of each it belongs: 1, -1 or 0 for none.
+        candidates: Triangles near the slaves.
+        found: Contacts at the trial state.
         version: Number of the present list of candidates.
-        count: Contacts at the trial state.
-        ends: Slave and triangle of each, shape (count, 2) used.
-        contacts: Numbers of each, see ``find``, shape (count, FIELDS) used.
         held: What friction and damping act on.
         stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
@@ -93,17 +60,20 @@ class TriangleContact:
         self.slaves, self.masters, self.skin = slaves, masters, skin
         count = len(slaves.nodes)
         self._excluded = Rows.empty(count) if excluded is None else excluded
-        self.rows, self.sides = Rows.empty(count), np.zeros(0, np.int64)
-        self._labels = np.zeros(0, np.int64)
-        self.version, self.count, self.stiffer = 0, 0, 1.0
-        self.ends = np.empty((MOST * (count + 1), 2), np.int64)
-        self.contacts = np.empty((MOST * (count + 1), FIELDS))
-        self._normals = np.empty((len(masters.triangles), 3))
-        self._chosen = np.arange(len(masters.triangles))
+        self.version, self.stiffer = 0, 1.0
+        none, triangles = np.zeros(0, np.int64), len(masters.triangles)
+        self.candidates = Candidates(
+            starts=np.zeros(count + 1, np.int64), triangles=none, sides=none, labels=none,
+            chosen=np.arange(triangles), normals=np.empty((triangles, 3)),
+            near=np.empty((0, NEAR), np.int64), measures=np.empty((0, MEASURES)),
+        )  # fmt: skip
+        self.found = Found(
+            closed=np.zeros(1, np.int64), ends=np.empty((MOST * (count + 1), 2), np.int64),
+            numbers=np.empty((MOST * (count + 1), FIELDS)),
+        )  # fmt: skip
         self._nodes = slaves.nodes
         self._built: FloatArray | None = None
         self._before: FloatArray | None = None
-        self._work = np.empty((0, 9), np.int64), np.empty((0, 7))
         self._law = ContactLaw() if law is None else law
         self.held = HeldContacts.none(self._law)
         self._held_nodes, self._held_weights = np.zeros((0, 4), np.int64), np.zeros((0, 4))
@@ -137,49 +107,40 @@ class TriangleContact:
             points: Positions at an accepted state, shape (n, 3).
             chosen: Numbers of the triangles to look at, ascending; None for all.
         """
-        s, m, old, sides = self.slaves, self.masters, self.rows, self.sides
-        self._chosen = np.arange(len(m.triangles)) if chosen is None else chosen
-        rows = find_candidates(
-            points, s.nodes, s.offsets, m.triangles[self._chosen], m.thickness[self._chosen],
-            self.skin, self._excluded,
-        )  # fmt: skip
-        self.rows = rows = Rows(rows.starts, self._chosen[rows.values])
-        self.sides = np.empty(len(rows.values), np.int64)
-        carry_sides(old.starts, old.values, sides, rows.starts, rows.values, self.sides)
-        np.copyto(self.sides, m.sides[rows.values], where=m.sides[rows.values] != 0)
-        self._labels = np.empty(len(rows.values), np.int64)
-        label_candidates(m.triangles, m.parts, m.sides, rows.starts, rows.values, self._labels)
-        if rows.longest > len(self._work[0]):
-            self._work = (np.empty((rows.longest, 9), np.int64), np.empty((rows.longest, 7)))
+        s, m, c = self.slaves, self.masters, self.candidates
+        chosen = np.arange(len(m.triangles)) if chosen is None else chosen
+        triangles = m.triangles[chosen]
+        starts, values = find_candidates(
+            points, s, triangles, m.thickness[chosen], self.skin, self._excluded
+        )
+        values = chosen[values]
+        sides = np.empty(len(values), np.int64)
+        carry_sides(c.memory, starts, values, sides)
+        np.copyto(sides, m.sides[values], where=m.sides[values] != 0)
+        c.starts, c.triangles, c.sides, c.chosen = starts, values, sides, chosen
+        c.labels = np.empty(len(values), np.int64)
+        label_candidates(m.memory, c.memory)
+        longest = c.longest
+        if longest > len(c.near):
+            c.near, c.measures = np.empty((longest, NEAR), np.int64), np.empty((longest, MEASURES))
         moving = np.zeros(len(points), dtype=np.bool_)
-        moving[s.nodes] = moving[m.triangles[self._chosen]] = True
+        moving[s.nodes] = moving[triangles] = True
         self._nodes = np.flatnonzero(moving)
         self._built = points.copy()
         self.version += 1
 
     def settle(self, points: FloatArray) -> None:
         """Find the sides of new candidates, and forget those of nodes at a rim."""
-        m = self.masters
-        normals_into(points, m.triangles, self._chosen, self._normals)
-        settle_sides(
-            points, self.slaves.nodes, m.triangles, m.rims, self._labels, self._normals,
-            self.rows.starts, self.rows.values, self.sides, *self._work,
-        )  # fmt: skip
+        masters, candidates = self.masters.memory, self.candidates.memory
+        normals_into(points, masters, candidates)
+        settle_sides(points, self.slaves.memory, masters, candidates)
 
     def evaluate(self, points: FloatArray, h: float = 0.0) -> None:
         """Find the contacts at a trial state of a step of ``h`` seconds."""
-        s, m = self.slaves, self.masters
-        normals_into(points, m.triangles, self._chosen, self._normals)
-        self.count = find_contacts(
-            points, s.nodes, s.offsets, m.triangles, m.thickness, m.rims, self._normals,
-            self.rows.starts, self.rows.values, self.sides, self._labels, *self._work,
-            self.ends, self.contacts,
-        )  # fmt: skip
-        slaves, triangles = self.ends[: self.count].T
-        stiffen(
-            self.count, self.contacts, 3, 22, slaves, s.offsets, triangles, m.thickness,
-            self.stiffer,
-        )  # fmt: skip
+        masters, candidates = self.masters.memory, self.candidates.memory
+        normals_into(points, masters, candidates)
+        find_contacts(points, self.slaves.memory, masters, candidates, self.found.memory)
+        stiffen(self.found.memory, self.stiffer)
         if len(self.held.slaves):
             slips = np.empty((len(self.held.slaves), 3))
             _slips_into(points - self._start, self._held_nodes, self._held_weights, slips)
@@ -189,15 +150,15 @@ class TriangleContact:
         """End a step: the contacts evaluated last are those that friction acts on now."""
         if self._law.elastic:
             return
-        c, ends = self.contacts[: self.count], self.ends[: self.count]
-        stiffness = self.slaves.stiffness[ends[:, 0]]
+        c, (slaves, triangles) = self.contacts, self.ends.T
+        stiffness = self.slaves.stiffness[slaves]
         self.held = self.held.follow(
-            ends[:, 0].copy(), c[:, 5:8].copy(), -stiffness * c[:, 22], stiffness
+            slaves.copy(), c[:, NORMAL : NORMAL + 3].copy(), -stiffness * c[:, FORCE], stiffness
         )
         self._held_nodes = np.column_stack(
-            [self.slaves.nodes[ends[:, 0]], self.masters.triangles[ends[:, 1]]]
+            [self.slaves.nodes[slaves], self.masters.triangles[triangles]]
         )
-        self._held_weights = np.column_stack([np.ones(self.count), -c[:, :3]])
+        self._held_weights = np.column_stack([np.ones(len(c)), -c[:, AREAS : AREAS + 3]])
         self._start = points.copy()
 
     def memory(self, points: FloatArray) -> FloatArray:
@@ -205,12 +166,13 @@ class TriangleContact:
 
         These are the triangles that a node has got through, and the contacts that are held.
         """
-        kept = self.sides.copy()
-        self.sides[:] = self.masters.sides[self.rows.values]
+        c = self.candidates
+        kept = c.sides.copy()
+        c.sides[:] = self.masters.sides[c.triangles]
         self.settle(points)
-        fresh, self.sides = self.sides, kept
+        fresh, c.sides = c.sides, kept
         rows = np.full((len(self.slaves.nodes), 2 * _THROUGH), -1.0)
-        _pack_sides(self.rows.starts, self.rows.values, kept, fresh, rows)
+        _pack_sides(c.memory, fresh, rows)
         extra = np.concatenate([self._held_nodes[:, 1:], self._held_weights[:, 1:]], axis=1)
         return np.concatenate([rows, self.held.packed(len(rows), extra)], axis=1)
 
@@ -224,10 +186,10 @@ class TriangleContact:
 
     def recall(self, points: FloatArray, memory: FloatArray) -> None:
         """Take back what :meth:`memory` returned, at the same positions."""
-        self.sides[:] = self.masters.sides[self.rows.values]
+        self.candidates.sides[:] = self.masters.sides[self.candidates.triangles]
         self.settle(points)
         sides, held = np.split(memory, [2 * _THROUGH], axis=1)
-        _unpack_sides(self.rows.starts, self.rows.values, sides, self.sides)
+        _unpack_sides(self.candidates.memory, sides)
         self.held, extra = HeldContacts.unpacked(self._law, held, self.slaves.stiffness)
         nodes = self.slaves.nodes[self.held.slaves]
         self._held_nodes = np.column_stack([nodes, extra[:, :3].astype(np.int64)])
@@ -235,38 +197,49 @@ class TriangleContact:
         self._start = points.copy()
 
     @property
+    def count(self) -> int:
+        """Number of contacts at the trial state."""
+        return int(self.found.closed[0])
+
+    @property
+    def ends(self) -> IntArray:
+        """Slave and triangle of each contact, shape (count, 2)."""
+        return self.found.ends[: self.count]
+
+    @property
+    def contacts(self) -> FloatArray:
+        """Numbers of each contact, see ``data``, shape (count, FIELDS)."""
+        return self.found.numbers[: self.count]
+
+    @property
     def energy(self) -> float:
         """Energy stored, J."""
-        value: float = penalty.energy(self.count, self.ends, self.contacts, self.slaves.stiffness)
+        value: float = penalty.energy(self.slaves.memory, self.found.memory)
         return value
 
     @property
     def deepest(self) -> float:
         """Largest penetration, m."""
-        return float(-self.contacts[: self.count, 3].min(initial=0.0))
+        return float(-self.contacts[:, GAP].min(initial=0.0))
 
     @property
     def forces(self) -> FloatArray:
         """Normal forces of the contacts on the slaves, shape (count, 3), newtons."""
-        c = self.contacts[: self.count]
-        return -(self.slaves.stiffness[self.ends[: self.count, 0]] * c[:, 22])[:, None] * c[:, 5:8]
+        c = self.contacts
+        sizes = self.slaves.stiffness[self.ends[:, 0]] * c[:, FORCE]
+        return -sizes[:, None] * c[:, NORMAL : NORMAL + 3]
 
     def add_forces(self, residual: FloatArray, scale: float = 1.0) -> None:
         """Add ``scale`` times the forces to the residual of all nodes (n, 3), inertial axes."""
-        s, m = self.slaves, self.masters
-        penalty.add_forces(
-            self.count, s.nodes, m.triangles, self.ends, self.contacts, s.stiffness, scale, residual
-        )
+        slaves, masters, found = self.slaves.memory, self.masters.memory, self.found.memory
+        penalty.add_forces(slaves, masters, found, scale, residual)
         if len(self.held.slaves):
             _spread(self.held.forces, self._held_nodes, self._held_weights, scale, residual)
 
     def add_actions(self, steps: FloatArray, residual: FloatArray, scale: float = 1.0) -> None:
         """Add ``scale`` times the tangent applied to steps (n, 3) to the residual (n, 3)."""
-        s, m = self.slaves, self.masters
-        penalty.add_actions(
-            self.count, s.nodes, m.triangles, self.ends, self.contacts, s.stiffness, scale, steps,
-            residual,
-        )  # fmt: skip
+        slaves, masters, found = self.slaves.memory, self.masters.memory, self.found.memory
+        penalty.add_actions(slaves, masters, found, scale, steps, residual)
         if len(self.held.slaves):
             slips = np.empty((len(self.held.slaves), 3))
             _slips_into(steps, self._held_nodes, self._held_weights, slips)
@@ -275,12 +248,10 @@ class TriangleContact:
 
     def blocks(self, scale: float = 1.0) -> tuple[IntArray, FloatArray]:
         """Nodes (c, 4), slave first, and ``scale`` times the tangents (c, 12, 12)."""
-        s, m, held = self.slaves, self.masters, self.held.tangents
-        nodes, blocks = np.empty((self.count, 4), np.int64), np.empty((self.count, 12, 12))
-        penalty.blocks_into(
-            self.count, s.nodes, m.triangles, self.ends, self.contacts, s.stiffness, scale, nodes,
-            blocks,
-        )  # fmt: skip
+        count, held = self.count, self.held.tangents
+        nodes, blocks = np.empty((count, 4), np.int64), np.empty((count, 12, 12))
+        slaves, masters, found = self.slaves.memory, self.masters.memory, self.found.memory
+        penalty.blocks_into(slaves, masters, found, scale, nodes, blocks)
         if not len(held):
             return nodes, blocks
         w = self._held_weights
@@ -310,25 +281,24 @@ def _spread(
 
 
 @kernel
-def _pack_sides(
-    starts: IntArray, candidates: IntArray, sides: IntArray, fresh: IntArray, rows: FloatArray
-) -> None:
+def _pack_sides(candidates: Memory, fresh: IntArray, rows: FloatArray) -> None:
     """Write triangle and side where the latter is not the fresh one, pair after pair."""
+    own = unpack(Candidates, candidates)
     for i in range(len(rows)):
         count = 0
-        for c in range(starts[i], starts[i + 1]):
-            if sides[c] != fresh[c] and 2 * count < rows.shape[1]:
-                rows[i, 2 * count], rows[i, 2 * count + 1] = candidates[c], sides[c]
+        for c in range(own.starts[i], own.starts[i + 1]):
+            side = own.sides[c]
+            if side != fresh[c] and 2 * count < rows.shape[1]:
+                rows[i, 2 * count], rows[i, 2 * count + 1] = own.triangles[c], side
                 count += 1
 
 
 @kernel
-def _unpack_sides(
-    starts: IntArray, candidates: IntArray, rows: FloatArray, sides: IntArray
-) -> None:
+def _unpack_sides(candidates: Memory, rows: FloatArray) -> None:
     """Set the sides that ``_pack_sides`` wrote."""
+    own = unpack(Candidates, candidates)
     for i in range(len(rows)):
-        for c in range(starts[i], starts[i + 1]):
+        for c in range(own.starts[i], own.starts[i + 1]):
             for k in range(0, rows.shape[1], 2):
-                if rows[i, k] == candidates[c]:
-                    sides[c] = int(rows[i, k + 1])
+                if rows[i, k] == own.triangles[c]:
+                    own.sides[c] = int(rows[i, k + 1])

@@ -45,11 +45,11 @@ def stiffness_nearby(
             )
             number += 1
         for made in group.triangles:
-            rows, slaves = made.rows, made.slaves
-            row = np.repeat(np.arange(len(slaves.nodes)), np.diff(rows.starts))
+            candidates, slaves = made.candidates, made.slaves
+            row = np.repeat(np.arange(len(slaves.nodes)), np.diff(candidates.starts))
             most = np.zeros(len(total))
             most[slaves.nodes[row]] = slaves.stiffness[row]
-            corners = made.masters.triangles[rows.values]
+            corners = made.masters.triangles[candidates.triangles]
             np.maximum.at(most, corners, slaves.stiffness[row][:, np.newaxis])
             # slaves of several ranks are near a corner: the stiffest counts once, not on each rank
             total[:, 0] += carriers.largest(most)

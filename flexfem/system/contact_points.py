@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.contact.data import Masters
 from flexfem.contact.describe import mean_edge, rim_bits
-from flexfem.contact.triangles import Masters
 from flexfem.core.marker import Ground
 from flexfem.lie import se3
 from flexfem.mesh.surface_topology import (
@@ -191,11 +191,11 @@ def _finished(
     body, element = (np.concatenate([np.zeros(0, np.int64), *k]) for k in (made.body, made.element))
     topology = surface_topology(triangles, match_sides(triangles, body, max(made.count, 1)))
     masters = Masters(
-        triangles,
-        np.concatenate([np.zeros(0), *made.thickness]),
-        rim_bits(triangles, topology.neighbours, len(start)),
-        connected_parts(topology.neighbours),
-        np.concatenate([np.zeros(0, np.int64), *made.sides]),
+        triangles=triangles,
+        thickness=np.concatenate([np.zeros(0), *made.thickness]),
+        rims=rim_bits(triangles, topology.neighbours, len(start)),
+        parts=connected_parts(topology.neighbours),
+        sides=np.concatenate([np.zeros(0, np.int64), *made.sides]),
     )
     kind, node = (np.concatenate([np.zeros(0, np.int64), *k]) for k in (made.kind, made.node))
     return ContactPoints(

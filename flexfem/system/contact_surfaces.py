@@ -9,11 +9,11 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.candidates import Rows, rings
+from flexfem.contact.data import Masters, Slaves
 from flexfem.contact.describe import automatic_stiffness, mean_edge, node_areas
 from flexfem.contact.rigid import ShapeKind
 from flexfem.contact.stiffening import STIFFER
 from flexfem.contact.surfaces import Shape
-from flexfem.contact.triangles import Masters, Slaves
 from flexfem.core.marker import Ground
 from flexfem.lie import se3
 from flexfem.model.bodies import Beam
@@ -64,7 +64,7 @@ class ContactPass:
         lengths = np.diff(old.starts)[kept]
         starts = np.concatenate([[0], np.cumsum(lengths)])
         at = np.repeat(old.starts[kept] - starts[:-1], lengths) + np.arange(starts[-1])
-        rows = Rows(starts.astype(np.int64), old.values[at])
+        rows = Rows(starts=starts.astype(np.int64), values=old.values[at])
         return ContactPass(
             slaves, self.areas[kept], self.masters, self.chosen, rows, self.sign, self.deep
         )
@@ -187,9 +187,14 @@ def _pass(
 ) -> ContactPass:  # fmt: skip
     """One pass; the stiffness of its slaves is set for it alone."""
     one, areas = slaves
-    own = Slaves(one.nodes, one.offsets, np.zeros(len(one.nodes)))
+    own = _without_stiffness(one.nodes, one.offsets)
     excluded = rings(points.masters.triangles, own.nodes, RINGS, points.joined)
     return ContactPass(own, share * areas, points.masters, master, excluded, sign, deep)
+
+
+def _without_stiffness(nodes: IntArray, offsets: FloatArray) -> Slaves:
+    """Slaves whose stiffness is yet to be set."""
+    return Slaves(nodes=nodes, offsets=offsets, stiffness=np.zeros(len(nodes)))
 
 
 def _triangles(points: ContactPoints, keys: Sequence[str | int]) -> IntArray:
@@ -206,7 +211,7 @@ def _surface_slaves(points: ContactPoints, chosen: IntArray) -> tuple[Slaves, Fl
     np.maximum.at(offsets, triangles.ravel(), np.repeat(masters.thickness[chosen], 3))
     nodes = np.unique(triangles)
     areas = node_areas(points.start, triangles)[nodes]
-    return Slaves(nodes, offsets[nodes], np.zeros(len(nodes))), areas
+    return _without_stiffness(nodes, offsets[nodes]), areas
 
 
 def _slaves(serial: Assembly, points: ContactPoints, contact: Contact) -> tuple[Slaves, FloatArray]:
@@ -221,7 +226,7 @@ def _slaves(serial: Assembly, points: ContactPoints, contact: Contact) -> tuple[
             offsets.append(np.full(len(nodes[-1]), radius))
             every.append(2.0 * radius * points.lengths[name])
     rows = np.concatenate(nodes)
-    return Slaves(rows, np.concatenate(offsets), np.zeros(len(rows))), np.concatenate(every)
+    return _without_stiffness(rows, np.concatenate(offsets)), np.concatenate(every)
 
 
 def _beam_slaves(

@@ -3,8 +3,9 @@
 
 import numpy as np
 
+from flexfem.contact.data import Masters, Slaves
 from flexfem.contact.describe import mean_edge, node_areas, rim_bits
-from flexfem.contact.triangles import Masters, Slaves, TriangleContact
+from flexfem.contact.triangles import TriangleContact
 from flexfem.mesh.surface_grid import grid_triangles
 from flexfem.mesh.surface_topology import match_sides, surface_topology
 
@@ -21,7 +22,15 @@ def masters(points, triangles, thickness, side=0):
     body = np.zeros(len(triangles), dtype=np.int64)
     topology = surface_topology(triangles, match_sides(triangles, body, len(points)))
     rims = rim_bits(triangles, topology.neighbours, len(points))
-    return Masters(triangles, np.full(len(triangles), thickness / 2), rims, body, body + side)
+    return Masters(
+        triangles=triangles, thickness=np.full(len(triangles), thickness / 2), rims=rims,
+        parts=body, sides=body + side,
+    )  # fmt: skip
+
+
+def slaves(nodes, offset, stiffness):
+    """Nodes that touch at one distance."""
+    return Slaves(nodes=nodes, offsets=np.full(len(nodes), offset), stiffness=stiffness)
 
 
 def points_on_surface(points, triangles, others, thickness, **options):
@@ -30,8 +39,8 @@ def points_on_surface(points, triangles, others, thickness, **options):
     nodes = np.arange(len(points), len(every))
     options.setdefault("skin", 0.4 * mean_edge(points, triangles))
     stiffness = options.pop("stiffness", np.linspace(1.0, 2.0, len(nodes)))
-    slaves = Slaves(nodes, np.full(len(nodes), thickness / 2), stiffness)
-    made = TriangleContact(slaves, masters(points, triangles, thickness), **options)
+    touching = slaves(nodes, thickness / 2, stiffness)
+    made = TriangleContact(touching, masters(points, triangles, thickness), **options)
     made.update(every)
     return made, every
 
@@ -47,7 +56,7 @@ def two_sheets(thickness=0.01, shift=(0.03, 0.07), overlap=0.1):
     passes = []
     for slave, master in ((second, first), (first, second)):
         nodes = np.unique(slave)
-        slaves = Slaves(nodes, np.full(len(nodes), thickness / 2), 0.5e3 * areas[nodes])
-        passes.append(TriangleContact(slaves, masters(points, master, thickness), skin=0.05))
+        touching = slaves(nodes, thickness / 2, 0.5e3 * areas[nodes])
+        passes.append(TriangleContact(touching, masters(points, master, thickness), skin=0.05))
         passes[-1].update(points)
     return passes, points, areas, len(lower)

@@ -4,11 +4,12 @@
 import numpy as np
 import pytest
 
+from flexfem.contact.data import SLOPE
 from flexfem.contact.held_contacts import ContactLaw
 from flexfem.contact.rigid import ShapeKind
 from flexfem.contact.surfaces import RigidContact, Shape
-from flexfem.contact.triangles import Slaves
 from flexfem.lie import se3, so3
+from tests.unit.surfaces import slaves
 
 pytestmark = pytest.mark.serial
 SHAPES = {
@@ -49,9 +50,8 @@ def contact_with(shape, law=None, stiffer=1.0):
     rng = np.random.default_rng(1)
     q = rng.uniform(-0.8, 0.8, (300, 3))
     points = q @ FRAME[3:].reshape(3, 3).T + FRAME[:3]
-    nodes = np.arange(300)
-    slaves = Slaves(nodes, np.full(300, 0.1), rng.uniform(1, 2, 300))
-    contact = RigidContact(slaves, shape, law)
+    touching = slaves(np.arange(300), 0.1, rng.uniform(1, 2, 300))
+    contact = RigidContact(touching, shape, law)
     contact.stiffer = stiffer
     return contact, points, q
 
@@ -137,13 +137,12 @@ def test_momenta_are_in_balance():
 
 def test_stiffening_goes_from_one_slope_to_the_other():
     reach, most = 0.1, 10.0
-    slaves = Slaves(np.arange(3), np.full(3, reach), np.ones(3))
-    contact = RigidContact(slaves, Shape(ShapeKind.PLANE))
+    contact = RigidContact(slaves(np.arange(3), reach, np.ones(3)), Shape(ShapeKind.PLANE))
     contact.stiffer = most
     depth = reach * np.array([1e-4, 0.1, 100.0])
     contact.evaluate(np.c_[np.zeros((3, 2)), reach - depth], se3.frame(np.zeros(3), np.eye(3)))
     # slopes 1 at contact, half way up at a tenth of the distance, and ten in the limit
-    np.testing.assert_allclose(contact.contacts[:, 16], [1.0, 5.5, 10.0], rtol=2e-5)
+    np.testing.assert_allclose(contact.contacts[:, SLOPE], [1.0, 5.5, 10.0], rtol=2e-5)
     closed = depth + 9 * (depth - 0.1 * reach * np.arctan(depth / (0.1 * reach)))
     # the same formula but for rounding; without its second term 0.5
     np.testing.assert_allclose(contact.forces[:, 2], closed, rtol=1e-10)

@@ -4,13 +4,14 @@
 import numpy as np
 import pytest
 
-from flexfem.contact.candidates import find_candidates, rings
+from flexfem.contact.candidates import Rows, find_candidates, rings
+from flexfem.contact.data import BEND, DISTANCE
 from flexfem.contact.held_contacts import ContactLaw, HeldContacts
 from flexfem.contact.search import overlaps
 from flexfem.contact.start import deepest_start, first_crossing
-from flexfem.contact.triangles import Slaves, TriangleContact
+from flexfem.contact.triangles import TriangleContact
 from flexfem.lie import so3
-from tests.unit.surfaces import grid, masters, points_on_surface, two_sheets
+from tests.unit.surfaces import grid, masters, points_on_surface, slaves, two_sheets
 
 pytestmark = pytest.mark.serial
 RNG = np.random.default_rng
@@ -62,10 +63,10 @@ def test_distance_is_the_least_of_all_points_of_the_surface(scattered):
     cloud = np.einsum("wk,tka->twa", w, points[triangles]).reshape(-1, 3)
     p = points[contact.slaves.nodes]
     least = np.linalg.norm(p[:, None] - cloud, axis=2).min(1)
-    touching, first = np.unique(contact.ends[: contact.count, 0], return_index=True)
+    touching, first = np.unique(contact.ends[:, 0], return_index=True)
     # samples are 5 mm apart, which moves distances of 0.01 to 0.1 by 1 mm at most; a missing
     # triangle moves them by centimetres
-    np.testing.assert_allclose(contact.contacts[first, 4], least[touching], atol=1.5e-3)
+    np.testing.assert_allclose(contact.contacts[first, DISTANCE], least[touching], atol=1.5e-3)
     assert set(np.flatnonzero(least < 0.098)) <= set(touching)
 
 
@@ -79,8 +80,8 @@ def test_forces_are_the_derivative_of_the_energy(scattered, stiffer):
         contact.evaluate(x)
         return contact.energy
 
-    regions = contact.contacts, contact.evaluate(points)
-    curved = (regions[0][: contact.count, 20:22] != 0).sum(1)
+    contact.evaluate(points)
+    curved = (contact.contacts[:, BEND : BEND + 2] != 0).sum(1)
     assert set(curved) == {0, 1, 2}  # faces, edges and nodes are all there
     expected = (forces(contact, points) * way).sum()
     # measured 3e-9: rounding of the differences; without edges and nodes 1e-2
@@ -133,7 +134,7 @@ def test_uniform_pressure_passes_between_different_meshes():
     np.testing.assert_allclose(residual[:, :2], 0, atol=1e-15)
     total = residual[lower:, 2].sum()
     # every node over the other sheet carries its share: nodes beside the rim are left out
-    over = [np.isin(one.slaves.nodes, one.slaves.nodes[one.ends[: one.count, 0]]) for one in passes]
+    over = [np.isin(one.slaves.nodes, one.slaves.nodes[one.ends[:, 0]]) for one in passes]
     expected = sum(
         (0.5e3 * gap * areas[one.slaves.nodes[k]]).sum()
         for one, k in zip(passes, over, strict=True)
@@ -218,7 +219,7 @@ def test_walk_around_a_rim_changes_the_side():
         contact.evaluate(every)
         # a remembered side would take the place below for a penetration
         assert contact.deepest < 0.02
-    assert contact.sides.min() == -1
+    assert contact.candidates.sides.min() == -1
     every[-1, 2] = -0.008
     assert forces(contact, every)[-1, 2] == pytest.approx(0.012)
 
@@ -228,8 +229,8 @@ def test_neighbours_are_left_out_and_folds_are_found():
     nodes = np.arange(len(points))
     near = rings(triangles, nodes, 2, np.empty((0, 2), np.int64))
     assert set(near.values[near.starts[0] : near.starts[1]]) == {0, 1, 2, 21, 22, 23, 42, 43, 44}
-    slaves = Slaves(nodes, np.full(len(nodes), 0.01), np.ones(len(nodes)))
-    contact = TriangleContact(slaves, masters(points, triangles, 0.02), 0.05, near)
+    touching = slaves(nodes, 0.01, np.ones(len(nodes)))
+    contact = TriangleContact(touching, masters(points, triangles, 0.02), 0.05, near)
     contact.update(points)
     contact.evaluate(points)
     assert contact.count == 0
@@ -252,19 +253,17 @@ def test_search_finds_what_lies_within_reach():
     others = rng.uniform([-0.2, -0.2, -0.2], [1.2, 1.2, 0.2], (200, 3))
     contact, every = points_on_surface(points, triangles, others, 0.02, skin=0.06)
     s, m = contact.slaves, contact.masters
-    wide = find_candidates(
-        every, s.nodes, s.offsets, m.triangles, m.thickness, 10.0, contact._excluded
-    )
-    assert len(wide.values) == len(others) * len(triangles)
-    starts, values = contact.rows.starts, contact.rows.values
+    _, wide = find_candidates(every, s, m.triangles, m.thickness, 10.0, contact._excluded)
+    assert len(wide) == len(others) * len(triangles)
+    starts, values = contact.candidates.starts, contact.candidates.triangles
     big = TriangleContact(s, m, 10.0)
     big.update(every)
     contact.evaluate(every)
     big.evaluate(every)
     # lists that lack a triangle miss contacts
     assert contact.count == big.count > 8
-    np.testing.assert_array_equal(contact.ends[: contact.count], big.ends[: big.count])
-    assert len(values) == starts[-1] < 0.1 * len(wide.values)
+    np.testing.assert_array_equal(contact.ends, big.ends)
+    assert len(values) == starts[-1] < 0.1 * len(wide)
 
 
 @pytest.mark.parametrize("push", [0.2, 5.0])
@@ -319,10 +318,9 @@ def test_bad_starts_are_found():
     contact.evaluate(every)
     part, node, _ = deepest_start(contact)
     assert (part, node) == (pytest.approx(0.8), 25)
-    excluded = rings(triangles, np.arange(1), 0, np.empty((0, 2), np.int64))
     edges = np.array([[25, 27], [26, 27]])
     every = np.concatenate([every, [[0.41, 0.42, -0.1]]])
-    nothing = type(excluded)(np.zeros(3, np.int64), np.zeros(0, np.int64))
+    nothing = Rows.empty(2)
     crossing = first_crossing(every, edges, triangles, nothing)
     assert crossing[0] == 0
     assert first_crossing(every, edges[:0], triangles, nothing) == (-1, -1)
