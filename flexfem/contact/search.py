@@ -127,7 +127,7 @@ def _pairs(
     low: FloatArray, high: FloatArray, other_low: FloatArray, other_high: FloatArray,
     place: FloatArray, starts: IntArray, keys: IntArray, boxes: IntArray,
 ) -> tuple[IntArray, IntArray]:  # fmt: skip
-    """Where the pairs of each box begin, one row too many, and the other boxes of the pairs.
+    """Begin of the pairs of each box, one row too many, and the other boxes of the pairs.
 
     They are counted, then written. A pair is taken in the cell that holds the lower corner of what
     both have in common.

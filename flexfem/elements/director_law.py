@@ -111,7 +111,7 @@ def law_viscosity(
 def _values(
     law: DirectorLaw, maps: FloatArray, strains: FloatArray, rates: FloatArray | None
 ) -> FloatArray:
-    """What the law says, (r, 3, k), at covariant strains and rates (m, 3, 6) of all triangles."""
+    """Values (r, 3, k) of the law at covariant strains and rates (m, 3, 6) of all triangles."""
     local = np.einsum("mpij,mpj->mpi", maps, strains[law.rows]).reshape(-1, 6)
     moving = np.zeros_like(local)
     if rates is not None:

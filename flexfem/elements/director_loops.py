@@ -10,12 +10,10 @@ A node moves by ``R u`` and turns by ``R <- R exp(theta)``; a director ``d = R d
 ``P theta``, the columns of ``P`` being ``R (e_a x d_0)``. Forces on nodes are in their own axes:
 ``R^T f`` and ``P^T f_d``.
 
-``nodes`` (m, 9) are those of the triangles: corners, middles of the opposite edges, and the nodes
-whose frames turn the directors, which are the middles again but where a middle is held along axes
-that must not turn. ``directors`` (m, 3, 3) are their ``d_0``, ``planes`` (m, 3, 6, 6) the stiffness
-of membrane and bending at the points and ``shears`` (m, 6, 6) that of the shear, times what the
-points weigh. ``stresses`` (m, 18) are those of membrane and bending, times these weights, where
-they are not the stiffness times the strains, and (0, 18) else.
+Besides :class:`TriangleData`, loops take what a law or given strains may change: ``starts`` (m, 24)
+are the strains at the start, ``planes`` (m, 3, 6, 6) the stiffness of membrane and bending at the
+points, times what the points weigh, and ``stresses`` (m, 18) those of membrane and bending, times
+these weights, where they are not the stiffness times the strains, and (0, 18) else.
 """
 
 import numpy as np
@@ -23,8 +21,10 @@ import numpy as np
 from flexfem._types import FloatArray, IndexArray
 from flexfem.elements.director_tables import CROSSED, MEMBRANE
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Float1D, Float3D, Int2D, Memory, Record, unpack
 
 __all__ = [
+    "TriangleData",
     "add_forces",
     "add_to_nodes",
     "changes_into",
@@ -39,6 +39,24 @@ __all__ = [
     "sums_into",
     "turned_back",
 ]
+
+
+class TriangleData(Record):
+    """Constant data of director triangles.
+
+    Attributes:
+        nodes: (m, 9) corners, middles of the opposite edges, and the nodes whose frames turn the
+            directors, which are the middles again but where a middle is held along axes that must
+            not turn.
+        directors: (m, 3, 3) d_0 in the axes of the frames that turn them.
+        shears: (m, 6, 6) stiffness of the shear, relaxed, times areas, N m.
+        damping: (m,) stiffness-proportional, s.
+    """
+
+    nodes: Int2D
+    directors: Float3D
+    shears: Float3D
+    damping: Float1D
 
 
 @inlined
@@ -224,11 +242,12 @@ def strain_rates_into(
 
 @kernel
 def add_forces(
-    frames: FloatArray, nodes: IndexArray, directors: FloatArray, starts: FloatArray,
-    planes: FloatArray, shears: FloatArray, stresses: FloatArray, scale: float,
-    residual: FloatArray,
+    frames: FloatArray, triangles: Memory, starts: FloatArray, planes: FloatArray,
+    stresses: FloatArray, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the internal forces to the residual (n, 6), in axes of the nodes."""
+    own = unpack(TriangleData, triangles)
+    nodes, directors, shears = own.nodes, own.directors, own.shears
     q, d, f, turned = np.empty((5, 3)), np.empty((3, 3)), np.empty((9, 3)), np.empty(3)
     squares, crosses, P = np.empty((5, 5)), np.empty((5, 3)), np.empty((3, 3, 3))
     strain, stress = np.empty(24), np.empty(24)

@@ -8,7 +8,7 @@ a tangent 9.9 us a triangle; by the form (``ufl_triangles``) they cost 32 and 56
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -27,7 +27,12 @@ from flexfem.elements.director_law import (
     law_response,
     law_viscosity,
 )
-from flexfem.elements.director_loops import add_forces, strain_rates_into, strains_into
+from flexfem.elements.director_loops import (
+    TriangleData,
+    add_forces,
+    strain_rates_into,
+    strains_into,
+)
 from flexfem.elements.director_tables import MIDDLES, POINTS, slopes
 from flexfem.elements.director_tangent import add_action, tangents_into
 
@@ -44,32 +49,25 @@ class DirectorTriangles:
     start: membrane 11, 22, 12, curvatures or moments 11, 22, 12, shear 1, 2.
 
     Attributes:
-        nodes: corners, middles of the opposite edges, nodes that turn the directors there, which
-            are the middles again unless these are held along some axes, (m, 9).
-        directors: d_0 in the axes of the frames that turn them, (m, 3, 3).
+        data: nodes, directors, shear stiffness and damping.
         starts: covariant strains at the start, (m, 24).
         sections: which stiffness a triangle has, (m,).
         stiffness: of membrane and bending, N/m, N and N m, (s, 6, 6).
         shear: across the thickness, N/m, (s, 2, 2).
         planes: stiffness of covariant strains times areas, (m, 3, 6, 6).
-        shears: the same of the shear, relaxed, (m, 6, 6).
         areas: m^2, (m,).
         axes: e1, e2, e3 of the start, rows, amid the triangles, (m, 3, 3).
-        damping: stiffness-proportional, s, (m,).
         laws: of the user, for membrane and bending.
     """
 
-    nodes: IndexArray
-    directors: FloatArray
+    data: TriangleData
     starts: FloatArray
     sections: IntArray
     stiffness: FloatArray
     shear: FloatArray
     planes: FloatArray
-    shears: FloatArray
     areas: FloatArray
     axes: FloatArray
-    damping: FloatArray
     _places: FloatArray
     _points: Geometry
     _middles: Geometry
@@ -116,11 +114,42 @@ class DirectorTriangles:
         D, across = stiffness[numbers], shear.reshape(-1, 2, 2)[numbers]
         times = np.zeros(len(nodes)) if damping is None else damping
         mean = Geometry.at(np.full((3, 2), 1 / 3), places, directions).axes[:, 0]
-        return cls(
-            nodes, own, starts, numbers, stiffness, shear.reshape(-1, 2, 2),
-            plane_stiffness(points, D), shear_stiffness(middles, D, across),
-            points.areas.sum(1), mean, times, places, points, middles, tuple(laws),
+        data = TriangleData(
+            nodes=_numbers(nodes), directors=own,
+            shears=shear_stiffness(middles, D, across), damping=times,
         )  # fmt: skip
+        return cls(
+            data, starts, numbers, stiffness, shear.reshape(-1, 2, 2), plane_stiffness(points, D),
+            points.areas.sum(1), mean, places, points, middles, tuple(laws),
+        )  # fmt: skip
+
+    def renumbered(self, nodes: IndexArray) -> Self:
+        """The same triangles with other numbers (m, 9) of their nodes."""
+        own = self.data
+        data = TriangleData(
+            nodes=_numbers(nodes), directors=own.directors, shears=own.shears, damping=own.damping
+        )
+        return replace(self, data=data)
+
+    @property
+    def nodes(self) -> IntArray:
+        """Nodes (m, 9) of the triangles, see ``TriangleData``."""
+        return self.data.nodes
+
+    @property
+    def directors(self) -> FloatArray:
+        """Directors (m, 3, 3) at the start in the axes of the frames that turn them."""
+        return self.data.directors
+
+    @property
+    def shears(self) -> FloatArray:
+        """Stiffness (m, 6, 6) of covariant shear strains times areas, relaxed."""
+        return self.data.shears
+
+    @property
+    def damping(self) -> FloatArray:
+        """Stiffness-proportional damping (m,), s."""
+        return self.data.damping
 
     def strains(self, frames: FloatArray) -> FloatArray:
         """Mean strains (m, 8) of the triangles."""
@@ -189,7 +218,7 @@ class DirectorTriangles:
 
     @property
     def viscous(self) -> bool:
-        """Whether strain rates count."""
+        """True if strain rates count."""
         return bool(self.damping.any()) or any(law.values.viscous for law in self.laws)
 
     def viscous_stresses(self, frames: FloatArray, rates: FloatArray) -> FloatArray:
@@ -240,7 +269,8 @@ class DirectorTriangles:
         place of :attr:`starts`, less what rates or assumptions add to the strains. ``response`` is
         what :meth:`response` returns; without it, that of the same ``starts`` without rates.
         """
-        add_forces(frames, *self._data(frames, starts, response), scale, residual)
+        present = self._present(frames, starts, response)
+        add_forces(frames, self.data.memory, *present, scale, residual)
 
     def tangents_into(
         self,
@@ -258,8 +288,8 @@ class DirectorTriangles:
         r triangles from ``first`` on. Rows and columns are the translations of the six nodes, then
         the turns of the three with directors.
         """
-        data = self._data(frames, starts, response)
-        tangents_into(frames, *data, np.array(factors), self.damping, first, tangents)
+        present = self._present(frames, starts, response)
+        tangents_into(frames, self.data.memory, *present, np.array(factors), first, tangents)
 
     def add_action(
         self,
@@ -271,8 +301,8 @@ class DirectorTriangles:
         response: Response | None = None,
     ) -> None:
         """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 6) both."""
-        data = self._data(frames, starts, response)
-        add_action(frames, steps, *data, np.array(factors), self.damping, residual)
+        present = self._present(frames, starts, response)
+        add_action(frames, steps, self.data.memory, *present, np.array(factors), residual)
 
     def masses(self, density: FloatArray) -> FloatArray:
         """Consistent masses (m, 6, 6), kg, constant with translations in inertial axes.
@@ -314,9 +344,14 @@ class DirectorTriangles:
         sheared = np.einsum("mpij,mpj->mpi", self._middles.maps, changes[:, 18:].reshape(-1, 3, 2))
         return turned.reshape(-1, 3, 6), sheared
 
-    def _data(
+    def _present(
         self, frames: FloatArray, starts: FloatArray | None, response: Response | None
-    ) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        present = self.starts if starts is None else starts
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Strains at the start, stiffness and stresses, as the compiled loops take them."""
         own = self.response(frames, starts) if response is None else response
-        return self.nodes, self.directors, present, own.planes, self.shears, own.stresses
+        return self.starts if starts is None else starts, own.planes, own.stresses
+
+
+def _numbers(nodes: IndexArray) -> IntArray:
+    """Numbers of nodes as compiled loops take them."""
+    return np.ascontiguousarray(nodes, dtype=np.int64)

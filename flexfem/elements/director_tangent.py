@@ -12,6 +12,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
 from flexfem.elements.director_loops import (
+    TriangleData,
     add_to_nodes,
     changes_into,
     given_into,
@@ -25,6 +26,7 @@ from flexfem.elements.director_loops import (
 )
 from flexfem.elements.director_tables import CROSSED, MEMBRANE
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_action", "tangents_into"]
 
@@ -53,11 +55,12 @@ def _turns_of_forces(
 
 @kernel
 def add_action(
-    frames: FloatArray, steps: FloatArray, nodes: IndexArray, directors: FloatArray,
-    starts: FloatArray, planes: FloatArray, shears: FloatArray, stresses: FloatArray,
-    factors: FloatArray, damping: FloatArray, residual: FloatArray,
+    frames: FloatArray, steps: FloatArray, triangles: Memory, starts: FloatArray,
+    planes: FloatArray, stresses: FloatArray, factors: FloatArray, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add the tangents of :func:`tangents_into` times local twists (n, 6) to the residual."""
+    own = unpack(TriangleData, triangles)
+    nodes, directors, shears, damping = own.nodes, own.directors, own.shears, own.damping
     q, d, dq, dd = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3)), np.empty((3, 3))
     squares, crosses, P = np.empty((5, 5)), np.empty((5, 3)), np.empty((3, 3, 3))
     strain, stress, turned, spin = np.empty(24), np.empty(24), np.empty(3), np.empty((6, 3))
@@ -183,14 +186,15 @@ def _geometric(
 
 @kernel
 def tangents_into(
-    frames: FloatArray, nodes: IndexArray, directors: FloatArray, starts: FloatArray,
-    planes: FloatArray, shears: FloatArray, stresses: FloatArray, factors: FloatArray,
-    damping: FloatArray, first: int, tangents: FloatArray,
+    frames: FloatArray, triangles: Memory, starts: FloatArray, planes: FloatArray,
+    stresses: FloatArray, factors: FloatArray, first: int, tangents: FloatArray,
 ) -> None:  # fmt: skip
     """Write the first of the factors times the derivatives of the forces, (r, 27, 27).
 
     The part of the material is multiplied by the second and the damping besides.
     """
+    own = unpack(TriangleData, triangles)
+    nodes, directors, shears, damping = own.nodes, own.directors, own.shears, own.damping
     q, d, f, spin = np.empty((5, 3)), np.empty((3, 3)), np.empty((9, 3)), np.empty((6, 3))
     squares, crosses, P = np.empty((5, 5)), np.empty((5, 3)), np.empty((3, 3, 3))
     strain, stress, row = np.empty(24), np.empty(24), np.empty((9, 3))

@@ -16,16 +16,15 @@ from flexfem.elements.beam_loops import linear_resultants
 from flexfem.elements.law_values import LawValues
 from flexfem.elements.rotation_free_action import add_action
 from flexfem.elements.rotation_free_forces import add_forces
+from flexfem.elements.rotation_free_loops import TriangleData
 from flexfem.elements.rotation_free_strains import strain_rates_into, strains_into
 from flexfem.elements.rotation_free_tangent import tangents_into
+from flexfem.lie.records import Memory
 from flexfem.mesh.patches import Patches
 
 __all__ = ["Response", "RotationFreeTriangles"]
 
 _NOTHING = np.zeros((0, 6))
-
-# what the loops take first: nodes, gradients, curvatures, offsets, starts
-type _Maps = tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -53,22 +52,17 @@ class RotationFreeTriangles:
 
     Attributes:
         patches: maps of the triangles, p nodes each.
-        starts: what counts as no strain: lengths and products of ``f_1`` and ``f_2`` at the start,
-            1, 1 and 0 unless they are smoothed, and curvatures kappa_0, 1/m, (m, 6).
+        data: these maps and the state at the start, as compiled loops take them.
         sections: which stiffness a triangle has, (m,).
         stiffness: matrices ``[D_m D_c; D_c^T D_b]`` in the axes of the triangles, of N/m, N and
             N m, (s, 6, 6).
-        offsets: ``Patches.offsets`` at the start, 1/m, (m, 3, 3).
-        damping: stiffness-proportional damping, s, (m,).
         law: a law of the user, which takes the place of the stiffness; None for the linear one.
     """
 
     patches: Patches
-    starts: FloatArray
+    data: TriangleData
     sections: IntArray
     stiffness: FloatArray
-    offsets: FloatArray
-    damping: FloatArray
     law: LawValues | None = None
 
     @classmethod
@@ -96,24 +90,51 @@ class RotationFreeTriangles:
         """
         count = len(patches.areas)
         patches = replace(patches, curvatures=-patches.curvatures, slopes=-patches.slopes)
-        offsets, strains = patches.offsets(), np.empty((count, 6))
-        maps = (patches.nodes, patches.membrane, patches.curvatures)
-        strains_into(points, *maps, offsets, np.zeros((count, 6)), strains)
+        data = TriangleData(
+            nodes=_numbers(patches.nodes), gradients=patches.membrane,
+            curvatures=patches.curvatures, offsets=patches.offsets(), starts=np.zeros((count, 6)),
+            areas=patches.areas, damping=np.zeros(count) if damping is None else damping,
+        )  # fmt: skip
+        strains = np.empty((count, 6))
+        strains_into(points, data.memory, strains)
+        data.starts = strains
         numbers = np.zeros(count, np.int64) if sections is None else sections.astype(np.int64)
-        times = np.zeros(count) if damping is None else damping
-        starts = strains.copy()
-        return cls(patches, starts, numbers, stiffness.reshape(-1, 6, 6), offsets, times, law)
+        return cls(patches, data, numbers, stiffness.reshape(-1, 6, 6), law)
+
+    def renumbered(self, nodes: IndexArray) -> Self:
+        """The same triangles with other numbers (m, p) of their nodes."""
+        data = self._with(nodes=_numbers(nodes))
+        return replace(self, patches=replace(self.patches, nodes=nodes), data=data)
+
+    @property
+    def starts(self) -> FloatArray:
+        """Numbers (m, 6) that count as no strain.
+
+        Lengths and products of ``f_1`` and ``f_2`` at the start, 1, 1 and 0 unless they are
+        smoothed, and curvatures kappa_0, 1/m.
+        """
+        return self.data.starts
+
+    @property
+    def offsets(self) -> FloatArray:
+        """``Patches.offsets`` (m, 3, 3) at the start, 1/m."""
+        return self.data.offsets
+
+    @property
+    def damping(self) -> FloatArray:
+        """Stiffness-proportional damping (m,), s."""
+        return self.data.damping
 
     def strains(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
         """Strains (m, 6): eps_11, eps_22, gamma_12, kappa_11, kappa_22, 2 kappa_12."""
         strains = np.empty((len(self.starts), 6))
-        strains_into(points, *self._maps(offsets), strains)
+        strains_into(points, self._data(offsets), strains)
         return strains
 
     def strain_rates(self, points: FloatArray, velocities: FloatArray) -> FloatArray:
         """Rates (m, 6) of the strains, 1/s and 1/(m s)."""
         rates = np.empty((len(self.starts), 6))
-        strain_rates_into(points, velocities, *self._maps(None)[:4], rates)
+        strain_rates_into(points, velocities, self.data.memory, rates)
         return rates
 
     def response(
@@ -177,7 +198,7 @@ class RotationFreeTriangles:
 
     @property
     def viscous(self) -> bool:
-        """Whether strain rates count."""
+        """True if strain rates count."""
         return bool(self.damping.any()) or (self.law is not None and self.law.viscous)
 
     def energies(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
@@ -208,7 +229,8 @@ class RotationFreeTriangles:
         response: Response | None = None,
     ) -> None:
         """Add ``scale`` times the internal forces, N, to the residual (n, 3)."""
-        add_forces(points, *self._maps(offsets), *self._material(response), scale, residual)
+        material = self._material(response)
+        add_forces(points, self._data(offsets), *material, scale, residual)
 
     def tangents_into(
         self,
@@ -228,10 +250,8 @@ class RotationFreeTriangles:
         Rows and columns are the components of the positions of ``patches.nodes``, node by node;
         those of missing nodes are zero. A node may occur twice among twelve.
         """
-        maps, numbers = self._maps(offsets), np.array(factors)
-        tangents_into(
-            points, *maps, *self._material(response), numbers, self.damping, first, tangents
-        )
+        data, material = self._data(offsets), self._material(response)
+        tangents_into(points, data, *material, np.array(factors), first, tangents)
 
     def add_action(
         self,
@@ -242,9 +262,8 @@ class RotationFreeTriangles:
         response: Response | None = None,
     ) -> None:
         """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 3) both."""
-        maps, numbers = self._maps(None), np.array(factors)
-        material = self._material(response)
-        add_action(points, *maps, *material, numbers, self.damping, steps, residual)
+        data, material = self.data.memory, self._material(response)
+        add_action(points, data, *material, np.array(factors), steps, residual)
 
     def add_masses(self, density: FloatArray, masses: FloatArray) -> None:
         """Add the masses of nodes, a third of each triangle, kg, to (n,).
@@ -256,17 +275,25 @@ class RotationFreeTriangles:
         thirds = np.repeat((density * self.patches.areas / 3)[:, None], 3, 1)
         np.add.at(masses, self.patches.nodes[:, :3], thirds)
 
-    def _maps(self, offsets: FloatArray | None) -> _Maps:
-        present = self.offsets if offsets is None else offsets
-        patches = self.patches
-        return patches.nodes, patches.membrane, patches.curvatures, present, self.starts
+    def _data(self, offsets: FloatArray | None) -> Memory:
+        """Data for compiled loops, with other offsets if there are any."""
+        return self.data.memory if offsets is None else self._with(offsets=offsets).memory
 
-    def _material(
-        self, response: Response | None
-    ) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-        """Areas, sections, stiffness, given stresses."""
+    def _with(self, **changed: FloatArray | IndexArray) -> TriangleData:
+        """The data with other arrays for some."""
+        return TriangleData(
+            **{name: getattr(self.data, name) for name in TriangleData.fields} | changed
+        )
+
+    def _material(self, response: Response | None) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Sections, stiffness, given stresses."""
         own = Response(self.sections, self.stiffness, _NOTHING) if response is None else response
-        return self.patches.areas, own.sections, own.stiffness, own.stresses
+        return own.sections, own.stiffness, own.stresses
+
+
+def _numbers(nodes: IndexArray) -> IndexArray:
+    """Numbers of nodes as compiled loops take them."""
+    return np.ascontiguousarray(nodes, dtype=np.int32)
 
 
 def _pull(stresses: FloatArray) -> None:

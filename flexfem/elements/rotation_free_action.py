@@ -6,7 +6,8 @@ components along the present axes change with strains and stresses, and they tur
 their rotation. In scalars: see ``rotation_free_scalars``.
 """
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import FloatArray, IntArray
+from flexfem.elements.rotation_free_loops import TriangleData
 from flexfem.elements.rotation_free_scalars import (
     axes_of,
     bent,
@@ -16,19 +17,20 @@ from flexfem.elements.rotation_free_scalars import (
     vectors_of,
 )
 from flexfem.lie.compiled import fused
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_action"]
 
 
 @fused
 def add_action(
-    points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
-    offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, given: FloatArray, factors: FloatArray, damping: FloatArray,
-    steps: FloatArray, residual: FloatArray,
+    points: FloatArray, triangles: Memory, sections: IntArray, stiffness: FloatArray,
+    given: FloatArray, factors: FloatArray, steps: FloatArray, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add the derivatives of the forces, as in ``tangents_into``, times steps (n, 3)."""
-    flat = gradients.shape[2]
+    own = unpack(TriangleData, triangles)
+    nodes, gradients, curvatures, offsets = own.nodes, own.gradients, own.curvatures, own.offsets
+    starts, areas, damping, flat = own.starts, own.areas, own.damping, own.gradients.shape[2]
     for m in range(len(nodes)):
         near, G, C, start, bend = nodes[m], gradients[m], curvatures[m], starts[m], offsets[m]
         f, k = vectors_of(points, near, G, C)

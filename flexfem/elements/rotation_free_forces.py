@@ -4,24 +4,27 @@
 Notation as in ``rotation_free_loops``, in scalars: see ``rotation_free_scalars``.
 """
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import FloatArray, IntArray
+from flexfem.elements.rotation_free_loops import TriangleData
 from flexfem.elements.rotation_free_scalars import axes_of, bent, stress_of, vectors_of
 from flexfem.lie.compiled import fused
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_forces"]
 
 
 @fused
 def add_forces(
-    points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
-    offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, given: FloatArray, scale: float, residual: FloatArray,
+    points: FloatArray, triangles: Memory, sections: IntArray, stiffness: FloatArray,
+    given: FloatArray, scale: float, residual: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale`` times the internal forces to the residual (n, 3).
 
     ``given`` are stress resultants (m, 6) that take the place of stiffness times strain, or none.
     """
-    flat = gradients.shape[2]
+    own = unpack(TriangleData, triangles)
+    nodes, gradients, curvatures, offsets = own.nodes, own.gradients, own.curvatures, own.offsets
+    starts, areas, flat = own.starts, own.areas, own.gradients.shape[2]
     for m in range(len(nodes)):
         near, G, C, start, bend = nodes[m], gradients[m], curvatures[m], starts[m], offsets[m]
         f, k = vectors_of(points, near, G, C)

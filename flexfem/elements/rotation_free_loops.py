@@ -18,8 +18,10 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
 from flexfem.lie.compiled import inlined
+from flexfem.lie.records import Float1D, Float2D, Float3D, Index2D, Record
 
 __all__ = [
+    "TriangleData",
     "along_axes",
     "dual_into",
     "present_axes",
@@ -27,6 +29,28 @@ __all__ = [
     "stress_into",
     "vectors_into",
 ]
+
+
+class TriangleData(Record):
+    """Constant data of rotation-free triangles whose patches have p nodes.
+
+    Attributes:
+        nodes: (m, p) nodes, -1 for missing ones.
+        gradients: (m, 2, 3 or 6) weights of the first of them in f_1 and f_2.
+        curvatures: (m, 3, p) weights of all in the k.
+        offsets: (m, 3, 3) what clamps add to the k, 1/m.
+        starts: (m, 6) what counts as no strain.
+        areas: (m,) m^2.
+        damping: (m,) stiffness-proportional, s.
+    """
+
+    nodes: Index2D
+    gradients: Float3D
+    curvatures: Float3D
+    offsets: Float3D
+    starts: Float2D
+    areas: Float1D
+    damping: Float1D
 
 
 @inlined

@@ -69,7 +69,7 @@ def bent(k: tuple[float, ...], bend: FloatArray) -> tuple[float, ...]:
 
 @inlined_fused
 def turn_of(change: tuple[float, ...], axes: tuple[float, ...]) -> tuple[float, ...]:
-    """What changes of f_1 and f_2 make, with what :func:`axes_of` returns.
+    """Effect of changes of f_1 and f_2, with what :func:`axes_of` returns.
 
     Returns:
         Changes of l, h and g, rotation of the axes about t, b, n, change of the normal.

@@ -4,19 +4,21 @@
 Notation as in ``rotation_free_loops``, in scalars: see ``rotation_free_scalars``.
 """
 
-from flexfem._types import FloatArray, IndexArray
+from flexfem._types import FloatArray
+from flexfem.elements.rotation_free_loops import TriangleData
 from flexfem.elements.rotation_free_scalars import axes_of, bent, turn_of, vectors_of
 from flexfem.lie.compiled import fused
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["strain_rates_into", "strains_into"]
 
 
 @fused
-def strains_into(
-    points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
-    offsets: FloatArray, starts: FloatArray, strains: FloatArray,
-) -> None:  # fmt: skip
+def strains_into(points: FloatArray, triangles: Memory, strains: FloatArray) -> None:
     """Write the strains (m, 6) at positions (n, 3)."""
+    own = unpack(TriangleData, triangles)
+    nodes, gradients, curvatures, offsets = own.nodes, own.gradients, own.curvatures, own.offsets
+    starts = own.starts
     for m in range(len(nodes)):
         f, k = vectors_of(points, nodes[m], gradients[m], curvatures[m])
         k = bent(k, offsets[m])
@@ -30,10 +32,11 @@ def strains_into(
 
 @fused
 def strain_rates_into(
-    points: FloatArray, velocities: FloatArray, nodes: IndexArray, gradients: FloatArray,
-    curvatures: FloatArray, offsets: FloatArray, rates: FloatArray,
-) -> None:  # fmt: skip
+    points: FloatArray, velocities: FloatArray, triangles: Memory, rates: FloatArray
+) -> None:
     """Write the rates of the strains (m, 6) at velocities (n, 3)."""
+    own = unpack(TriangleData, triangles)
+    nodes, gradients, curvatures, offsets = own.nodes, own.gradients, own.curvatures, own.offsets
     for m in range(len(nodes)):
         f, k = vectors_of(points, nodes[m], gradients[m], curvatures[m])
         k, axes = bent(k, offsets[m]), axes_of(f)

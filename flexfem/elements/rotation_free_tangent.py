@@ -6,8 +6,9 @@ Notation as in ``rotation_free_loops``.
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.elements.rotation_free_loops import (
+    TriangleData,
     dual_into,
     present_axes,
     strain_into,
@@ -15,6 +16,7 @@ from flexfem.elements.rotation_free_loops import (
     vectors_into,
 )
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["tangents_into"]
 
@@ -183,43 +185,20 @@ def _put_all(
                     K[3 * i + a, 3 * j + b] = normal[i, j] * block[a, b]
 
 
-@inlined
-def _second(
-    m: int, points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
-    offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, given: FloatArray, factors: FloatArray, damping: FloatArray,
-    w: FloatArray, axes: FloatArray, local: FloatArray, strain: FloatArray, stress: FloatArray,
-    p: FloatArray, c: FloatArray, flat: FloatArray, bent: FloatArray, mixed: FloatArray,
-) -> None:  # fmt: skip
-    """Write the present axes and the second derivatives of the energy by the five vectors.
-
-    ``factors`` (2,) are those of displacements and of their rates, see ``tangents_into``.
-    """
-    vectors_into(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
-    present_axes(w, axes, local)
-    strain_into(local, starts[m], strain)
-    D, area = stiffness[sections[m]], areas[m]
-    stress_into(D, given, m, factors[0] * area, strain, stress)
-    dual_into(local, p)
-    area *= factors[0] + damping[m] * factors[1]
-    _membrane(local, stress, D, area, flat)
-    _bending(local, p, stress, D, area, c, bent)
-    _coupling(local, p, stress, D, area, c, mixed)
-
-
 @kernel
 def tangents_into(
-    points: FloatArray, nodes: IndexArray, gradients: FloatArray, curvatures: FloatArray,
-    offsets: FloatArray, starts: FloatArray, areas: FloatArray, sections: IntArray,
-    stiffness: FloatArray, given: FloatArray, factors: FloatArray, damping: FloatArray, first: int,
-    tangents: FloatArray,
+    points: FloatArray, triangles: Memory, sections: IntArray, stiffness: FloatArray,
+    given: FloatArray, factors: FloatArray, first: int, tangents: FloatArray,
 ) -> None:  # fmt: skip
     """Write the derivatives of the forces, (r, 3 p, 3 p), of r triangles.
 
-    ``factors`` (2,) are those of the derivatives by positions and by velocities, ``damping`` (m,)
-    the times, s, with which strain rates count. What the turning of the axes changes in strain
-    rates is left out, a part of the order of damping times angular velocity.
+    ``factors`` (2,) are those of the derivatives by positions and by velocities. What the turning
+    of the axes changes in strain rates is left out, a part of the order of damping times angular
+    velocity.
     """
+    own = unpack(TriangleData, triangles)
+    nodes, gradients, curvatures, offsets = own.nodes, own.gradients, own.curvatures, own.offsets
+    starts, areas, damping = own.starts, own.areas, own.damping
     count, inner = nodes.shape[1], gradients.shape[2]
     w, axes, local, block = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3)), np.empty((3, 3))
     strain, stress, p, c = np.empty(6), np.empty(6), np.empty((2, 2)), np.empty((3, 5))
@@ -227,10 +206,17 @@ def tangents_into(
     W, T = np.zeros((5, count)), np.empty((5, count))
     skew, normal = np.empty((2, count, count)), np.empty((count, count))
     for m in range(first, first + len(tangents)):
-        _second(
-            m, points, nodes, gradients, curvatures, offsets, starts, areas, sections, stiffness,
-            given, factors, damping, w, axes, local, strain, stress, p, c, flat, bent, mixed,
-        )  # fmt: skip
+        vectors_into(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
+        present_axes(w, axes, local)
+        strain_into(local, starts[m], strain)
+        D, area = stiffness[sections[m]], areas[m]
+        stress_into(D, given, m, factors[0] * area, strain, stress)
+        dual_into(local, p)
+        # second derivatives of the energy by the five vectors
+        area *= factors[0] + damping[m] * factors[1]
+        _membrane(local, stress, D, area, flat)
+        _bending(local, p, stress, D, area, c, bent)
+        _coupling(local, p, stress, D, area, c, mixed)
         W[:2, :inner], W[2:] = gradients[m], curvatures[m]
         _product(W, bent, inner, True, T, normal)
         for a in range(2):

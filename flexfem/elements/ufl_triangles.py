@@ -83,7 +83,7 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         self, strains: FloatArray, response: Response | None, rows: slice = _ALL
     ) -> tuple[FloatArray, FloatArray]:
         """Stresses (m, 6) and stiffness (m, 6, 6), both times the areas."""
-        areas, sections, matrices, given = self._material(response)
+        (sections, matrices, given), areas = self._material(response), self.patches.areas
         stiffness = areas[rows, None, None] * matrices[sections[rows]]
         if len(given):
             return areas[rows, None] * given[rows], stiffness
@@ -264,7 +264,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         starts: FloatArray | None = None,
         response: DirectorResponse | None = None,
     ) -> None:
-        _, _, begin, planes, _, given = self._data(frames, starts, response)
+        begin, planes, given = self._present(frames, starts, response)
         strains, by_vectors = self._covariant(self._unknowns(frames))
         stresses, _ = self._stresses_of(strains, begin, DirectorResponse(planes, given), _ALL)
         forces = _transposed_times(by_vectors, scale * stresses)
@@ -281,7 +281,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         response: DirectorResponse | None, rows: slice = _ALL,
     ) -> FloatArray:  # fmt: skip
         """Matrices (m, 27, 27), see :meth:`tangents_into`."""
-        _, _, begin, planes, _, given = self._data(frames, starts, response)
+        begin, planes, given = self._present(frames, starts, response)
         unknowns = self._unknowns(frames, rows)
         strains, by_vectors = self._covariant(unknowns)
         own = DirectorResponse(planes, given)

@@ -163,7 +163,7 @@ def director_cells(
         triangles.lumped_masses(density[section]),
     )
     rods = triangles.rods((density * thickness**2 / 12.0)[section])
-    return DirectorCells(replace(triangles, nodes=local(nodes)), body, masses, rods)
+    return DirectorCells(triangles.renumbered(local(nodes)), body, masses, rods)
 
 
 def _laws(laws: ShellLaws, section: IntArray) -> list[DirectorLaw]:

@@ -2,7 +2,6 @@
 """Triangles of rotation-free shells on a rank."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -93,7 +92,7 @@ def shell_cells(
     consistent = np.array([shell.mass == "consistent" for shell in surface.shells])
     density = np.array([section.mass for section in surface.sections])
     return ShellCells(
-        triangles=replace(triangles, patches=replace(triangles.patches, nodes=nodes)),
+        triangles=triangles.renumbered(nodes),
         body=surface.body[own],
         mass=density[surface.section[own]] * patches.areas,
         consistent=consistent[surface.body[own]],
