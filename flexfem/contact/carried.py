@@ -10,9 +10,37 @@ three unknowns have no arms and do not turn. Points between others are their wei
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_kernels import Nodes
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Float2D, Int1D, Memory, Record, unpack
 
-__all__ = ["add_carried", "add_turned", "carried_into", "moved_into", "spread_means", "weigh_means"]
+__all__ = [
+    "Carried",
+    "add_carried",
+    "add_turned",
+    "carried_into",
+    "moved_into",
+    "spread_means",
+    "weigh_means",
+]
+
+
+class Carried(Record):
+    """Points that nodes of one block carry.
+
+    Attributes:
+        turns: The nodes have rotations.
+        rows: Of the points among all points, shape (k,).
+        local: Their nodes, shape (k,).
+        arms: Shape (k, 3), metres.
+        loads: Forces at the last evaluation in the axes of the nodes, shape (k, 3), newtons.
+    """
+
+    turns: bool
+    rows: Int1D
+    local: Int1D
+    arms: Float2D
+    loads: Float2D
 
 
 @inlined
@@ -23,10 +51,10 @@ def _cross(a: FloatArray, b: FloatArray, k: int) -> float:
 
 
 @kernel
-def carried_into(
-    frames: FloatArray, local: IntArray, arms: FloatArray, rows: IntArray, points: FloatArray
-) -> None:
+def carried_into(nodes: Memory, carried: Memory, points: FloatArray) -> None:
     """Write the positions of points (k,) that nodes carry into their rows of (n, 3)."""
+    frames, own = unpack(Nodes, nodes).frames, unpack(Carried, carried)
+    local, arms, rows = own.local, own.arms, own.rows
     for k in range(local.size):
         H, arm = frames[local[k]], arms[k]
         for a in range(3):
@@ -35,12 +63,11 @@ def carried_into(
 
 
 @kernel
-def moved_into(
-    frames: FloatArray, steps: FloatArray, turns: bool, local: IntArray, arms: FloatArray,
-    rows: IntArray, out: FloatArray,
-) -> None:  # fmt: skip
+def moved_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
     """Write the inertial steps of points (k,) into their rows of (n, 3)."""
-    way = np.empty(3)
+    state, own, way = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3)
+    frames, steps, turns = state.frames, state.step, own.turns
+    local, arms, rows = own.local, own.arms, own.rows
     for k in range(local.size):
         H, step = frames[local[k]], steps[local[k]]
         for a in range(3):
@@ -50,14 +77,14 @@ def moved_into(
 
 
 @kernel
-def add_carried(
-    frames: FloatArray, turns: bool, local: IntArray, arms: FloatArray, rows: IntArray,
-    forces: FloatArray, loads: FloatArray, residual: FloatArray,
-) -> None:  # fmt: skip
+def add_carried(nodes: Memory, carried: Memory, forces: FloatArray, loads: FloatArray) -> None:
     """Add inertial forces (n, 3) on points (k,) to the residuals of nodes.
 
     ``loads`` (k, 3) gets the forces in the axes of the nodes.
     """
+    state, own = unpack(Nodes, nodes), unpack(Carried, carried)
+    frames, residual, turns = state.frames, state.residual, own.turns
+    local, arms, rows = own.local, own.arms, own.rows
     for k in range(local.size):
         H, f = frames[local[k]], forces[rows[k]]
         for a in range(3):
@@ -69,12 +96,11 @@ def add_carried(
 
 
 @kernel
-def add_turned(
-    steps: FloatArray, local: IntArray, arms: FloatArray, loads: FloatArray, scale: float,
-    residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``scale`` times what loads (k, 3) in the axes of nodes change as these turn."""
-    g = np.empty(3)
+def add_turned(nodes: Memory, carried: Memory, scale: float) -> None:
+    """Add ``scale`` times what the loads change as the nodes turn by their steps."""
+    state, own, g = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3)
+    steps, residual = state.step, state.residual
+    local, arms, loads = own.local, own.arms, own.loads
     for k in range(local.size):
         for a in range(3):
             g[a] = scale * _cross(loads[k], steps[local[k], 3:], a)

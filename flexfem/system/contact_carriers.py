@@ -13,8 +13,9 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.carried import (
+    Carried,
     add_carried,
     add_turned,
     carried_into,
@@ -35,23 +36,37 @@ class CarriedPoints:
 
     Attributes:
         block: the block.
-        rows: of the points whose nodes this rank owns, (k,); local: these nodes, (k,).
-        arms: m, (k, 3).
-        ghosts: rows, local nodes and arms of the points of ghost nodes.
-        loads: forces at the last evaluation in the axes of the nodes, N, (k, 3).
+        own: the points whose nodes this rank owns; ghosts: those of ghost nodes.
     """
 
     block: FrameBlock
-    rows: IntArray
-    local: IntArray
-    arms: FloatArray
-    ghosts: tuple[IntArray, IntArray, FloatArray]
-    loads: FloatArray
+    own: Carried
+    ghosts: Carried
 
     @property
     def turns(self) -> bool:
         """True if the nodes have rotations."""
         return self.block.width == 6
+
+    @property
+    def rows(self) -> IntArray:
+        """Rows (k,) of the points whose nodes this rank owns."""
+        return self.own.rows
+
+    @property
+    def local(self) -> IntArray:
+        """Nodes (k,) of these points."""
+        return self.own.local
+
+    @property
+    def arms(self) -> FloatArray:
+        """Arms (k, 3) of these points, m."""
+        return self.own.arms
+
+    @property
+    def loads(self) -> FloatArray:
+        """Forces (k, 3) on these at the last evaluation in the axes of the nodes, N."""
+        return self.own.loads
 
     @classmethod
     def of(cls, points: ContactPoints, kind: int, block: FrameBlock) -> "CarriedPoints":
@@ -59,11 +74,15 @@ class CarriedPoints:
         rows = np.flatnonzero(points.kind == kind)
         rows = rows[np.isin(points.node[rows], block.node_ids)]
         local = block.local_index(points.node[rows]) if len(rows) else rows
-        own, arms = local < block.owned, points.arms[rows]
-        return cls(
-            block, rows[own], local[own], arms[own], (rows[~own], local[~own], arms[~own]),
-            np.zeros((int(own.sum()), 3)),
-        )  # fmt: skip
+        owned = local < block.owned
+
+        def part(chosen: BoolArray) -> Carried:
+            return Carried(
+                turns=block.width == 6, rows=rows[chosen], local=local[chosen],
+                arms=points.arms[rows[chosen]], loads=np.zeros((int(chosen.sum()), 3)),
+            )  # fmt: skip
+
+        return cls(block, part(owned), part(~owned))
 
 
 class Carriers:
@@ -135,18 +154,17 @@ class Carriers:
     def place(self, points: FloatArray, ghosts: bool = False) -> None:
         """Write the positions of the points here and nearby into (n + d, 3) (collective)."""
         for one in self.by_kind.values():
-            carried_into(one.block.frames, one.local, one.arms, one.rows, points)
+            nodes = one.block.nodes.memory
+            carried_into(nodes, one.own.memory, points)
             if ghosts:
-                rows, local, arms = one.ghosts
-                carried_into(one.block.frames, local, arms, rows, points)
+                carried_into(nodes, one.ghosts.memory, points)
         self.bring(points)
         weigh_means(*self._between, points)
 
     def move(self, steps: FloatArray) -> None:
         """Write the inertial steps of the points here and nearby (n + d, 3) (collective)."""
         for one in self.by_kind.values():
-            block = one.block
-            moved_into(block.frames, block.step, one.turns, one.local, one.arms, one.rows, steps)
+            moved_into(one.block.nodes.memory, one.own.memory, steps)
         self.bring(steps)
         weigh_means(*self._between, steps)
 
@@ -164,21 +182,17 @@ class Carriers:
     def add_loads(self, kind: int, forces: FloatArray, scale: float) -> None:
         """Add gathered forces (n + d, 3), which have been scaled, to a block's residual."""
         one = self.by_kind[kind]
-        add_carried(
-            one.block.frames, one.turns, one.local, one.arms, one.rows, forces, one.loads,
-            one.block.residual,
-        )  # fmt: skip
-        one.loads /= scale
+        loads = one.loads
+        add_carried(one.block.nodes.memory, one.own.memory, forces, loads)
+        loads /= scale
 
     def add_changes(self, kind: int, forces: FloatArray, scale: float) -> None:
         """Add changes of gathered forces (n + d, 3) to a block's residual.
 
         Those are scaled; what the loads of the last evaluation change as nodes turn is added.
         """
-        one, block = self.by_kind[kind], self.by_kind[kind].block
-        add_carried(
-            block.frames, one.turns, one.local, one.arms, one.rows, forces,
-            np.empty_like(one.loads), block.residual,
-        )  # fmt: skip
+        one = self.by_kind[kind]
+        nodes, own = one.block.nodes.memory, one.own.memory
+        add_carried(nodes, own, forces, np.empty_like(one.loads))
         if one.turns:
-            add_turned(block.step, one.local, one.arms, one.loads, scale, block.residual)
+            add_turned(nodes, own, scale)
