@@ -3,13 +3,14 @@
 
 As ``node_forces``, but the point is carried by all nodes of its element, with the frame ``offset``
 relative to that of the section. With J the local twist of the point by those of the nodes and ``g``
-the wrench in the axes of the point, the nodes feel ``J^T g``. The element is one of those of
-``line_points``; ``turns`` are rotations of sections against their nodes, (n, 0, 9) for none.
+the wrench in the axes of the point, the nodes feel ``J^T g``.
 """
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import FloatArray
+from flexfem.bodies.node_forces import Wrenches
+from flexfem.core.frame_kernels import Nodes
 from flexfem.core.line_points import (
     add_line_second,
     line_jacobian,
@@ -19,14 +20,34 @@ from flexfem.core.line_points import (
     turn_second,
 )
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Float1D, Float3D, Int2D, Memory, Record, unpack
 from flexfem.lie.se3 import compose_into
 
-__all__ = ["add_line_forces", "line_force_states", "line_force_tangent", "line_twists"]
+__all__ = ["Places", "add_line_forces", "line_force_states", "line_force_tangent", "line_twists"]
+
+
+class Places(Record):
+    """Places in elements of one kind with k nodes each.
+
+    Attributes:
+        element: kind of the elements, see ``line_points``.
+        nodes: (n, k) nodes of the element.
+        shape: (n, k, k) coefficients of the shape functions, see ``line_points.line_pose``.
+        xi: (n,) place in the element.
+        turns: (n, k, 9) rotations of the sections against the nodes; (n, 0, 9) for none.
+    """
+
+    element: int
+    nodes: Int2D
+    shape: Float3D
+    xi: Float1D
+    turns: Float3D
 
 
 @inlined
-def _gather(nodes: IntArray, turns: FloatArray, frames: FloatArray, out: FloatArray) -> None:
+def _gather(places: Places, n: int, frames: FloatArray, out: FloatArray) -> None:
     """Frames of the sections at the nodes of an element."""
+    nodes, turns = places.nodes[n], places.turns[n]
     for i in range(nodes.size):
         for j in range(12):
             out[i, j] = frames[nodes[i], j]
@@ -35,13 +56,11 @@ def _gather(nodes: IntArray, turns: FloatArray, frames: FloatArray, out: FloatAr
 
 
 @inlined
-def _wrench(
-    point: FloatArray, force: FloatArray, moment: FloatArray, follower: bool, factor: float,
-    g: FloatArray,
-) -> None:  # fmt: skip
+def _wrench(wrenches: Wrenches, n: int, point: FloatArray, factor: float, g: FloatArray) -> None:
     """Force and moment in the axes of the point."""
+    force, moment = wrenches.forces[n], wrenches.moments[n]
     for i in range(3):
-        if follower:
+        if wrenches.follower[n]:
             g[i], g[3 + i] = factor * force[i], factor * moment[i]
         else:
             g[i], g[3 + i] = 0.0, 0.0
@@ -52,27 +71,34 @@ def _wrench(
 
 @kernel
 def add_line_forces(
-    element: int, nodes: IntArray, shape: FloatArray, xi: FloatArray, turns: FloatArray,
-    offsets: FloatArray, forces: FloatArray, moments: FloatArray, follower: BoolArray,
-    load: IntArray, factors: FloatArray, frames: FloatArray, scale: float, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Subtract ``scale * factors[load]`` times every wrench from the residuals of its nodes."""
-    k = nodes.shape[1]
+    places: Memory, wrenches: Memory, nodes: Memory, factors: FloatArray, scale: float
+) -> None:
+    """Subtract ``scale * factors[load]`` times every wrench from the residuals of its nodes.
+
+    Args:
+        places: :class:`Places` that carry the points.
+        wrenches: ``Wrenches``.
+        nodes: ``Nodes`` of the block.
+        factors: amplitudes of the loads.
+        scale: see above.
+    """
+    at, own, state = unpack(Places, places), unpack(Wrenches, wrenches), unpack(Nodes, nodes)
+    k, residual = at.nodes.shape[1], state.residual
     F, J = np.empty((k, 12)), np.empty((6, 6 * k + 1))
     H, g = np.empty(12), np.empty(6)
-    for n in range(nodes.shape[0]):
-        _gather(nodes[n], turns[n], frames, F)
-        line_jacobian(element, F, shape[n], xi[n], H, J)
-        turn_columns(turns[n], J)
-        offset_jacobian(offsets[n], J)
-        compose_into(H, offsets[n], H)
-        _wrench(H, forces[n], moments[n], follower[n], scale * factors[load[n]], g)
+    for n in range(at.nodes.shape[0]):
+        _gather(at, n, state.frames, F)
+        line_jacobian(at.element, F, at.shape[n], at.xi[n], H, J)
+        turn_columns(at.turns[n], J)
+        offset_jacobian(own.offsets[n], J)
+        compose_into(H, own.offsets[n], H)
+        _wrench(own, n, H, scale * factors[own.load[n]], g)
         for a in range(k):
             for j in range(6):
                 total = 0.0
                 for i in range(6):
                     total += J[i, 6 * a + j] * g[i]
-                residual[nodes[n, a], j] -= total
+                residual[at.nodes[n, a], j] -= total
 
 
 @inlined
@@ -90,29 +116,33 @@ def _back(offset: FloatArray, g: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def line_force_tangent(
-    element: int, nodes: IntArray, shape: FloatArray, xi: FloatArray, turns: FloatArray,
-    offsets: FloatArray, forces: FloatArray, moments: FloatArray, follower: BoolArray,
-    load: IntArray, factors: FloatArray, frames: FloatArray, scale: float, out: FloatArray,
+    places: Memory, wrenches: Memory, nodes: Memory, factors: FloatArray, scale: float,
+    out: FloatArray,
 ) -> None:  # fmt: skip
-    """Write ``scale`` times the derivative of every wrench's residual to ``out`` (n, 6k, 6k)."""
-    k = nodes.shape[1]
+    """Write the derivatives of :func:`add_line_forces` to ``out`` (n, 6k, 6k)."""
+    at, own, frames = (
+        unpack(Places, places),
+        unpack(Wrenches, wrenches),
+        unpack(Nodes, nodes).frames,
+    )
+    k = at.nodes.shape[1]
     size = 6 * k
     F, J = np.empty((k, 12)), np.empty((6, size + 1))
     S, change = np.empty((size + 1, size + 1)), np.empty(6)
     H, g, carried = np.empty(12), np.empty(6), np.empty(6)
-    for n in range(nodes.shape[0]):
-        _gather(nodes[n], turns[n], frames, F)
-        line_jacobian(element, F, shape[n], xi[n], H, J)
-        turn_columns(turns[n], J)
-        offset_jacobian(offsets[n], J)
-        compose_into(H, offsets[n], H)
-        _wrench(H, forces[n], moments[n], follower[n], -scale * factors[load[n]], g)
-        _back(offsets[n], g, carried)
+    for n in range(at.nodes.shape[0]):
+        _gather(at, n, frames, F)
+        line_jacobian(at.element, F, at.shape[n], at.xi[n], H, J)
+        turn_columns(at.turns[n], J)
+        offset_jacobian(own.offsets[n], J)
+        compose_into(H, own.offsets[n], H)
+        _wrench(own, n, H, -scale * factors[own.load[n]], g)
+        _back(own.offsets[n], g, carried)
         S[:] = 0.0
-        add_line_second(element, F, shape[n], xi[n], carried, S)
-        turn_second(turns[n], S)
+        add_line_second(at.element, F, at.shape[n], at.xi[n], carried, S)
+        turn_second(at.turns[n], S)
         for c in range(size):
-            if not follower[n]:  # d(R^T f) = (R^T f) x theta
+            if not own.follower[n]:  # d(R^T f) = (R^T f) x theta
                 for half in range(0, 6, 3):
                     for i in range(3):
                         p, q = (i + 1) % 3, (i + 2) % 3
@@ -126,16 +156,17 @@ def line_force_tangent(
 
 @kernel
 def line_twists(
-    element: int, nodes: IntArray, shape: FloatArray, xi: FloatArray, turns: FloatArray,
-    frames: FloatArray, velocity: FloatArray, points: FloatArray, twists: FloatArray,
+    places: Memory, frames: FloatArray, velocity: FloatArray, points: FloatArray,
+    twists: FloatArray,
 ) -> None:  # fmt: skip
     """Write frames (n, 12) and local twists (n, 6) of places in elements, offsets left out."""
-    k = nodes.shape[1]
+    at = unpack(Places, places)
+    k, nodes = at.nodes.shape[1], at.nodes
     F, J = np.empty((k, 12)), np.empty((6, 6 * k + 1))
     for n in range(nodes.shape[0]):
-        _gather(nodes[n], turns[n], frames, F)
-        line_jacobian(element, F, shape[n], xi[n], points[n], J)
-        turn_columns(turns[n], J)
+        _gather(at, n, frames, F)
+        line_jacobian(at.element, F, at.shape[n], at.xi[n], points[n], J)
+        turn_columns(at.turns[n], J)
         for i in range(6):
             twists[n, i] = 0.0
             for a in range(k):
@@ -145,17 +176,17 @@ def line_twists(
 
 @kernel
 def line_force_states(
-    points: FloatArray, twists: FloatArray, offsets: FloatArray, forces: FloatArray,
-    moments: FloatArray, follower: BoolArray, load: IntArray, factors: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
+    points: FloatArray, twists: FloatArray, wrenches: Memory, factors: FloatArray, out: FloatArray
+) -> None:
     """Write force, moment, place and angular velocity of every wrench to ``out`` (n, 12).
 
     All are inertial components; ``points`` and ``twists`` are those of :func:`line_twists`.
     """
-    H = np.empty(12)
+    own, H = unpack(Wrenches, wrenches), np.empty(12)
+    forces, moments = own.forces, own.moments
     for n in range(points.shape[0]):
-        factor, state, P = factors[load[n]], out[n], points[n]
-        compose_into(P, offsets[n], H)
+        factor, state, P = factors[own.load[n]], out[n], points[n]
+        compose_into(P, own.offsets[n], H)
         for i in range(3):
             at = 3 + 3 * i
             state[6 + i] = H[i]
@@ -163,7 +194,7 @@ def line_force_states(
             state[i], state[3 + i] = factor * forces[n, i], factor * moments[n, i]
             for j in range(3):
                 state[9 + i] += P[at + j] * twists[n, 3 + j]
-            if follower[n]:
+            if own.follower[n]:
                 state[i], state[3 + i] = 0.0, 0.0
                 for j in range(3):
                     state[i] += factor * H[at + j] * forces[n, j]

@@ -7,12 +7,31 @@ point. The point is carried by its node as the frame ``offset`` (12 numbers rela
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.frame_kernels import Nodes
 from flexfem.lie._blocks import copy_entries
 from flexfem.lie.compiled import kernel, subroutine
+from flexfem.lie.records import Bool1D, Float2D, Int1D, Memory, Record, unpack
 from flexfem.lie.se3 import compose_into
 
-__all__ = ["add_forces", "force_states", "force_tangent"]
+__all__ = ["Wrenches", "add_forces", "force_states", "force_tangent"]
+
+
+class Wrenches(Record):
+    """Forces and moments at points, each scaled by the amplitude of its load.
+
+    Attributes:
+        offsets: (k, 12) frame of each point relative to what carries it.
+        forces, moments: (k, 3) N and N m, in inertial axes, or in those of the point.
+        follower: (k,) the latter.
+        load: (k,) number of the load.
+    """
+
+    offsets: Float2D
+    forces: Float2D
+    moments: Float2D
+    follower: Bool1D
+    load: Int1D
 
 
 @subroutine
@@ -35,17 +54,25 @@ def _wrench(
 
 @kernel
 def add_forces(
-    nodes: IntArray, offsets: FloatArray, forces: FloatArray, moments: FloatArray,
-    follower: BoolArray, load: IntArray, factors: FloatArray, frames: FloatArray, scale: float,
-    residual: FloatArray,
-) -> None:  # fmt: skip
-    """Subtract ``scale * factors[load]`` times every wrench from the residual of its node."""
-    wrench = np.empty(6)
-    for k in range(nodes.size):
-        node = nodes[k]
+    at: IntArray, wrenches: Memory, nodes: Memory, factors: FloatArray, scale: float
+) -> None:
+    """Subtract ``scale * factors[load]`` times every wrench from the residual of its node.
+
+    Args:
+        at: (k,) node of each wrench.
+        wrenches: :class:`Wrenches`.
+        nodes: ``Nodes`` of the block.
+        factors: amplitudes of the loads.
+        scale: see above.
+    """
+    own, state, wrench = unpack(Wrenches, wrenches), unpack(Nodes, nodes), np.empty(6)
+    frames, residual = state.frames, state.residual
+    for k in range(at.size):
+        node, factor = at[k], factors[own.load[k]]
         _wrench(
-            frames[node], offsets[k], forces[k], moments[k], follower[k], factors[load[k]], wrench
-        )
+            frames[node], own.offsets[k], own.forces[k], own.moments[k], own.follower[k], factor,
+            wrench,
+        )  # fmt: skip
         for i in range(6):
             residual[node, i] -= scale * wrench[i]
 
@@ -61,23 +88,22 @@ def _add_turned(vector: FloatArray, row: int, sign: float, out: FloatArray) -> N
 
 @kernel
 def force_tangent(
-    nodes: IntArray, offsets: FloatArray, forces: FloatArray, moments: FloatArray,
-    follower: BoolArray, load: IntArray, factors: FloatArray, frames: FloatArray, scale: float,
+    at: IntArray, wrenches: Memory, nodes: Memory, factors: FloatArray, scale: float,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Write ``scale`` times the derivative of every wrench's residual to ``out`` (k, 6, 6)."""
-    wrench, arm = np.empty(6), np.zeros(12)
-    turned = np.empty((3, 6))
-    for k in range(nodes.size):
+    """Write the derivatives of :func:`add_forces` along local twists to ``out`` (k, 6, 6)."""
+    own, frames = unpack(Wrenches, wrenches), unpack(Nodes, nodes).frames
+    wrench, arm, turned = np.empty(6), np.zeros(12), np.empty((3, 6))
+    for k in range(at.size):
         out[k] = 0.0
-        if follower[k]:
+        if own.follower[k]:
             continue
-        node = nodes[k]
         # dead: d(R^T F) = skew(R^T F) theta, and the arm's moment follows
-        _wrench(frames[node], arm, forces[k], moments[k], False, factors[load[k]], wrench)
+        factor = factors[own.load[k]]
+        _wrench(frames[at[k]], arm, own.forces[k], own.moments[k], False, factor, wrench)
         _add_turned(wrench[:3], 0, -scale, out[k])
         _add_turned(wrench[3:], 3, -scale, out[k])
-        o = offsets[k]
+        o = own.offsets[k]
         for i in range(3):
             copy_entries(out[k, i], turned[i])
         for i in range(3):
@@ -88,25 +114,25 @@ def force_tangent(
 
 @kernel
 def force_states(
-    nodes: IntArray, offsets: FloatArray, forces: FloatArray, moments: FloatArray,
-    follower: BoolArray, load: IntArray, factors: FloatArray, frames: FloatArray,
-    velocity: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
+    at: IntArray, wrenches: Memory, nodes: Memory, factors: FloatArray, out: FloatArray
+) -> None:
     """Write force, moment, place and angular velocity of every wrench to ``out`` (k, 12).
 
     All are inertial components; the moment is that at the point itself.
     """
-    point = np.empty(12)
-    for k in range(nodes.size):
-        H, v, factor, state = frames[nodes[k]], velocity[nodes[k]], factors[load[k]], out[k]
-        compose_into(H, offsets[k], point)
+    own, moving, point = unpack(Wrenches, wrenches), unpack(Nodes, nodes), np.empty(12)
+    forces, moments = own.forces, own.moments
+    for k in range(at.size):
+        H, v, state = moving.frames[at[k]], moving.velocity[at[k]], out[k]
+        factor = factors[own.load[k]]
+        compose_into(H, own.offsets[k], point)
         for i in range(3):
-            at = 3 + 3 * i
+            row = 3 + 3 * i
             state[6 + i] = point[i]
-            state[9 + i] = H[at] * v[3] + H[at + 1] * v[4] + H[at + 2] * v[5]
+            state[9 + i] = H[row] * v[3] + H[row + 1] * v[4] + H[row + 2] * v[5]
             state[i], state[3 + i] = factor * forces[k, i], factor * moments[k, i]
-            if follower[k]:
+            if own.follower[k]:
                 state[i], state[3 + i] = 0.0, 0.0
                 for j in range(3):
-                    state[i] += factor * point[at + j] * forces[k, j]
-                    state[3 + i] += factor * point[at + j] * moments[k, j]
+                    state[i] += factor * point[row + j] * forces[k, j]
+                    state[3 + i] += factor * point[row + j] * moments[k, j]

@@ -8,9 +8,10 @@ axes) obeys the Euler–Poincaré equation ``M dv/dt - ad_v^T (M v) - M (R^T g, 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.core.frame_kernels import step_rates_into
+from flexfem.core.frame_kernels import Nodes, step_rates_into
 from flexfem.core.motion import add_motion
 from flexfem.lie.compiled import kernel, subroutine
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_inertia", "add_mass_motion", "inertia_tangent"]
 
@@ -23,15 +24,23 @@ def _gravity_in_node(frame: FloatArray, gravity: FloatArray, out: FloatArray) ->
 
 @kernel
 def add_inertia(
-    nodes: IntArray, masses: FloatArray, gravity: FloatArray, frames: FloatArray,
-    velocity: FloatArray, acceleration: FloatArray, scale: float, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``scale`` times the inertia and gravity force of every mass (k, 6, 6) to its node."""
-    p, q, a = np.empty(6), np.empty(6), np.empty(6)
-    for k in range(nodes.size):
-        node, M = nodes[k], masses[k]
-        v = velocity[node]
-        _gravity_in_node(frames[node], gravity, a)
+    at: IntArray, masses: FloatArray, nodes: Memory, gravity: FloatArray, scale: float
+) -> None:
+    """Add ``scale`` times inertia forces less weights to the residual of the nodes.
+
+    Args:
+        at: (k,) node of each mass.
+        masses: (k, 6, 6).
+        nodes: ``Nodes`` of the block.
+        gravity: acceleration in inertial axes.
+        scale: see above.
+    """
+    own, p, q, a = unpack(Nodes, nodes), np.empty(6), np.empty(6), np.empty(6)
+    acceleration, residual = own.acceleration, own.residual
+    for k in range(at.size):
+        node, M = at[k], masses[k]
+        v = own.velocity[node]
+        _gravity_in_node(own.frames[node], gravity, a)
         for i in range(6):
             q[i] = acceleration[node, i]
         for i in range(3):
@@ -76,25 +85,24 @@ def _gyroscopic(M: FloatArray, v: FloatArray, C: FloatArray) -> None:
 
 @kernel
 def inertia_tangent(
-    nodes: IntArray, masses: FloatArray, gravity: FloatArray, inertial: bool, frames: FloatArray,
-    velocity: FloatArray, acceleration: FloatArray, increments: FloatArray, shifts: FloatArray,
-    scale: float, out: FloatArray,
+    at: IntArray, masses: FloatArray, nodes: Memory, gravity: FloatArray, inertial: bool,
+    shifts: FloatArray, scale: float, out: FloatArray,
 ) -> None:  # fmt: skip
     """Write ``scale (k K + C dv + M dw)`` of every mass to ``out``.
 
     ``shifts`` holds dv/dn, dw/dn and k, see ``frame_kernels.step_rates_into`` for dv and dw.
     """
-    g, K, C = np.empty(3), np.empty((6, 3)), np.empty((6, 6))
+    own, g, K, C = unpack(Nodes, nodes), np.empty(3), np.empty((6, 3)), np.empty((6, 6))
     by_v, by_w = np.empty(36), np.empty(36)
-    for k in range(nodes.size):
-        node, M = nodes[k], masses[k]
-        _gravity_in_node(frames[node], gravity, g)
+    for k in range(at.size):
+        node, M = at[k], masses[k]
+        v, w = own.velocity[node], own.acceleration[node]
+        _gravity_in_node(own.frames[node], gravity, g)
         step_rates_into(
-            inertial and shifts[2] != 0.0, increments[node], velocity[node], acceleration[node],
-            shifts, by_v, by_w,
-        )  # fmt: skip
+            inertial and shifts[2] != 0.0, own.increment[node], v, w, shifts, by_v, by_w
+        )
         C[:] = 0.0
-        _gyroscopic(M, velocity[node], C)
+        _gyroscopic(M, v, C)
         for i in range(6):  # -M (g x theta, 0)
             K[i, 0] = -(M[i, 1] * g[2] - M[i, 2] * g[1])
             K[i, 1] = -(M[i, 2] * g[0] - M[i, 0] * g[2])

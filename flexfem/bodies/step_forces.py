@@ -5,50 +5,51 @@ Dead forces do the work of their potential exactly. Follower forces and moments 
 both ends of the step.
 """
 
-from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.core.step_kernels import add, turn, turn_back, unit
+from flexfem._types import FloatArray, IntArray
+from flexfem.bodies.node_forces import Wrenches
+from flexfem.core.step_kernels import StepNodes, add, mean_turn, turn, turn_back, unit
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_step_forces", "step_force_tangent"]
 
 
 @inlined
-def _mean(H0: FloatArray, H1: FloatArray, v: Triple) -> Triple:
-    """``(R_0 + R_1)/2 v``."""
-    a, b = turn(H0, v), turn(H1, v)
-    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
-
-
-@inlined
 def _wrench(
-    H0: FloatArray, H1: FloatArray, offset: FloatArray, force: FloatArray, moment: FloatArray,
-    follower: bool, factor: float,
-) -> tuple[Triple, Triple, Triple, Triple]:  # fmt: skip
+    wrenches: Wrenches, k: int, H0: FloatArray, H1: FloatArray, factor: float
+) -> tuple[Triple, Triple, Triple, Triple]:
     """Mean force and moment on the node in inertial axes; both in node axes where they follow."""
-    f, m = add((0.0, 0.0, 0.0), factor, triple(force, 0)), triple(moment, 0)
-    m = add((0.0, 0.0, 0.0), factor, m)
+    offset = wrenches.offsets[k]
+    f = add((0.0, 0.0, 0.0), factor, triple(wrenches.forces[k], 0))
+    m = add((0.0, 0.0, 0.0), factor, triple(wrenches.moments[k], 0))
     fixed_f, fixed_m = turn(offset, f), turn(offset, m)
-    if follower:
-        f, m = _mean(H0, H1, fixed_f), _mean(H0, H1, fixed_m)
-    return f, add(m, 1.0, cross(_mean(H0, H1, triple(offset, 0)), f)), fixed_f, fixed_m
+    if wrenches.follower[k]:
+        f, m = mean_turn(H0, H1, fixed_f), mean_turn(H0, H1, fixed_m)
+    return f, add(m, 1.0, cross(mean_turn(H0, H1, triple(offset, 0)), f)), fixed_f, fixed_m
 
 
 @kernel
 def add_step_forces(
-    nodes: IntArray, offsets: FloatArray, forces: FloatArray, moments: FloatArray,
-    follower: BoolArray, load: IntArray, factors: FloatArray, frames0: FloatArray,
-    frames: FloatArray, scale: float, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Subtract ``scale * factors[load]`` times every mean wrench from the residual of its node."""
-    for k in range(nodes.size):
-        node = nodes[k]
-        f, m, _, _ = _wrench(
-            frames0[node], frames[node], offsets[k], forces[k], moments[k], follower[k],
-            factors[load[k]],
-        )  # fmt: skip
-        f, m = turn_back(frames[node], f), turn_back(frames[node], m)
+    at: IntArray, wrenches: Memory, nodes: Memory, factors: FloatArray, scale: float
+) -> None:
+    """Subtract ``scale * factors[load]`` times every mean wrench from the residual of its node.
+
+    Args:
+        at: (k,) node of each wrench.
+        wrenches: ``Wrenches``.
+        nodes: ``StepNodes``.
+        factors: amplitudes of the loads.
+        scale: see above.
+    """
+    own, state = unpack(Wrenches, wrenches), unpack(StepNodes, nodes)
+    residual = state.residual
+    for k in range(at.size):
+        node = at[k]
+        H1 = state.frames[node]
+        f, m, _, _ = _wrench(own, k, state.frames0[node], H1, factors[own.load[k]])
+        f, m = turn_back(H1, f), turn_back(H1, m)
         for i in range(3):
             residual[node, i] -= scale * f[i]
             residual[node, 3 + i] -= scale * m[i]
@@ -56,27 +57,25 @@ def add_step_forces(
 
 @kernel
 def step_force_tangent(
-    nodes: IntArray, offsets: FloatArray, forces: FloatArray, moments: FloatArray,
-    follower: BoolArray, load: IntArray, factors: FloatArray, frames0: FloatArray,
-    frames: FloatArray, scale: float, out: FloatArray,
+    at: IntArray, wrenches: Memory, nodes: Memory, factors: FloatArray, scale: float,
+    out: FloatArray,
 ) -> None:  # fmt: skip
     """Write the derivatives of :func:`add_step_forces` along local twists to ``out`` (k, 6, 6)."""
-    for k in range(nodes.size):
-        H0, H1 = frames0[nodes[k]], frames[nodes[k]]
+    own, state = unpack(Wrenches, wrenches), unpack(StepNodes, nodes)
+    for k in range(at.size):
+        H0, H1 = state.frames0[at[k]], state.frames[at[k]]
         out[k] = 0.0
-        f, m, fixed_f, fixed_m = _wrench(
-            H0, H1, offsets[k], forces[k], moments[k], follower[k], factors[load[k]]
-        )
-        o = triple(offsets[k], 0)
+        f, m, fixed_f, fixed_m = _wrench(own, k, H0, H1, factors[own.load[k]])
+        o = triple(own.offsets[k], 0)
         local_f, local_m = turn_back(H1, f), turn_back(H1, m)
         for j in range(3):
             t = unit(j)
             dm = add((0.0, 0.0, 0.0), 0.5, cross(turn(H1, cross(t, o)), f))
             df = (0.0, 0.0, 0.0)
-            if follower[k]:
+            if own.follower[k]:
                 df = add(df, 0.5, turn(H1, cross(t, fixed_f)))
                 dm = add(dm, 0.5, turn(H1, cross(t, fixed_m)))
-                dm = add(dm, 1.0, cross(_mean(H0, H1, o), df))
+                dm = add(dm, 1.0, cross(mean_turn(H0, H1, o), df))
             df = add(turn_back(H1, df), -1.0, cross(t, local_f))
             dm = add(turn_back(H1, dm), -1.0, cross(t, local_m))
             for i in range(3):

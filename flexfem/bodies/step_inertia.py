@@ -4,9 +4,10 @@
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.step_kernels import momentum_force, momentum_tangent
+from flexfem.core.step_kernels import StepNodes, momentum_force, momentum_tangent
 from flexfem.lie import so3
 from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_step_inertia", "lump", "moved_lumps", "step_inertia_tangent"]
 
@@ -28,35 +29,33 @@ def moved_lumps(lumps: FloatArray, centres: FloatArray) -> FloatArray:
 
 @kernel
 def add_step_inertia(
-    nodes: IntArray, lumps: FloatArray, centres: FloatArray, frames0: FloatArray,
-    frames: FloatArray, rates0: FloatArray, rates: FloatArray, gravity: FloatArray, h: float,
-    scale: float, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``scale`` times mean inertia force minus weight of every mass to its node."""
-    total, out = np.empty(6), np.empty(6)
-    for k in range(nodes.size):
-        node, m = nodes[k], lumps[k]
-        momentum_force(
-            m[0], m[0], m[1:4], m[4:].reshape(3, 3), centres[node], frames0[node], frames[node],
-            rates0[node], rates[node], gravity, h, total, out,
-        )  # fmt: skip
+    at: IntArray, lumps: FloatArray, nodes: Memory, h: float, scale: float
+) -> None:
+    """Add ``scale`` times mean inertia force minus weight of every mass to its node.
+
+    Args:
+        at: (k,) node of each mass.
+        lumps: (k, 13) see ``step_kernels.momentum_force``.
+        nodes: ``StepNodes``.
+        h: step size, s.
+        scale: see above.
+    """
+    own, force = unpack(StepNodes, nodes), np.empty(12)
+    residual = own.residual
+    for k in range(at.size):
+        momentum_force(lumps[k], own, at[k], h, force)
         for i in range(6):
-            residual[node, i] += scale * out[i]
+            residual[at[k], i] += scale * force[6 + i]
 
 
 @kernel
 def step_inertia_tangent(
-    nodes: IntArray, lumps: FloatArray, centres: FloatArray, frames0: FloatArray,
-    frames: FloatArray, increments: FloatArray, rates0: FloatArray, rates: FloatArray,
-    gravity: FloatArray, h: float, rate: float, scale: float, out: FloatArray,
-) -> None:  # fmt: skip
-    """Write ``scale`` times the derivatives along local twists to ``out`` (k, 6, 6)."""
-    for k in range(nodes.size):
-        node, m = nodes[k], lumps[k]
-        momentum_tangent(
-            m[0], m[0], m[1:4], m[4:].reshape(3, 3), centres[node], frames0[node], frames[node],
-            increments[node, 3:], rates0[node], rates[node], gravity, h, rate, out[k],
-        )  # fmt: skip
+    at: IntArray, lumps: FloatArray, nodes: Memory, h: float, scale: float, out: FloatArray
+) -> None:
+    """Write the derivatives of :func:`add_step_inertia` along local twists to ``out`` (k, 6, 6)."""
+    own = unpack(StepNodes, nodes)
+    for k in range(at.size):
+        momentum_tangent(lumps[k], own, at[k], h, out[k])
         for i in range(6):
             for j in range(6):
                 out[k, i, j] *= scale

@@ -17,8 +17,10 @@ from flexfem._types import FloatArray
 from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Float1D, Float2D, Memory, Record, unpack
 
 __all__ = [
+    "StepNodes",
     "add",
     "correct",
     "increment_rate",
@@ -31,6 +33,39 @@ __all__ = [
     "turn_back",
     "unit",
 ]
+
+
+class StepNodes(Record):
+    """Nodes of a block over a step, whose rates are those of points fixed to them, their centres.
+
+    Rates are the inertial velocity of the centre and the angular velocity in node axes.
+
+    Attributes:
+        frames0, frames: (n, 12) at both ends of the step.
+        increments: (n, 6) translation of the node in inertial axes and Cayley vector.
+        rates0, rates: (n, 6) at both ends.
+        centres: (n, 3) in node axes, m.
+        jumps: (n, 6) last change of the rates, for a step as long as this one.
+        base: (n, 6) rates at the end but for what follows the increments.
+        velocity: (n, 6) local twists of the nodes at the end.
+        step, residual: (n, 6) Newton step and right-hand side.
+        gravity: (3,) in inertial axes, m/s^2.
+        law: (3,) half the dissipation, 1/h and the change of rates with increments.
+    """
+
+    frames0: Float2D
+    frames: Float2D
+    increments: Float2D
+    rates0: Float2D
+    rates: Float2D
+    centres: Float2D
+    jumps: Float2D
+    base: Float2D
+    velocity: Float2D
+    step: Float2D
+    residual: Float2D
+    gravity: Float1D
+    law: Float1D
 
 
 @inlined
@@ -73,12 +108,12 @@ def mean_turn(H0: FloatArray, H1: FloatArray, v: Triple) -> Triple:
 
 
 @inlined
-def _multiply(J: FloatArray, v: Triple) -> Triple:
-    """``J v`` with J (3, 3)."""
+def _spin_momentum(lump: FloatArray, v: Triple) -> Triple:
+    """``J v`` with the rotary inertia J of a lump (13,)."""
     return (
-        J[0, 0] * v[0] + J[0, 1] * v[1] + J[0, 2] * v[2],
-        J[1, 0] * v[0] + J[1, 1] * v[1] + J[1, 2] * v[2],
-        J[2, 0] * v[0] + J[2, 1] * v[1] + J[2, 2] * v[2],
+        lump[4] * v[0] + lump[5] * v[1] + lump[6] * v[2],
+        lump[7] * v[0] + lump[8] * v[1] + lump[9] * v[2],
+        lump[10] * v[0] + lump[11] * v[1] + lump[12] * v[2],
     )
 
 
@@ -94,13 +129,11 @@ def increment_rate(phi: Triple, theta: Triple) -> Triple:
 
 
 @inlined
-def _configure(
-    i: int, frames0: FloatArray, n: FloatArray, centres: FloatArray, base: FloatArray, rate: float,
-    frames: FloatArray, rates: FloatArray, velocity: FloatArray,
-) -> None:  # fmt: skip
-    """Frame, rates and local twist of node ``i`` from its increment: ``base + rate * change``."""
-    H0, H1, c = frames0[i], frames[i], triple(centres[i], 0)
-    phi = triple(n[i], 3)
+def _configure(nodes: StepNodes, i: int) -> None:
+    """Frame, rates and local twist of node ``i`` from its increment."""
+    H0, H1, c = nodes.frames0[i], nodes.frames[i], triple(nodes.centres[i], 0)
+    n, base, rates, velocity = nodes.increments, nodes.base, nodes.rates, nodes.velocity
+    phi, rate = triple(n[i], 3), nodes.law[2]
     factor = 1.0 / (1.0 + 0.25 * dot(phi, phi))
     for column in range(3):
         # cay(phi) e = e + (phi x e + phi x (phi x e) / 2) / (1 + phi^2 / 4)
@@ -121,40 +154,36 @@ def _configure(
 
 
 @kernel
-def start(
-    frames0: FloatArray, rates0: FloatArray, jumps: FloatArray, centres: FloatArray,
-    law: FloatArray, n: FloatArray, base: FloatArray, frames: FloatArray, rates: FloatArray,
-    velocity: FloatArray,
-) -> None:  # fmt: skip
-    """Start a step with the increments predicted from the rates.
+def start(memory: Memory, law: FloatArray) -> None:
+    """Start a step of ``StepNodes`` with the increments predicted from the rates.
 
-    ``law`` (5,) holds the factors of ``rates0`` and ``jumps`` in the prediction, those in
-    ``base``, and the rate of change.
+    ``law`` (4,) holds the factors of ``rates0`` and ``jumps`` in the prediction, and those in
+    ``base``.
     """
+    nodes = unpack(StepNodes, memory)
+    n, base, rates0, jumps = nodes.increments, nodes.base, nodes.rates0, nodes.jumps
     for i in range(n.shape[0]):
         for k in range(6):
             n[i, k] = law[0] * rates0[i, k] + law[1] * jumps[i, k]
             base[i, k] = law[2] * rates0[i, k] + law[3] * jumps[i, k]
         # rates are those of the centre: the node's own increment lacks what its arm turns
-        phi, c = triple(n[i], 3), triple(centres[i], 0)
-        arm = turn(frames0[i], cross(phi, c))
+        phi, c = triple(n[i], 3), triple(nodes.centres[i], 0)
+        arm = turn(nodes.frames0[i], cross(phi, c))
         for k in range(3):
             n[i, k] -= arm[k]
-        _configure(i, frames0, n, centres, base, law[4], frames, rates, velocity)
+        _configure(nodes, i)
 
 
 @kernel
-def correct(
-    frames0: FloatArray, n: FloatArray, centres: FloatArray, base: FloatArray, rate: float,
-    frames: FloatArray, rates: FloatArray, velocity: FloatArray, step: FloatArray, sign: float,
-) -> float:  # fmt: skip
+def correct(memory: Memory, sign: float) -> float:
     """Move by the local twists ``sign * step`` and return the largest entry of the step.
 
     Increments follow to first order; at the solution this is exact.
     """
-    largest = 0.0
+    nodes, largest = unpack(StepNodes, memory), 0.0
+    n, step = nodes.increments, nodes.step
     for i in range(n.shape[0]):
-        u = turn(frames[i], triple(step[i], 0))
+        u = turn(nodes.frames[i], triple(step[i], 0))
         w = increment_rate(triple(n[i], 3), triple(step[i], 3))
         for k in range(3):
             n[i, k] += sign * u[k]
@@ -163,18 +192,17 @@ def correct(
             size = abs(step[i, k])
             if size > largest or size != size:  # a NaN stays the largest
                 largest = size
-        _configure(i, frames0, n, centres, base, rate, frames, rates, velocity)
+        _configure(nodes, i)
     return largest
 
 
 @kernel
-def mean_acceleration(
-    frames: FloatArray, rates0: FloatArray, rates: FloatArray, velocity: FloatArray,
-    centres: FloatArray, h: float, out: FloatArray,
-) -> None:  # fmt: skip
+def mean_acceleration(memory: Memory, h: float, out: FloatArray) -> None:
     """Rates of the local twists from the mean accelerations over the step, in ``out`` (n, 6)."""
+    nodes = unpack(StepNodes, memory)
+    frames, rates0, rates, velocity = nodes.frames, nodes.rates0, nodes.rates, nodes.velocity
     for i in range(len(out)):
-        c, v, omega = triple(centres[i], 0), triple(velocity[i], 0), triple(velocity[i], 3)
+        c, v, omega = triple(nodes.centres[i], 0), triple(velocity[i], 0), triple(velocity[i], 3)
         w = add(triple(rates[i], 3), -1.0, triple(rates0[i], 3))
         spin = (w[0] / h, w[1] / h, w[2] / h)
         a = turn_back(frames[i], add(triple(rates[i], 0), -1.0, triple(rates0[i], 0)))
@@ -188,35 +216,28 @@ def mean_acceleration(
 
 @subroutine
 def momentum_force(
-    mass: float, weight: float, s: FloatArray, J: FloatArray, c: FloatArray, H0: FloatArray,
-    H1: FloatArray, r0: FloatArray, r1: FloatArray, gravity: FloatArray, h: float,
-    total: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
+    lump: FloatArray, nodes: StepNodes, node: int, h: float, out: FloatArray
+) -> None:
     """Mean inertia force minus weight of a mass at one node over the step.
 
     Args:
-        mass: that moves with the velocity of the centre.
-        weight: mass that gravity acts on at the centre.
-        s: first moment about the centre, node axes (kg m).
-        J: rotary inertia (3, 3) about the centre, node axes.
-        c: centre, node axes.
-        H0: frame at the start of the step.
-        H1: frame at its end.
-        r0: inertial velocity of the centre, angular velocity in node axes, at the start.
-        r1: the same at the end.
-        gravity: acceleration in inertial axes.
-        h: step size.
-        total: (6,) becomes the force and the moment about the node in inertial axes.
-        out: (6,) becomes the same in the node's axes at the end.
+        lump: (13,) mass (kg), first moment (kg m) and rotary inertia (kg m^2, row by row) about
+            the centre of the node, in its axes.
+        nodes: over the step.
+        node: which of them.
+        h: step size, s.
+        out: (12,) becomes the force and the moment about the node in inertial axes, and the same
+            in the node's axes at the end.
     """
-    first, centre, g = triple(s, 0), triple(c, 0), triple(gravity, 0)
-    o0, o1 = triple(r0, 3), triple(r1, 3)
+    H0, H1, r0, r1 = nodes.frames0[node], nodes.frames[node], nodes.rates0[node], nodes.rates[node]
+    mass, first, centre = lump[0], triple(lump, 1), triple(nodes.centres[node], 0)
+    g, o0, o1 = triple(nodes.gravity, 0), triple(r0, 3), triple(r1, 3)
     a = add(triple(r1, 0), -1.0, triple(r0, 0))
     a = (a[0] / h, a[1] / h, a[2] / h)
     e = add(turn(H1, cross(o1, first)), -1.0, turn(H0, cross(o0, first)))
     f = (mass * a[0] + e[0] / h, mass * a[1] + e[1] / h, mass * a[2] + e[2] / h)
-    f = add(f, -weight, g)
-    m = add(turn(H1, _multiply(J, o1)), -1.0, turn(H0, _multiply(J, o0)))
+    f = add(f, -mass, g)
+    m = add(turn(H1, _spin_momentum(lump, o1)), -1.0, turn(H0, _spin_momentum(lump, o0)))
     m = (m[0] / h, m[1] / h, m[2] / h)
     # with this arm the work equals the change of v . d(R s)/dt
     arm = add(first, 0.25 * h, cross(add(o1, -1.0, o0), first))
@@ -225,36 +246,32 @@ def momentum_force(
     m = add(m, 1.0, cross(mean_turn(H0, H1, centre), f))
     local_f, local_m = turn_back(H1, f), turn_back(H1, m)
     for k in range(3):
-        total[k], total[3 + k] = f[k], m[k]
-        out[k], out[3 + k] = local_f[k], local_m[k]
+        out[k], out[3 + k] = f[k], m[k]
+        out[6 + k], out[9 + k] = local_f[k], local_m[k]
 
 
 @subroutine
 def momentum_tangent(
-    mass: float, weight: float, s: FloatArray, J: FloatArray, c: FloatArray, H0: FloatArray,
-    H1: FloatArray, phi: FloatArray, r0: FloatArray, r1: FloatArray, gravity: FloatArray,
-    h: float, rate: float, out: FloatArray,
-) -> None:  # fmt: skip
-    """Derivative (6, 6) of :func:`momentum_force` along the node's local twist.
-
-    ``phi`` is the Cayley vector of the step, ``rate`` the change of rates with increments.
-    """
-    first, centre, g = triple(s, 0), triple(c, 0), triple(gravity, 0)
-    o0, o1 = triple(r0, 3), triple(r1, 3)
-    total, local = np.empty(6), np.empty(6)
-    momentum_force(mass, weight, s, J, c, H0, H1, r0, r1, gravity, h, total, local)
-    f, a = triple(total, 0), add(triple(r1, 0), -1.0, triple(r0, 0))
+    lump: FloatArray, nodes: StepNodes, node: int, h: float, out: FloatArray
+) -> None:
+    """Derivative (6, 6) of :func:`momentum_force` along the node's local twist."""
+    H0, H1, r0, r1 = nodes.frames0[node], nodes.frames[node], nodes.rates0[node], nodes.rates[node]
+    mass, first, centre = lump[0], triple(lump, 1), triple(nodes.centres[node], 0)
+    g, o0, o1 = triple(nodes.gravity, 0), triple(r0, 3), triple(r1, 3)
+    phi, rate, force = nodes.increments[node], nodes.law[2], np.empty(12)
+    momentum_force(lump, nodes, node, h, force)
+    f, a = triple(force, 0), add(triple(r1, 0), -1.0, triple(r0, 0))
     a = (a[0] / h, a[1] / h, a[2] / h)
     swing = add(first, 0.25 * h, cross(add(o1, -1.0, o0), first))
     for k in range(6):
         u, t = unit(k), unit(k - 3)
         da = turn(H1, add(u, 1.0, cross(t, centre)))
         da = (rate / h * da[0], rate / h * da[1], rate / h * da[2])
-        do = increment_rate(triple(phi, 0), t)
+        do = increment_rate(triple(phi, 3), t)
         do = (rate * do[0], rate * do[1], rate * do[2])
         de = turn(H1, add(cross(do, first), 1.0, cross(t, cross(o1, first))))
         df = (mass * da[0] + de[0] / h, mass * da[1] + de[1] / h, mass * da[2] + de[2] / h)
-        dm = turn(H1, add(_multiply(J, do), 1.0, cross(t, _multiply(J, o1))))
+        dm = turn(H1, add(_spin_momentum(lump, do), 1.0, cross(t, _spin_momentum(lump, o1))))
         dm = (dm[0] / h, dm[1] / h, dm[2] / h)
         darm = add((0.0, 0.0, 0.0), 0.5, turn(H1, cross(t, swing)))
         darm = add(darm, 0.25 * h, mean_turn(H0, H1, cross(do, first)))
@@ -263,7 +280,7 @@ def momentum_tangent(
         dm = add(dm, -0.5, cross(turn(H1, cross(t, first)), g))
         dm = add(dm, 0.5, cross(turn(H1, cross(t, centre)), f))
         dm = add(dm, 1.0, cross(mean_turn(H0, H1, centre), df))
-        df = add(turn_back(H1, df), -1.0, cross(t, triple(local, 0)))
-        dm = add(turn_back(H1, dm), -1.0, cross(t, triple(local, 3)))
+        df = add(turn_back(H1, df), -1.0, cross(t, triple(force, 6)))
+        dm = add(turn_back(H1, dm), -1.0, cross(t, triple(force, 9)))
         for i in range(3):
             out[i, k], out[3 + i, k] = df[i], dm[i]

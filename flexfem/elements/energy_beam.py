@@ -5,41 +5,20 @@ The physics is in ``flexfem.forms.beam_energy``; here is its data per cell and t
 compiled loops.
 """
 
-from dataclasses import dataclass
-
 from mpi4py import MPI
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.step_kernels import StepNodes
 from flexfem.elements.beam_group import BeamGroup
+from flexfem.elements.energy_inertia import EnergyCells
 from flexfem.elements.energy_loops import add_force, add_tangent, relative_frames
 from flexfem.forms.beam_energy import beam_energy_forms
 from flexfem.la.kernel import compile_kernel
 from flexfem.lie import se3
 
-__all__ = ["EnergyBeams", "StepState"]
-
-
-@dataclass
-class StepState:
-    """What the loops over a step read of the nodes of one block.
-
-    Attributes:
-        frames0, frames: (n, 12) at both ends of the step.
-        increments: (n, 6) translation in inertial axes and Cayley vector.
-        rates0, rates: (n, 6) inertial velocity of the centre and local angular velocity.
-        gravity: (3,) in inertial axes, m/s^2.
-        law: (3,) half the dissipation, 1/h and the change of rates with increments.
-    """
-
-    frames0: FloatArray
-    frames: FloatArray
-    increments: FloatArray
-    rates0: FloatArray
-    rates: FloatArray
-    gravity: FloatArray
-    law: FloatArray
+__all__ = ["EnergyBeams"]
 
 
 class EnergyBeams:
@@ -53,51 +32,47 @@ class EnergyBeams:
 
     def __init__(self, comm: MPI.Intracomm, beams: BeamGroup, count: int) -> None:
         """Compile the kernels (collective) and prepare the cells at ``count`` nodes."""
-        cells, sections = beams.cells.nodes, beams.cells.section
-        self._cells = (cells, beams.cells.turned, beams.cells.turns)
-        self._sections, self._laws = sections, beams.cells.sections
-        self._constants = np.zeros((len(cells), 14))
-        own = beams.cells.own
-        self._constants[:, :6], self._constants[:, 12:] = own[:, :6], own[:, 6:]
+        own = beams.cells
+        constants, ends = np.zeros((len(own.nodes), 14)), np.zeros((len(own.nodes), 2, 16))
+        constants[:, :6], constants[:, 12:] = own.own[:, :6], own.own[:, 6:]
         arms, rotary = _ends(beams)
         self.centres = np.zeros((count, 3))
-        self.centres[cells] = beams.centres[sections][:, np.newaxis]
-        arms -= self.centres[cells]
+        self.centres[own.nodes] = beams.centres[own.section][:, np.newaxis]
+        arms -= self.centres[own.nodes]
         self.offset = bool(np.any(np.abs(arms) > 1e-12 * np.abs(beams.centres).max(initial=0.0)))
-        self._lumps = np.concatenate([arms, rotary.reshape(-1, 2, 9)], axis=2)
+        ends[:, :, :3], ends[:, :, 7:] = arms, rotary.reshape(-1, 2, 9)
         forms = beam_energy_forms()
         coefficients = tuple(forms.coefficients.values())
-        self._force = compile_kernel(comm, forms.residual, coefficients)
-        self._tangent = compile_kernel(comm, forms.tangent, coefficients)
+        # their modules stay loaded
+        self._kernels = tuple(
+            compile_kernel(comm, form, coefficients) for form in (forms.residual, forms.tangent)
+        )
+        force, stiffness = self._kernels
+        self._cells = EnergyCells(
+            force=force.address, stiffness=stiffness.address, offsets=force.offsets,
+            nodes=own.nodes, turned=own.turned, turns=own.turns, constants=constants,
+            section=own.section, sections=own.sections, ends=ends,
+        )  # fmt: skip
 
     def twists(self, frames: FloatArray) -> FloatArray:
         """Relative twists (m, 6) of all cells."""
-        out = np.empty((len(self._constants), 12))
-        relative_frames(*self._cells, frames, out)
+        out = np.empty((len(self._cells.nodes), 12))
+        relative_frames(self._cells.memory, frames, out)
         return se3.log(out)
 
     @property
     def last_change(self) -> FloatArray:
         """Change (m, 6) of the relative twists over the last step; to be written to."""
-        return self._constants[:, 6:12]
+        return self._cells.constants[:, 6:12]
 
-    def add_force(self, state: StepState, scale: float, residual: FloatArray) -> None:
-        """Add ``scale`` times the mean force over the step to the residual (n, 6)."""
-        add_force(
-            self._force.address, self._force.offsets, state.law, *self._cells, self._constants,
-            self._sections, self._laws, self._lumps, self.centres, state.frames0, state.frames,
-            state.rates0, state.rates, state.gravity, scale, residual,
-        )  # fmt: skip
+    def add_force(self, state: StepNodes, scale: float) -> None:
+        """Add ``scale`` times the mean force over the step to the residual of the nodes."""
+        add_force(self._cells.memory, state.memory, scale)
 
-    def tangent(self, state: StepState, scale: float) -> FloatArray:
+    def tangent(self, state: StepNodes, scale: float) -> FloatArray:
         """``scale`` times the derivatives (m, 12, 12) along local twists at the end."""
-        values = np.empty((len(self._constants), 144))
-        add_tangent(
-            self._force.address, self._tangent.address, self._force.offsets, state.law,
-            *self._cells, self._constants, self._sections, self._laws, self._lumps, self.centres,
-            state.frames0, state.frames, state.increments, state.rates0, state.rates,
-            state.gravity, scale, values,
-        )  # fmt: skip
+        values = np.empty((len(self._cells.nodes), 144))
+        add_tangent(self._cells.memory, state.memory, scale, values)
         return values.reshape(-1, 12, 12)
 
 

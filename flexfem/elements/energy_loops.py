@@ -3,12 +3,13 @@
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
-from flexfem.core.step_kernels import momentum_force, momentum_tangent, turn_back
-from flexfem.elements.energy_inertia import add_mass_tangent, mass_force
+from flexfem._types import FloatArray
+from flexfem.core.step_kernels import StepNodes, momentum_force, momentum_tangent, turn_back
+from flexfem.elements.energy_inertia import EnergyCells, add_mass_tangent, mass_force
 from flexfem.la.kernel import tabulate
 from flexfem.lie._blocks import triple
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_force", "add_tangent", "relative_frames"]
 
@@ -19,47 +20,39 @@ _TWIST, _LAST, _LENGTH, _DAMPING, _STIFFNESS = 4, 5, 6, 7, 8
 
 @inlined
 def _put_rotation(
-    data: FloatArray, at: int, H: FloatArray, turned: bool, Q: FloatArray, cell: int, side: int
+    data: FloatArray, at: int, H: FloatArray, cells: EnergyCells, c: int, side: int
 ) -> None:
     """Write the rotation of the section at one end of a cell."""
+    turned = cells.turned[c]
+    Q = cells.turns[c * turned, side]
     for i in range(3):
         k = 3 + 3 * i
         for j in range(3):
             if turned:
-                data[at + 3 * i + j] = (
-                    H[k] * Q[cell, side, j]
-                    + H[k + 1] * Q[cell, side, 3 + j]
-                    + H[k + 2] * Q[cell, side, 6 + j]
-                )
+                data[at + 3 * i + j] = H[k] * Q[j] + H[k + 1] * Q[3 + j] + H[k + 2] * Q[6 + j]
             else:
                 data[at + 3 * i + j] = H[k + j]
 
 
 @inlined
-def _put_cell(
-    data: FloatArray, offsets: IntArray, c: int, cells: IndexArray, turned: BoolArray,
-    turns: FloatArray, frames0: FloatArray, frames: FloatArray, constants: FloatArray,
-    section: int, laws: FloatArray,
-) -> None:  # fmt: skip
-    """Write all data of a cell; ``constants`` (m, 14): twist, last change, length, damping."""
-    first, second = cells[c, 0], cells[c, 1]
+def _put_cell(cells: EnergyCells, c: int, nodes: StepNodes, data: FloatArray) -> None:
+    """Write all data of a cell."""
+    frames0, frames, offsets = nodes.frames0, nodes.frames, cells.offsets
+    first, second, section = cells.nodes[c, 0], cells.nodes[c, 1], cells.section[c]
     for i in range(3):
         data[offsets[_ARM] + i] = frames[second, i] - frames[first, i]
         data[offsets[_START_ARM] + i] = frames0[second, i] - frames0[first, i]
-    at = c * turned[c]
     for side in range(2):
-        node = cells[c, side]
-        _put_rotation(data, offsets[_ROTATION] + 9 * side, frames[node], turned[c], turns, at, side)
-        _put_rotation(
-            data, offsets[_START_ROTATION] + 9 * side, frames0[node], turned[c], turns, at, side
-        )
+        node, at = cells.nodes[c, side], 9 * side
+        _put_rotation(data, offsets[_ROTATION] + at, frames[node], cells, c, side)
+        _put_rotation(data, offsets[_START_ROTATION] + at, frames0[node], cells, c, side)
     for i in range(6):
-        data[offsets[_TWIST] + i] = constants[c, i]
-        data[offsets[_LAST] + i] = constants[c, 6 + i]
-    data[offsets[_LENGTH]] = constants[c, 12]
-    data[offsets[_DAMPING]] = constants[c, 13]
+        data[offsets[_TWIST] + i] = cells.constants[c, i]
+        data[offsets[_LAST] + i] = cells.constants[c, 6 + i]
+    data[offsets[_LENGTH]] = cells.constants[c, 12]
+    data[offsets[_DAMPING]] = cells.constants[c, 13]
     for i in range(21):
-        data[offsets[_STIFFNESS] + i] = laws[section, 21 + i]
+        data[offsets[_STIFFNESS] + i] = cells.sections[section, 21 + i]
 
 
 @inlined
@@ -72,47 +65,34 @@ def _node_force(force: FloatArray, side: int, H: FloatArray, out: FloatArray) ->
 
 
 @kernel
-def add_force(
-    address: int, offsets: IntArray, law: FloatArray, cells: IndexArray, turned: BoolArray,
-    turns: FloatArray, constants: FloatArray, sections: IntArray, laws: FloatArray,
-    lumps: FloatArray, centres: FloatArray, frames0: FloatArray, frames: FloatArray,
-    rates0: FloatArray, rates: FloatArray, gravity: FloatArray, scale: float,
-    residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``scale`` times the mean force of all cells over the step to ``residual`` (n, 6).
+def add_force(cells: Memory, nodes: Memory, scale: float) -> None:
+    """Add ``scale`` times the mean force of all cells over the step to the residual of the nodes.
 
-    ``law`` (3,) holds half the dissipation, 1/h and the change of rates with increments; ``lumps``
-    (m, 2, 12) arms from the ``centres`` (n, 3) of the nodes to those of both ends of each cell and
-    the rotary inertia of both halves, in node axes.
+    Args:
+        cells: ``EnergyCells``.
+        nodes: ``StepNodes``.
+        scale: see above.
     """
-    data, force, out = np.empty(offsets[-1]), np.empty(9), np.empty(6)
-    total, none, h = np.empty(6), np.zeros(3), 1.0 / law[1]
-    points = np.zeros(6)
+    own, state = unpack(EnergyCells, cells), unpack(StepNodes, nodes)
+    frames, residual, law = state.frames, state.residual, state.law
+    data, force, out = np.empty(own.offsets[-1]), np.empty(9), np.empty(12)
+    points, h = np.zeros(6), 1.0 / law[1]
     points[3] = 1.0  # the form does not depend on the size of the reference cell
-    for c in range(cells.shape[0]):
-        _put_cell(
-            data, offsets, c, cells, turned, turns, frames0, frames, constants, sections[c], laws
-        )
+    for c in range(own.nodes.shape[0]):
+        _put_cell(own, c, state, data)
         force[:] = 0.0
-        tabulate(address, force, data, law, points)  # type: ignore[call-arg]
-        mass = laws[sections[c], 0] * constants[c, 12]
+        tabulate(own.force, force, data, law, points)  # type: ignore[call-arg]
         for side in range(2):
-            node = cells[c, side]
+            node = own.nodes[c, side]
             _node_force(force, side, frames[node], out)
             for i in range(6):
                 residual[node, i] += scale * out[i]
-            mass_force(
-                side, cells[c], mass, lumps[c], centres, frames0, frames, rates0, rates, gravity,
-                h, total, out,
-            )  # fmt: skip
+            mass_force(own, c, side, state, h, out)
             for i in range(6):
-                residual[node, i] += scale * out[i]
-            momentum_force(
-                0.0, 0.0, none, lumps[c, side, 3:].reshape(3, 3), none, frames0[node],
-                frames[node], rates0[node], rates[node], gravity, h, total, out,
-            )  # fmt: skip
+                residual[node, i] += scale * out[6 + i]
+            momentum_force(own.ends[c, side, 3:], state, node, h, out)
             for i in range(6):
-                residual[node, i] += scale * out[i]
+                residual[node, i] += scale * out[6 + i]
 
 
 @inlined
@@ -150,45 +130,29 @@ def _turn_blocks(
 
 
 @kernel
-def add_tangent(
-    force_address: int, address: int, offsets: IntArray, law: FloatArray, cells: IndexArray,
-    turned: BoolArray, turns: FloatArray, constants: FloatArray, sections: IntArray,
-    laws: FloatArray, lumps: FloatArray, centres: FloatArray, frames0: FloatArray,
-    frames: FloatArray, increments: FloatArray, rates0: FloatArray, rates: FloatArray,
-    gravity: FloatArray, scale: float, values: FloatArray,
-) -> None:  # fmt: skip
-    """Write ``scale`` times the derivative of :func:`add_force` along local twists (m, 144)."""
-    data, force, K = np.empty(offsets[-1]), np.empty(9), np.empty(81)
-    out, work, lump, total = np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
-    none, h = np.zeros(3), 1.0 / law[1]
-    points = np.zeros(6)
+def add_tangent(cells: Memory, nodes: Memory, scale: float, values: FloatArray) -> None:
+    """Write the derivatives of :func:`add_force` along local twists to ``values`` (m, 144)."""
+    own, state = unpack(EnergyCells, cells), unpack(StepNodes, nodes)
+    frames, law = state.frames, state.law
+    data, force, K = np.empty(own.offsets[-1]), np.empty(9), np.empty(81)
+    out, work, lump = np.empty(12), np.empty((6, 6)), np.empty((6, 6))
+    points, h = np.zeros(6), 1.0 / law[1]
     points[3] = 1.0
-    for c in range(cells.shape[0]):
-        _put_cell(
-            data, offsets, c, cells, turned, turns, frames0, frames, constants, sections[c], laws
-        )
+    for c in range(own.nodes.shape[0]):
+        _put_cell(own, c, state, data)
         force[:], K[:] = 0.0, 0.0
-        tabulate(force_address, force, data, law, points)  # type: ignore[call-arg]
-        tabulate(address, K, data, law, points)
-        mass = laws[sections[c], 0] * constants[c, 12]
+        tabulate(own.force, force, data, law, points)  # type: ignore[call-arg]
+        tabulate(own.stiffness, K, data, law, points)
+        first, second = frames[own.nodes[c, 0]], frames[own.nodes[c, 1]]
         result = values[c].reshape(12, 12)
         for a in range(2):
-            node = cells[c, a]
-            mass_force(
-                a, cells[c], mass, lumps[c], centres, frames0, frames, rates0, rates, gravity, h,
-                total, out,
-            )  # fmt: skip
+            node = own.nodes[c, a]
+            mass_force(own, c, a, state, h, out)
             for b in range(2):
-                _turn_blocks(K, frames[cells[c, 0]], frames[cells[c, 1]], a, b, work, result)
-                add_mass_tangent(
-                    a, b, cells[c], mass, lumps[c], centres, frames0, frames, increments, rates0,
-                    rates, h, law[2], total, out, result,
-                )  # fmt: skip
+                _turn_blocks(K, first, second, a, b, work, result)
+                add_mass_tangent(own, c, a, b, state, h, out, result)
             _node_force(force, a, frames[node], out)
-            momentum_tangent(
-                0.0, 0.0, none, lumps[c, a, 3:].reshape(3, 3), none, frames0[node], frames[node],
-                increments[node, 3:], rates0[node], rates[node], gravity, h, law[2], lump,
-            )  # fmt: skip
+            momentum_tangent(own.ends[c, a, 3:], state, node, h, lump)
             for half in range(0, 6, 3):  # the node's axes turn: f x theta
                 for k in range(3):
                     p, q = (k + 1) % 3, (k + 2) % 3
@@ -202,19 +166,17 @@ def add_tangent(
 
 
 @kernel
-def relative_frames(
-    cells: IndexArray, turned: BoolArray, turns: FloatArray, frames: FloatArray, out: FloatArray
-) -> None:
+def relative_frames(cells: Memory, frames: FloatArray, out: FloatArray) -> None:
     """Frames (m, 12) of the second ends of all cells relative to the first ones."""
-    R = np.empty((2, 9))
-    for c in range(cells.shape[0]):
+    own, R = unpack(EnergyCells, cells), np.empty((2, 9))
+    nodes = own.nodes
+    for c in range(nodes.shape[0]):
         for side in range(2):
-            H = frames[cells[c, side]]
-            _put_rotation(R[side], 0, H, turned[c], turns, c * turned[c], side)
+            _put_rotation(R[side], 0, frames[nodes[c, side]], own, c, side)
         for i in range(3):
             out[c, i] = 0.0
             for k in range(3):
-                arm = frames[cells[c, 1], k] - frames[cells[c, 0], k]
+                arm = frames[nodes[c, 1], k] - frames[nodes[c, 0], k]
                 out[c, i] += R[0, 3 * k + i] * arm
             for j in range(3):
                 total = 0.0

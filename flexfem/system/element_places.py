@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.bodies.line_forces import line_twists
+from flexfem.bodies.line_forces import Places, line_twists
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.line_points import NURBS
 from flexfem.core.marker import Observed
@@ -27,8 +27,7 @@ class ElementPlaces:
     Attributes:
         nodes: (n, k) local nodes.
         xi: (n,) places in the elements.
-        data: what the compiled loops take: kind of element, nodes, coefficients of the shape
-            functions, places, and turns of the sections against the nodes.
+        places: these, as compiled loops take them.
     """
 
     def __init__(
@@ -37,7 +36,13 @@ class ElementPlaces:
     ) -> None:  # fmt: skip
         """Store the places."""
         turns = np.empty((len(nodes), 0, 9)) if turns is None else turns
-        self.nodes, self.xi, self.data = nodes, xi, (element, nodes, shape, xi, turns)
+        self.nodes, self.xi = nodes, xi
+        self.places = Places(element=element, nodes=nodes, shape=shape, xi=xi, turns=turns)
+        # the same for nodes that stand place after place
+        self._apart = Places(
+            element=element, nodes=np.arange(nodes.size).reshape(nodes.shape), shape=shape, xi=xi,
+            turns=turns,
+        )  # fmt: skip
 
     @classmethod
     def of(cls, places: Sequence[ElementPlace], block: FrameBlock) -> "ElementPlaces":
@@ -47,7 +52,7 @@ class ElementPlaces:
     def at(self, frames: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Frames (n, 12) and local twists (n, 6) of the places, given those of all nodes."""
         points, twists = np.empty((len(self.xi), 12)), np.empty((len(self.xi), 6))
-        line_twists(*self.data, frames, velocity, points, twists)
+        line_twists(self.places.memory, frames, velocity, points, twists)
         return points, twists
 
     def motion(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
@@ -59,18 +64,16 @@ class ElementPlaces:
 
         What their dependence on the frames makes of them is a central difference along the motion.
         """
-        kind, nodes, shape, xi, turns = self.data
-        frames, velocity = block.frames[nodes], block.velocity[nodes]
+        frames, velocity = block.frames[self.nodes], block.velocity[self.nodes]
         fastest = np.abs(velocity).max(axis=(1, 2), initial=0.0)
         spans = _SPAN / np.maximum(fastest, 1e-30)
-        own = np.arange(nodes.size).reshape(nodes.shape)
-        twists = []
+        twists, count = [], len(self.xi)
         for way in (spans, -spans):
             moved = se3.retract(frames, way[:, np.newaxis, np.newaxis] * velocity)
-            out = np.empty((len(xi), 6))
+            out = np.empty((count, 6))
             line_twists(
-                kind, own, shape, xi, turns, moved.reshape(-1, 12), velocity.reshape(-1, 6),
-                np.empty((len(xi), 12)), out,
+                self._apart.memory, moved.reshape(-1, 12), velocity.reshape(-1, 6),
+                np.empty((count, 12)), out,
             )  # fmt: skip
             twists.append(out)
         rates: FloatArray = self.at(block.frames, block.acceleration)[1]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.bodies.line_forces import (
     add_line_forces,
     line_force_states,
@@ -15,6 +15,7 @@ from flexfem.bodies.line_forces import (
 from flexfem.core.frame_block import FrameBlock
 from flexfem.system.element_places import ElementPlaces, place_arrays
 from flexfem.system.lines import ElementPlace
+from flexfem.system.node_loads import wrenches
 
 __all__ = ["LineForce", "LineForces", "by_kind"]
 
@@ -42,25 +43,21 @@ class LineForces(ElementPlaces):
         """Store the wrenches, at least one; ``node_body`` gives the beams of all nodes."""
         super().__init__(*place_arrays([force.place for force in forces], block))
         self.body: IntArray = node_body[self.nodes[:, -1]]
-        self._wrenches: tuple[FloatArray, FloatArray, FloatArray, BoolArray, IntArray] = (
-            np.array([f.offset for f in forces]),
-            np.array([f.force for f in forces]),
-            np.array([f.moment for f in forces]),
-            np.array([f.follower for f in forces], dtype=np.bool_),
-            np.array([f.load for f in forces], dtype=np.int64),
-        )
+        self._wrenches = wrenches(forces)
 
     def add_residual(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
         """Subtract ``scale`` times the forces from the block's residual."""
         add_line_forces(
-            *self.data, *self._wrenches, factors, block.frames, scale, block.residual,
-        )  # fmt: skip
+            self.places.memory, self._wrenches.memory, block.nodes.memory, factors, scale
+        )
 
     def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
         """(n, k width, k width) derivative of the residual along local twists."""
         size = 6 * self.nodes.shape[1]
         out = np.empty((len(self.xi), size, size))
-        line_force_tangent(*self.data, *self._wrenches, factors, block.frames, scale, out)
+        line_force_tangent(
+            self.places.memory, self._wrenches.memory, block.nodes.memory, factors, scale, out
+        )
         if block.width == 6:
             return out
         own, count = np.s_[: block.width], self.nodes.shape[1]
@@ -77,7 +74,7 @@ class LineForces(ElementPlaces):
         """(n, 12) force, moment, place and angular velocity of each wrench, inertial axes."""
         out = np.empty((len(self.xi), 12))
         points, twists = self.motion(block)
-        line_force_states(points, twists, *self._wrenches, factors, out)
+        line_force_states(points, twists, self._wrenches.memory, factors, out)
         return out
 
 

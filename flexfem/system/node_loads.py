@@ -3,15 +3,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.bodies.node_forces import add_forces, force_states, force_tangent
+from flexfem.bodies.node_forces import Wrenches, add_forces, force_states, force_tangent
 from flexfem.bodies.node_inertia import add_inertia, add_mass_motion, inertia_tangent
 from flexfem.core.frame_block import FrameBlock
 
-__all__ = ["Force", "NodeForces", "NodeMasses"]
+__all__ = ["Force", "NodeForces", "NodeMasses", "Wrench", "wrenches"]
 
 
 class NodeMasses:
@@ -28,10 +29,7 @@ class NodeMasses:
 
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times inertia and gravity forces to the block's residual."""
-        add_inertia(
-            self.nodes, self.matrices, gravity, block.frames, block.velocity, block.acceleration,
-            scale, block.residual,
-        )  # fmt: skip
+        add_inertia(self.nodes, self.matrices, block.nodes.memory, gravity, scale)
 
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
@@ -43,14 +41,49 @@ class NodeMasses:
         """
         out = np.empty_like(self.matrices)
         inertia_tangent(
-            self.nodes, self.matrices, gravity, block.inertial and not local, block.frames,
-            block.velocity, block.acceleration, block.increment, shifts, scale, out,
+            self.nodes, self.matrices, block.nodes.memory, gravity, block.inertial and not local,
+            shifts, scale, out,
         )  # fmt: skip
         return out
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (k,) masses, see ``flexfem.core.motion``."""
         add_mass_motion(self.nodes, self.matrices, chosen, block.frames, block.velocity, motion)
+
+
+class Wrench(Protocol):
+    """Force and moment at a point, see :class:`Wrenches`."""
+
+    @property
+    def offset(self) -> FloatArray:
+        """(12,) frame of the point relative to what carries it."""
+
+    @property
+    def force(self) -> FloatArray:
+        """(3,) N."""
+
+    @property
+    def moment(self) -> FloatArray:
+        """(3,) N m."""
+
+    @property
+    def follower(self) -> bool:
+        """Both are in the axes of the point."""
+
+    @property
+    def load(self) -> int:
+        """Number of the load whose amplitude scales them."""
+
+
+def wrenches(given: Sequence[Wrench]) -> Wrenches:
+    """Some wrenches as compiled loops take them."""
+    return Wrenches(
+        offsets=np.array([w.offset for w in given], dtype=np.float64).reshape(-1, 12),
+        forces=np.array([w.force for w in given], dtype=np.float64).reshape(-1, 3),
+        moments=np.array([w.moment for w in given], dtype=np.float64).reshape(-1, 3),
+        follower=np.array([w.follower for w in given], dtype=np.bool_),
+        load=np.array([w.load for w in given], dtype=np.int64),
+    )
 
 
 @dataclass(frozen=True)
@@ -66,46 +99,30 @@ class Force:
 
 
 class NodeForces:
-    """Wrenches at nodes, each with the number of the load whose amplitude scales it."""
+    """Wrenches at nodes, each with the number of the load whose amplitude scales it.
+
+    Attributes:
+        nodes: (k,) local node of each.
+        wrenches: in the axes of these, as compiled loops take them.
+    """
 
     def __init__(self, forces: Sequence[Force]) -> None:
         """Store the wrenches."""
         self.nodes: IntArray = np.array([f.node for f in forces], dtype=np.int64)
-        self._offsets = np.array([f.offset for f in forces], dtype=np.float64).reshape(-1, 12)
-        self._forces = np.array([f.force for f in forces], dtype=np.float64).reshape(-1, 3)
-        self._moments = np.array([f.moment for f in forces], dtype=np.float64).reshape(-1, 3)
-        self._follower = np.array([f.follower for f in forces], dtype=np.bool_)
-        self._load = np.array([f.load for f in forces], dtype=np.int64)
+        self.wrenches = wrenches(forces)
 
     def add_residual(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
         """Subtract ``scale`` times the forces from the block's residual."""
-        add_forces(
-            self.nodes, self._offsets, self._forces, self._moments, self._follower, self._load,
-            factors, block.frames, scale, block.residual,
-        )  # fmt: skip
-
-    def data(
-        self,
-    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, BoolArray, IntArray]:
-        """Nodes, offsets, forces, moments, whether they follow, and loads, as loops expect."""
-        return (
-            self.nodes, self._offsets, self._forces, self._moments, self._follower, self._load
-        )  # fmt: skip
+        add_forces(self.nodes, self.wrenches.memory, block.nodes.memory, factors, scale)
 
     def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
         """(k, 6, 6) derivative of the residual along local twists."""
         out = np.empty((len(self.nodes), 6, 6))
-        force_tangent(
-            self.nodes, self._offsets, self._forces, self._moments, self._follower, self._load,
-            factors, block.frames, scale, out,
-        )  # fmt: skip
+        force_tangent(self.nodes, self.wrenches.memory, block.nodes.memory, factors, scale, out)
         return out
 
     def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
         """(k, 12) force, moment, place and angular velocity of each wrench, inertial axes."""
         out = np.empty((len(self.nodes), 12))
-        force_states(
-            self.nodes, self._offsets, self._forces, self._moments, self._follower, self._load,
-            factors, block.frames, block.velocity, out,
-        )  # fmt: skip
+        force_states(self.nodes, self.wrenches.memory, block.nodes.memory, factors, out)
         return out

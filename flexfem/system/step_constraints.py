@@ -13,7 +13,7 @@ from flexfem._types import FloatArray
 from flexfem.core.row import LawKind, RowKind
 from flexfem.system.constraints import Constraints
 from flexfem.system.row_kernels import marker_poses
-from flexfem.system.step_rows import add_step_hessians, evaluate_step
+from flexfem.system.step_rows import StepTerms, add_step_hessians, evaluate_step
 
 __all__ = ["StepRows"]
 
@@ -32,10 +32,17 @@ class StepRows:
         _check_laws(rows)
         self._rows, self._chi = rows, chi
         markers, terms = len(rows.marker_slot), len(rows.kinds)
-        self._frames0 = np.zeros_like(rows.interface.frames)
-        self._poses0, self._poses = np.zeros((markers, 12)), rows.poses
-        self._terms0, self._terms = np.zeros(terms), np.zeros(terms)
-        self._gradient = np.zeros((terms, 2, 6))
+        frames, poses = rows.interface.frames, rows.poses
+        self._step = StepTerms(
+            frames0=np.zeros_like(frames), frames=frames, poses0=np.zeros((markers, 12)),
+            poses=poses, values0=np.zeros(terms), values=np.zeros(terms),
+            gradient=np.zeros((terms, 2, 6)),
+        )  # fmt: skip
+        # the derivative at the end is the discrete one of no step at all
+        self._end = StepTerms(
+            frames0=frames, frames=frames, poses0=poses, poses=poses, values0=np.zeros(terms),
+            values=np.zeros(terms), gradient=rows.step_jacobian,
+        )  # fmt: skip
         self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)
         self._applied0 = rows.elastic[:, 3].copy()
         self._values0, self._values = np.zeros(rows.size), np.zeros(rows.size)
@@ -48,8 +55,8 @@ class StepRows:
         """
         rows, face = self._rows, self._rows.interface
         self._h, self._weight = h, weight
-        self._frames0[:] = face.frames
-        marker_poses(rows.own.memory, self._frames0, self._poses0)
+        self._step.frames0[:] = face.frames
+        marker_poses(rows.own.memory, self._step.frames0, self._step.poses0)
         self._memory = min(1.0, h / last_h)
         if not np.isfinite(last_h):
             self.evaluate()
@@ -76,23 +83,14 @@ class StepRows:
 
     def evaluate(self) -> None:
         """Values, gradients and compliances of all rows at the interface's state."""
-        rows, frames = self._rows, self._rows.interface.frames
+        rows, step = self._rows, self._step
         factors = rows.factors[:, np.newaxis, np.newaxis]
-        marker_poses(rows.own.memory, frames, self._poses)
-        # the derivative at the end is the discrete one of no step at all
-        evaluate_step(
-            frames, frames, self._poses, self._poses, rows.marker_slot, rows.marker_offset,
-            rows.term_marker, rows.kinds, rows.directions, rows.angles, self._terms0, self._terms,
-            rows.step_jacobian,
-        )  # fmt: skip
+        marker_poses(rows.own.memory, step.frames, step.poses)
+        evaluate_step(rows.own.memory, self._end.memory)
         rows.step_jacobian *= factors
-        evaluate_step(
-            self._frames0, frames, self._poses0, self._poses, rows.marker_slot, rows.marker_offset,
-            rows.term_marker, rows.kinds, rows.directions, rows.angles, self._terms0, self._terms,
-            self._gradient,
-        )  # fmt: skip
-        np.multiply(self._gradient, factors, out=rows.force_jacobian)
-        self._values0, self._values = self._sums(self._terms0), self._sums(self._terms)
+        evaluate_step(rows.own.memory, step.memory)
+        np.multiply(step.gradient, factors, out=rows.force_jacobian)
+        self._values0, self._values = self._sums(step.values0), self._sums(step.values)
         rows.values[:] = self._values - rows.targets - rows.relaxation * rows.multipliers
         rows.compliance[:] = rows.relaxation
         rows.coupling[:] = 0.0
@@ -123,11 +121,8 @@ class StepRows:
         rows = self._rows
         out = np.zeros((len(rows.pair_slots), 12, 12))
         add_step_hessians(
-            self._frames0, rows.interface.frames, self._poses0, self._poses, rows.marker_slot,
-            rows.marker_offset, rows.term_marker, rows.kinds, rows.directions, self._terms0,
-            self._terms, self._gradient, rows.pair_of_term,
-            factor[rows.row_of_term] * rows.factors, out,
-        )  # fmt: skip
+            rows.own.memory, self._step.memory, factor[rows.row_of_term] * rows.factors, out
+        )
         return out
 
 

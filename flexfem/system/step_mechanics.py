@@ -23,8 +23,8 @@ from flexfem.bodies.step_inertia import (
 )
 from flexfem.core.prediction import Misses, Prediction
 from flexfem.core.state import State
-from flexfem.core.step_kernels import correct, mean_acceleration, start
-from flexfem.elements.energy_beam import EnergyBeams, StepState
+from flexfem.core.step_kernels import StepNodes, correct, mean_acceleration, start
+from flexfem.elements.energy_beam import EnergyBeams
 from flexfem.elements.request import TangentRequest
 from flexfem.elements.se3_beam import SE3Beams
 from flexfem.lie import se3
@@ -40,11 +40,10 @@ class _Part:
 
     Attributes:
         state: both ends of the step.
-        jumps: (n, 6) last change of the rates, for a step as long as this one.
-        centres: (n, 3) points whose velocity counts, node axes.
         twists0, last_change: (m, 6) relative twists at the start, their change over the last step.
         before: (n, 12) frames at the start of the last step.
-        lumps: (k, 13) mass, first moment and rotary inertia about these points; nodes: (k,).
+        lumps: (k, 13) mass, first moment and rotary inertia about the centres of the nodes;
+            nodes: (k,).
     """
 
     def __init__(self, system: System, part: BlockPart, chi: float) -> None:
@@ -54,48 +53,48 @@ class _Part:
         self.beams = None
         if isinstance(part.elements, SE3Beams):
             self.beams = EnergyBeams(system.comm, part.elements.linear, count)
-        self.centres, self.jumps = np.zeros((count, 3)), np.zeros((count, 6))
-        self.base = np.zeros((count, 6))
+        centres = np.zeros((count, 3))
         self.nodes, self.lumps = masses.nodes, lump(masses.matrices)
         self.entries: IntArray = np.arange(len(masses.nodes))
         if part.elements is None:
-            self._centre(masses.matrices)
+            self._centre(masses.matrices, centres)
         elif self.beams is not None:
-            self.centres = self.beams.centres
-            self.lumps = moved_lumps(self.lumps, self.centres[self.nodes])
+            centres = self.beams.centres
+            self.lumps = moved_lumps(self.lumps, centres[self.nodes])
         self.offset = bool(np.any(self.lumps[:, 1:4])) or (
             self.beams is not None and self.beams.offset
         )
         self.twists0 = self.last_change = np.zeros((0, 6))
         self.before = block.frames0.copy()
         self._memory = 1.0
-        self.state = StepState(
+        self.state = StepNodes(
             frames0=block.frames0, frames=block.frames, increments=block.increment,
-            rates0=np.zeros((count, 6)), rates=np.zeros((count, 6)), gravity=system.gravity,
-            law=np.zeros(3),
+            rates0=np.zeros((count, 6)), rates=np.zeros((count, 6)), centres=centres,
+            jumps=np.zeros((count, 6)), base=np.zeros((count, 6)), velocity=block.velocity,
+            step=block.step, residual=block.residual, gravity=system.gravity, law=np.zeros(3),
         )  # fmt: skip
 
-    def _centre(self, matrices: FloatArray) -> None:
-        """Refer the masses of every rigid body to their common centre."""
+    def _centre(self, matrices: FloatArray, centres: FloatArray) -> None:
+        """Refer the masses of every rigid body to their common centre, written to ``centres``."""
         nodes, self.entries, inverse = np.unique(self.nodes, return_index=True, return_inverse=True)
         total = np.zeros((len(nodes), 6, 6))
         np.add.at(total, inverse, matrices)
         lumps = lump(total)
         centre = lumps[:, 1:4] / lumps[:, :1]
-        self.centres[nodes] = centre
+        centres[nodes] = centre
         self.nodes, self.lumps = nodes, moved_lumps(lumps, centre)
         self.lumps[:, 1:4] = 0.0  # but for rounding
 
-    def law(self, h: float) -> FloatArray:
-        """See :class:`StepState`."""
-        return np.array([0.5 * self.chi, 1.0 / h, 2.0 / (h * (1.0 + self.chi))])
+    def set_law(self, h: float) -> None:
+        """Set the law of the rates over a step of this size, s."""
+        self.state.law[:] = 0.5 * self.chi, 1.0 / h, 2.0 / (h * (1.0 + self.chi))
 
     def begin(self, h: float, memory: float) -> None:
         """Rates and their last change from the accepted state.
 
         A part ``memory`` of this change counts in the dissipation.
         """
-        block, state, c = self.block, self.state, self.centres
+        block, state, c = self.block, self.state, self.state.centres
         R = block.frames0[:, 3:].reshape(-1, 3, 3)
         v, omega = block.velocity[:, :3], block.velocity[:, 3:]
         w, spin = block.acceleration[:, :3], block.acceleration[:, 3:]
@@ -103,53 +102,42 @@ class _Part:
         state.rates0[:, :3] = np.einsum("nij,nj->ni", R, local)
         state.rates0[:, 3:] = omega
         local = w + np.cross(omega, local) + np.cross(spin, c)
-        self.jumps[:, :3] = h * np.einsum("nij,nj->ni", R, local)
-        self.jumps[:, 3:] = h * spin
-        state.law = self.law(h)
+        state.jumps[:, :3] = h * np.einsum("nij,nj->ni", R, local)
+        state.jumps[:, 3:] = h * spin
+        self.set_law(h)
         self._memory = memory
 
     def predict(self, h: float, prediction: Prediction) -> None:
         """Increments from nothing, from the rates, or from their last change too."""
-        chi, state = self.chi, self.state
+        chi = self.chi
         law = np.array([
             h * (prediction >= Prediction.VELOCITY),
             0.5 * h * (prediction >= Prediction.ACCELERATION),
             (chi - 1.0) / (1.0 + chi), self._memory * chi / (1.0 + chi),
-            state.law[2],
         ])  # fmt: skip
-        start(
-            state.frames0, state.rates0, self.jumps, self.centres, law, state.increments,
-            self.base, state.frames, state.rates, self.block.velocity,
-        )  # fmt: skip
+        start(self.state.memory, law)
 
     def third(self) -> float:
         """Largest change of the rates' change over a step."""
         owned, state = slice(0, self.block.owned), self.state
-        change = (state.rates - state.rates0 - self.jumps)[owned]
+        change = (state.rates - state.rates0 - state.jumps)[owned]
         return float(np.abs(change).max(initial=0.0))
 
     def correct(self, sign: float) -> float:
         """Move by the local twists ``sign * step``."""
-        block, state = self.block, self.state
-        block.spread_step()
-        largest: float = correct(
-            state.frames0, state.increments, self.centres, self.base, state.law[2], state.frames,
-            state.rates, block.velocity, block.step, sign,
-        )  # fmt: skip
+        self.block.spread_step()
+        largest: float = correct(self.state.memory, sign)
         return largest
 
     def accept(self, h: float) -> Misses:
         """Take the trial state; how far the predictions were off."""
         state, block = self.state, self.block
         owned = slice(0, block.owned)
-        path = (state.rates - self.base)[owned] / state.law[2]
+        path = (state.rates - state.base)[owned] / state.law[2]
         plain = path - h * state.rates0[owned]
-        curved = plain - 0.5 * h * self.jumps[owned]
+        curved = plain - 0.5 * h * state.jumps[owned]
         whole, first, second = (float(np.abs(x).max(initial=0.0)) for x in (path, plain, curved))
-        mean_acceleration(
-            state.frames, state.rates0, state.rates, block.velocity, self.centres, h,
-            block.acceleration,
-        )  # fmt: skip
+        mean_acceleration(state.memory, h, block.acceleration)
         self.before[:] = state.frames0
         block.take()
         return whole, first, second
@@ -259,22 +247,18 @@ class StepMechanics(Mechanics):
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         self._cells = None
         for part in system.parts:
-            mine, block = self._parts[id(part)], part.block
+            mine, block, forces = self._parts[id(part)], part.block, part.forces
             state = mine.state
             block.residual[:] = 0.0
             if mine.beams is not None:
-                mine.beams.add_force(state, self.weight, block.residual)
+                mine.beams.add_force(state, self.weight)
                 block.add_ghosts()
             if len(mine.nodes):
-                add_step_inertia(
-                    mine.nodes, mine.lumps, mine.centres, state.frames0, state.frames,
-                    state.rates0, state.rates, state.gravity, self.h, self.weight, block.residual,
-                )  # fmt: skip
-            if len(part.forces.nodes):
+                add_step_inertia(mine.nodes, mine.lumps, state.memory, self.h, self.weight)
+            if len(forces.nodes):
                 add_step_forces(
-                    *part.forces.data(), self._factors, state.frames0, state.frames, self.weight,
-                    block.residual,
-                )  # fmt: skip
+                    forces.nodes, forces.wrenches.memory, state.memory, self._factors, self.weight
+                )
         system.interface.update()
         self._rows.evaluate()
 
@@ -307,21 +291,17 @@ class StepMechanics(Mechanics):
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         mine = self._parts[id(part)]
-        state = mine.state
         out, own = np.zeros((len(part.masses.nodes), 6, 6)), np.zeros((len(mine.nodes), 6, 6))
-        step_inertia_tangent(
-            mine.nodes, mine.lumps, mine.centres, state.frames0, state.frames, state.increments,
-            state.rates0, state.rates, state.gravity, self.h, state.law[2], self.weight, own,
-        )  # fmt: skip
+        step_inertia_tangent(mine.nodes, mine.lumps, mine.state.memory, self.h, self.weight, own)
         out[mine.entries] = own
         return out
 
     def forces(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
-        state = self._parts[id(part)].state
-        out = np.zeros((len(part.forces.nodes), 6, 6))
+        state, forces = self._parts[id(part)].state, part.forces
+        out = np.zeros((len(forces.nodes), 6, 6))
         step_force_tangent(
-            *part.forces.data(), self._factors, state.frames0, state.frames, self.weight, out
+            forces.nodes, forces.wrenches.memory, state.memory, self._factors, self.weight, out
         )
         return out
 
@@ -340,7 +320,7 @@ class StepMechanics(Mechanics):
         for name, values in self.origin(system, part)[0].items():
             values[:] = nodes[name]
         self.h, self._last_h, self._factors = float(numbers[0]), float(numbers[1]), numbers[2:]
-        mine.state.law = mine.law(self.h)
+        mine.set_law(self.h)
         if mine.beams is not None:
             change = mine.beams.twists(mine.state.frames0) - mine.beams.twists(mine.before)
             mine.beams.last_change[:] = self._part_of_last() * change

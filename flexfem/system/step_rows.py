@@ -8,22 +8,43 @@ nor moment, since rigid motions about the mean positions change no term.
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray
 from flexfem.core.step_kernels import add, turn, turn_back, unit
 from flexfem.core.terms.dispatch import step_change, step_gradient, step_vectors
 from flexfem.core.terms.vectors import mean, put
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Float1D, Float2D, Float3D, Memory, Record, unpack
+from flexfem.system.row_data import RowArrays
 
-__all__ = ["add_step_hessians", "evaluate_step"]
+__all__ = ["StepTerms", "add_step_hessians", "evaluate_step"]
+
+
+class StepTerms(Record):
+    """Terms of rows over a step, factors left out.
+
+    Attributes:
+        frames0, frames: (n, 12) nodes that carry markers at both ends of the step.
+        poses0, poses: (m, 12) frames of the markers at both ends.
+        values0, values: (t,) values at both ends.
+        gradient: (t, 2, 6) discrete gradients in the axes of the nodes at the end.
+    """
+
+    frames0: Float2D
+    frames: Float2D
+    poses0: Float2D
+    poses: Float2D
+    values0: Float1D
+    values: Float1D
+    gradient: Float3D
 
 
 @inlined
-def _arm(H0: FloatArray, H1: FloatArray, offset: FloatArray) -> Triple:
+def _arm(step: StepTerms, node: int, offset: FloatArray) -> Triple:
     """Mean arm of a marker about its node in inertial axes."""
     o = triple(offset, 0)
-    return mean(turn(H0, o), turn(H1, o))
+    return mean(turn(step.frames0[node], o), turn(step.frames[node], o))
 
 
 @inlined
@@ -36,65 +57,55 @@ def _node_wrench(g: FloatArray, side: int, arm: Triple) -> tuple[Triple, Triple]
 
 
 @kernel
-def evaluate_step(
-    frames0: FloatArray, frames: FloatArray, poses0: FloatArray, poses: FloatArray,
-    marker_node: IntArray, marker_offset: FloatArray, term_marker: IntArray, kinds: IntArray,
-    directions: FloatArray, memory: FloatArray, values0: FloatArray, values: FloatArray,
-    gradient: FloatArray,
-) -> None:  # fmt: skip
-    """Values of all terms at both ends and their discrete gradients, factors left out.
+def evaluate_step(rows: Memory, step: Memory) -> None:
+    """Write the values of all terms at both ends and their discrete gradients.
 
     Args:
-        frames0: (n, 12) frames of the nodes that carry markers at the start of the step.
-        frames: (n, 12) the same at its end.
-        poses0: (m, 12) frames of the markers at the start.
-        poses: (m, 12) the same at the end.
-        marker_node: (m,) node of each marker, -1 for ground.
-        marker_offset: (m, 12) frame of each marker relative to its node.
-        term_marker: (t, 2) markers a and b of each term.
-        kinds: (t,) values of ``RowKind``.
-        directions: (t, 3, 3) u, v and p.
-        memory: (t,) continuous angles at the accepted state.
-        values0: (t,) become the values at the start.
-        values: (t,) become the values at the end.
-        gradient: (t, 2, 6) becomes the gradient in the axes of the nodes at the end.
+        rows: ``RowArrays``.
+        step: :class:`StepTerms` with the frames and poses at both ends.
     """
+    own, over = unpack(RowArrays, rows), unpack(StepTerms, step)
+    kinds, term_marker, directions = own.kinds, own.term_marker, own.directions
+    frames, poses0, poses = over.frames, over.poses0, over.poses
+    values0, values, gradient = over.values0, over.values, over.gradient
     s0, s1, g = np.empty((5, 3)), np.empty((5, 3)), np.empty(9)
     for r in range(kinds.size):
-        a, b = term_marker[r, 0], term_marker[r, 1]
-        values0[r] = step_vectors(kinds[r], poses0[a], poses0[b], directions[r], memory[r], s0)
-        values[r] = step_vectors(kinds[r], poses[a], poses[b], directions[r], values0[r], s1)
+        a, b, d = term_marker[r, 0], term_marker[r, 1], directions[r]
+        values0[r] = step_vectors(kinds[r], poses0[a], poses0[b], d, own.angles[r], s0)
+        values[r] = step_vectors(kinds[r], poses[a], poses[b], d, values0[r], s1)
         step_gradient(kinds[r], s0, s1, values0[r], values[r], g)
         for side in range(2):
             m = term_marker[r, side]
-            node = marker_node[m]
+            node = own.marker_slot[m]
             gradient[r, side] = 0.0
             if node >= 0:
-                arm = _arm(frames0[node], frames[node], marker_offset[m])
-                f, moment = _node_wrench(g, side, arm)
+                f, moment = _node_wrench(g, side, _arm(over, node, own.marker_offset[m]))
                 put(turn_back(frames[node], f), gradient[r, side], 0)
                 put(turn_back(frames[node], moment), gradient[r, side], 3)
 
 
 @kernel
-def add_step_hessians(
-    frames0: FloatArray, frames: FloatArray, poses0: FloatArray, poses: FloatArray,
-    marker_node: IntArray, marker_offset: FloatArray, term_marker: IntArray, kinds: IntArray,
-    directions: FloatArray, values0: FloatArray, values: FloatArray, gradient: FloatArray,
-    pair_of_term: IntArray, factor: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``factor`` times the derivative of every term's gradient to its pair's ``out`` (12, 12).
+def add_step_hessians(rows: Memory, step: Memory, factor: FloatArray, out: FloatArray) -> None:
+    """Add the derivatives of all terms' gradients to the blocks of their pairs of nodes.
 
-    Rows and columns refer to the nodes' local twists at the end of the step; see
-    :func:`evaluate_step` for the other arguments.
+    Args:
+        rows: ``RowArrays``.
+        step: :class:`StepTerms`, evaluated.
+        factor: (t,) of each term.
+        out: (pairs, 12, 12); rows and columns refer to the nodes' local twists at the end.
     """
+    own, over = unpack(RowArrays, rows), unpack(StepTerms, step)
+    kinds, term_marker, directions = own.kinds, own.term_marker, own.directions
+    marker_node, marker_offset = own.marker_slot, own.marker_offset
+    frames, poses0, poses = over.frames, over.poses0, over.poses
+    values0, values, gradient = over.values0, over.values, over.gradient
     s0, s1, g, dg = np.empty((5, 3)), np.empty((5, 3)), np.empty(9), np.empty(9)
     for r in range(kinds.size):
         if factor[r] == 0.0:
             continue
-        a, b = term_marker[r, 0], term_marker[r, 1]
-        step_vectors(kinds[r], poses0[a], poses0[b], directions[r], values0[r], s0)
-        step_vectors(kinds[r], poses[a], poses[b], directions[r], values[r], s1)
+        a, b, d = term_marker[r, 0], term_marker[r, 1], directions[r]
+        step_vectors(kinds[r], poses0[a], poses0[b], d, values0[r], s0)
+        step_vectors(kinds[r], poses[a], poses[b], d, values[r], s1)
         step_gradient(kinds[r], s0, s1, values0[r], values[r], g)
         for column in range(12):
             moved, k = column // 6, column % 6
@@ -106,17 +117,16 @@ def add_step_hessians(
             swing = turn(frames[node], cross(t, triple(marker_offset[term_marker[r, moved]], 0)))
             shift = add(turn(frames[node], u), 1.0, swing)
             still = (0.0, 0.0, 0.0)
+            turns = (still, turned)
             if moved == 0:
-                shift = add(still, -1.0, shift)
-                step_change(kinds[r], s0, s1, values0[r], values[r], shift, turned, still, dg)
-            else:
-                step_change(kinds[r], s0, s1, values0[r], values[r], shift, still, turned, dg)
+                shift, turns = add(still, -1.0, shift), (turned, still)
+            step_change(kinds[r], s0, s1, values0[r], values[r], shift, turns, dg)
             for side in range(2):
                 m = term_marker[r, side]
                 other = marker_node[m]
                 if other < 0:
                     continue
-                arm = _arm(frames0[other], frames[other], marker_offset[m])
+                arm = _arm(over, other, marker_offset[m])
                 df, dm = _node_wrench(dg, side, arm)
                 if side == moved:
                     f, _ = _node_wrench(g, side, arm)
@@ -126,5 +136,5 @@ def add_step_hessians(
                     df = add(df, -1.0, cross(t, triple(gradient[r, side], 0)))
                     dm = add(dm, -1.0, cross(t, triple(gradient[r, side], 3)))
                 for i in range(3):
-                    out[pair_of_term[r], 6 * side + i, column] += factor[r] * df[i]
-                    out[pair_of_term[r], 6 * side + 3 + i, column] += factor[r] * dm[i]
+                    out[own.pair_of_term[r], 6 * side + i, column] += factor[r] * df[i]
+                    out[own.pair_of_term[r], 6 * side + 3 + i, column] += factor[r] * dm[i]

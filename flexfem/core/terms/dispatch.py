@@ -131,9 +131,10 @@ def step_gradient(
 @subroutine
 def step_change(
     kind: int, s0: FloatArray, s1: FloatArray, value0: float, value1: float, shift: Triple,
-    ta: Triple, tb: Triple, out: FloatArray,
+    turns: tuple[Triple, Triple], out: FloatArray,
 ) -> None:  # fmt: skip
-    """Derivative of :func:`step_gradient` as the arm shifts and the markers turn at the end."""
+    """Derivative of :func:`step_gradient` as the arm shifts and markers a and b turn at the end."""
+    ta, tb = turns
     out[:] = 0.0
     if kind == _AXES:
         axes.step_change(s0, s1, ta, tb, out)
