@@ -187,12 +187,13 @@ def _apply_transposed(A: FloatArray, v: FloatArray, factor: float, out: FloatArr
 @inlined
 def _helix_changes(
     d: FloatArray, w: FloatArray, xi: float, g: FloatArray, inverse: FloatArray, S: FloatArray,
-    A: FloatArray, H: FloatArray, a: FloatArray,
+    H: FloatArray, a: FloatArray,
 ) -> None:  # fmt: skip
     """Derivative ``S`` (6, 7) of ``B^T g`` by d and xi.
 
-    ``A`` (36,), ``H`` (12,) and ``a`` (5, 6) are work space.
+    ``H`` (12,) and ``a`` (5, 6) are work space.
     """
+    A = np.empty(36)
     tangent_into(w, A)
     _apply_transposed(A, g, xi, a[0])
     for j in range(6):
@@ -219,10 +220,10 @@ def _helix_changes(
 @subroutine
 def _add_helix_second(frames: FloatArray, xi: float, g: FloatArray, out: FloatArray) -> None:
     d, w, H, a = np.empty(6), np.empty(6), np.empty(12), np.empty((5, 6))
-    inverse, back, A, S = np.empty(36), np.empty(36), np.empty(36), np.empty((6, 7))
+    inverse, back, S = np.empty(36), np.empty(36), np.empty((6, 7))
     _helix(frames, xi, H, d, w)
     inverse_tangent_into(d, inverse)
-    _helix_changes(d, w, xi, g, inverse, S, A, H, a)
+    _helix_changes(d, w, xi, g, inverse, S, H, a)
     for i in range(6):
         a[0, i] = -d[i]
     inverse_tangent_into(a[0], back)

@@ -205,7 +205,7 @@ class BeamGroup:
         """Relative twists and strains (m, 6) of the given cells, all by default."""
         at = self._every if at is None else at
         twists = np.empty((len(at), 6))
-        cell_twists(at, self.data.cells, self.turned, self._turns, frames, twists)
+        cell_twists(self.cells.memory, at, frames, twists)
         return twists, (twists - self._twists[at]) / self.lengths[at, np.newaxis]
 
     def stretches(self, frames: FloatArray) -> FloatArray:
@@ -231,16 +231,11 @@ class BeamGroup:
         """Viscous stress resultants and strain rates (m, 6) of all cells."""
         twists, strain = self._strain(block.frames)
         rate = np.empty_like(twists)
-        cell_rates(
-            self.data.cells, self.turned, self._turns, twists, block.frames, block.velocity, rate
-        )
+        cell_rates(self.cells.memory, twists, block.nodes.memory, rate)
         rate /= self.lengths[:, np.newaxis]
         data = self.data
         return self._material.viscous_stress(strain, rate, data.section, data.damping), rate
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.motion``."""
-        add_cell_motion(
-            self.data.cells, chosen, self.turned, self._turns, self.lengths, self.data.section,
-            self._inertias, block.frames, block.velocity, motion,
-        )  # fmt: skip
+        add_cell_motion(self.cells.memory, self._inertias, chosen, block.nodes.memory, motion)

@@ -7,17 +7,22 @@ velocities of the nodes' mass centres, the rotary inertia about these lumped at 
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.driver import Cells
+from flexfem.core.frame_kernels import Nodes
 from flexfem.core.motion import ANGULAR, KINETIC, add_motion, centre_into
 from flexfem.lie.compiled import inlined, kernel
+from flexfem.lie.records import Memory, unpack
 from flexfem.lie.se3 import compose_into, inverse_into, inverse_tangent_apply, log_into
 
 __all__ = ["add_cell_motion", "cell_rates", "cell_twists"]
 
 
 @inlined
-def _section_frame(frame: FloatArray, turned: bool, Q: FloatArray, H: FloatArray) -> None:
-    """Frame of the section at one end of a cell; ``Q`` (9,) turns it."""
+def _section_frame(cells: Cells, c: int, side: int, frame: FloatArray, H: FloatArray) -> None:
+    """Frame of the section at one end of a cell, from that of its node."""
+    turned = cells.turned[c]
+    Q = cells.turns[c * turned, side]
     for i in range(3):
         H[i] = frame[i]
         k = 3 + 3 * i
@@ -30,11 +35,12 @@ def _section_frame(frame: FloatArray, turned: bool, Q: FloatArray, H: FloatArray
 
 @inlined
 def _section_state(
-    frame: FloatArray, velocity: FloatArray, turned: bool, Q: FloatArray, H: FloatArray,
-    v: FloatArray,
-) -> None:  # fmt: skip
-    """Frame and local twist of the section at one end of a cell; ``Q`` (9,) turns it."""
-    _section_frame(frame, turned, Q, H)
+    cells: Cells, c: int, side: int, nodes: Nodes, H: FloatArray, v: FloatArray
+) -> None:
+    """Frame and local twist of the section at one end of a cell."""
+    node, turned = cells.nodes[c, side], cells.turned[c]
+    Q, velocity = cells.turns[c * turned, side], nodes.velocity[node]
+    _section_frame(cells, c, side, nodes.frames[node], H)
     for half in range(0, 6, 3):
         for i in range(3):
             if turned:
@@ -49,24 +55,30 @@ def _section_state(
 
 @kernel
 def add_cell_motion(
-    cells: IndexArray, chosen: BoolArray, turned: BoolArray, turns: FloatArray,
-    lengths: FloatArray, sections: IntArray, inertias: FloatArray, frames: FloatArray,
-    velocity: FloatArray, motion: FloatArray,
-) -> None:  # fmt: skip
-    """Add energy and momenta of the chosen cells to ``motion``, see ``flexfem.core.motion``."""
+    cells: Memory, inertias: FloatArray, chosen: BoolArray, nodes: Memory, motion: FloatArray
+) -> None:
+    """Add energy and momenta of the chosen cells to ``motion``, see ``flexfem.core.motion``.
+
+    Args:
+        cells: ``Cells`` of a ``BeamGroup``.
+        inertias: (s, 6, 6) of the sections per length.
+        chosen: (m,).
+        nodes: ``Nodes`` of the block.
+        motion: see above.
+    """
+    own, state = unpack(Cells, cells), unpack(Nodes, nodes)
     H, v, p = np.empty(12), np.empty(6), np.empty(6)
     x, u = np.empty((2, 3)), np.empty((2, 3))
-    for c in range(cells.shape[0]):
+    for c in range(own.nodes.shape[0]):
         if not chosen[c]:
             continue
-        M, turn = inertias[sections[c]], c * turned[c]
+        M, length = inertias[own.section[c]], own.own[c, 6]
         for side in range(2):
-            node = cells[c, side]
-            _section_state(frames[node], velocity[node], turned[c], turns[turn, side], H, v)
-            add_motion(H, v, M, 0.5 * lengths[c], p, motion)
+            _section_state(own, c, side, state, H, v)
+            add_motion(H, v, M, 0.5 * length, p, motion)
             centre_into(H, v, M, x[side], u[side])
         # from masses at the ends to masses along the line
-        mass = M[0, 0] * lengths[c] / 6.0
+        mass = M[0, 0] * length / 6.0
         for i in range(3):
             p[i] = u[1, i] - u[0, i]
             motion[KINETIC] -= 0.5 * mass * p[i] * p[i]
@@ -77,38 +89,30 @@ def add_cell_motion(
 
 
 @kernel
-def cell_twists(
-    chosen: IntArray, cells: IndexArray, turned: BoolArray, turns: FloatArray, frames: FloatArray,
-    twists: FloatArray,
-) -> None:  # fmt: skip
+def cell_twists(cells: Memory, chosen: IntArray, frames: FloatArray, twists: FloatArray) -> None:
     """Relative twists (k, 6) of the sections at both ends of the chosen (k,) cells."""
+    own = unpack(Cells, cells)
     H0, H1, back, between = np.empty(12), np.empty(12), np.empty(12), np.empty(12)
     for k in range(chosen.size):
         c = chosen[k]
-        turn = c * turned[c]
-        _section_frame(frames[cells[c, 0]], turned[c], turns[turn, 0], H0)
-        _section_frame(frames[cells[c, 1]], turned[c], turns[turn, 1], H1)
+        _section_frame(own, c, 0, frames[own.nodes[c, 0]], H0)
+        _section_frame(own, c, 1, frames[own.nodes[c, 1]], H1)
         inverse_into(H0, back)
         compose_into(back, H1, between)
         log_into(between, twists[k])
 
 
 @kernel
-def cell_rates(
-    cells: IndexArray, turned: BoolArray, turns: FloatArray, twists: FloatArray,
-    frames: FloatArray, velocity: FloatArray, rates: FloatArray,
-) -> None:  # fmt: skip
+def cell_rates(cells: Memory, twists: FloatArray, nodes: Memory, rates: FloatArray) -> None:
     """Rates (m, 6) of the relative twists (m, 6) of all cells."""
+    own, state = unpack(Cells, cells), unpack(Nodes, nodes)
     H, v, minus, back = np.empty(12), np.empty(6), np.empty(6), np.empty(6)
-    for c in range(cells.shape[0]):
-        turn = c * turned[c]
+    for c in range(own.nodes.shape[0]):
         for i in range(6):
             minus[i] = -twists[c, i]
-        node = cells[c, 0]
-        _section_state(frames[node], velocity[node], turned[c], turns[turn, 0], H, v)
+        _section_state(own, c, 0, state, H, v)
         inverse_tangent_apply(minus, v, back)
-        node = cells[c, 1]
-        _section_state(frames[node], velocity[node], turned[c], turns[turn, 1], H, v)
+        _section_state(own, c, 1, state, H, v)
         inverse_tangent_apply(twists[c], v, rates[c])
         for i in range(6):
             rates[c, i] -= back[i]

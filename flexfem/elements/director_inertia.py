@@ -7,12 +7,29 @@ the nodes, constant, and rods that turn with the directors, lumped in the middle
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray
+from flexfem.core.frame_kernels import Nodes
 from flexfem.core.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
-from flexfem.elements.nurbs_inertia import accelerations_into, add_products, nodal_tangent
+from flexfem.elements.nurbs_inertia import NodalMasses, nodal_tangent
 from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Float1D, Int1D, Memory, Record, unpack
 
-__all__ = ["add_blocks", "add_inertia_blocks", "add_motion", "add_turns"]
+__all__ = ["PairMasses", "add_blocks", "add_inertia_blocks", "add_motion", "add_turns"]
+
+
+class PairMasses(Record):
+    """Consistent masses summed up for pairs of nodes.
+
+    Attributes:
+        rows, columns: (k,) nodes of each pair.
+        diagonal: (n,) pair of each node with itself.
+        masses: (k,) kg.
+    """
+
+    rows: Int1D
+    columns: Int1D
+    diagonal: Int1D
+    masses: Float1D
 
 
 @kernel
@@ -34,27 +51,21 @@ def add_blocks(tangents: FloatArray, index: IndexArray, first: int, blocks: Floa
 
 @kernel
 def add_inertia_blocks(
-    nodes: IntArray, cells: IndexArray, masses: FloatArray, lumps: FloatArray, gravity: FloatArray,
-    pairs: FloatArray, rows: IntArray, columns: IntArray, diagonal: IntArray, frames: FloatArray,
-    velocity: FloatArray, acceleration: FloatArray, by_v: FloatArray, by_w: FloatArray,
-    stiffness: float, scale: float, blocks: FloatArray,
+    masses: Memory, pairs: Memory, state: Memory, gravity: FloatArray, rates: FloatArray,
+    factors: FloatArray, blocks: FloatArray,
 ) -> None:  # fmt: skip
-    """Add ``scale`` times the derivatives of inertia forces less weights to blocks (k, 6, 6).
+    """Add ``s`` times the derivatives of inertia forces less weights to blocks (k, 6, 6).
 
-    See ``nurbs_inertia.add_inertia_tangent``; here masses (k,) are summed up for pairs of nodes
-    before.
+    ``pairs`` are :class:`PairMasses`; see ``nurbs_inertia.add_inertia_tangent`` for the rest.
     """
-    n = len(frames)
-    b, force = np.zeros((n, 3)), np.zeros((n, 3))
-    moved, own = np.zeros((n, 3, 6)), np.zeros((len(nodes), 6, 6))
-    accelerations_into(nodes, gravity, frames, velocity, acceleration, b)
-    add_products(cells, masses, b, force)
-    nodal_tangent(
-        nodes, lumps, gravity, frames, velocity, acceleration, by_v, by_w, force, stiffness, moved,
-        own,
-    )  # fmt: skip
+    of, between = unpack(NodalMasses, masses), unpack(PairMasses, pairs)
+    nodes = unpack(Nodes, state)
+    frames, rows, columns = nodes.frames, between.rows, between.columns
+    scale, diagonal = factors[1], between.diagonal
+    moved, own = np.zeros((len(frames), 3, 6)), np.zeros((len(of.nodes), 6, 6))
+    nodal_tangent(of, nodes, gravity, rates, factors[0], moved, own)
     for k in range(len(rows)):
-        mass = scale * pairs[k]
+        mass = scale * between.masses[k]
         if mass == 0.0:
             continue
         H, P = frames[rows[k]], moved[columns[k]]
@@ -62,8 +73,8 @@ def add_inertia_blocks(
             for j in range(6):
                 turned = H[3 + i] * P[0, j] + H[6 + i] * P[1, j] + H[9 + i] * P[2, j]
                 blocks[k, i, j] += mass * turned
-    for u in range(len(nodes)):
-        to = blocks[diagonal[nodes[u]]]
+    for u in range(len(of.nodes)):
+        to = blocks[diagonal[of.nodes[u]]]
         for i in range(6):
             for j in range(6):
                 to[i, j] += scale * own[u, i, j]

@@ -13,6 +13,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.corotating_axes import CorotatingAxes
 from flexfem.elements.director_inertia import (
+    PairMasses,
     add_blocks,
     add_inertia_blocks,
     add_motion,
@@ -22,6 +23,7 @@ from flexfem.elements.director_law import Response
 from flexfem.elements.director_shell import DirectorTriangles
 from flexfem.elements.node_pairs import NodePairs
 from flexfem.elements.nurbs_inertia import (
+    NodalMasses,
     add_inertia,
     add_inertia_action,
     step_changes,
@@ -82,15 +84,19 @@ class DirectorShells:
         self.viscous = self.triangles.viscous
         nodes = self.triangles.nodes
         self._cells: IndexArray = np.ascontiguousarray(nodes[:, :6])
-        self._nodes: IntArray = np.unique(nodes).astype(np.int64)
-        self._lumps = np.zeros((len(self._nodes), 6, 6))
-        at = np.searchsorted(self._nodes, nodes[:, 6:])
-        np.add.at(self._lumps[:, 3:, 3:], at, self._rods)
+        used = np.unique(nodes).astype(np.int64)
+        lumps = np.zeros((len(used), 6, 6))
+        np.add.at(lumps[:, 3:, 3:], np.searchsorted(used, nodes[:, 6:]), self._rods)
+        self._inertia = NodalMasses(
+            nodes=used, lumps=lumps, cells=self._cells.astype(np.int64), masses=self._masses
+        )
         self._pairs = NodePairs(len(block.frames), [nodes])
         (self._index,) = self._pairs.index
-        count = len(self._pairs.rows)
-        pairs = self._index[:, :6, :6].ravel()
-        self._pair_masses = np.bincount(pairs, self._masses.ravel(), count)
+        rows, at = self._pairs.rows, self._index[:, :6, :6].ravel()
+        self._pair_masses = PairMasses(
+            rows=rows, columns=self._pairs.columns, diagonal=self._pairs.diagonal,
+            masses=np.bincount(at, self._masses.ravel(), len(rows)),
+        )  # fmt: skip
         self._axes = CorotatingAxes(block)
 
     @property
@@ -135,10 +141,7 @@ class DirectorShells:
         starts = self._starts(block, request.of_group(0))
         response = self._response(block, starts)
         self.triangles.add_forces(block.frames, block.residual, scale, starts, response)
-        add_inertia(
-            self._nodes, self._cells, self._masses, self._lumps, gravity, block.frames,
-            block.velocity, block.acceleration, scale, block.residual,
-        )  # fmt: skip
+        add_inertia(self._inertia.memory, block.nodes.memory, gravity, scale)
 
     def values(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
@@ -156,15 +159,12 @@ class DirectorShells:
                 part = matrices[: len(self._index) - first]
                 self.triangles.tangents_into(block.frames, part, factors, starts, first, response)
                 add_blocks(part, self._index, first, blocks)
-        by_v, by_w = np.empty((2, len(block.frames), 6, 6))
-        step_rates(
-            self._nodes, block.inertial_rates(shifts) and not request.local, block.increment,
-            block.velocity, block.acceleration, shifts, by_v, by_w,
-        )  # fmt: skip
+        rates, nodes = np.empty((2, len(block.frames), 6, 6)), block.nodes.memory
+        inertial = block.inertial_rates(shifts) and not request.local
+        step_rates(self._inertia.nodes, nodes, shifts, inertial, rates)
         add_inertia_blocks(
-            self._nodes, self._cells, self._masses, self._lumps, gravity,
-            self._pair_masses, pairs.rows, pairs.columns, pairs.diagonal, block.frames,
-            block.velocity, block.acceleration, by_v, by_w, shifts[2], scale, blocks,
+            self._inertia.memory, self._pair_masses.memory, nodes, gravity, rates,
+            np.array([shifts[2], scale]), blocks,
         )  # fmt: skip
         return blocks.ravel()
 
@@ -173,11 +173,8 @@ class DirectorShells:
         request: TangentRequest = EXACT,
     ) -> None:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
-        steps, dv, dw = np.empty((3, len(block.frames), 6))
-        step_changes(
-            self._nodes, block.inertial_rates(shifts) and not request.local, block.increment,
-            block.velocity, block.acceleration, shifts, block.step, steps, dv, dw,
-        )  # fmt: skip
+        inertial = block.inertial_rates(shifts) and not request.local
+        step_changes(self._inertia.nodes, block.nodes.memory, shifts, inertial)
         factors = scale * float(shifts[2]), scale * float(shifts[0])
         if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
             starts = self._starts(block, request.of_group(0))
@@ -185,10 +182,7 @@ class DirectorShells:
             self.triangles.add_action(
                 block.frames, block.step, block.residual, factors, starts, response
             )
-        add_inertia_action(
-            self._nodes, self._cells, self._masses, self._lumps, gravity, block.frames,
-            block.velocity, block.acceleration, steps, dv, dw, scale, block.residual,
-        )  # fmt: skip
+        add_inertia_action(self._inertia.memory, block.nodes.memory, gravity, scale)
 
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
         """See :class:`flexfem.elements.family.ElementFamily`: changes of strains (m, 24)."""

@@ -43,11 +43,8 @@ class EnergyBeams:
         ends[:, :, :3], ends[:, :, 7:] = arms, rotary.reshape(-1, 2, 9)
         forms = beam_energy_forms()
         coefficients = tuple(forms.coefficients.values())
-        # their modules stay loaded
-        self._kernels = tuple(
-            compile_kernel(comm, form, coefficients) for form in (forms.residual, forms.tangent)
-        )
-        force, stiffness = self._kernels
+        force = compile_kernel(comm, forms.residual, coefficients)
+        stiffness = compile_kernel(comm, forms.tangent, coefficients)
         self._cells = EnergyCells(
             force=force.address, stiffness=stiffness.address, offsets=force.offsets,
             nodes=own.nodes, turned=own.turned, turns=own.turns, constants=constants,

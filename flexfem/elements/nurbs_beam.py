@@ -186,7 +186,7 @@ class NurbsBeams:
 
     @property
     def viscous(self) -> bool:
-        """Whether any cells resist the rate of their strain."""
+        """True if any cells resist the rate of their strain."""
         return any(group.viscous for group in self.groups)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:

@@ -1,26 +1,36 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """NURBS elements of one degree and one material: their data and the calls of the compiled loops."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mpi4py import MPI
 
 import numpy as np
+import ufl
 
-from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.elements.beam_material import Material, symmetric
 from flexfem.elements.nurbs_inertia import step_changes, step_rates
-from flexfem.elements.nurbs_loops import add_action, add_residual, point_strains
+from flexfem.elements.nurbs_loops import (
+    NurbsElements,
+    PointKernel,
+    add_action,
+    add_residual,
+    point_strains,
+)
 from flexfem.elements.nurbs_masses import NurbsMasses
-from flexfem.elements.nurbs_motion import add_element_motion
-from flexfem.elements.nurbs_tables import gauss, masses, points
+from flexfem.elements.nurbs_motion import MassiveElements, add_element_motion
+from flexfem.elements.nurbs_tables import Points, gauss, masses, points
 from flexfem.elements.nurbs_tangent import tangent_into
 from flexfem.forms.nurbs_beam import nurbs_forms, strain_form
-from flexfem.la.kernel import Kernel, compile_kernel
+from flexfem.la.kernel import compile_kernel
 from flexfem.la.lanes import LANES, lanes, unlaned
 
 __all__ = ["NurbsCells", "NurbsGroup", "NurbsKernels"]
+
+_ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -37,7 +47,7 @@ class NurbsCells:
         vectors: they interpolate relative rotation vectors, not quaternions.
     """
 
-    nodes: IndexArray
+    nodes: IntArray
     body: IntArray
     section: IntArray
     shape: FloatArray
@@ -54,13 +64,16 @@ class NurbsKernels:
 
     def __init__(self, comm: MPI.Intracomm, material: Material, vectors: bool) -> None:
         """Compile (collective)."""
+
+        def compiled(form: ufl.Form, coefficients: Mapping[str, ufl.Coefficient]) -> PointKernel:
+            kernel = compile_kernel(comm, form, tuple(coefficients.values()), batched=True)
+            return PointKernel(address=kernel.address, offsets=kernel.offsets)
+
         forms = nurbs_forms(material.damped, material.law, vectors)
-        fields = tuple(forms.coefficients.values())
-        self.residual = compile_kernel(comm, forms.residual, fields, batched=True)
-        self.tangent = compile_kernel(comm, forms.tangent, fields, batched=True)
-        self.action = compile_kernel(comm, forms.action, fields, batched=True)
-        strain, coefficients = strain_form(vectors)
-        self.strain = compile_kernel(comm, strain, tuple(coefficients.values()), batched=True)
+        self.residual = compiled(forms.residual, forms.coefficients)
+        self.tangent = compiled(forms.tangent, forms.coefficients)
+        self.action = compiled(forms.action, forms.coefficients)
+        self.strain = compiled(*strain_form(vectors))
 
 
 class NurbsGroup:
@@ -89,36 +102,46 @@ class NurbsGroup:
         place, weights = gauss(k - 1)
         at = points(data.shape, data.nodes, start, place, weights)
         self.point_lengths = at.lengths
-        self._tables, self._weights = at.tables, lanes(at.lengths)
-        self._starts = self._start_strains(self._tables, data.nodes)
-        self._masses = masses(data.shape, data.nodes, start)
-        self.lengths = self._masses.lengths
-        self._inertias = symmetric(material.data[:, :21])
-        self._inertia = NurbsMasses(
-            data.nodes, self._masses, self._inertias, data.section, len(start)
+        self._elements = self._with_points(at)
+        self._starts = self._start_strains(self._elements)
+        integrals, inertias = (
+            masses(data.shape, data.nodes, start),
+            symmetric(material.data[:, :21]),
         )
+        self.lengths = integrals.lengths
+        self._inertia = NurbsMasses(data.nodes, integrals, inertias, data.section, len(start))
+        self._massive = MassiveElements(
+            nodes=data.nodes, products=integrals.products, weights=integrals.weights,
+            section=data.section, inertias=inertias,
+        )  # fmt: skip
 
-    def _start_strains(self, tables: FloatArray, cells: IndexArray) -> FloatArray:
+    def _with_points(self, at: Points, chosen: IntArray | slice = _ALL) -> NurbsElements:
+        """Chosen elements with points in them."""
+        data = self.data
+        return NurbsElements(
+            vectors=data.vectors, nodes=data.nodes[chosen], tables=at.tables,
+            weights=lanes(at.lengths), damping=data.damping[chosen], section=data.section[chosen],
+            sections=self._material.data,
+        )  # fmt: skip
+
+    def _start_strains(self, elements: NurbsElements) -> FloatArray:
         """Strains (b, q, 6, LANES) of the start as such."""
-        nothing, rest = np.zeros((*tables.shape[:2], 6, LANES)), np.zeros((len(self._start), 6))
-        return self._strains(tables, cells, nothing, self._start, rest)[:, :, :6].copy()
+        shape, rest = elements.tables.shape[:2], np.zeros((len(self._start), 6))
+        nothing = np.zeros((*shape, 6, LANES))
+        return self._strains(elements, nothing, self._start, rest)[:, :, :6].copy()
 
     def _strains(
-        self, tables: FloatArray, cells: IndexArray, starts: FloatArray, frames: FloatArray,
-        velocity: FloatArray,
-    ) -> FloatArray:  # fmt: skip
+        self, elements: NurbsElements, starts: FloatArray, frames: FloatArray, velocity: FloatArray
+    ) -> FloatArray:
         """Strains and their rates (b, q, 12, LANES)."""
-        strains = np.empty((*tables.shape[:2], 12, LANES))
+        strains = np.empty((*elements.tables.shape[:2], 12, LANES))
         kernel = self._kernels.strain
-        point_strains(
-            kernel.address, kernel.offsets, self.data.vectors, cells, tables, starts, frames,
-            velocity, strains,
-        )  # fmt: skip
+        point_strains(kernel.memory, elements.memory, starts, frames, velocity, strains)
         return strains
 
     def _point_strains(self, frames: FloatArray, velocity: FloatArray) -> FloatArray:
         """Strains and their rates (b, q, 12, LANES) at the quadrature points."""
-        return self._strains(self._tables, self.data.nodes, self._starts, frames, velocity)
+        return self._strains(self._elements, self._starts, frames, velocity)
 
     def _present(self, frames: FloatArray) -> FloatArray:
         """Strains (b, q, 6, LANES) at the quadrature points."""
@@ -152,24 +175,9 @@ class NurbsGroup:
         ``strains`` are those of :meth:`continued_strains`, None for the present ones.
         """
         starts = self._starts_for(block.frames, strains)
-        add_residual(
-            *self._loop_data(self._kernels.residual, starts), block.frames, block.velocity, scale,
-            block.residual,
-        )  # fmt: skip
+        kernel, elements = self._kernels.residual, self._elements
+        add_residual(kernel.memory, elements.memory, starts, block.nodes.memory, scale)
         self._inertia.add_residual(block, gravity, scale)
-
-    def _loop_data(
-        self, kernel: Kernel, starts: FloatArray
-    ) -> tuple[
-        int, IntArray, bool, IndexArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray,
-        FloatArray,
-    ]:  # fmt: skip
-        """What the loops over quadrature points take of the elements."""
-        data = self.data
-        return (
-            kernel.address, kernel.offsets, data.vectors, data.nodes, self._tables,
-            self._weights, starts, data.damping, data.section, self._material.data,
-        )  # fmt: skip
 
     def tangent_into(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
@@ -181,37 +189,33 @@ class NurbsGroup:
         derivative K is that at fixed local velocities and accelerations. What belongs to a node
         alone is in the matrix of one of its elements.
         """
-        by_v, by_w = np.empty((2, len(block.frames), 6, 6))
+        rates, factors = np.empty((2, len(block.frames), 6, 6)), np.array([shifts[2], scale])
         step_rates(
-            self._inertia.nodes, block.inertial_rates(shifts) and not local, block.increment,
-            block.velocity, block.acceleration, shifts, by_v, by_w,
+            self._inertia.nodes, block.nodes.memory, shifts,
+            block.inertial_rates(shifts) and not local, rates,
         )  # fmt: skip
         if shifts[0] == 0.0 and shifts[2] == 0.0:
             values[:] = 0.0
         else:
             tangent_into(
-                *self._loop_data(self._kernels.tangent, self._starts_for(block.frames, strains)),
-                block.frames, block.velocity, by_v, shifts[2], scale, values,
+                self._kernels.tangent.memory, self._elements.memory,
+                self._starts_for(block.frames, strains), block.nodes.memory, rates[0], factors,
+                values,
             )  # fmt: skip
-        self._inertia.add_tangent(block, gravity, by_v, by_w, shifts[2], scale, values)
+        self._inertia.add_tangent(block, gravity, rates, factors, values)
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
         strains: FloatArray | None = None, *, local: bool = False,
     ) -> None:  # fmt: skip
         """Add ``scale`` times the same tangent applied to the block's step to its residual."""
-        steps, dv, dw = np.empty((3, len(block.frames), 6))
-        step_changes(
-            self._inertia.nodes, block.inertial_rates(shifts) and not local, block.increment,
-            block.velocity, block.acceleration, shifts, block.step, steps, dv, dw,
-        )  # fmt: skip
+        nodes = block.nodes.memory
+        step_changes(self._inertia.nodes, nodes, shifts, block.inertial_rates(shifts) and not local)
         if shifts[0] != 0.0 or shifts[2] != 0.0:
             starts = self._starts_for(block.frames, strains)
-            add_action(
-                *self._loop_data(self._kernels.action, starts), block.frames, block.velocity,
-                steps, dv, scale, block.residual,
-            )  # fmt: skip
-        self._inertia.add_action(block, gravity, steps, dv, dw, scale)
+            kernel, elements = self._kernels.action, self._elements
+            add_action(kernel.memory, elements.memory, starts, nodes, scale)
+        self._inertia.add_action(block, gravity, scale)
 
     def response(
         self, frames: FloatArray, at: IntArray, xi: FloatArray
@@ -224,12 +228,11 @@ class NurbsGroup:
             xi: (q,) or (m, q) places in them, 0 to 1.
         """
         data, ones = self.data, np.ones(xi.shape[-1])
-        cells = data.nodes[at]
-        tables = points(data.shape[at], cells, self._start, xi, ones).tables
-        starts = self._start_strains(tables, cells)
-        velocity = np.zeros((len(frames), 6))
-        strains = self._strains(tables, cells, starts, frames, velocity)[:, :, :6]
-        strain = unlaned(strains, len(cells))
+        there = points(data.shape[at], data.nodes[at], self._start, xi, ones)
+        elements, velocity = self._with_points(there, at), np.zeros((len(frames), 6))
+        starts = self._start_strains(elements)
+        strains = self._strains(elements, starts, frames, velocity)[:, :, :6]
+        strain = unlaned(strains, len(at))
         section = np.repeat(self.data.section[at], strain.shape[1])
         resultant, _ = self._material.response(strain.reshape(-1, 6), section)
         return strain, resultant.reshape(strain.shape)
@@ -252,7 +255,7 @@ class NurbsGroup:
 
     @property
     def viscous(self) -> bool:
-        """Whether the elements resist the rate of their strain."""
+        """True if the elements resist the rate of their strain."""
         return self._material.viscous
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
@@ -265,7 +268,4 @@ class NurbsGroup:
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) elements, see ``flexfem.core.motion``."""
-        add_element_motion(
-            self.data.nodes, chosen, self._masses.products, self._masses.weights,
-            self.data.section, self._inertias, block.frames, block.velocity, motion,
-        )  # fmt: skip
+        add_element_motion(self._massive.memory, chosen, block.nodes.memory, motion)

@@ -7,19 +7,19 @@ of ``rho A N_I N_J``, plus that of the rotary inertia lumped at the control poin
 ``forms.beam``. The force on node I is ``R_I^T sum_J m_IJ (b_J - g)`` with the inertial acceleration
 ``b_J = R_J (dV_J/dt + Omega_J x V_J)``, and what the lump there adds. Where mass centres lie off
 the axis, velocities, accelerations and forces are those of the centres.
-
-``nodes`` (u,) are the nodes of a group's elements, ``lumps`` (u, 6, 6) their lumps, in local axes.
 """
 
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.core.frame_kernels import step_rates_into
+from flexfem.core.frame_kernels import Nodes, step_rates_into
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Float3D, Int1D, Int2D, Memory, Record, unpack
 
 __all__ = [
+    "NodalMasses",
     "accelerations_into",
     "add_inertia",
     "add_inertia_action",
@@ -29,6 +29,22 @@ __all__ = [
     "step_changes",
     "step_rates",
 ]
+
+
+class NodalMasses(Record):
+    """Masses of m elements with k nodes each, u nodes in all.
+
+    Attributes:
+        nodes: (u,) the nodes.
+        lumps: (u, 6, 6) inertia lumped there, in local axes.
+        cells: (m, k) nodes of the elements.
+        masses: (m, k, k) consistent masses, kg.
+    """
+
+    nodes: Int1D
+    lumps: Float3D
+    cells: Int2D
+    masses: Float3D
 
 
 @inlined
@@ -81,11 +97,9 @@ def _add(out: FloatArray, at: int, scale: float, v: Triple) -> None:
 
 
 @inlined
-def accelerations_into(
-    nodes: IntArray, gravity: FloatArray, frames: FloatArray, velocity: FloatArray,
-    acceleration: FloatArray, b: FloatArray,
-) -> None:  # fmt: skip
-    """Inertial accelerations (n, 3) less that of gravity."""
+def accelerations_into(nodes: IntArray, state: Nodes, gravity: FloatArray, b: FloatArray) -> None:
+    """Inertial accelerations (n, 3) of some nodes less that of gravity."""
+    frames, velocity, acceleration = state.frames, state.velocity, state.acceleration
     for node in nodes:
         turned = _turned(frames[node], _acceleration(velocity[node], acceleration[node]))
         for i in range(3):
@@ -122,11 +136,10 @@ def _add_lump(
 
 @inlined
 def _add_lump_change(
-    M: FloatArray, H: FloatArray, v: FloatArray, gravity: FloatArray, turn: Triple,
-    dv: FloatArray, da: FloatArray, scale: float, work: FloatArray, out: FloatArray,
+    M: FloatArray, v: FloatArray, weight: Triple, dv: FloatArray, da: FloatArray, scale: float,
+    work: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the change of :func:`_add_lump` as the node turns and ``v`` and ``a`` change."""
-    weight = cross(_turned_back(H, triple(gravity, 0)), turn)
+    """Add the change of :func:`_add_lump` as ``v`` and ``a`` change, and ``weight``, gravity's."""
     for i in range(3):
         work[i], work[3 + i] = da[i] - weight[i], da[3 + i]
     _add(out, 0, scale, _product(M, work, 0))
@@ -152,34 +165,29 @@ def _acceleration_change(
 
 @kernel
 def step_rates(
-    nodes: IntArray, inertial: bool, increments: FloatArray, velocity: FloatArray,
-    acceleration: FloatArray, shifts: FloatArray, by_v: FloatArray, by_w: FloatArray,
-) -> None:  # fmt: skip
-    """Write dv, dw (n, 6, 6) of the nodes along their twists, see ``frame_kernels``."""
-    v, w = np.empty(36), np.empty(36)
+    nodes: IntArray, state: Memory, shifts: FloatArray, inertial: bool, rates: FloatArray
+) -> None:
+    """Write dv, dw (2, n, 6, 6) of some nodes along their twists, see ``frame_kernels``."""
+    own, v, w = unpack(Nodes, state), np.empty(36), np.empty(36)
+    velocity, acceleration = own.velocity, own.acceleration
     for node in nodes:
         step_rates_into(
-            inertial, increments[node], velocity[node], acceleration[node], shifts, v, w
+            inertial, own.increment[node], velocity[node], acceleration[node], shifts, v, w
         )
         for i in range(6):
             for j in range(6):
-                by_v[node, i, j], by_w[node, i, j] = v[6 * i + j], w[6 * i + j]
+                rates[0, node, i, j], rates[1, node, i, j] = v[6 * i + j], w[6 * i + j]
 
 
 @kernel
-def step_changes(
-    nodes: IntArray, inertial: bool, increments: FloatArray, velocity: FloatArray,
-    acceleration: FloatArray, shifts: FloatArray, steps: FloatArray, turns: FloatArray,
-    dv: FloatArray, dw: FloatArray,
-) -> None:  # fmt: skip
-    """Write what :func:`step_rates` gives along ``steps`` (n, 6) to ``dv``, ``dw`` (n, 6).
-
-    ``turns`` (n, 6) gets k times the steps.
-    """
-    v, w = np.empty(36), np.empty(36)
+def step_changes(nodes: IntArray, state: Memory, shifts: FloatArray, inertial: bool) -> None:
+    """Write what changes of some nodes along their steps, see ``frame_kernels.step_changes``."""
+    own, v, w = unpack(Nodes, state), np.empty(36), np.empty(36)
+    velocity, acceleration, steps = own.velocity, own.acceleration, own.step
+    turns, dv, dw = own.turn, own.velocity_change, own.acceleration_change
     for node in nodes:
         step_rates_into(
-            inertial, increments[node], velocity[node], acceleration[node], shifts, v, w
+            inertial, own.increment[node], velocity[node], acceleration[node], shifts, v, w
         )
         for i in range(6):
             turns[node, i] = shifts[2] * steps[node, i]
@@ -190,76 +198,87 @@ def step_changes(
 
 
 @kernel
-def add_inertia(
-    nodes: IntArray, cells: IndexArray, masses: FloatArray, lumps: FloatArray,
-    gravity: FloatArray, frames: FloatArray, velocity: FloatArray, acceleration: FloatArray,
-    scale: float, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``scale`` times inertia forces less weights to ``residual`` (n, 6)."""
-    b, force, work = np.zeros((len(frames), 3)), np.zeros((len(frames), 3)), np.empty(6)
-    accelerations_into(nodes, gravity, frames, velocity, acceleration, b)
-    add_products(cells, masses, b, force)
-    for u, node in enumerate(nodes):
-        H = frames[node]
+def add_inertia(masses: Memory, state: Memory, gravity: FloatArray, scale: float) -> None:
+    """Add ``scale`` times inertia forces less weights to the residual of the nodes.
+
+    Args:
+        masses: :class:`NodalMasses`.
+        state: ``Nodes`` that the masses move with.
+        gravity: acceleration in inertial axes.
+        scale: see above.
+    """
+    own, nodes = unpack(NodalMasses, masses), unpack(Nodes, state)
+    frames, velocity, acceleration = nodes.frames, nodes.velocity, nodes.acceleration
+    residual, work = nodes.residual, np.empty(6)
+    b, force = np.zeros((len(frames), 3)), np.zeros((len(frames), 3))
+    accelerations_into(own.nodes, nodes, gravity, b)
+    add_products(own.cells, own.masses, b, force)
+    for u, node in enumerate(own.nodes):
+        H, v, a = frames[node], velocity[node], acceleration[node]
         _add(residual[node], 0, scale, _turned_back(H, triple(force[node], 0)))
-        _add_lump(
-            lumps[u], H, velocity[node], acceleration[node], gravity, scale, work, residual[node]
-        )
+        _add_lump(own.lumps[u], H, v, a, gravity, scale, work, residual[node])
 
 
 @kernel
-def add_inertia_action(
-    nodes: IntArray, cells: IndexArray, masses: FloatArray, lumps: FloatArray,
-    gravity: FloatArray, frames: FloatArray, velocity: FloatArray, acceleration: FloatArray,
-    steps: FloatArray, dv: FloatArray, dw: FloatArray, scale: float, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add the change of :func:`add_inertia` to ``residual`` (n, 6).
-
-    ``steps`` (n, 6) are local twists by which the nodes move, ``dv`` and ``dw`` (n, 6) the changes
-    of their local velocities and accelerations.
-    """
-    b, force, work = np.zeros((len(frames), 3)), np.zeros((len(frames), 3)), np.empty(6)
+def add_inertia_action(masses: Memory, state: Memory, gravity: FloatArray, scale: float) -> None:
+    """Add the change of :func:`add_inertia` as the nodes move, see :func:`step_changes`."""
+    own, nodes = unpack(NodalMasses, masses), unpack(Nodes, state)
+    frames, velocity, acceleration = nodes.frames, nodes.velocity, nodes.acceleration
+    steps, dv, dw = nodes.turn, nodes.velocity_change, nodes.acceleration_change
+    residual, work = nodes.residual, np.empty(6)
+    b, force = np.zeros((len(frames), 3)), np.zeros((len(frames), 3))
     db, change = np.zeros((len(frames), 3)), np.zeros((len(frames), 3))
-    accelerations_into(nodes, gravity, frames, velocity, acceleration, b)
-    add_products(cells, masses, b, force)
-    for node in nodes:
+    accelerations_into(own.nodes, nodes, gravity, b)
+    add_products(own.cells, own.masses, b, force)
+    for node in own.nodes:
         turn = triple(steps[node], 3)
         moved = _acceleration_change(
             frames[node], velocity[node], acceleration[node], turn, dv[node], dw[node]
         )
         db[node, 0], db[node, 1], db[node, 2] = moved
-    add_products(cells, masses, db, change)
-    for u, node in enumerate(nodes):
+    add_products(own.cells, own.masses, db, change)
+    for u, node in enumerate(own.nodes):
         H, turn = frames[node], triple(steps[node], 3)
         local = _turned_back(H, triple(force[node], 0))
         moved = _sum(_turned_back(H, triple(change[node], 0)), cross(local, turn))
         _add(residual[node], 0, scale, moved)
+        weight = cross(_turned_back(H, triple(gravity, 0)), turn)
         _add_lump_change(
-            lumps[u], H, velocity[node], gravity, turn, dv[node], dw[node], scale, work,
-            residual[node],
-        )  # fmt: skip
+            own.lumps[u], velocity[node], weight, dv[node], dw[node], scale, work, residual[node]
+        )
 
 
 @subroutine
 def nodal_tangent(
-    nodes: IntArray, lumps: FloatArray, gravity: FloatArray, frames: FloatArray,
-    velocity: FloatArray, acceleration: FloatArray, by_v: FloatArray, by_w: FloatArray,
-    force: FloatArray, stiffness: float, moved: FloatArray, own: FloatArray,
+    masses: NodalMasses, state: Nodes, gravity: FloatArray, rates: FloatArray, stiffness: float,
+    moved: FloatArray, own: FloatArray,
 ) -> None:  # fmt: skip
-    """Changes (n, 3, 6) of accelerations along local twists, and of nodal forces at fixed ones.
+    """Changes of accelerations along local twists, and of nodal forces at fixed ones.
 
-    ``own`` (u, 6, 6) gets the latter.
+    Args:
+        masses: with their nodes.
+        state: of all nodes.
+        gravity: acceleration in inertial axes.
+        rates: (2, n, 6, 6) see :func:`step_rates`.
+        stiffness: factor of the turns.
+        moved: (n, 3, 6) gets the changes of inertial accelerations.
+        own: (u, 6, 6) gets those of the nodal forces.
     """
     work, dv, dw, column = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    for u, node in enumerate(nodes):
+    frames, velocity, acceleration = state.frames, state.velocity, state.acceleration
+    b, force = np.zeros((len(frames), 3)), np.zeros((len(frames), 3))
+    accelerations_into(masses.nodes, state, gravity, b)
+    add_products(masses.cells, masses.masses, b, force)
+    for u, node in enumerate(masses.nodes):
         H, v, a = frames[node], velocity[node], acceleration[node]
+        pull = _turned_back(H, triple(gravity, 0))
         local = _turned_back(H, triple(force[node], 0))
         for j in range(6):
-            dv[:], dw[:], column[:] = by_v[node, :, j], by_w[node, :, j], 0.0
+            dv[:], dw[:], column[:] = rates[0, node, :, j], rates[1, node, :, j], 0.0
             turn = (stiffness * (j == 3), stiffness * (j == 4), stiffness * (j == 5))
             change = _acceleration_change(H, v, a, turn, dv, dw)
             _add(column, 0, 1.0, cross(local, turn))
-            _add_lump_change(lumps[u], H, v, gravity, turn, dv, dw, 1.0, work, column)
+            _add_lump_change(masses.lumps[u], v, cross(pull, turn), dv, dw, 1.0, work, column)
             for i in range(3):
                 moved[node, i, j] = change[i]
             for i in range(6):
@@ -268,36 +287,36 @@ def nodal_tangent(
 
 @kernel
 def add_inertia_tangent(
-    nodes: IntArray, cells: IndexArray, masses: FloatArray, lumps: FloatArray,
-    gravity: FloatArray, homes: IntArray, frames: FloatArray, velocity: FloatArray,
-    acceleration: FloatArray, by_v: FloatArray, by_w: FloatArray, stiffness: float, scale: float,
-    values: FloatArray,
+    masses: Memory, homes: IntArray, state: Memory, gravity: FloatArray, rates: FloatArray,
+    factors: FloatArray, values: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the derivatives of :func:`add_inertia` to the elements' matrices (m, 36 k k).
+    """Add ``s`` times the derivatives of :func:`add_inertia` to the elements' matrices.
 
-    What belongs to a node alone goes to one of its elements: ``homes`` (u, 2) are the number of
-    that element and the node's place there.
+    Args:
+        masses: :class:`NodalMasses`.
+        homes: (u, 2) element that gets what belongs to a node alone, and the node's place there.
+        state: ``Nodes`` that the masses move with.
+        gravity: acceleration in inertial axes.
+        rates: (2, n, 6, 6) see :func:`step_rates`.
+        factors: (2,) factor of the stiffness, and s.
+        values: (m, 36 k k).
     """
-    n, k = len(frames), cells.shape[1]
-    b, force, width = np.zeros((n, 3)), np.zeros((n, 3)), 6 * cells.shape[1]
-    moved, own = np.zeros((n, 3, 6)), np.zeros((len(nodes), 6, 6))
-    accelerations_into(nodes, gravity, frames, velocity, acceleration, b)
-    add_products(cells, masses, b, force)
-    nodal_tangent(
-        nodes, lumps, gravity, frames, velocity, acceleration, by_v, by_w, force, stiffness, moved,
-        own,
-    )  # fmt: skip
+    of, nodes, scale = unpack(NodalMasses, masses), unpack(Nodes, state), factors[1]
+    cells, frames = of.cells, nodes.frames
+    k, width = cells.shape[1], 6 * cells.shape[1]
+    moved, own = np.zeros((len(frames), 3, 6)), np.zeros((len(of.nodes), 6, 6))
+    nodal_tangent(of, nodes, gravity, rates, factors[0], moved, own)
     for c in range(cells.shape[0]):
         for I in range(k):  # noqa: E741
             H = frames[cells[c, I]]
             for J in range(k):
-                P, mass = moved[cells[c, J]], scale * masses[c, I, J]
+                P, mass = moved[cells[c, J]], scale * of.masses[c, I, J]
                 for i in range(3):
                     at = (6 * I + i) * width + 6 * J
                     for j in range(6):
                         turned = H[3 + i] * P[0, j] + H[6 + i] * P[1, j] + H[9 + i] * P[2, j]
                         values[c, at + j] += mass * turned
-    for u in range(len(nodes)):
+    for u in range(len(of.nodes)):
         c, I = homes[u, 0], homes[u, 1]  # noqa: E741
         for i in range(6):
             for j in range(6):

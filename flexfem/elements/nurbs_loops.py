@@ -2,14 +2,13 @@
 """Compiled loops over NURBS elements: internal forces, their action on a step, strains.
 
 ``LANES`` elements are treated side by side; arrays that end with this axis are made by
-``nurbs_tables.lanes``. ``tables`` (b, q, 2, k, L) holds shape functions and their derivatives by
-the arc length at the q points of all elements, ``weights`` (b, q, L) the arc length of the points;
-``vectors`` says what the elements interpolate, see ``nurbs_maps``.
+``nurbs_tables.lanes``.
 """
 
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.core.frame_kernels import Nodes
 from flexfem.elements.nurbs_maps import (
     PLACE,
     RELATIVE,
@@ -23,11 +22,24 @@ from flexfem.elements.nurbs_maps import (
 from flexfem.la.kernel import tabulate
 from flexfem.la.lanes import LANES
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import (
+    Float1D,
+    Float2D,
+    Float3D,
+    Float5D,
+    Int1D,
+    Int2D,
+    Memory,
+    Record,
+    unpack,
+)
 
 __all__ = [
     "CHANGE",
     "RATES",
     "RATE_CHANGE",
+    "NurbsElements",
+    "PointKernel",
     "add_action",
     "add_residual",
     "collect",
@@ -40,6 +52,40 @@ __all__ = [
 
 # positions in the order of forms.nurbs_beam.NurbsForms.coefficients
 _UNKNOWNS, RATES, _START, _DAMPING, _MATERIAL, CHANGE, RATE_CHANGE = 0, 1, 2, 3, 4, 5, 6
+
+
+class PointKernel(Record):
+    """A kernel of ``forms.nurbs_beam``, called at points of ``LANES`` elements.
+
+    Attributes:
+        address: of the function.
+        offsets: (8,) where each coefficient starts, and their number.
+    """
+
+    address: int
+    offsets: Int1D
+
+
+class NurbsElements(Record):
+    """Elements with k nodes and q points each, in b batches of ``LANES`` (L).
+
+    Attributes:
+        vectors: what they interpolate, see ``nurbs_maps``.
+        nodes: (m, k) control points.
+        tables: (b, q, 2, k, L) shape functions and their derivatives by the arc length, 1/m.
+        weights: (b, q, L) arc length that each point stands for, m.
+        damping: (m,) stiffness-proportional damping, s.
+        section: (m,) number of the section.
+        sections: (s, 21 + ...) inertia of each section, then what the kernels take of it.
+    """
+
+    vectors: bool
+    nodes: Int2D
+    tables: Float5D
+    weights: Float3D
+    damping: Float1D
+    section: Int1D
+    sections: Float2D
 
 
 @inlined
@@ -93,21 +139,18 @@ def collect(
 
 @subroutine
 def put_elements(
-    offsets: IntArray, damping: FloatArray, sections: IntArray, laws: FloatArray, first: int,
-    held: IntArray, data: FloatArray,
-) -> None:  # fmt: skip
-    """Write the constants of the elements from ``first`` on; ``held`` (L,) are the sections there.
-
-    ``laws`` (s, 21 + ...) holds what the kernels take of a section after its inertia.
-    """
+    offsets: IntArray, elements: NurbsElements, first: int, held: IntArray, data: FloatArray
+) -> None:
+    """Write the constants of elements from ``first`` on; ``held`` (L,) are the sections there."""
+    section, sections = elements.section, elements.sections
     for lane in range(LANES):
-        c = min(first + lane, sections.size - 1)
+        c = min(first + lane, section.size - 1)
         if offsets[_DAMPING] >= 0:
-            data[offsets[_DAMPING], lane] = damping[c]
-        if sections[c] != held[lane] and offsets[_MATERIAL] >= 0:
-            held[lane] = sections[c]
-            for i in range(laws.shape[1] - 21):
-                data[offsets[_MATERIAL] + i, lane] = laws[held[lane], 21 + i]
+            data[offsets[_DAMPING], lane] = elements.damping[c]
+        if section[c] != held[lane] and offsets[_MATERIAL] >= 0:
+            held[lane] = section[c]
+            for i in range(sections.shape[1] - 21):
+                data[offsets[_MATERIAL] + i, lane] = sections[held[lane], 21 + i]
 
 
 @subroutine
@@ -153,13 +196,21 @@ def _add_changes(changes: FloatArray, moments: FloatArray, forces: FloatArray) -
 
 @kernel
 def add_residual(
-    address: int, offsets: IntArray, vectors: bool, cells: IndexArray, tables: FloatArray,
-    weights: FloatArray, starts: FloatArray, damping: FloatArray, sections: IntArray,
-    laws: FloatArray, frames: FloatArray, velocity: FloatArray, scale: float,
-    residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``scale`` times the internal forces of all elements to ``residual`` (n, 6)."""
-    k = cells.shape[1]
+    kernel: Memory, elements: Memory, starts: FloatArray, nodes: Memory, scale: float
+) -> None:
+    """Add ``scale`` times the internal forces of all elements to the residual of the nodes.
+
+    Args:
+        kernel: :class:`PointKernel`.
+        elements: :class:`NurbsElements`.
+        starts: (b, q, 6, L) strains at the start.
+        nodes: ``Nodes`` of the block.
+        scale: see above.
+    """
+    call, own = unpack(PointKernel, kernel), unpack(NurbsElements, elements)
+    state = unpack(Nodes, nodes)
+    offsets, vectors, cells = call.offsets, own.vectors, own.nodes
+    tables, weights, k = own.tables, own.weights, own.nodes.shape[1]
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, PLACE, LANES))
     speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, PLACE, LANES))
     dual, forces = np.zeros((k, PLACE, LANES)), np.zeros((k, 6, LANES))
@@ -167,33 +218,33 @@ def add_residual(
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
-        places_into(vectors, cells, first, frames, relative, places)
+        places_into(vectors, cells, first, state.frames, relative, places)
         if offsets[RATES] >= 0:
-            twists_into(cells, first, velocity, speeds)
+            twists_into(cells, first, state.velocity, speeds)
             rates_into(vectors, relative, places, speeds, rates)
-        put_elements(offsets, damping, sections, laws, first, held, data)
+        put_elements(offsets, own, first, held, data)
         dual[:] = 0.0
         for q in range(tables.shape[1]):
             put_points(offsets, tables[batch, q], starts[batch, q], places, rates, data)
             force[:] = 0.0
-            tabulate(address, force, data, nothing, points)
+            tabulate(call.address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
         forces_into(vectors, relative, places, dual, forces)
-        _add_forces(cells, first, forces, scale, residual)
+        _add_forces(cells, first, forces, scale, state.residual)
 
 
 @kernel
 def add_action(
-    address: int, offsets: IntArray, vectors: bool, cells: IndexArray, tables: FloatArray,
-    weights: FloatArray, starts: FloatArray, damping: FloatArray, sections: IntArray,
-    laws: FloatArray, frames: FloatArray, velocity: FloatArray, steps: FloatArray,
-    changes: FloatArray, scale: float, residual: FloatArray,
-) -> None:  # fmt: skip
-    """Add ``scale`` times the change of the internal forces to ``residual`` (n, 6).
+    kernel: Memory, elements: Memory, starts: FloatArray, nodes: Memory, scale: float
+) -> None:
+    """Add ``scale`` times the change of the internal forces to the residual of the nodes.
 
-    The nodes move by the local twists ``steps`` (n, 6), and their local velocities change by
-    ``changes`` (n, 6).
+    The nodes move as ``nurbs_inertia.step_changes`` says; arguments as for :func:`add_residual`.
     """
+    call, own = unpack(PointKernel, kernel), unpack(NurbsElements, elements)
+    state = unpack(Nodes, nodes)
+    offsets, vectors, cells = call.offsets, own.vectors, own.nodes
+    tables, weights = own.tables, own.weights
     nodal, shape = (cells.shape[1], 6, LANES), (cells.shape[1], PLACE, LANES)
     relative, moments = np.zeros((shape[0], RELATIVE, LANES)), np.zeros((shape[0], 3, LANES))
     places, speeds, turns = np.zeros(shape), np.zeros(nodal), np.zeros(nodal)
@@ -205,17 +256,17 @@ def add_action(
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
-        places_into(vectors, cells, first, frames, relative, places)
-        twists_into(cells, first, steps, turns)
+        places_into(vectors, cells, first, state.frames, relative, places)
+        twists_into(cells, first, state.turn, turns)
         rates_into(vectors, relative, places, turns, moved)
         if offsets[RATES] >= 0:
-            twists_into(cells, first, velocity, speeds)
+            twists_into(cells, first, state.velocity, speeds)
             rates_into(vectors, relative, places, speeds, rates)
             rate_changes_into(vectors, relative, places, speeds, turns, moved, more)
-            twists_into(cells, first, changes, speeds)
+            twists_into(cells, first, state.velocity_change, speeds)
             rates_into(vectors, relative, places, speeds, rate_changes)
             rate_changes += more
-        put_elements(offsets, damping, sections, laws, first, held, data)
+        put_elements(offsets, own, first, held, data)
         dual[:], dual_change[:] = 0.0, 0.0
         for q in range(tables.shape[1]):
             put_points(offsets, tables[batch, q], starts[batch, q], places, rates, data)
@@ -223,21 +274,23 @@ def add_action(
             if offsets[RATE_CHANGE] >= 0:
                 interpolate(tables[batch, q], rate_changes, offsets[RATE_CHANGE], data)
             force[:] = 0.0
-            tabulate(address, force, data, nothing, points)
+            tabulate(call.address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
             collect(tables[batch, q], weights[batch, q], force, 11, dual_change)
         forces_into(vectors, relative, places, dual_change, forces)
         force_changes_into(vectors, relative, places, dual, turns, moved, force_changes, moments)
         _add_changes(force_changes, moments, forces)
-        _add_forces(cells, first, forces, scale, residual)
+        _add_forces(cells, first, forces, scale, state.residual)
 
 
 @kernel
 def point_strains(
-    address: int, offsets: IntArray, vectors: bool, cells: IndexArray, tables: FloatArray,
-    starts: FloatArray, frames: FloatArray, velocity: FloatArray, strains: FloatArray,
+    kernel: Memory, elements: Memory, starts: FloatArray, frames: FloatArray, velocity: FloatArray,
+    strains: FloatArray,
 ) -> None:  # fmt: skip
     """Write strains and their rates at all points to ``strains`` (b, q, 12, L)."""
+    call, own = unpack(PointKernel, kernel), unpack(NurbsElements, elements)
+    offsets, vectors, cells, tables = call.offsets, own.vectors, own.nodes, own.tables
     k = cells.shape[1]
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, PLACE, LANES))
     speeds, rates = np.zeros((k, 6, LANES)), np.zeros((k, PLACE, LANES))
@@ -250,4 +303,4 @@ def point_strains(
         for q in range(tables.shape[1]):
             put_points(offsets, tables[batch, q], starts[batch, q], places, rates, data)
             strains[batch, q] = 0.0
-            tabulate(address, strains[batch, q], data, nothing, points)
+            tabulate(call.address, strains[batch, q], data, nothing, points)

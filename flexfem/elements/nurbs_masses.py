@@ -9,26 +9,31 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
+from flexfem.core.frame_kernels import Nodes
 from flexfem.elements.beam_material import about_centres
-from flexfem.elements.nurbs_inertia import add_inertia, add_inertia_action, add_inertia_tangent
+from flexfem.elements.nurbs_inertia import (
+    NodalMasses,
+    add_inertia,
+    add_inertia_action,
+    add_inertia_tangent,
+)
 from flexfem.elements.nurbs_tables import Masses
 
 __all__ = ["NurbsMasses"]
 
 _ALL = slice(None)
+#: Twists of the nodes, and what changes of them.
+_TWISTS = ("velocity", "acceleration", "velocity_change", "acceleration_change")
 
 
 class NurbsMasses:
     """Masses that move with the interpolated velocities of the control points' mass centres.
 
     The rotary inertia about the centres is lumped at the control points.
-
-    Attributes:
-        nodes: (u,) control points of the elements.
     """
 
     def __init__(
-        self, cells: IndexArray, masses: Masses, inertias: FloatArray, section: IntArray, count: int
+        self, cells: IntArray, masses: Masses, inertias: FloatArray, section: IntArray, count: int
     ) -> None:
         """Prepare the elements (m, k).
 
@@ -39,35 +44,45 @@ class NurbsMasses:
             section: (m,) number of the section.
             count: of the nodes of the block.
         """
-        self._cells = cells
-        self._products = inertias[section, 0, 0][:, np.newaxis, np.newaxis] * masses.products
         nodes, first, back = np.unique(cells.ravel(), return_index=True, return_inverse=True)
-        self.nodes: IntArray = nodes.astype(np.int64)
         self._homes = np.stack(np.unravel_index(first, cells.shape), axis=1).astype(np.int64)
         centres, rotary = about_centres(inertias)
-        self._lumps, lumps = np.zeros((len(nodes), 6, 6)), np.zeros((*cells.shape, 6, 6))
+        all_lumps, lumps = np.zeros((len(nodes), 6, 6)), np.zeros((*cells.shape, 6, 6))
         lumps[..., 3:, 3:] = (
             masses.weights[..., np.newaxis, np.newaxis] * rotary[section][:, np.newaxis]
         )
-        np.add.at(self._lumps, back.ravel(), lumps.reshape(-1, 6, 6))
-        self._centres = None
+        np.add.at(all_lumps, back.ravel(), lumps.reshape(-1, 6, 6))
+        self._masses = NodalMasses(
+            nodes=nodes.astype(np.int64), lumps=all_lumps, cells=cells,
+            masses=inertias[section, 0, 0][:, np.newaxis, np.newaxis] * masses.products,
+        )  # fmt: skip
+        self._centres: FloatArray | None = None
+        self._moving: Nodes | None = None
         if centres[section].any():  # beams share no nodes: a node's elements have one section
             self._centres = np.zeros((count, 3))
             self._centres[cells] = centres[section][:, np.newaxis]
 
-    def _at_centres(self, *twists: FloatArray) -> tuple[FloatArray, ...]:
-        """Local twists (n, 6) or their rates, or maps (n, 6, j) to them, of the mass centres."""
-        if self._centres is None:
-            return twists
-        moved = tuple(x.copy() for x in twists)
-        for x in moved:
-            c = self._centres if x.ndim == 2 else self._centres[:, :, np.newaxis]
-            x[:, :3] += np.cross(x[:, 3:], c, axis=1)
-        return moved
+    @property
+    def nodes(self) -> IntArray:
+        """(u,) control points of the elements."""
+        return self._masses.nodes
 
-    def _no_forces(self, out: FloatArray) -> FloatArray:
-        """Where to add forces on the mass centres; ``out`` itself if these are the nodes."""
-        return out if self._centres is None else np.zeros_like(out)
+    def _at_centres(self, block: FrameBlock) -> Nodes:
+        """The nodes themselves, or with twists and changes of their mass centres and no forces."""
+        if self._centres is None:
+            return block.nodes
+        if self._moving is None or self._moving.frames is not block.nodes.frames:
+            own = {
+                name: np.empty_like(getattr(block.nodes, name)) for name in (*_TWISTS, "residual")
+            }
+            same = {name: getattr(block.nodes, name) for name in Nodes.fields}
+            self._moving = Nodes(**(same | own))
+        for name in _TWISTS:
+            twists, moved = getattr(block.nodes, name), getattr(self._moving, name)
+            moved[:] = twists
+            moved[:, :3] += np.cross(twists[:, 3:], self._centres, axis=1)
+        self._moving.residual[:] = 0.0
+        return self._moving
 
     def _add_at_nodes(
         self, forces: FloatArray, out: FloatArray, nodes: IndexArray | slice = _ALL
@@ -85,42 +100,35 @@ class NurbsMasses:
 
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times inertia forces less weights to the block's residual."""
-        v, w = self._at_centres(block.velocity, block.acceleration)
-        forces = self._no_forces(block.residual)
-        add_inertia(
-            self.nodes, self._cells, self._products, self._lumps, gravity, block.frames, v, w,
-            scale, forces,
-        )  # fmt: skip
-        self._add_at_nodes(forces, block.residual)
+        state = self._at_centres(block)
+        add_inertia(self._masses.memory, state.memory, gravity, scale)
+        self._add_at_nodes(state.residual, block.residual)
 
     def add_tangent(
-        self, block: FrameBlock, gravity: FloatArray, by_v: FloatArray, by_w: FloatArray,
-        stiffness: float, scale: float, values: FloatArray,
+        self, block: FrameBlock, gravity: FloatArray, rates: FloatArray, factors: FloatArray,
+        values: FloatArray,
     ) -> None:  # fmt: skip
         """Add the derivatives along local twists to the elements' matrices (m, 36 k k).
 
-        ``by_v`` and ``by_w`` (n, 6, 6) are the changes of local velocities and accelerations.
+        Args:
+            block: of the nodes.
+            gravity: (3,) m/s^2.
+            rates: (2, n, 6, 6) changes of local velocities and accelerations.
+            factors: (2,) that of the stiffness, and that of all.
+            values: the matrices.
         """
-        v, w, by_v, by_w = self._at_centres(block.velocity, block.acceleration, by_v, by_w)
-        changes = self._no_forces(values)
+        state, changes = self._at_centres(block), values
+        if self._centres is not None:
+            rates, changes = rates.copy(), np.zeros_like(values)
+            for x in rates:
+                x[:, :3] += np.cross(x[:, 3:], self._centres[:, :, np.newaxis], axis=1)
         add_inertia_tangent(
-            self.nodes, self._cells, self._products, self._lumps, gravity, self._homes,
-            block.frames, v, w, by_v, by_w, stiffness, scale, changes,
-        )  # fmt: skip
-        self._add_at_nodes(changes, values, self._cells)
+            self._masses.memory, self._homes, state.memory, gravity, rates, factors, changes
+        )
+        self._add_at_nodes(changes, values, self._masses.cells)
 
-    def add_action(
-        self, block: FrameBlock, gravity: FloatArray, steps: FloatArray, dv: FloatArray,
-        dw: FloatArray, scale: float,
-    ) -> None:  # fmt: skip
-        """Add the change along local twists ``steps`` (n, 6) to the block's residual.
-
-        ``dv`` and ``dw`` (n, 6) are the changes of local velocities and accelerations.
-        """
-        v, w, dv, dw = self._at_centres(block.velocity, block.acceleration, dv, dw)
-        forces = self._no_forces(block.residual)
-        add_inertia_action(
-            self.nodes, self._cells, self._products, self._lumps, gravity, block.frames, v, w,
-            steps, dv, dw, scale, forces,
-        )  # fmt: skip
-        self._add_at_nodes(forces, block.residual)
+    def add_action(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+        """Add the change along the block's step to its residual, see ``step_changes``."""
+        state = self._at_centres(block)
+        add_inertia_action(self._masses.memory, state.memory, gravity, scale)
+        self._add_at_nodes(state.residual, block.residual)

@@ -3,37 +3,53 @@
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray
+from flexfem.core.frame_kernels import Nodes
 from flexfem.core.motion import ANGULAR, KINETIC, add_motion, centre_into
 from flexfem.lie.compiled import kernel
+from flexfem.lie.records import Float2D, Float3D, Int1D, Int2D, Memory, Record, unpack
 
-__all__ = ["add_element_motion"]
+__all__ = ["MassiveElements", "add_element_motion"]
+
+
+class MassiveElements(Record):
+    """Masses of m elements with k nodes each.
+
+    Attributes:
+        nodes: (m, k) control points.
+        products, weights: (m, k, k) and (m, k) integrals, see ``nurbs_tables.Masses``.
+        section: (m,) number of the section.
+        inertias: (s, 6, 6) of the sections per length.
+    """
+
+    nodes: Int2D
+    products: Float3D
+    weights: Float2D
+    section: Int1D
+    inertias: Float3D
 
 
 @kernel
 def add_element_motion(
-    cells: IndexArray, chosen: BoolArray, products: FloatArray, weights: FloatArray,
-    sections: IntArray, inertias: FloatArray, frames: FloatArray, velocity: FloatArray,
-    motion: FloatArray,
-) -> None:  # fmt: skip
-    """Add energy and momenta of the chosen elements to ``motion``, see ``flexfem.core.motion``.
-
-    ``products`` (m, k, k) and ``weights`` (m, k) are those of ``nurbs_tables.Masses``.
-    """
+    elements: Memory, chosen: BoolArray, nodes: Memory, motion: FloatArray
+) -> None:
+    """Add energy and momenta of the chosen elements to ``motion``, see ``flexfem.core.motion``."""
+    own, state = unpack(MassiveElements, elements), unpack(Nodes, nodes)
+    cells, frames, velocity = own.nodes, state.frames, state.velocity
     count, k = cells.shape
     p, way, speed, x, u = np.empty(6), np.empty(3), np.empty(3), np.empty((k, 3)), np.empty((k, 3))
     for c in range(count):
         if not chosen[c]:
             continue
-        M = inertias[sections[c]]
+        M = own.inertias[own.section[c]]
         for I in range(k):  # noqa: E741
             H, v = frames[cells[c, I]], velocity[cells[c, I]]
-            add_motion(H, v, M, weights[c, I], p, motion)
+            add_motion(H, v, M, own.weights[c, I], p, motion)
             centre_into(H, v, M, x[I], u[I])
         # from masses at the nodes to masses along the line
         for I in range(k):  # noqa: E741
             for J in range(I):
-                mass = M[0, 0] * products[c, I, J]
+                mass = M[0, 0] * own.products[c, I, J]
                 for i in range(3):
                     way[i] = x[I, i] - x[J, i]
                     speed[i] = u[I, i] - u[J, i]

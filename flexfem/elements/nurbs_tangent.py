@@ -10,8 +10,17 @@ reference node, ``[1]``. The other nodes are counted without the reference node.
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.elements.nurbs_loops import RATES, collect, put_elements, put_points, workspace
+from flexfem._types import FloatArray, IndexArray
+from flexfem.core.frame_kernels import Nodes
+from flexfem.elements.nurbs_loops import (
+    RATES,
+    NurbsElements,
+    PointKernel,
+    collect,
+    put_elements,
+    put_points,
+    workspace,
+)
 from flexfem.elements.nurbs_maps import (
     PLACE,
     RELATIVE,
@@ -24,6 +33,7 @@ from flexfem.elements.nurbs_maps import (
 from flexfem.la.kernel import tabulate
 from flexfem.la.lanes import LANES
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Memory, unpack
 
 __all__ = ["tangent_into"]
 
@@ -188,11 +198,11 @@ def _maps_into(
 
 @subroutine
 def _rate_maps_into(
-    vectors: bool, cells: IndexArray, first: int, relative: FloatArray, places: FloatArray,
-    speeds: FloatArray, by_v: FloatArray, factor: float, A: FloatArray, B: FloatArray,
+    elements: NurbsElements, first: int, relative: FloatArray, places: FloatArray,
+    speeds: FloatArray, by_v: FloatArray, factor: float, maps: FloatArray,
 ) -> None:  # fmt: skip
-    """Change ``B`` of the rates of the places along all axes, as ``A`` is that of the places."""
-    k = places.shape[0]
+    """Change ``maps[1]`` of the rates of the places along all axes, ``maps[0]`` that of these."""
+    vectors, A, B, k = elements.vectors, maps[0], maps[1], places.shape[0]
     twists, moved, change = np.zeros_like(speeds), np.zeros_like(places), np.zeros_like(places)
     for side in range(2):
         for j in range(6):
@@ -201,7 +211,7 @@ def _rate_maps_into(
                 if node != k // 2:
                     moved[node] = A[side, _other(node, k // 2), :, j]
             rate_changes_into(vectors, relative, places, speeds, twists, moved, change)
-            _columns(cells, first, by_v, side, j, twists)
+            _columns(elements.nodes, first, by_v, side, j, twists)
             rates_into(vectors, relative, places, twists, moved)
             for node in range(k):
                 if node != k // 2:
@@ -213,20 +223,24 @@ def _rate_maps_into(
 
 @kernel
 def tangent_into(
-    address: int, offsets: IntArray, vectors: bool, cells: IndexArray, tables: FloatArray,
-    weights: FloatArray, starts: FloatArray, damping: FloatArray, sections: IntArray,
-    laws: FloatArray, frames: FloatArray, velocity: FloatArray, by_v: FloatArray,
-    stiffness: float, scale: float, values: FloatArray,
+    kernel: Memory, elements: Memory, starts: FloatArray, nodes: Memory, by_v: FloatArray,
+    factors: FloatArray, values: FloatArray,
 ) -> None:  # fmt: skip
-    """Write ``scale (k K + C dv)`` of the internal forces of all elements to ``values``.
+    """Write ``s (k K + C dv)`` of the internal forces of all elements to ``values``.
 
     ``by_v`` (n, 6, 6) is dv, the change of each node's local velocity along its local twist,
-    ``stiffness`` k; ``values`` (m, 36 k k). The rest is as in ``nurbs_loops.add_residual``.
+    ``factors`` (2,) are k and s; ``values`` (m, 36 k k). The rest is as in
+    ``nurbs_loops.add_residual``.
     """
+    call, own = unpack(PointKernel, kernel), unpack(NurbsElements, elements)
+    state = unpack(Nodes, nodes)
+    offsets, vectors, cells = call.offsets, own.vectors, own.nodes
+    tables, weights, stiffness = own.tables, own.weights, factors[0]
     k, others, viscous = cells.shape[1], cells.shape[1] - 1, offsets[RATES] >= 0
     relative, places = np.zeros((k, RELATIVE, LANES)), np.zeros((k, PLACE, LANES))
     speeds, rates, dual = np.zeros((k, 6, LANES)), np.zeros_like(places), np.zeros_like(places)
-    A, B = np.zeros((2, others, PLACE, 6, LANES)), np.zeros((2, others, PLACE, 6, LANES))
+    maps = np.zeros((2, 2, others, PLACE, 6, LANES))
+    A, B = maps[0], maps[1]
     changes, moments = np.zeros((2, others, 6, 6, LANES)), np.zeros((2, others, 3, 6, LANES))
     square = (others, PLACE, others, PLACE, LANES)
     K, C = np.zeros(square), np.zeros(square)
@@ -235,16 +249,16 @@ def tangent_into(
     data, held, nothing, points = workspace(offsets)
     for batch in range(tables.shape[0]):
         first = batch * LANES
-        places_into(vectors, cells, first, frames, relative, places)
+        places_into(vectors, cells, first, state.frames, relative, places)
         if viscous:
-            twists_into(cells, first, velocity, speeds)
+            twists_into(cells, first, state.velocity, speeds)
             rates_into(vectors, relative, places, speeds, rates)
-        put_elements(offsets, damping, sections, laws, first, held, data)
+        put_elements(offsets, own, first, held, data)
         dual[:], K[:], C[:], X[:] = 0.0, 0.0, 0.0, 0.0
         for q in range(tables.shape[1]):
             put_points(offsets, tables[batch, q], starts[batch, q], places, rates, data)
             force[:] = 0.0
-            tabulate(address, force, data, nothing, points)
+            tabulate(call.address, force, data, nothing, points)
             collect(tables[batch, q], weights[batch, q], force, 0, dual)
             _add_point(tables[batch, q], weights[batch, q], force, _BY_UNKNOWNS, K)
             if viscous:
@@ -253,8 +267,8 @@ def tangent_into(
         _add_columns(K, A, X)
         X *= stiffness
         if viscous:
-            _rate_maps_into(vectors, cells, first, relative, places, speeds, by_v, stiffness, A, B)
+            _rate_maps_into(own, first, relative, places, speeds, by_v, stiffness, maps)
             _add_columns(C, B, X)
         _rows_into(A, X, E)
         _add_geometry(changes, moments, stiffness, E)
-        _write(E, first, scale, values)
+        _write(E, first, factors[1], values)
