@@ -120,11 +120,8 @@ def line_force_tangent(
     out: FloatArray,
 ) -> None:  # fmt: skip
     """Write the derivatives of :func:`add_line_forces` to ``out`` (n, 6k, 6k)."""
-    at, own, frames = (
-        unpack(Places, places),
-        unpack(Wrenches, wrenches),
-        unpack(Nodes, nodes).frames,
-    )
+    at, own = unpack(Places, places), unpack(Wrenches, wrenches)
+    frames = unpack(Nodes, nodes).frames
     k = at.nodes.shape[1]
     size = 6 * k
     F, J = np.empty((k, 12)), np.empty((6, size + 1))

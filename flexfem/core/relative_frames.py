@@ -11,14 +11,14 @@ derivatives of theta are products of those of g with c and s of the derivatives 
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray
+from flexfem._types import FloatArray
 from flexfem.lie.compiled import inlined, subroutine
 
 __all__ = [
     "act",
     "first",
+    "interface_motion",
     "relative_frame",
-    "relative_motion",
     "rotation_into",
     "second",
     "third",
@@ -141,44 +141,34 @@ def third(X: FloatArray, g: FloatArray, A: FloatArray, B: FloatArray, i: int) ->
 
 
 @subroutine
-def relative_motion(
-    rest: FloatArray, nodes: IndexArray, base: FloatArray, frames: FloatArray,
-    velocity: FloatArray, acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray,
+def interface_motion(
+    rest: FloatArray, base: FloatArray, H: FloatArray, v: FloatArray, w: FloatArray,
+    X: FloatArray, g: FloatArray, eta: FloatArray,
 ) -> None:  # fmt: skip
-    """Elastic coordinates of one body with their first two derivatives in time.
+    """Elastic coordinates of one interface with their first two derivatives in time.
 
     Args:
-        rest: (k, 3) interfaces at rest in the axes of the frame, from its origin.
-        nodes: interfaces, then amplitudes.
+        rest: (3,) the interface at rest in the axes of the frame, from its origin.
         base: (24,) frame, its local twist and the rate of that.
-        frames: (n, 12) of all nodes.
-        velocity: (n, 6) local.
-        acceleration: (n, 6) local.
-        X: (3, k, 12) relative frames and their derivatives.
-        g: (k, 4) see above.
-        eta: (n, 3) coordinates, rates and their rates.
+        H: (12,) the interface.
+        v: (6,) its local twist.
+        w: (6,) the rate of that.
+        X: (3, 12) gets the relative frame and its derivatives.
+        g: (4,) see above.
+        eta: (6, 3) gets coordinates, rates and their rates.
     """
-    k, n = len(rest), len(eta)
     frame, twist, rate = base[:12], base[12:18], base[18:]
     X[1:] = 0.0
-    for c in range(k):
-        node, at = nodes[c], 6 * c
-        relative_frame(frame, frames[node], X[0, c])
-        act(X[0, c], velocity[node], twist, 1.0, 1.0, X[1, c])
-        act(X[1, c], velocity[node], twist, 0.0, 1.0, X[2, c])
-        act(X[0, c], acceleration[node], rate, 1.0, 1.0, X[2, c])
-        rotation_into(X[0, c], g[c], eta[at + 3 : at + 6, 0])
-        for i in range(3):
-            eta[at + i, 0] = X[0, c, i] - rest[c, i]
-            eta[at + i, 1], eta[at + i, 2] = X[1, c, i], X[2, c, i]
-            eta[at + 3 + i, 1] = first(X[0, c], g[c], X[1, c], i)
-            eta[at + 3 + i, 2] = first(X[0, c], g[c], X[2, c], i) + second(
-                X[0, c], g[c], X[1, c], X[1, c], i
-            )
-    for j in range(6 * k, n):
-        node, i = nodes[k + (j - 6 * k) // 3], (j - 6 * k) % 3
-        eta[j, 0] = frames[node, i]
-        eta[j, 1], eta[j, 2] = velocity[node, i], acceleration[node, i]
+    relative_frame(frame, H, X[0])
+    act(X[0], v, twist, 1.0, 1.0, X[1])
+    act(X[1], v, twist, 0.0, 1.0, X[2])
+    act(X[0], w, rate, 1.0, 1.0, X[2])
+    rotation_into(X[0], g, eta[3:, 0])
+    for i in range(3):
+        eta[i, 0] = X[0, i] - rest[i]
+        eta[i, 1], eta[i, 2] = X[1, i], X[2, i]
+        eta[3 + i, 1] = first(X[0], g, X[1], i)
+        eta[3 + i, 2] = first(X[0], g, X[2], i) + second(X[0], g, X[1], X[1], i)
 
 
 @subroutine

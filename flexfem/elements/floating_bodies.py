@@ -9,6 +9,7 @@ Syst. Dyn. 43 (2018) 193).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.frame_block import FrameBlock
 from flexfem.core.runs import starts
-from flexfem.elements.floating_inertia import BodyData, interface_strains
+from flexfem.elements.floating_inertia import BodyData, Room, find_strains, room_for
 from flexfem.elements.floating_loops import (
     add_motion,
     add_residual,
@@ -46,6 +47,11 @@ class FloatingGroup:
     nodes: IndexArray
     body: IntArray
 
+    @cached_property
+    def room(self) -> Room:
+        """Work space of the compiled loops."""
+        return room_for(self.data, self.nodes.shape[1])
+
     def only(self, number: int) -> "FloatingGroup":
         """The body of this number, one of the group's, alone."""
         mine = self.body == number
@@ -57,7 +63,8 @@ class FloatingGroup:
         """Frames with twists and their rates (m, 24), coordinates with derivatives (m, n, 3)."""
         count = len(self.nodes)
         base, eta = np.empty((count, 24)), np.empty((count, len(self.data.stiffness), 3))
-        coordinates_into(self.data, self.nodes, frames, velocity, acceleration, base, eta)
+        data, room = self.data.memory, self.room.memory
+        coordinates_into(data, room, self.nodes, frames, velocity, acceleration, base, eta)
         return base, eta
 
     def strains(self, coordinates: FloatArray) -> FloatArray:
@@ -69,7 +76,7 @@ class FloatingGroup:
         strained = coordinates.copy()
         if len(self.data.pulling):
             for own in strained:
-                _, strains = interface_strains(self.data, own)
+                _, strains = find_strains(self.data.memory, own)
                 own[: len(strains)] = strains
         return strained
 
@@ -134,10 +141,8 @@ class FloatingBodies:
     ) -> None:  # fmt: skip
         """See :class:`flexfem.elements.family.ElementFamily`."""
         for group in self.groups:
-            add_residual(
-                group.data, group.nodes, block.frames, block.velocity, block.acceleration, gravity,
-                scale, block.residual,
-            )  # fmt: skip
+            data, room = group.data.memory, group.room.memory
+            add_residual(data, room, group.nodes, block.nodes.memory, gravity, scale)
 
     def values(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
@@ -156,9 +161,10 @@ class FloatingBodies:
         count, size = group.nodes.shape
         out = np.empty((count, 6 * size, 6 * size))
         tangents_into(
-            group.data, group.nodes, block.frames, block.velocity, block.acceleration,
-            block.increment, gravity, shifts, inertial, scale, out,
+            group.data.memory, group.room.memory, group.nodes, block.nodes.memory, gravity, shifts,
+            inertial, out,
         )  # fmt: skip
+        out *= scale
         return out
 
     def add_action(
@@ -202,7 +208,8 @@ class FloatingBodies:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         out = np.empty(len(self.body))
         for part, group in zip(self._parts, self.groups, strict=True):
-            energies_into(group.data, group.nodes, frames, out[part])
+            data, room = group.data.memory, group.room.memory
+            energies_into(data, room, group.nodes, frames, out[part])
         return out
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
@@ -231,7 +238,10 @@ class FloatingBodies:
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         for part, group in zip(self._parts, self.groups, strict=True):
-            add_motion(group.data, group.nodes, chosen[part], block.frames, block.velocity, motion)
+            add_motion(
+                group.data.memory, group.room.memory, group.nodes, chosen[part], block.frames,
+                block.velocity, motion,
+            )  # fmt: skip
 
 
 def _sixes(group: FloatingGroup) -> int:

@@ -16,20 +16,20 @@ Sources: Shabana, Dynamics of Multibody Systems (2005), ch. 5 (integrals); Wallr
 Int. J. Numer. Methods Eng. 32 (1991) 1833 (geometric stiffening).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.lie.records import Float1D, Float2D, Float3D, Memory, Record, unpack
 
 __all__ = [
-    "BodyData", "Fields", "add_elastic", "add_elastic_tangent", "body_acceleration", "extend",
-    "fields_into", "fold", "forces_into", "interface_strains", "moment", "new_fields", "put_skew",
+    "BodyData", "Room", "add_elastic", "add_elastic_tangent", "body_acceleration", "extend",
+    "fields_into", "find_strains", "fold", "forces_into", "interface_strains", "moment",
+    "put_skew", "room_for",
 ]  # fmt: skip
 
 
-class BodyData(NamedTuple):
+class BodyData(Record):
     """Integrals over a body about its frame, in the frame's axes.
 
     There are n elastic coordinates, and N = n, or n + 12 with the coordinates zeta.
@@ -48,54 +48,90 @@ class BodyData(NamedTuple):
             the frame is that of a node.
     """
 
-    rest: FloatArray
+    rest: Float2D
     mass: float
-    moments: FloatArray
-    products: FloatArray
-    stiffness: FloatArray
-    damping: FloatArray
-    bending: FloatArray
-    pulling: FloatArray
-    compliance: FloatArray
-    conditions: FloatArray
+    moments: Float2D
+    products: Float2D
+    stiffness: Float2D
+    damping: Float2D
+    bending: Float2D
+    pulling: Float2D
+    compliance: Float2D
+    conditions: Float2D
 
 
-class Fields(NamedTuple):
-    """Integrals with the present elastic displacement, see :func:`fields_into`.
+class Room(Record):
+    """What is computed of one body after the other: k interfaces, s unknowns of nodes and frame.
 
     Attributes:
+        base: (24,) frame, its local twist and the rate of that.
+        X: (k, 3, 12) interfaces relative to the frame, and the derivatives of these in time.
+        g: (k, 4) factors of their rotations, see ``core.relative_frames``.
+        eta: (n, 3) coordinates with their derivatives in time.
+        G: (12 n, 3) see :func:`extend`; none without geometric stiffening.
         P: (3, N) integrals of ``rho Phi_i``.
         S: (3, 3) of ``rho y`` and its two derivatives in time, as columns.
         D, L, N: (9,) of ``rho y_a y_b``, ``rho y_a dy_b`` and ``rho y_a ddy_b``.
         Y, U, Q: (9, N) of ``rho Phi_i,a`` times ``y_b``, ``dy_b`` and ``ddy_b``.
+        A, W, C, weight: (3,), (9,), (9,) and (3,), see :func:`body_acceleration`.
+        units, columns: (k, 12, 12) and (k, 6, 12), see ``relative_frames.write_columns``.
+        to_nodes: (6 + n, s) derivatives of frame and coordinates by all steps.
+        places: (n, s) changes of the coordinates along these.
+        rates, jerks: (6 + n, s) of twist of the frame and elastic rates, and of their rates.
+        turned: (n, 6) of the rates of the elastic rates by the twist of a frame without node.
+        moved: (6, s) steps of the frame.
     """
 
-    P: FloatArray
-    S: FloatArray
-    D: FloatArray
-    L: FloatArray
-    N: FloatArray
-    Y: FloatArray
-    U: FloatArray
-    Q: FloatArray
+    base: Float1D
+    X: Float3D
+    g: Float2D
+    eta: Float2D
+    G: Float2D
+    P: Float2D
+    S: Float2D
+    D: Float1D
+    L: Float1D
+    N: Float1D
+    Y: Float2D
+    U: Float2D
+    Q: Float2D
+    A: Float1D
+    W: Float1D
+    C: Float1D
+    weight: Float1D
+    units: Float3D
+    columns: Float3D
+    to_nodes: Float2D
+    places: Float2D
+    rates: Float2D
+    jerks: Float2D
+    turned: Float2D
+    moved: Float2D
 
 
-@subroutine
-def new_fields(data: BodyData) -> Fields:
-    """Room for the fields of a body."""
-    n = data.moments.shape[1] - 1
-    return Fields(
-        np.empty((3, n)), np.empty((3, 3)), np.empty(9), np.empty(9), np.empty(9),
-        np.empty((9, n)), np.empty((9, n)), np.empty((9, n)),
+def room_for(data: BodyData, nodes: int) -> Room:
+    """Room for what is computed of a body with this number of nodes."""
+    k, n, every = len(data.rest), len(data.stiffness), data.moments.shape[1] - 1
+    size = 6 * nodes + (6 if len(data.conditions) else 0)
+    return Room(
+        base=np.zeros(24), X=np.zeros((k, 3, 12)), g=np.zeros((k, 4)), eta=np.zeros((n, 3)),
+        G=np.zeros((len(data.bending), 3)), P=np.zeros((3, every)), S=np.zeros((3, 3)),
+        D=np.zeros(9), L=np.zeros(9), N=np.zeros(9), Y=np.zeros((9, every)),
+        U=np.zeros((9, every)), Q=np.zeros((9, every)), A=np.zeros(3), W=np.zeros(9),
+        C=np.zeros(9), weight=np.zeros(3), units=np.zeros((k, 12, 12)),
+        columns=np.zeros((k, 6, 12)), to_nodes=np.zeros((6 + n, size)),
+        places=np.zeros((n, size)), rates=np.zeros((6 + n, size)), jerks=np.zeros((6 + n, size)),
+        turned=np.zeros((n, 6)), moved=np.zeros((6, size)),
     )  # fmt: skip
 
 
 @subroutine
-def extend(data: BodyData, eta: FloatArray, G: FloatArray) -> FloatArray:
+def extend(data: BodyData, room: Room) -> FloatArray:
     """All coordinates with their derivatives (N, 3) from the elastic ones (n, 3).
 
-    ``G`` (12 n, 3) gets the products of ``bending`` with these.
+    ``room.G`` gets the products of ``bending`` with these.
     """
+    eta, G = room.eta, room.G
     if not len(data.bending):
         return eta
     n = len(eta)
@@ -123,7 +159,7 @@ def fold(data: BodyData, G: FloatArray, every: FloatArray, force: FloatArray) ->
 
 
 @subroutine
-def fields_into(data: BodyData, eta: FloatArray, f: Fields) -> None:
+def fields_into(data: BodyData, eta: FloatArray, f: Room) -> None:
     """Write the fields for all coordinates and their derivatives (N, 3)."""
     n = len(eta)
     full = np.zeros((n + 1, 3))
@@ -156,15 +192,10 @@ def put_skew(v: FloatArray, out: FloatArray) -> None:
 
 
 @subroutine
-def body_acceleration(
-    base: FloatArray, gravity: FloatArray, A: FloatArray, W: FloatArray, C: FloatArray,
-    weight: FloatArray,
-) -> None:  # fmt: skip
-    """Write A (3,), W (9,), ``C = 2 skew(Omega)`` and gravity in the axes of the frame.
-
-    ``base`` (24,) holds the frame, its local twist and the rate of that.
-    """
-    frame, velocity, acceleration = base[:12], base[12:18], base[18:]
+def body_acceleration(room: Room, gravity: FloatArray) -> None:
+    """Write A, W, ``C = 2 skew(Omega)`` and gravity in the axes of the frame."""
+    A, W, C, weight = room.A, room.W, room.C, room.weight
+    frame, velocity, acceleration = room.base[:12], room.base[12:18], room.base[18:]
     for i in range(3):
         p, q = (i + 1) % 3, (i + 2) % 3
         weight[i] = (
@@ -191,11 +222,9 @@ def moment(Z: FloatArray, i: int) -> float:
 
 
 @subroutine
-def forces_into(
-    data: BodyData, f: Fields, A: FloatArray, W: FloatArray, C: FloatArray, force: FloatArray
-) -> None:
+def forces_into(data: BodyData, f: Room, force: FloatArray) -> None:
     """Write inertia forces (6 + N,) on frame and all coordinates."""
-    Z = np.empty(9)
+    A, W, C, Z = f.A, f.W, f.C, np.empty(9)
     for i in range(3):
         force[i] = data.mass * A[i] + f.S[i, 2]
         for j in range(3):
@@ -215,7 +244,7 @@ def forces_into(
         force[6 + i] = total
 
 
-@kernel
+@subroutine
 def interface_strains(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """``T_k eta`` (6k, n) and the strains (6k,) of the interfaces' coordinates with it.
 
@@ -225,6 +254,12 @@ def interface_strains(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatA
     pulls = np.dot(data.pulling, x).reshape(count, n)
     strains = x[:count] + np.dot(data.compliance, 0.5 * np.dot(pulls, x))
     return pulls, strains
+
+
+@kernel
+def find_strains(data: Memory, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """:func:`interface_strains`, for Python."""
+    return interface_strains(unpack(BodyData, data), x)
 
 
 @subroutine

@@ -10,12 +10,12 @@ the frame are carried by multipliers of the conditions, which are eliminated bod
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
-from flexfem.core.relative_frames import relative_motion, write_columns
-from flexfem.elements.floating_inertia import BodyData
+from flexfem.core.relative_frames import interface_motion, write_columns
+from flexfem.elements.floating_inertia import BodyData, Room
 from flexfem.lie.compiled import subroutine
 from flexfem.lie.se3 import retract_into
 
-__all__ = ["carry", "condense", "locate", "respond"]
+__all__ = ["carry", "condense", "locate", "relative_motion", "respond"]
 
 #: Newton steps to the frame, and the largest of the last one, whose square is far below round-off.
 _STEPS, _SMALL = 30, 1e-9
@@ -58,34 +58,60 @@ def _add_slope(data: BodyData, c: int, columns: FloatArray, slope: FloatArray) -
 
 
 @subroutine
-def _slope(data: BodyData, X: FloatArray, g: FloatArray, work: FloatArray) -> FloatArray:
-    """Derivatives (6, 6) of the conditions by twists of the frame; ``work`` (18, 12)."""
+def _slope(data: BodyData, room: Room) -> FloatArray:
+    """Derivatives (6, 6) of the conditions by twists of the frame."""
     slope = np.zeros((6, 6))
     for c in range(len(data.rest)):
-        write_columns(X[c], g[c], work[:12], work[12:])
-        _add_slope(data, c, work[12:], slope)
+        write_columns(room.X[c, 0], room.g[c], room.units[c], room.columns[c])
+        _add_slope(data, c, room.columns[c], slope)
     return slope
 
 
 @subroutine
-def locate(
-    data: BodyData, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
-    acceleration: FloatArray, X: FloatArray, g: FloatArray, eta: FloatArray, base: FloatArray,
+def relative_motion(
+    data: BodyData, room: Room, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
+    acceleration: FloatArray,
 ) -> None:  # fmt: skip
-    """Write frame, twist and its rate (24,) that meet the conditions; see ``relative_motion``."""
+    """Write the coordinates of a body with their derivatives in time, seen from its frame.
+
+    Args:
+        data: of the body.
+        room: holds the frame, and gets what is seen from there.
+        nodes: interfaces, then amplitudes.
+        frames: (n, 12) of all nodes.
+        velocity: (n, 6) their local twists.
+        acceleration: (n, 6) the rates of these.
+    """
+    k, eta = len(data.rest), room.eta
+    for c in range(k):
+        H, v, w = frames[nodes[c]], velocity[nodes[c]], acceleration[nodes[c]]
+        own = eta[6 * c : 6 * c + 6]
+        interface_motion(data.rest[c], room.base, H, v, w, room.X[c], room.g[c], own)
+    for j in range(6 * k, len(eta)):
+        node, i = nodes[k + (j - 6 * k) // 3], (j - 6 * k) % 3
+        eta[j, 0] = frames[node, i]
+        eta[j, 1], eta[j, 2] = velocity[node, i], acceleration[node, i]
+
+
+@subroutine
+def locate(
+    data: BodyData, room: Room, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
+    acceleration: FloatArray,
+) -> None:  # fmt: skip
+    """Write frame, twist and its rate that meet the conditions; see :func:`relative_motion`."""
+    base, eta = room.base, room.eta
     H, start, step = frames[nodes[0]], np.empty(12), np.zeros(6)
     base[:] = 0.0
     start[:] = H  # the body as it hangs at its first interface
     for i in range(3):
         for j in range(3):
             start[i] -= H[3 + 3 * i + j] * data.rest[0, j]
-    work = np.empty((18, 12))
     last = False
     for _ in range(_STEPS):
         retract_into(start, step, base[:12])
         start[:] = base[:12]
-        relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
-        slope = _slope(data, X[0], g, work)
+        relative_motion(data, room, nodes, frames, velocity, acceleration)
+        slope = _slope(data, room)
         if last:
             break
         moved = _solve(slope, np.dot(data.conditions, eta))
@@ -97,7 +123,7 @@ def locate(
         moved = _solve(slope, np.dot(data.conditions, eta))
         for i in range(6):
             base[6 + 6 * t + i] = -moved[i, t]
-        relative_motion(data.rest, nodes, base, frames, velocity, acceleration, X, g, eta)
+        relative_motion(data, room, nodes, frames, velocity, acceleration)
 
 
 @subroutine
@@ -127,21 +153,13 @@ def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
 
 
 @subroutine
-def respond(
-    data: BodyData, places: FloatArray, rates: FloatArray, jerks: FloatArray, turned: FloatArray,
-    moved: FloatArray,
-) -> None:  # fmt: skip
+def respond(data: BodyData, room: Room) -> None:
     """Let the frame follow the steps of the nodes.
 
-    Args:
-        data: of the body.
-        places: (n, s) changes of the coordinates, the frame's own six columns first; the frame's
-            are those by its place, the nodes' those by all that a step changes.
-        rates: (6 + n, s) those of twist of the frame and elastic rates.
-        jerks: (6 + n, s) those of their rates.
-        turned: (n, 6) changes of the rates of the elastic rates by the twist of the frame.
-        moved: (6, s) gets the steps of the frame.
+    The first six columns of changes are those by the place of the frame, which is written to
+    ``room.moved``; the others are those by all that a step of a node changes.
     """
+    places, rates, jerks, moved = room.places, room.rates, room.jerks, room.moved
     own = np.ascontiguousarray(places[:, :6])
     back = -_solve(np.dot(data.conditions, own), data.conditions)
     moved[:] = np.dot(back, places)
@@ -154,27 +172,24 @@ def respond(
     twists = np.dot(back, np.ascontiguousarray(rates[6:]))
     rates[:6] = twists
     rates[6:] += np.dot(own, twists)
-    jerks[6:] += np.dot(turned, twists)
+    jerks[6:] += np.dot(room.turned, twists)
     accelerations = np.dot(back, np.ascontiguousarray(jerks[6:]))
     jerks[:6] = accelerations
     jerks[6:] += np.dot(own, accelerations)
 
 
 @subroutine
-def condense(
-    data: BodyData, to_nodes: FloatArray, moved: FloatArray, bent: FloatArray, full: FloatArray
-) -> FloatArray:
+def condense(data: BodyData, room: Room, bent: FloatArray, full: FloatArray) -> FloatArray:
     """Matrix at the nodes without the frame, from that with it.
 
     Args:
         data: of the body.
-        to_nodes: (6 + n, s) derivatives of frame and coordinates by all steps.
-        moved: (6, s) steps of the frame.
+        room: with the steps of the frame.
         bent: (s, s) changes of forces with their directions, by place.
-        full: (s, s) changes of the forces with ``moved``, directions left out.
+        full: (s, s) changes of the forces with these steps, directions left out.
     """
-    total = full + bent + np.dot(np.ascontiguousarray(bent[:, :6]), moved)
-    gradient = np.dot(data.conditions, np.ascontiguousarray(to_nodes[6:]))
+    total = full + bent + np.dot(np.ascontiguousarray(bent[:, :6]), room.moved)
+    gradient = np.dot(data.conditions, np.ascontiguousarray(room.to_nodes[6:]))
     slope = np.ascontiguousarray(gradient[:, :6])
     multipliers = _solve(slope.T.copy(), np.ascontiguousarray(total[:6]))
     total -= np.dot(gradient.T.copy(), multipliers)

@@ -8,14 +8,14 @@ and the rates of these; see ``floating_inertia`` for the notation.
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.elements.floating_inertia import BodyData, Fields, moment, put_skew
+from flexfem.elements.floating_inertia import BodyData, Room, moment, put_skew
 from flexfem.lie.compiled import inlined, subroutine
 
 __all__ = ["damping_into", "fold_matrices", "mass_into", "stiffness_into"]
 
 
 @subroutine
-def _put_field(W: FloatArray, C: FloatArray, f: Fields, Z: FloatArray, out: FloatArray) -> None:
+def _put_field(W: FloatArray, C: FloatArray, f: Room, Z: FloatArray, out: FloatArray) -> None:
     """Write the forces (6 + n,) of accelerations ``W y + C dy``; ``Z`` (9,) is work space."""
     for i in range(3):
         out[i] = 0.0
@@ -40,7 +40,7 @@ def _products(data: BodyData, ab: int, i: int) -> FloatArray:
 
 
 @subroutine
-def mass_into(data: BodyData, f: Fields, M: FloatArray) -> None:
+def mass_into(data: BodyData, f: Room, M: FloatArray) -> None:
     """Write the mass matrix (6 + N, 6 + N); its first three columns are the derivatives by A."""
     n = f.P.shape[1]
     W, none, Z = np.zeros(9), np.zeros(9), np.empty(9)
@@ -67,20 +67,9 @@ def mass_into(data: BodyData, f: Fields, M: FloatArray) -> None:
 
 
 @subroutine
-def damping_into(
-    data: BodyData, f: Fields, velocity: FloatArray, M: FloatArray, C: FloatArray, out: FloatArray
-) -> None:
-    """Write the derivatives (6 + N, 6 + N) by twist of the frame and rates.
-
-    Args:
-        data: of the body.
-        f: its fields.
-        velocity: (6,) twist of the frame.
-        M: mass matrix.
-        C: (9,) ``2 skew(Omega)``.
-        out: the matrix.
-    """
-    n = f.P.shape[1]
+def damping_into(data: BodyData, f: Room, M: FloatArray, out: FloatArray) -> None:
+    """Write the derivatives (6 + N, 6 + N) by twist of the frame and rates; ``M``: mass matrix."""
+    n, C, velocity = f.P.shape[1], f.C, f.base[12:18]
     W, twice, Z, S = np.zeros(9), np.empty(9), np.empty(9), np.empty(9)
     unit, column = np.zeros(3), np.empty(6 + n)
     spin = 0.5 * C
@@ -124,11 +113,9 @@ def damping_into(
 
 
 @subroutine
-def stiffness_into(
-    data: BodyData, f: Fields, A: FloatArray, W: FloatArray, C: FloatArray, out: FloatArray
-) -> None:
+def stiffness_into(data: BodyData, f: Room, out: FloatArray) -> None:
     """Write the derivatives (6 + N, N) by all coordinates, see ``forces_into``."""
-    n = f.P.shape[1]
+    n, A, W, C = f.P.shape[1], f.A, f.W, f.C
     Z = np.empty(9)
     for j in range(n):
         for i in range(3):

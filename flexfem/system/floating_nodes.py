@@ -114,7 +114,7 @@ def body_data(body: FloatingBody) -> BodyData:
         damping=np.ascontiguousarray(reduced.damping[np.ix_(own, own)]),
         bending=np.ascontiguousarray(bending.reshape(-1, len(own))),
         pulling=np.ascontiguousarray(pulling.reshape(-1, len(own))),
-        compliance=np.linalg.pinv(stiffness[:count, :count], hermitian=True),
+        compliance=np.ascontiguousarray(np.linalg.pinv(stiffness[:count, :count], hermitian=True)),
         conditions=conditions,
     )
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from flexfem.core import motion
-from flexfem.core.frame_kernels import step_rates_into
+from flexfem.core.frame_kernels import Nodes, step_rates_into
+from flexfem.elements.floating_inertia import BodyData, room_for
 from flexfem.elements.floating_loops import (
     add_motion,
     add_residual,
@@ -32,9 +33,22 @@ def _seen(kind, *arrays):
     return tuple(array[1:] if "mean_axes" in kind else array for array in arrays)
 
 
+def _body(data, frames):
+    """What loops take of a body with these nodes."""
+    return data.memory, room_for(data, len(frames)).memory, _nodes(frames)
+
+
+def _state(**given):
+    """Nodes with these arrays, the others zero."""
+    kinds = {name: layout.axes for name, (_, layout) in Nodes.fields.items()}
+    nothing = {name: np.zeros((1,) * axes) for name, axes in kinds.items() if axes}
+    return Nodes(**({"inertial": False} | nothing | given))
+
+
 def _residual(data, frames, velocity, acceleration, gravity=GRAVITY):
     out = np.zeros((len(frames), 6))
-    add_residual(data, _nodes(frames), frames, velocity, acceleration, gravity, 1.0, out)
+    nodes = _state(frames=frames, velocity=velocity, acceleration=acceleration, residual=out)
+    add_residual(*_body(data, frames), nodes.memory, gravity, 1.0)
     return out
 
 
@@ -66,7 +80,7 @@ def test_forces_are_those_of_the_particles(rng, stiffening):
             work = body.masses @ np.sum((inertial - GRAVITY) * moved, axis=1)
             stored = [np.zeros(1), np.zeros(1)]
             for energy, end in zip(stored, ends, strict=True):
-                energies_into(body.data, _nodes(end), end, energy)
+                energies_into(*_body(body.data, end), end, energy)
             elastic = (stored[0] - stored[1])[0] / (2.0 * eps)
             expected[node, i] = work + elastic + lost @ bent
     found = _residual(body.data, frames, velocity, acceleration)
@@ -79,14 +93,15 @@ def test_forces_are_those_of_the_particles(rng, stiffening):
 def test_power_and_momenta(rng, kind):
     """Forces do the work by which energy changes, and their sums are the rates of the momenta."""
     body = particle_body(rng, **kind)
-    data = body.data._replace(damping=np.zeros_like(body.data.damping))
+    kept = {name: getattr(body.data, name) for name in BodyData.fields}
+    data = BodyData(**(kept | {"damping": np.zeros_like(body.data.damping)}))
     frames, velocity, acceleration = _seen(kind, *state(rng, body))
 
     def measured(t):
         at, moving = _at(frames, velocity, acceleration, t), velocity + t * acceleration
         out, energy, chosen = np.zeros(motion.WIDTH), np.zeros(1), np.array([True])
-        add_motion(data, _nodes(at), chosen, at, moving, out)
-        energies_into(data, _nodes(at), at, energy)
+        add_motion(*_body(data, at), chosen, at, moving, out)
+        energies_into(*_body(data, at), at, energy)
         return np.array([out[0] + energy[0], *out[motion.LINEAR :]])
 
     h = 1e-5
@@ -112,10 +127,10 @@ def test_matrices_are_derivatives(rng, kind, inertial):
     increments[len(frames) - 2 :] = 0.0
     shifts, count = np.array([3.0, 7.0, 1.0]), len(frames)
     out = np.empty((1, 6 * count, 6 * count))
-    tangents_into(
-        body.data, _nodes(frames), frames, velocity, acceleration, increments, GRAVITY, shifts,
-        inertial, 1.0, out,
-    )  # fmt: skip
+    nodes = _state(
+        frames=frames, velocity=velocity, acceleration=acceleration, increment=increments
+    )
+    tangents_into(*_body(body.data, frames), nodes.memory, GRAVITY, shifts, inertial, out)
     expected, eps = np.zeros_like(out[0]), 1e-6
     rates_into = called(step_rates_into)
     for node in range(count):
@@ -151,7 +166,7 @@ def test_rotations_count_as_rotation_vectors(rng, angle):
     turned = se3.frame(body.rest[0], so3.exp(angle * axis))
     frames[1] = se3.compose(frames[0], turned)
     base, eta = np.empty((1, 24)), np.empty((1, 6, 3))
-    coordinates_into(body.data, _nodes(frames), frames, 0.0 * still, 0.0 * still, base, eta)
+    coordinates_into(*_body(body.data, frames), frames, 0.0 * still, 0.0 * still, base, eta)
     # near half a turn round-off is divided by the sine; sin for the angle would be off by 1e-10
     # at 1e-3 rad
     assert eta[0, 3:, 0] == pytest.approx(angle * axis, rel=0, abs=2e-13)
