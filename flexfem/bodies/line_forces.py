@@ -153,9 +153,8 @@ def line_force_tangent(
 
 @kernel
 def line_twists(
-    places: Memory, frames: FloatArray, velocity: FloatArray, points: FloatArray,
-    twists: FloatArray,
-) -> None:  # fmt: skip
+    places: Memory, frames: FloatArray, velocity: FloatArray, points: FloatArray, twists: FloatArray
+) -> None:
     """Write frames (n, 12) and local twists (n, 6) of places in elements, offsets left out."""
     at = unpack(Places, places)
     k, nodes = at.nodes.shape[1], at.nodes

@@ -12,7 +12,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.step_kernels import StepNodes
 from flexfem.elements.beam_group import BeamGroup
-from flexfem.elements.energy_inertia import EnergyCells
+from flexfem.elements.energy_inertia import StepCells
 from flexfem.elements.energy_loops import add_force, add_tangent, relative_frames
 from flexfem.forms.beam_energy import beam_energy_forms
 from flexfem.la.kernel import compile_kernel
@@ -45,7 +45,7 @@ class EnergyBeams:
         coefficients = tuple(forms.coefficients.values())
         force = compile_kernel(comm, forms.residual, coefficients)
         stiffness = compile_kernel(comm, forms.tangent, coefficients)
-        self._cells = EnergyCells(
+        self._cells = StepCells(
             force=force.address, stiffness=stiffness.address, offsets=force.offsets,
             nodes=own.nodes, turned=own.turned, turns=own.turns, constants=constants,
             section=own.section, sections=own.sections, ends=ends,

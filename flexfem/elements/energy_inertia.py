@@ -31,10 +31,10 @@ from flexfem.lie.records import (
     Record,
 )
 
-__all__ = ["EnergyCells", "add_mass_tangent", "mass_force"]
+__all__ = ["StepCells", "add_mass_tangent", "mass_force"]
 
 
-class EnergyCells(Record):
+class StepCells(Record):
     """Constant data of the cells of beams, and the kernels of ``forms.beam_energy``.
 
     Attributes:
@@ -66,7 +66,7 @@ class EnergyCells(Record):
 
 
 @inlined
-def _mass(cells: EnergyCells, c: int) -> float:
+def _mass(cells: StepCells, c: int) -> float:
     """Mass of a cell."""
     mass: float = cells.sections[cells.section[c], 0] * cells.constants[c, 12]
     return mass
@@ -90,7 +90,7 @@ def _spin(r0: FloatArray, r1: FloatArray, arm: Triple, h: float) -> Triple:
 
 @subroutine
 def mass_force(
-    cells: EnergyCells, c: int, side: int, nodes: StepNodes, h: float, out: FloatArray
+    cells: StepCells, c: int, side: int, nodes: StepNodes, h: float, out: FloatArray
 ) -> None:
     """Mean inertia force minus weight at one end of a cell over the step.
 
@@ -137,7 +137,7 @@ def _own_change(
 
 @subroutine
 def add_mass_tangent(
-    cells: EnergyCells, c: int, a: int, b: int, nodes: StepNodes, h: float, force: FloatArray,
+    cells: StepCells, c: int, a: int, b: int, nodes: StepNodes, h: float, force: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
     """Add the derivative of :func:`mass_force` at end ``a`` along the twist of end ``b``.

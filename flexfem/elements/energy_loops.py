@@ -5,7 +5,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.step_kernels import StepNodes, momentum_force, momentum_tangent, turn_back
-from flexfem.elements.energy_inertia import EnergyCells, add_mass_tangent, mass_force
+from flexfem.elements.energy_inertia import StepCells, add_mass_tangent, mass_force
 from flexfem.la.kernel import tabulate
 from flexfem.lie._blocks import triple
 from flexfem.lie.compiled import inlined, kernel, subroutine
@@ -20,7 +20,7 @@ _TWIST, _LAST, _LENGTH, _DAMPING, _STIFFNESS = 4, 5, 6, 7, 8
 
 @inlined
 def _put_rotation(
-    data: FloatArray, at: int, H: FloatArray, cells: EnergyCells, c: int, side: int
+    data: FloatArray, at: int, H: FloatArray, cells: StepCells, c: int, side: int
 ) -> None:
     """Write the rotation of the section at one end of a cell."""
     turned = cells.turned[c]
@@ -35,7 +35,7 @@ def _put_rotation(
 
 
 @inlined
-def _put_cell(cells: EnergyCells, c: int, nodes: StepNodes, data: FloatArray) -> None:
+def _put_cell(cells: StepCells, c: int, nodes: StepNodes, data: FloatArray) -> None:
     """Write all data of a cell."""
     frames0, frames, offsets = nodes.frames0, nodes.frames, cells.offsets
     first, second, section = cells.nodes[c, 0], cells.nodes[c, 1], cells.section[c]
@@ -69,11 +69,11 @@ def add_force(cells: Memory, nodes: Memory, scale: float) -> None:
     """Add ``scale`` times the mean force of all cells over the step to the residual of the nodes.
 
     Args:
-        cells: ``EnergyCells``.
+        cells: ``StepCells``.
         nodes: ``StepNodes``.
         scale: see above.
     """
-    own, state = unpack(EnergyCells, cells), unpack(StepNodes, nodes)
+    own, state = unpack(StepCells, cells), unpack(StepNodes, nodes)
     frames, residual, law = state.frames, state.residual, state.law
     data, force, out = np.empty(own.offsets[-1]), np.empty(9), np.empty(12)
     points, h = np.zeros(6), 1.0 / law[1]
@@ -132,7 +132,7 @@ def _turn_blocks(
 @kernel
 def add_tangent(cells: Memory, nodes: Memory, scale: float, values: FloatArray) -> None:
     """Write the derivatives of :func:`add_force` along local twists to ``values`` (m, 144)."""
-    own, state = unpack(EnergyCells, cells), unpack(StepNodes, nodes)
+    own, state = unpack(StepCells, cells), unpack(StepNodes, nodes)
     frames, law = state.frames, state.law
     data, force, K = np.empty(own.offsets[-1]), np.empty(9), np.empty(81)
     out, work, lump = np.empty(12), np.empty((6, 6)), np.empty((6, 6))
@@ -168,7 +168,7 @@ def add_tangent(cells: Memory, nodes: Memory, scale: float, values: FloatArray) 
 @kernel
 def relative_frames(cells: Memory, frames: FloatArray, out: FloatArray) -> None:
     """Frames (m, 12) of the second ends of all cells relative to the first ones."""
-    own, R = unpack(EnergyCells, cells), np.empty((2, 9))
+    own, R = unpack(StepCells, cells), np.empty((2, 9))
     nodes = own.nodes
     for c in range(nodes.shape[0]):
         for side in range(2):

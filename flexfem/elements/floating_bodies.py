@@ -68,7 +68,7 @@ class FloatingGroup:
         return base, eta
 
     def strains(self, coordinates: FloatArray) -> FloatArray:
-        """What of the coordinates (m, n) causes stress.
+        """Part of the coordinates (m, n) that causes stress.
 
         A body that stiffens geometrically gets shorter when it bends, which moves its interfaces
         but stretches nothing; see ``floating_inertia.add_elastic``.
@@ -136,9 +136,8 @@ class FloatingBodies:
         return any(bool(group.data.damping.any()) for group in self.groups)
 
     def add_residual(
-        self, block: FrameBlock, gravity: FloatArray, scale: float,
-        request: TangentRequest = EXACT,
-    ) -> None:  # fmt: skip
+        self, block: FrameBlock, gravity: FloatArray, scale: float, request: TangentRequest = EXACT
+    ) -> None:
         """See :class:`flexfem.elements.family.ElementFamily`."""
         for group in self.groups:
             data, room = group.data.memory, group.room.memory

@@ -61,7 +61,7 @@ class BodyData(Record):
 
 
 class Room(Record):
-    """What is computed of one body after the other: k interfaces, s unknowns of nodes and frame.
+    """Work space for one body after the other: k interfaces, s unknowns of nodes and frame.
 
     Attributes:
         base: (24,) frame, its local twist and the rate of that.

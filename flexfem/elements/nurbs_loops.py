@@ -90,7 +90,7 @@ class NurbsElements(Record):
 
 @inlined
 def workspace(offsets: IntArray) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """What kernels are called with: data, sections held in it, constants, points of a mesh."""
+    """Arguments of kernels: data, sections held in it, constants, points of a mesh."""
     points = np.zeros(6)
     points[3] = 1.0  # the forms do not depend on the size of the reference cell
     return np.zeros((offsets[-1], LANES)), np.full(LANES, -1), np.zeros(1), points

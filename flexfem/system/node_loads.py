@@ -103,7 +103,7 @@ class NodeForces:
 
     Attributes:
         nodes: (k,) local node of each.
-        wrenches: in the axes of these, as compiled loops take them.
+        wrenches: at points fixed to these, as compiled loops take them.
     """
 
     def __init__(self, forces: Sequence[Force]) -> None:
