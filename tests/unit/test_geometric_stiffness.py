@@ -115,7 +115,7 @@ def test_without_geometric_stiffness_nothing_can_be_left_out():
     model = ff.Model("rigid")
     model.add(ff.RigidBody("body", 1.0, (1.0, 1.0, 1.0)), ff.Gravity((0.0, 0.0, -9.81)))
     options = ff.RunOptions(dt=1e-3, t_end=1e-2, iteration_matrix="material")
-    with pytest.raises(ValueError, match="there are none") as error:
+    with pytest.raises(ValueError, match="but the model has none") as error:
         ff.simulate(model, options)
     assert_on_page(str(error.value))
     with pytest.raises(ValueError, match="'energy_momentum'") as error:

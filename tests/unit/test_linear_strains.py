@@ -86,9 +86,9 @@ def test_strains_do_not_depend_on_ranks():
 def test_modes_that_are_missing_are_told(monkeypatch):
     find = linear_model.settled_modes
     monkeypatch.setattr(linear_model, "settled_modes", lambda *given: find(*given).first(2))
-    with pytest.warns(RuntimeWarning, match="linearize: only 2 of 3 modes converged; ask for"):
+    with pytest.warns(RuntimeWarning, match="linearize: only 2 of 3 modes converged; request"):
         linear = ff.linearize(cantilever(), ff.LinearOptions(quiet=True, modes=3))
-    assert linear.status == "only 2 of 3 modes converged; ask for fewer modes"
+    assert linear.status == "only 2 of 3 modes converged; request fewer modes"
     assert len(linear.A) == 4
     assert repr(linear).startswith("LinearModel('only 2 of 3 modes")
     assert "inputs across; outputs end_x, end_y" in repr(linear)

@@ -191,7 +191,7 @@ BAD = {
             ),
         )
     },
-    "hold the same motion twice": {
+    "constrain the same motion twice": {
         "joints": tuple(
             research.Constraint(n, (research.End("first"),), research.end_position, (0.0,) * 3)
             for n in "ab"

@@ -472,7 +472,7 @@ def test_linear_models_leave_measurements_out():
 
 def test_large_linear_models_need_a_reduction():
     straight = _straight_beam()
-    with pytest.raises(ValueError, match=r"modes must be given .* with 606 > 600 unknowns"):
+    with pytest.raises(ValueError, match=r"give modes .* with 606 > 600 unknowns"):
         ff.linearize(straight.beam_model(straight.slender(), 100))
 
 

@@ -140,7 +140,7 @@ def test_errors_of_equilibria_are_found_and_mended(monkeypatch):
         warnings.simplefilter("ignore")  # rank 0 says it, too
         reduced = ff.linearize(model, linear)
     assert reduced.status.startswith("the error of the equilibrium moves modes by up to ")
-    assert reduced.status.endswith("ask for fewer modes")  # there is no accuracy to be changed
+    assert reduced.status.endswith("request fewer modes")  # there is no accuracy to be changed
     assert 0.1 * told < reduced.state_error < 10.0 * told  # three of its modes are those
     assert ff.find_modes(model, ff.ModeOptions(modes=3, quiet=True)).modes.state_error is None
 

@@ -371,7 +371,7 @@ def test_smooth_elements_that_lock_only_once_bent_are_named_at_the_end():
         outcome = ff.solve_static(model, options)
         assert outcome.status == "ok"
         warnings = outcome.summary["warnings"]
-        said[turn] = [text for text in warnings if "as it is bent at the end" in text]
+        said[turn] = [text for text in warnings if "lock in the final shape" in text]
         if outcome.history:
             x, y = (outcome.history[f"tip_{axis}"][-1] for axis in "xy")
             error = np.hypot(x - np.sin(turn) / turn, y - (1.0 - np.cos(turn)) / turn)
