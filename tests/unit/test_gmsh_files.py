@@ -189,7 +189,7 @@ BAD = {
     "no nodes": (HEAD.format("2.2"), r"it has no section \$Nodes; was it written to its end"),
     "nodes twice": (BAR_41 + NODES_41, r"it has section \$Nodes twice"),
     "format 1": ("$NOD\n1\n1 0 0 0\n$ENDNOD\n", "format 1.0 of gmsh is not supported; save it in"),
-    "format 3": (RING.replace("2.2 ", "3 "), "format 3 of gmsh is not supported; save it in format"),
+    "format 3": (RING.replace("2.2 ", "3 "), "format 3 of gmsh is not supported; save it in"),
     "format 5": (RING.replace("2.2 ", "5.0 "), "format 5.0 of gmsh is not supported"),
     "binary 4.0": (BAR_41.replace("4.1 0 8", "4.0 1 8"), "files of format 4.0 are text only"),
     "size of numbers": (BAR_41.replace("4.1 0 8", "4.1 0 16"), "no version, kind and size of numb"),
