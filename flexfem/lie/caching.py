@@ -72,7 +72,7 @@ _read_once = cache(Path.read_bytes)
 
 @cache
 def _stamp(file: str) -> str | None:
-    """That of a module as it was when this process first asked: all its loops have the same.
+    """Stamp of a module when this process first asked for it: all its loops have the same.
 
     None for a module of another program.
     """

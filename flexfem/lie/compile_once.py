@@ -34,7 +34,7 @@ def _lock_file(folder: str) -> int | None:
 
 
 def _lock(file: int, at: int) -> bool:
-    """Whether a lock could be had, within some time."""
+    """Try to lock a byte of a file within some time; return True if it is locked."""
     end = time.monotonic() + _PATIENCE
     while time.monotonic() < end:
         try:
@@ -49,12 +49,12 @@ def _lock(file: int, at: int) -> bool:
 
 
 def _place(kept: Any, signature: Any) -> int:
-    """Which byte of the file is the lock of a loop."""
+    """Return the byte of the file that is the lock of a loop."""
     return crc32(f"{kept._cache_file._index_name} {signature}".encode())
 
 
 def busy(loop: Any, signature: Any) -> bool:
-    """Whether another process is compiling a loop for some types of arguments.
+    """Return True if another process is compiling a loop for some types of arguments.
 
     Args:
         loop: numba's dispatcher, with a cache on disk.

@@ -115,7 +115,7 @@ class _CacheImpl(CompileResultCacheImpl):
 
 
 class _LoopCacheImpl(_CacheImpl):
-    """What is kept of a loop."""
+    """Serialisation of a compiled loop for the cache on disk."""
 
     @override
     def reduce(self, result: Any) -> tuple[Any, ...]:
@@ -140,7 +140,7 @@ class _LoopCache(FunctionCache):
 
 
 class _SubroutineCacheImpl(_CacheImpl):
-    """What is kept of a subroutine."""
+    """Serialisation of a compiled subroutine for the cache on disk."""
 
     @override
     def reduce(self, result: Any) -> tuple[Any, ...]:

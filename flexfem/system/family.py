@@ -86,7 +86,7 @@ class Family:
     Attributes:
         kind: number of the family, its row in the nest.
         serial: serial data of the model, an ``Assembly``.
-        energy_momentum: whether the integrator ``energy_momentum`` knows the family.
+        energy_momentum: True if the integrator ``energy_momentum`` supports the family.
         bodies_have_places: whether every node is a place on a body; some hold amplitudes of shapes.
         axes: whether nodes have axes, on which moments and following forces of markers act.
         series: class of the series for ParaView, or its name as "module:class", see

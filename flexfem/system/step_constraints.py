@@ -128,12 +128,12 @@ class StepRows:
 
 def _check_laws(rows: Constraints) -> None:
     laws = np.unique(rows.joint_of_row[~np.isin(rows.elastic[:, 0], _SUPPORTED)]).tolist()
-    found = [(i, "neither friction nor stops nor functions of forces") for i in laws]
+    found = [(i, "friction, stops and functions of forces") for i in laws]
     functions = np.unique(rows.joint_of_row[rows.row_of_term[rows.kinds >= RowKind.FUNCTION]])
-    found += [(i, "no functions as constraints") for i in functions.tolist()]
-    found += [(i, "no sliding along beams") for i in rows.lines.joints]
+    found += [(i, "functions as constraints") for i in functions.tolist()]
+    found += [(i, "sliding along beams") for i in rows.lines.joints]
     named = [(rows.joints[i].index, rows.joints[i].joint.owner, what) for i, what in found]
     everywhere = min((one for part in rows.comm.allgather(named) for one in part), default=None)
     if everywhere is not None:
         _, owner, what = everywhere
-        raise InputError(f"{owner}: the integrator energy_momentum knows {what}")
+        raise InputError(f"{owner}: the integrator energy_momentum does not support {what}")

@@ -338,7 +338,9 @@ def _check_parts(system: System) -> None:
     """
     for contacts in system.contacts:
         name = contacts.groups[0].surfaces.contact.name
-        raise InputError(f'Contact "{name}": the integrator energy_momentum does not know contact')
+        raise InputError(
+            f'Contact "{name}": the integrator energy_momentum does not support contact'
+        )
     for part in system.parts:
         if not part.family.energy_momentum:
             raise InputError(

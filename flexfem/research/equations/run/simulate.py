@@ -92,12 +92,12 @@ def simulate_equations(
     for name, only in _FOREIGN.items():
         if getattr(options, name) != only:
             raise InputError(
-                f"{name} {getattr(options, name)!r}: equations in coordinates know only {only!r}"
+                f"{name} {getattr(options, name)!r}: equations in coordinates support only {only!r}"
             )
     if options.iteration_matrix == "material":
         raise InputError(
-            "iteration_matrix 'material': equations in coordinates know only 'auto', 'frozen' and "
-            "'updated'"
+            "iteration_matrix 'material': equations in coordinates support only 'auto', 'frozen' "
+            "and 'updated'"
         )
     comm = comm or MPI.COMM_WORLD
     return carry_out(partial(_EquationSteps, source, options, comm), options, comm, case, results)
