@@ -17,7 +17,7 @@ def _ascending(owner: str, what: str, value: Any) -> FloatArray:
     places = _checks.array(owner, what, value, (-1,))
     if len(places) < 2 or (np.diff(places) < 0.0).any():
         raise ValueError(
-            f"{owner}: {what} must be at least two that ascend, got {_checks.show(value)}"
+            f"LineTable: places must be at least two that ascend, got {_checks.show(value)}"
         )
     return places
 
