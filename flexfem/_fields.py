@@ -18,9 +18,26 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 
 __all__ = [
-    "ZERO", "Array", "Given", "Rotation", "array", "checked", "choice", "declared", "direction",
-    "flag", "function", "instance", "number", "one_of", "owner_of", "rotation", "settled", "text",
-    "time_function", "vector",
+    "ZERO",
+    "Array",
+    "ArrayOrNone",
+    "Given",
+    "array",
+    "checked",
+    "choice",
+    "declared",
+    "direction",
+    "flag",
+    "function",
+    "instance",
+    "number",
+    "one_of",
+    "owner_of",
+    "rotation",
+    "settled",
+    "text",
+    "time_function",
+    "vector",
 ]  # fmt: skip
 
 #: Takes the object, the field and its value for messages; returns what is stored.
@@ -41,8 +58,8 @@ class Given[Value, Kept]:
 
 #: Anything that makes an array, stored as a read-only one.
 Array = Given[npt.ArrayLike, FloatArray]
-#: The same, where None has a meaning.
-Rotation = Given[npt.ArrayLike | None, FloatArray]
+#: The same, where the argument may be None, for which something is chosen.
+ArrayOrNone = Given[npt.ArrayLike | None, FloatArray]
 
 ZERO = (0.0, 0.0, 0.0)
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
-from flexfem._fields import ZERO, Array, Rotation, checked, declared, rotation, text, vector
+from flexfem._fields import ZERO, Array, ArrayOrNone, checked, declared, rotation, text, vector
 from flexfem._types import FloatArray
 from flexfem.core.pose import Pose
 
@@ -55,7 +55,7 @@ class Marker:
     body: str
     point: str | float | tuple[float, float, float] | None = checked(_place, default=None)
     offset: Array = vector(default=ZERO)
-    rotation: Rotation = rotation(default=None)
+    rotation: ArrayOrNone = rotation(default=None)
 
     @property
     def _owner(self) -> str:
@@ -243,7 +243,7 @@ class Ground:
     """
 
     position: Array = vector(default=ZERO)
-    rotation: Rotation = rotation(default=None)
+    rotation: ArrayOrNone = rotation(default=None)
 
     @property
     def pose(self) -> Pose:

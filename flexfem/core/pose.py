@@ -4,7 +4,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._fields import ZERO, Array, Rotation, declared, rotation, vector
+from flexfem._fields import ZERO, Array, ArrayOrNone, declared, rotation, vector
 from flexfem._types import FloatArray
 
 
@@ -23,7 +23,7 @@ class Pose:
     """
 
     position: Array = vector(default=ZERO)
-    rotation: Rotation = rotation(default=None)
+    rotation: ArrayOrNone = rotation(default=None)
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Return the pose of `other`, which is given relative to this one: H_self H_other."""

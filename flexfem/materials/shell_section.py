@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
-from flexfem._fields import Array, Rotation, checked, declared, instance, number
+from flexfem._fields import Array, ArrayOrNone, checked, declared, instance, number
 from flexfem._types import FloatArray
 from flexfem.materials.material import Material
 from flexfem.materials.matrices import check_definite
@@ -112,7 +112,7 @@ class ShellSection:
     stiffness: Array = checked(_matrix)
     mass: float = number(nonnegative=True)
     thickness: float = number(positive=True)
-    shear: Rotation = checked(_matrix, default=None)
+    shear: ArrayOrNone = checked(_matrix, default=None)
     law: ShellLaw | None = instance(ShellLaw, default=None)
 
     def __post_init__(self) -> None:

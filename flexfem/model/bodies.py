@@ -11,8 +11,8 @@ from flexfem import _checks
 from flexfem._fields import (
     ZERO,
     Array,
+    ArrayOrNone,
     Given,
-    Rotation,
     checked,
     declared,
     direction,
@@ -137,10 +137,10 @@ class RigidBody:
     inertia: Array = checked(lambda owner, what, value: _inertia_tensor(owner, value))
     _: KW_ONLY
     position: Array = vector(default=ZERO)
-    rotation: Rotation = rotation(default=None)
+    rotation: ArrayOrNone = rotation(default=None)
     centre: Array = vector(default=ZERO)
     velocity: Array = vector(default=ZERO)
-    angular_velocity: Rotation = settled(default=None)
+    angular_velocity: ArrayOrNone = settled(default=None)
     local_angular_velocity: InitVar[npt.ArrayLike | None] = None
     shape: Shape | None = instance(SHAPES, default=None)
 

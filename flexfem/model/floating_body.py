@@ -11,8 +11,8 @@ from flexfem import _checks
 from flexfem._fields import (
     ZERO,
     Array,
+    ArrayOrNone,
     Given,
-    Rotation,
     declared,
     flag,
     instance,
@@ -68,9 +68,9 @@ class FloatingBody:
     _: KW_ONLY
     frame: Given[str | None, str] = settled(default=None)
     position: Array = vector(default=ZERO)
-    rotation: Rotation = rotation(default=None)
+    rotation: ArrayOrNone = rotation(default=None)
     velocity: Array = vector(default=ZERO)
-    angular_velocity: Rotation = settled(default=None)
+    angular_velocity: ArrayOrNone = settled(default=None)
     local_angular_velocity: InitVar[npt.ArrayLike | None] = None
     stiffening: bool = flag(default=False)
 

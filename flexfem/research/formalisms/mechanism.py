@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._faults import FAILURES, located
-from flexfem._fields import ZERO, Array, Rotation, declared, instance, rotation, vector
+from flexfem._fields import ZERO, Array, ArrayOrNone, declared, instance, rotation, vector
 from flexfem._types import BoolArray, FloatArray
 from flexfem.research.formalisms.frame_motion import FrameMotion
 from flexfem.research.formalisms.frames import Frame, PlanarFrame, SpatialFrame
@@ -58,7 +58,7 @@ class EnergyBody:
     mesh: Callable[[Any], Any]
     held: Callable[[FloatArray], Any] | None = None
     origin: Array = vector(default=ZERO)
-    rotation: Rotation = rotation(default=None)
+    rotation: ArrayOrNone = rotation(default=None)
     velocity: Array = vector(default=ZERO)
     angular_velocity: Array = vector(default=ZERO)
     motion: FrameMotion | None = instance(FrameMotion, default=None)
