@@ -18,26 +18,9 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 
 __all__ = [
-    "ZERO",
-    "Array",
-    "ArrayOrNone",
-    "Given",
-    "array",
-    "checked",
-    "choice",
-    "declared",
-    "direction",
-    "flag",
-    "function",
-    "instance",
-    "number",
-    "one_of",
-    "owner_of",
-    "rotation",
-    "settled",
-    "text",
-    "time_function",
-    "vector",
+    "ZERO", "Array", "ArrayOrNone", "Given", "array", "checked", "choice", "declared", "direction",
+    "flag", "function", "instance", "number", "one_of", "owner_of", "rotation", "settled", "text",
+    "time_function", "vector",
 ]  # fmt: skip
 
 #: Takes the object, the field and its value for messages; returns what is stored.
