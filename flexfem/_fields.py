@@ -239,7 +239,10 @@ def _check_first(cls: type) -> None:
         if outer is check_first or not hasattr(outer, "checks_fields"):
             owner = owner_of(self)
             for name, check in self._field_checks:
-                object.__setattr__(self, name, check(owner, name, getattr(self, name)))
+                value = getattr(self, name)
+                found = check(owner, name, value)
+                if found is not value:
+                    object.__setattr__(self, name, found)
         if own is not None:
             own(self, *given)
 

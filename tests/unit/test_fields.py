@@ -61,3 +61,10 @@ def test_replace_keeps_what_is_stored():
     assert heavy.angular_velocity.tolist() == [0.0, 0.0, 2.0]
     force = ff.PointForce("f", ff.Marker("b"), (1.0, 0.0, 0.0), follower=True)
     assert replace(force, force=(2.0, 0.0, 0.0)).follower
+
+
+def test_a_constant_of_the_class_is_no_value_of_the_object():
+    """Checkpoints are compared by the values of objects."""
+    places = [ff.Marker(name) for name in "abcd"]
+    assert "motions" in vars(ff.Coupling("c", *places))
+    assert "motions" not in vars(ff.Gear("g", *places))
