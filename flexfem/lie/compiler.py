@@ -10,15 +10,22 @@ compiled. Compiling for the first run of a mechanism takes a fifth less time, an
 a tenth of a second or two earlier.
 """
 
+import pickle
 from collections.abc import Callable
 from typing import Any, NoReturn, Self, override
 
 import llvmlite.binding as llvm
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, Flags, compile_result
 
 __all__ = ["LoopCompiler", "SubroutineCompiler"]
+
+#: Errors of files that name classes which are gone, or that end early.
+_UNREADABLE = (
+    AttributeError, EOFError, ImportError, IndexError, KeyError, TypeError, ValueError,
+    pickle.UnpicklingError,
+)  # fmt: skip
 
 
 class _Flags(Flags):
@@ -133,7 +140,42 @@ class _LoopCacheImpl(_CacheImpl):
         return result
 
 
-class _LoopCache(FunctionCache):
+class _Files(IndexDataCacheFile):
+    """Files of one function; what cannot be read any more is compiled anew.
+
+    Types of arguments are kept by the names of their classes, which another version of the package
+    may not have.
+    """
+
+    @override
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            return dict(super()._load_index())
+        except _UNREADABLE:
+            return {}
+
+    @override
+    def load(self, key: Any) -> Any:
+        try:
+            return super().load(key)
+        except _UNREADABLE:
+            return None
+
+
+class _Cache(FunctionCache):
+    """Functions on disk."""
+
+    _impl_class: Any
+
+    def __init__(self, py_func: Any) -> None:
+        super().__init__(py_func)
+        implementation: Any = self._impl
+        self._cache_file = _Files(
+            self.cache_path, implementation.filename_base, self._cache_file._source_stamp
+        )
+
+
+class _LoopCache(_Cache):
     """Loops on disk."""
 
     _impl_class = _LoopCacheImpl
@@ -154,7 +196,7 @@ class _SubroutineCacheImpl(_CacheImpl):
         return _restored(target_context, library, entry, fndesc, environment, signature)
 
 
-class _SubroutineCache(FunctionCache):
+class _SubroutineCache(_Cache):
     """Subroutines on disk."""
 
     _impl_class = _SubroutineCacheImpl

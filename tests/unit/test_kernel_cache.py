@@ -2,11 +2,13 @@
 """Compiled loops are out of date when what they are made of changes."""
 
 import os
+import pickle
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -114,6 +116,26 @@ def test_loops_are_compiled_where_no_lock_can_be_had(tmp_path):
     command = [sys.executable, "-c", f"{script}fcntl.lockf = lockf\n{TOGETHER}", "0"]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert int(ended.stdout) == 1
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", ["half of it", "names what is gone"])
+def test_files_that_cannot_be_read_are_written_anew(suffix, damage, tmp_path):
+    """Numba's own reader ends the program where an older version had classes that are gone."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", TOGETHER, "0"]
+    subprocess.run(command, env=environment, capture_output=True, check=True)
+    (kept,) = tmp_path.rglob(f"so3._exp_loop*.{suffix}")
+    data = kept.read_bytes()
+    start = pickle.dumps(numba.__version__) if suffix == "nbi" else b""
+    gone = b"cflexfem.lie.so3\nGone\n."
+    kept.write_bytes(data[: len(data) // 2] if damage == "half of it" else start + gone)
+    misses = []
+    for _ in range(2):
+        ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        misses.append(int(ended.stdout))
+    assert misses == [1, 0]  # compiled, and kept again
 
 
 @inlined
