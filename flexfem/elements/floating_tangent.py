@@ -2,7 +2,8 @@
 """Compiled matrices of bodies in a floating frame, in the twist of the frame and all coordinates.
 
 The forces depend on elastic coordinates, rates (twist of the frame, then those of the coordinates)
-and the rates of these; see ``floating_inertia`` for the notation.
+and the rates of these; see ``floating_inertia`` for the notation. The room ``f`` holds the state of
+the body, integrals with it and the accelerations of its particles.
 """
 
 import numpy as np
