@@ -39,7 +39,8 @@ _NODAL = {
     "acceleration_change": (Nodal.TWIST, Nodes.word("acceleration_change")),
 }
 #: First column and number of columns of their data of cells.
-_OWN = {"relative_twist": (0, 6), "length": (6, 1), "damping": (7, 1)}
+_DAMPING = 7
+_OWN = {"relative_twist": (0, 6), "length": (6, 1), "damping": (_DAMPING, 1)}
 
 
 @dataclass(frozen=True)
@@ -234,7 +235,8 @@ class BeamGroup:
         cell_rates(self.cells.memory, twists, block.nodes.memory, rate)
         rate /= self.lengths[:, np.newaxis]
         data = self.data
-        return self._material.viscous_stress(strain, rate, data.section, data.damping), rate
+        damping = self.cells.own[:, _DAMPING]
+        return self._material.viscous_stress(strain, rate, data.section, damping), rate
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.motion``."""
