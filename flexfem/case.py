@@ -26,7 +26,7 @@ from flexfem.resources import imported_elsewhere, load_module, shipped_files
 
 if TYPE_CHECKING:
     from flexfem.model.model import Model
-    from flexfem.simulation.outcome import Outcome
+    from flexfem.simulation.run.outcome import Outcome
 
 __all__ = ["Case", "case_file", "load_case"]
 

@@ -27,13 +27,15 @@ import numpy as np
 import flexfem as ff
 from flexfem.control.fmu import FmuLaw
 from flexfem.core.state import Numbering, State
-from flexfem.io import checkpoint, read_history, read_summary, reduced_body_file
-from flexfem.io.checkpoint import write_checkpoint
-from flexfem.io.hdf5 import PlainFile
-from flexfem.io.hdf5_structure import read_structure
-from flexfem.io.reduced_body_file import _digest, load_reduced_body, save_reduced_body
+from flexfem.io import read_history, read_summary
+from flexfem.io.hdf5 import checkpoint
+from flexfem.io.hdf5 import reduced_body as reduced_body_file
+from flexfem.io.hdf5.arrays import PlainFile
+from flexfem.io.hdf5.checkpoint import write_checkpoint
+from flexfem.io.hdf5.reduced_body import _digest, load_reduced_body, save_reduced_body
+from flexfem.io.hdf5.structure import read_structure
 from flexfem.robots.surface_files import read_surface
-from flexfem.simulation.checkpoints import SavedState
+from flexfem.simulation.run.checkpoints import SavedState
 from tests.fuzz_readers import Reader
 from tests.unit.fmu_files import description
 from tests.unit.forged import seal

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from flexfem.mesh import body_mesh
-from flexfem.mesh.gmsh_reader import session
+from flexfem.mesh.imported.gmsh_model import session
 from flexfem.mesh.line_mesh import read_mesh
 from flexfem.mesh.surface_mesh import read_surface_mesh
 from tests.fuzz_readers import Reader, any_of

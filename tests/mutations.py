@@ -36,15 +36,15 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).parents[1]
 #: Files of each area, and names of functions if it is only some.
 AREAS: dict[str, tuple[tuple[str, ...], str]] = {
-    "families": (("elements/*", "bodies/*", "forms/*", "reduction/*"), ""),
+    "families": (("families/*", "bodies/*", "forms/*", "reduction/*"), ""),
     "solvers": (("solvers/*", "la/*", "kinematics/*"), ""),
-    "integrators": (("integrators/*", "simulation/step*", "simulation/events*"), ""),
-    "joints": (("joints/*", "loads/*", "core/*", "system/row*", "system/line*"), ""),
-    "system": (("system/*", "mesh/*.py", "contact/*"), ""),
-    "materials": (("materials/*", "lie/*"), ""),
-    "readers": (("mesh/imported/*", "robots/*", "io/*table*", "io/reduced*", "mesh/*_reader*"), ""),
+    "integrators": (("integrators/*", "simulation/motion/*"), ""),
+    "joints": (("joints/*", "loads/*", "core/*", "constraints/*"), ""),
+    "system": (("layout/*", "system/*", "mesh/*.py", "contact/*"), ""),
+    "materials": (("materials/*", "lie/*", "kernels/*"), ""),
+    "readers": (("mesh/imported/*", "robots/*", "io/tables/*", "io/hdf5/reduced*"), ""),
     "restarts": (("*",), r"_?(restore|state|recall|resume|kept_rows)$"),
-    "outputs": (("io/*", "system/probe*", "system/energies*", "inspection/*"), ""),
+    "outputs": (("io/*", "system/measure/*", "inspection/*"), ""),
     "papers": (("research/*",), ""),
 }
 #: Test files that are run because of their names.
@@ -192,10 +192,13 @@ def mapped(path: Path) -> list[str]:
             defined = re.findall(r"^(?:def|class) ([A-Za-z]\w+)", source.read_text(), re.MULTILINE)
             names = [re.escape(module) + r"\b", *(rf"\bff\.{name}\b" for name in defined)]
             names.append(rf"from {re.escape(package)} import [^\n]*\b{last}\b")
-            names += [rf"\b{last}\b"] if "_" in last else []  # names of schemes, in strings
+            words = [word for word in (last, source.parent.name) if "_" in word]
+            names += [rf"\b{word}\b" for word in words]  # names of schemes, in strings
             for test, text in tests.items():
                 if hits := len(re.findall("|".join(names), text)):
-                    share[str(test.relative_to(ROOT))] = hits / len(text) + (last in test.stem)
+                    share[str(test.relative_to(ROOT))] = hits / len(text) + any(
+                        word in test.stem for word in (last, *words)
+                    )
         if share:
             return sorted(share, key=lambda name: -share[name])[:MOST]
         stems = [".".join(source.relative_to(ROOT).with_suffix("").parts) for source in level]

@@ -2,6 +2,7 @@
 """Who may import whom."""
 
 import ast
+import re
 from collections.abc import Iterator, Mapping
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -19,26 +20,29 @@ LAYERS = [
         "_types",
         "_faults",
         "_checks",
-        "_fields",
         "_files",
         "_packages",
         "_trust",
         "_memory",
+        "_beside",
+        "_fields",
         "resources",
         "launch",
-        "_beside",
         "_leaving",
         "options",
         "installation",
     },
     {"analyses"},
-    {"lie", "la", "materials", "control"},
+    {"kernels", "la", "materials", "control"},
+    {"lie"},
     {"forms", "mesh"},
     {"core"},
     {"joints", "loads"},
     {"reduction", "sections"},
     {"model"},
-    {"elements", "bodies", "contact"},
+    {"bodies"},
+    {"layout"},
+    {"constraints", "contact"},
     {"system"},
     {"families"},
     {"kinematics"},
@@ -52,18 +56,20 @@ LAYERS = [
     {"__main__"},
     {"docs"},
 ]
-STRANGERS = {
-    "elements",
-    "bodies",
-    "contact",
-    "joints",
-    "loads",
-}  # on two lines, yet know nothing of each other
+# Those of one group know nothing of each other, although some are on different lines.
+STRANGERS = (
+    {"bodies", "contact", "constraints", "joints", "loads"},
+    {"families", "contact", "constraints"},
+)
+# What makes the elements of a family may know of the layout nothing but this.
+CONTRACT_OF_ELEMENTS = {"flexfem.layout.elements", "flexfem.layout.tangent_request"}
+UNKNOWN_TO_ELEMENTS = {"bodies", "constraints", "contact", "joints", "layout", "loads", "system"}
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 HEAVY = {"dolfinx", "dolfinx_solver", "petsc4py", "slepc4py", "mpi4py"}
 FORBIDDEN = {
     "forms": HEAVY,
     "lie": HEAVY | {"ufl"},
+    "kernels": HEAVY | {"ufl"},
     "materials": HEAVY | {"numba", "ufl"},
     "control": HEAVY | {"numba", "ufl"},
     "model": HEAVY | {"numba", "ufl"},
@@ -75,7 +81,11 @@ FORBIDDEN = {
     "reduction": HEAVY | {"numba", "ufl"},
 }
 # Here is what may do so in a package that otherwise must not.
-EXEMPT = PACKAGE / "reduction" / "fem"
+EXEMPT = (
+    PACKAGE / "reduction" / "fem",
+    PACKAGE / "kernels" / "ffcx.py",
+    PACKAGE / "kernels" / "ffcx_options.py",
+)
 
 
 def part(path: Path) -> str:
@@ -104,7 +114,7 @@ def test_imports_point_downwards(path: Path) -> None:
     if here == "__init__":
         return
     assert here in LEVEL, f"{here} has no place among the layers"
-    forbidden = set() if EXEMPT in path.parents else FORBIDDEN.get(here, set())
+    forbidden = set() if {path, *path.parents} & set(EXEMPT) else FORBIDDEN.get(here, set())
     for name in imports(ast.parse(path.read_text())):
         top, *rest = name.split(".")
         assert top, f"relative import {name}"
@@ -112,7 +122,7 @@ def test_imports_point_downwards(path: Path) -> None:
         assert top not in forbidden, name
         other = rest[0] if top == "flexfem" and rest else here
         if other in LEVEL and other != here:
-            assert not {here, other} <= STRANGERS, name
+            assert not any({here, other} <= group for group in STRANGERS), name
             assert LEVEL[other] < LEVEL[here] or LEVEL[here] == 0, f"{name} is not below {here}"
 
 
@@ -153,6 +163,53 @@ def test_modules_import_each_other_in_one_direction() -> None:
     files = {name for name, path in modules.items() if path.name != "__init__.py"}
     graph = {name: imported_modules(modules[name], modules) & files for name in sorted(files)}
     TopologicalSorter(graph).prepare()  # its error names the modules of a cycle
+
+
+#: Folders that are lists: one joint, one reader, one check a file.
+LISTS = {"joints", "mesh.imported", "inspection.checks"}
+#: Modules in any other folder at most: more are a heap.
+MOST = 15
+
+
+@pytest.mark.serial
+def test_folders_can_be_overlooked() -> None:
+    """A folder has few modules, and says in its ``__init__`` what they are."""
+    for folder in sorted({path.parent for path in FILES}):
+        name = ".".join(folder.relative_to(PACKAGE).parts)
+        ends = {"__init__.py", "__main__.py"}
+        modules = [path for path in folder.glob("*.py") if path.name not in ends]
+        assert len(modules) <= MOST or name in LISTS, name
+        assert ast.get_docstring(ast.parse((folder / "__init__.py").read_text())), name
+
+
+@pytest.mark.serial
+def test_folders_import_each_other_in_one_direction() -> None:
+    """No cycles between folders, whether beside or inside one another; type checkers count."""
+    modules = {dotted(path): path for path in FILES}
+    graph: dict[str, set[str]] = {}
+    for name, path in modules.items():
+        if path.name != "__init__.py" and path.parent != PACKAGE:
+            others = {other.rpartition(".")[0] for other in imported_modules(path, modules)
+                      if modules[other].name != "__init__.py"}  # fmt: skip
+            here = name.rpartition(".")[0]
+            graph.setdefault(here, set()).update(others - {here, "flexfem"})
+    TopologicalSorter(graph).prepare()  # its error names the folders of a cycle
+
+
+@pytest.mark.serial
+def test_elements_know_neither_model_nor_system() -> None:
+    """What the elements of a family consist of does not know joints, loads and numbered models."""
+    modules = {dotted(path): path for path in FILES}
+    left = [name for name in modules if re.fullmatch(r"flexfem\.families\.\w+\.elements", name)]
+    found: set[str] = set()
+    while left:
+        name = left.pop()
+        if name not in found:
+            found.add(name)
+            others = imported_modules(modules[name], modules)
+            left += [other for other in others if other.startswith("flexfem.families.")]
+            known = {other for other in others if other.split(".")[1] in UNKNOWN_TO_ELEMENTS}
+            assert known <= CONTRACT_OF_ELEMENTS, name
 
 
 # Attributes of others that are set around calls, and why; no more shall come.

@@ -11,7 +11,7 @@ __all__ = ["DYNAMICS", "INTEGRATORS", "RunOptions"]
 #: Time integrators by name: "module:class", see ``flexfem.integrators.integrator``.
 INTEGRATORS = {
     "generalized_alpha": "flexfem.integrators.generalized_alpha:GeneralizedAlpha",
-    "energy_momentum": "flexfem.integrators.energy_momentum:EnergyMomentum",
+    "energy_momentum": "flexfem.integrators.energy_momentum.scheme:EnergyMomentum",
     "stabilized_index2": "flexfem.integrators.stabilized_index2:StabilizedIndex2",
     "independent_coordinates": (
         "flexfem.integrators.independent_coordinates:IndependentCoordinates"

@@ -41,7 +41,7 @@ class RelaxationOptions(Settings):
         "quotient of the motion; kinetic: all stops at each energy peak",
         default="accelerated",
         choices=("accelerated", "viscous", "kinetic"),
-        note="See ``flexfem.solvers.relaxation_damping``.",
+        note="See ``flexfem.solvers.relaxation.damping``.",
     )
     masses: str = option(
         "fictitious masses of the nodes from their stiffness, or the model's own times one factor",

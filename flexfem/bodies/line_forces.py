@@ -10,8 +10,8 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.bodies.node_forces import Wrenches
-from flexfem.core.frame_kernels import Nodes
-from flexfem.core.line_points import (
+from flexfem.core.nodes.frame_kernels import Nodes
+from flexfem.core.places.line_points import (
     add_line_second,
     line_jacobian,
     offset_jacobian,
@@ -19,8 +19,8 @@ from flexfem.core.line_points import (
     turn_frames,
     turn_second,
 )
-from flexfem.lie.compiled import inlined, kernel
-from flexfem.lie.records import Float1D, Float3D, Int2D, Memory, Record, unpack
+from flexfem.kernels.compiled import inlined, kernel
+from flexfem.kernels.records import Float1D, Float3D, Int2D, Memory, Record, unpack
 from flexfem.lie.se3 import compose_into
 
 __all__ = ["Places", "add_line_forces", "line_force_states", "line_force_tangent", "line_twists"]
@@ -30,9 +30,10 @@ class Places(Record):
     """Places in elements of one kind with k nodes each.
 
     Attributes:
-        element: kind of the elements, see ``line_points``.
+        element: kind of the elements, see ``core.places.line_points``.
         nodes: (n, k) nodes of the element.
-        shape: (n, k, k) coefficients of the shape functions, see ``line_points.line_pose``.
+        shape: (n, k, k) coefficients of the shape functions, see
+            ``core.places.line_points.line_pose``.
         xi: (n,) place in the element.
         turns: (n, k, 9) rotations of the sections against the nodes; (n, 0, 9) for none.
     """

@@ -8,10 +8,10 @@ point. The point is carried by its node as the frame ``offset`` (12 numbers rela
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.frame_kernels import Nodes
+from flexfem.core.nodes.frame_kernels import Nodes
+from flexfem.kernels.compiled import kernel, subroutine
+from flexfem.kernels.records import Bool1D, Float2D, Int1D, Memory, Record, unpack
 from flexfem.lie._blocks import copy_entries
-from flexfem.lie.compiled import kernel, subroutine
-from flexfem.lie.records import Bool1D, Float2D, Int1D, Memory, Record, unpack
 from flexfem.lie.se3 import compose_into
 
 __all__ = ["Wrenches", "add_forces", "force_states", "force_tangent"]

@@ -8,10 +8,10 @@ axes) obeys the Euler–Poincaré equation ``M dv/dt - ad_v^T (M v) - M (R^T g, 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.core.frame_kernels import Nodes, step_rates_into
-from flexfem.core.motion import add_motion
-from flexfem.lie.compiled import kernel, subroutine
-from flexfem.lie.records import Memory, unpack
+from flexfem.core.nodes.frame_kernels import Nodes, step_rates_into
+from flexfem.core.nodes.motion import add_motion
+from flexfem.kernels.compiled import kernel, subroutine
+from flexfem.kernels.records import Memory, unpack
 
 __all__ = ["add_inertia", "add_mass_motion", "inertia_tangent"]
 
@@ -90,7 +90,8 @@ def inertia_tangent(
 ) -> None:  # fmt: skip
     """Write ``scale (k K + C dv + M dw)`` of every mass to ``out``.
 
-    ``shifts`` holds dv/dn, dw/dn and k, see ``frame_kernels.step_rates_into`` for dv and dw.
+    ``shifts`` holds dv/dn, dw/dn and k, see ``core.nodes.frame_kernels.step_rates_into`` for dv and
+    dw.
     """
     own, g, K, C = unpack(Nodes, nodes), np.empty(3), np.empty((6, 3)), np.empty((6, 6))
     by_v, by_w = np.empty(36), np.empty(36)
@@ -120,7 +121,7 @@ def add_mass_motion(
     nodes: IntArray, masses: FloatArray, chosen: BoolArray, frames: FloatArray,
     velocity: FloatArray, motion: FloatArray,
 ) -> None:  # fmt: skip
-    """Add energy and momenta of the chosen masses (k, 6, 6), see ``flexfem.core.motion``."""
+    """Add energy and momenta of the chosen masses (k, 6, 6), see ``flexfem.core.nodes.motion``."""
     p = np.empty(6)
     for k in range(nodes.size):
         if chosen[k]:

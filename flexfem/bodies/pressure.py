@@ -9,7 +9,7 @@ The tangent is unsymmetric at free edges and symmetric after summation inside.
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.kernels.compiled import inlined, kernel
 
 __all__ = ["add_pressures", "pressure_states", "pressure_tangent"]
 

@@ -7,11 +7,11 @@ both ends of the step.
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.bodies.node_forces import Wrenches
-from flexfem.core.step_kernels import StepNodes, add, mean_turn, turn, turn_back, unit
+from flexfem.core.nodes.step_kernels import StepNodes, add, mean_turn, turn, turn_back, unit
+from flexfem.kernels.compiled import inlined, kernel
+from flexfem.kernels.records import Memory, unpack
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined, kernel
-from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_step_forces", "step_force_tangent"]
 

@@ -4,10 +4,10 @@
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.step_kernels import StepNodes, momentum_force, momentum_tangent
+from flexfem.core.nodes.step_kernels import StepNodes, momentum_force, momentum_tangent
+from flexfem.kernels.compiled import kernel
+from flexfem.kernels.records import Memory, unpack
 from flexfem.lie import so3
-from flexfem.lie.compiled import kernel
-from flexfem.lie.records import Memory, unpack
 
 __all__ = ["add_step_inertia", "lump", "moved_lumps", "step_inertia_tangent"]
 
@@ -35,7 +35,7 @@ def add_step_inertia(
 
     Args:
         at: (k,) node of each mass.
-        lumps: (k, 13) see ``step_kernels.momentum_force``.
+        lumps: (k, 13) see ``core.nodes.step_kernels.momentum_force``.
         nodes: ``StepNodes``.
         h: step size, s.
         scale: see above.

@@ -69,7 +69,7 @@ def _word_on_compilation(options: Settings) -> AbstractContextManager[None]:
     if options.quiet or options.progress == "none" or not sys.stderr.isatty():
         return nullcontext()
     try:
-        from flexfem.la.first_compilation import told_of_compilation
+        from flexfem.kernels.first_compilation import told_of_compilation
     except ImportError:  # numba is missing, or will not load: the run says so
         return nullcontext()
     return told_of_compilation(lambda text: launch.say(text, error=True))

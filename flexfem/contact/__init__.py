@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact of nodes with triangles and with rigid surfaces, by penalties."""
+"""Contact of points with triangles and with rigid surfaces, by penalties.
+
+``points`` and ``pairs`` are the same on every rank, ``contacts`` are those of a rank; ``detection``
+finds what touches, ``law`` gives the forces, ``obstacles`` are the surfaces that are touched.
+"""

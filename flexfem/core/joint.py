@@ -3,8 +3,8 @@
 
 A joint is data: the list of its rows (``flexfem.core.row``), each a sum of elementary functions of
 two markers with directions fixed in their axes. All rows of all joints are evaluated as one batch
-in compiled code (``flexfem.system.row_kernels``), with their first and second derivatives; a new
-joint is a new list of rows.
+in compiled code (``flexfem.constraints.rows.kernels``), with their first and second derivatives; a
+new joint is a new list of rows.
 """
 
 from __future__ import annotations

@@ -34,7 +34,9 @@ _ZERO = np.zeros(3)
 
 
 class RowKind(IntEnum):
-    """Elementary functions of marker a (pose x_a, R_a) and marker b (x_b, R_b): ``core.terms``.
+    """Elementary functions of marker a (pose x_a, R_a) and marker b (x_b, R_b).
+
+    See ``constraints.terms``.
 
     ``FUNCTION`` is the last one: compiled loops take larger numbers for addresses of functions.
     """

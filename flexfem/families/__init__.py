@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Families of bodies, one a module: layout, distribution, elements, loads and measures of a kind.
+"""Families of bodies, a folder each: layout, elements, loads and measures of one kind of body.
 
-The contract is ``flexfem.system.family.Family``.
+The contract is ``flexfem.layout.family.Family``; ``family`` in each folder keeps it, ``elements``
+holds the elements of a rank. What several families need is in ``common``.
 """

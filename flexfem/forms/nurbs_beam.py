@@ -24,7 +24,7 @@ With ``vectors`` the rotation vectors of ``R_r^T R_I`` are interpolated in their
 
 The forms know nothing of the degree: their unknowns are the eleven numbers ``p = (y', q - 1, q')``
 of one point of an element, constants of a space that is discontinuous from one point to the next.
-What interpolates them and leads on to the nodes is in ``flexfem.elements.nurbs_loops``.
+What interpolates them and leads on to the nodes is in ``flexfem.families.beam_nurbs.loops``.
 """
 
 from collections.abc import Callable

@@ -17,8 +17,8 @@ eps^T D_c kappa + kappa^T D_b kappa) / 2``; its derivatives are exact. Rigid rot
 and n alike and leave the strains as they are.
 
 The form of a point knows the fifteen numbers ``(f_1, f_2, k_11, k_22, 2 k_12)`` and nothing of
-patches; what leads on to the nodes is in ``flexfem.elements.rotation_free``. The functions of
-strains and energy take any expressions, hence also those of a mesh.
+patches; what leads on to the nodes is in ``flexfem.families.shell_rotation_free.triangles``. The
+functions of strains and energy take any expressions, hence also those of a mesh.
 """
 
 from dataclasses import dataclass

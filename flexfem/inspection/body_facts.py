@@ -9,13 +9,13 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.kinematics.body_inertia import body_inertia
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
-from flexfem.model.bodies import Beam, PointMass, RigidBody
-from flexfem.model.body import Body
-from flexfem.model.floating_body import FloatingBody
-from flexfem.model.shapes import Box, CompoundShape, Shape, Sphere, SurfaceShape
-from flexfem.model.shell import Shell
-from flexfem.system.assembly import Assembly
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.bodies.shapes import Box, CompoundShape, Shape, Sphere, SurfaceShape
+from flexfem.model.bodies.shell import Shell
 
 __all__ = ["AnyBody", "BodyFacts", "MassFacts", "body_facts", "total"]
 
@@ -83,7 +83,7 @@ class BodyFacts:
         return self.unknowns - self.held
 
 
-def body_facts(serial: Assembly) -> list[BodyFacts]:
+def body_facts(serial: NumberedModel) -> list[BodyFacts]:
     """Bodies of a model kind by kind, point masses last."""
     model = serial.model
     facts = [_beam(serial, beam) for beam in model.beams]
@@ -110,7 +110,7 @@ def total(facts: Sequence[MassFacts]) -> MassFacts:
     return MassFacts(mass, centre, inertia)
 
 
-def _masses(serial: Assembly, body: AnyBody, near: FloatArray) -> MassFacts:
+def _masses(serial: NumberedModel, body: AnyBody, near: FloatArray) -> MassFacts:
     """Mass properties of a body; ``near`` (3,) is a point near its mass centre."""
     matrix = body_inertia(serial, body, se3.frame(near, np.eye(3)))
     mass = float(matrix[0, 0])
@@ -122,7 +122,7 @@ def _masses(serial: Assembly, body: AnyBody, near: FloatArray) -> MassFacts:
 
 
 def _flexible(
-    serial: Assembly, body: Beam | Shell | Body, points: FloatArray, elements: int,
+    serial: NumberedModel, body: Beam | Shell | Body, points: FloatArray, elements: int,
     unknowns: tuple[int, int, int],
 ) -> BodyFacts:  # fmt: skip
     nodes, width, held = unknowns
@@ -132,7 +132,7 @@ def _flexible(
     return BodyFacts(body, kind, masses, size, elements, nodes, nodes * width, held)
 
 
-def _beam(serial: Assembly, beam: Beam) -> BodyFacts:
+def _beam(serial: NumberedModel, beam: Beam) -> BodyFacts:
     if beam.formulation == "nurbs":
         curves = serial.curves
         assert curves is not None
@@ -145,7 +145,7 @@ def _beam(serial: Assembly, beam: Beam) -> BodyFacts:
     return _flexible(serial, beam, points, elements, (len(points), 6, 0))
 
 
-def _shell(serial: Assembly, number: int, shell: Shell) -> BodyFacts:
+def _shell(serial: NumberedModel, number: int, shell: Shell) -> BodyFacts:
     surface = serial.surface
     assert surface is not None
     own: IntArray = np.flatnonzero(surface.body_of_node == number)
@@ -157,12 +157,12 @@ def _shell(serial: Assembly, number: int, shell: Shell) -> BodyFacts:
     )
 
 
-def _energy(serial: Assembly, body: Body) -> BodyFacts:
+def _energy(serial: NumberedModel, body: Body) -> BodyFacts:
     points = body.points
     return _flexible(serial, body, points, body.elements, (len(points), body.width, body.holds))
 
 
-def _rigid(serial: Assembly, body: RigidBody) -> BodyFacts:
+def _rigid(serial: NumberedModel, body: RigidBody) -> BodyFacts:
     near = body.position + body.rotation @ body.centre
     size = np.abs(body.rotation) @ _shape_size(body.shape)
     return BodyFacts(body, KINDS[RigidBody], _masses(serial, body, near), size, 0, 1, 6)
@@ -197,7 +197,7 @@ def _shape_points(shape: Shape) -> FloatArray:
     return corners
 
 
-def _floating(serial: Assembly, number: int, body: FloatingBody) -> BodyFacts:
+def _floating(serial: NumberedModel, number: int, body: FloatingBody) -> BodyFacts:
     floating = serial.floating
     assert floating is not None
     own = floating.body_of_node == number

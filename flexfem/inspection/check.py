@@ -8,9 +8,9 @@ from collections.abc import Container
 from flexfem.inspection import checks
 from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.model import Model
 from flexfem.options import Settings
-from flexfem.system.assembly import Assembly
 
 __all__ = ["check", "findings", "findings_of_run"]
 
@@ -48,7 +48,7 @@ def findings(inspection: Inspection, without: Container[str] = ()) -> list[Findi
     return found
 
 
-def findings_of_run(serial: Assembly, options: Settings) -> list[Finding]:
+def findings_of_run(serial: NumberedModel, options: Settings) -> list[Finding]:
     """Findings of the checks that an analysis does not make by itself.
 
     Args:

@@ -16,10 +16,10 @@ from flexfem.inspection.joint_facts import JointFacts, joint_facts, turning_rows
 from flexfem.inspection.mesh_facts import MeshFacts, mesh_facts
 from flexfem.kinematics.rigid_parts import RigidParts
 from flexfem.kinematics.start_rows import StartRows
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.model.model import Model
 from flexfem.options import Settings
-from flexfem.system.assembly import Assembly
 
 __all__ = ["Inspection"]
 
@@ -45,14 +45,14 @@ class Inspection:
             _checks.instance("check", "options", options, Settings)
         try:
             model.validate()
-            self.serial: Assembly = Assembly(model)
+            self.serial: NumberedModel = NumberedModel(model)
             self.model, self.options = model, options
             self.rows  # noqa: B018 - joints that cannot be placed are mistakes in the model
         except ValueError as error:
             raise InputError(str(error)) from error
 
     @classmethod
-    def of(cls, serial: Assembly, options: Settings) -> Self:
+    def of(cls, serial: NumberedModel, options: Settings) -> Self:
         """Look at a model that an analysis has validated and numbered already.
 
         Raises:

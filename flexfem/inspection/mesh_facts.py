@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.constraints.batch import Constraints
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.materials.section import Section
-from flexfem.model.bodies import Beam
-from flexfem.model.shell import Shell
-from flexfem.system.assembly import Assembly
-from flexfem.system.constraints import Constraints
+from flexfem.model.bodies.basic import Beam
+from flexfem.model.bodies.shell import Shell
 
 __all__ = ["MeshFacts", "matrix_entries", "mesh_facts", "section_depth"]
 
@@ -45,7 +45,7 @@ class MeshFacts:
         return self.length / self.depth
 
 
-def mesh_facts(serial: Assembly) -> list[MeshFacts]:
+def mesh_facts(serial: NumberedModel) -> list[MeshFacts]:
     """Beams, then shells, of a model."""
     beams = [_beam(serial, beam) for beam in serial.model.beams]
     return beams + [_shell(serial, shell) for shell in serial.model.shells]
@@ -66,7 +66,7 @@ def section_depth(section: Section) -> float:
     return float(np.sqrt(12.0 * J.max() / mass)) if mass > 0.0 and J.max() > 0.0 else np.nan
 
 
-def _beam(serial: Assembly, beam: Beam) -> MeshFacts:
+def _beam(serial: NumberedModel, beam: Beam) -> MeshFacts:
     if beam.formulation == "nurbs":
         curves = serial.curves
         assert curves is not None
@@ -83,7 +83,7 @@ def _beam(serial: Assembly, beam: Beam) -> MeshFacts:
     return MeshFacts(beam, lengths, lengths, float(lengths.sum()), 0.0, depth, middles, axial)
 
 
-def _shell(serial: Assembly, shell: Shell) -> MeshFacts:
+def _shell(serial: NumberedModel, shell: Shell) -> MeshFacts:
     mesh = serial.model.surface
     assert mesh is not None  # checked by validate()
     rows = mesh.body_rows(shell.body)
@@ -97,7 +97,7 @@ def _shell(serial: Assembly, shell: Shell) -> MeshFacts:
     )  # fmt: skip
 
 
-def matrix_entries(serial: Assembly, rows: Constraints) -> int:
+def matrix_entries(serial: NumberedModel, rows: Constraints) -> int:
     """Entries that the matrix of a step has room for, joints included, contact left out."""
     count = 36 * len(serial.model.rigid_bodies)
     if len(serial.points):
@@ -113,13 +113,13 @@ def matrix_entries(serial: Assembly, rows: Constraints) -> int:
         count += int(((6 * np.diff(serial.floating.first)) ** 2).sum())
     # a row has an entry in G and in G^T for each unknown of its nodes
     row = np.repeat(rows.row_of_term, 2)
-    slots = rows.term_slots.ravel()
-    met = np.unique(np.stack([row, slots])[:, slots >= 0], axis=1)
+    nodes = rows.term_nodes.ravel()
+    met = np.unique(np.stack([row, nodes])[:, nodes >= 0], axis=1)
     width_of = rows.interface.width
     return int(count + 2 * width_of[met[1]].sum())
 
 
-def _patches(serial: Assembly) -> IntArray:
+def _patches(serial: NumberedModel) -> IntArray:
     """(m, k) nodes that the triangles of the shells couple, -1 where there is none."""
     surface = serial.surface
     assert surface is not None

@@ -14,7 +14,7 @@ from flexfem.inspection.body_facts import KINDS, BodyFacts, MassFacts
 from flexfem.inspection.finding import Finding, listed, owner_of
 from flexfem.inspection.joint_facts import ROLES, JointFacts
 from flexfem.inspection.model_facts import ModelFacts
-from flexfem.model.bodies import Beam
+from flexfem.model.bodies.basic import Beam
 
 if TYPE_CHECKING:
     from flexfem.core.load import Load

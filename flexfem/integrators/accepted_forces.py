@@ -30,12 +30,12 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.nodes.action_kernels import add_products
 from flexfem.core.row import LawKind
 from flexfem.integrators.drive_rates import drive_rates
 from flexfem.integrators.start import laws_settled
 from flexfem.solvers.frozen.solver import FrozenSolver
-from flexfem.solvers.tangent import TangentSolver
-from flexfem.system.action_kernels import add_products
+from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import GYROSCOPIC, MASS, System
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
-from flexfem.system.constraints import Constraints
+from flexfem.constraints.batch import Constraints
 
 __all__ = ["DriveRates", "drive_rates"]
 

@@ -21,11 +21,11 @@ from typing import ClassVar
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.prediction import Prediction
+from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
-from flexfem.solvers.newton import Equations, PositionLevel
-from flexfem.solvers.policy import Policy
+from flexfem.solvers.newton.iteration import Equations, PositionLevel
+from flexfem.solvers.newton.policy import Policy
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import Shifts, System
 
@@ -46,7 +46,7 @@ class StepLaws:
         shifts: of the iteration matrix.
         predict: (7,) laws, one for each ``Prediction``.
         rates: (2,) derivatives of velocity and acceleration by the increment.
-        accept: (3,) law of acceptance, see ``frame_kernels``.
+        accept: (3,) law of acceptance, see ``core.nodes.frame_kernels``.
     """
 
     shifts: Shifts

@@ -20,14 +20,14 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.prediction import Prediction
+from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, step_laws
 from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
 from flexfem.integrators.start import drives, second_rates
 from flexfem.solvers.independent_motions import IndependentMotions
-from flexfem.solvers.policy import Policy
+from flexfem.solvers.newton.policy import Policy
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 

@@ -15,10 +15,10 @@ from typing import ClassVar, Protocol
 
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import INTEGRATORS
-from flexfem.core.prediction import Prediction
+from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.solvers.policy import Policy
+from flexfem.solvers.newton.policy import Policy
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 

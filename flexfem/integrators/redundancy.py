@@ -36,7 +36,7 @@ def check_independence(system: System) -> None:
         (
             joints[rows.joint_of_row[row]],
             rows.numbers[row],
-            keys[rows.term_slots[mine]],
+            keys[rows.term_nodes[mine]],
             rows.force_jacobian[mine],
         )
     )

@@ -21,7 +21,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.solvers.newton import Equations, SolveAgain
+from flexfem.solvers.newton.iteration import Equations, SolveAgain
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import Shifts, System
 

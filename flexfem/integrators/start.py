@@ -7,11 +7,11 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
+from flexfem.constraints.batch import Constraints
 from flexfem.core.row import START_GAP
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
-from flexfem.solvers.tangent import TangentSolver
-from flexfem.system.constraints import Constraints
+from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.system import MASS, System
 
 __all__ = [

@@ -5,14 +5,14 @@ Everything here takes plain NumPy arrays and an mpi4py communicator; nothing kno
 solvers or integrators.
 """
 
-from flexfem.io.beam_fields import BeamFields
-from flexfem.io.beam_writer import BeamWriter
-from flexfem.io.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
-from flexfem.io.history import HistoryWriter, read_history
 from flexfem.io.progress import Progress
 from flexfem.io.summary import read_summary, write_summary
-from flexfem.io.surfaces import Surface, body_surface
-from flexfem.io.vtu_series import VtuSeries
+from flexfem.io.tables.history import HistoryWriter, read_history
+from flexfem.io.vtu.beam_fields import BeamFields
+from flexfem.io.vtu.beam_writer import BeamWriter
+from flexfem.io.vtu.body_fields import JointFields, JointWriter, RigidBodyFields, RigidBodyWriter
+from flexfem.io.vtu.series import VtuSeries
+from flexfem.io.vtu.surfaces import Surface, body_surface
 
 __all__ = [
     "BeamFields",

@@ -13,9 +13,9 @@ from flexfem.core.pose import Pose
 from flexfem.kinematics.mechanism import RigidMechanism
 from flexfem.kinematics.moved_model import moved_model
 from flexfem.kinematics.rigid_parts import RigidParts, part_numbers
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.model.model import Model
-from flexfem.system.assembly import Assembly
 
 __all__ = ["assemble"]
 
@@ -64,7 +64,7 @@ def assemble(
     _checks.number("assemble", "tolerance", tolerance, positive=True)
     try:
         model.validate()
-        serial = Assembly(model)
+        serial = NumberedModel(model)
         parts = RigidParts(serial)
         mechanism = RigidMechanism(serial, parts, [*serial.joints, *also])
         moving = np.ones(len(parts), dtype=np.bool_)
@@ -118,7 +118,7 @@ def _check_start(model: Model, tolerance: float) -> None:
     Raises:
         InputError: a drive asks for something else than the start at t = 0, for example.
     """
-    serial = Assembly(model)
+    serial = NumberedModel(model)
     parts = RigidParts(serial)
     mechanism = RigidMechanism(serial, parts, serial.joints)
     _check_closed(mechanism, 10.0 * tolerance, "does not hold at t = 0 in the assembled position")

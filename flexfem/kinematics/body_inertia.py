@@ -4,14 +4,14 @@
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.line_points import find_jacobian
+from flexfem.core.places.line_points import find_jacobian
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.materials.shell_section import ShellSection
-from flexfem.model.bodies import Beam, PointMass, RigidBody
-from flexfem.model.body import Body
-from flexfem.model.floating_body import FloatingBody
-from flexfem.model.shell import Shell
-from flexfem.system.assembly import Assembly
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.bodies.shell import Shell
 
 __all__ = ["body_inertia", "carried"]
 
@@ -30,7 +30,7 @@ _TRIANGLE = np.array(
 
 
 def body_inertia(
-    serial: Assembly, body: Beam | Shell | RigidBody | FloatingBody | Body | PointMass,
+    serial: NumberedModel, body: Beam | Shell | RigidBody | FloatingBody | Body | PointMass,
     origin: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """Inertia matrix (6, 6) of a body at the start, translation first.
@@ -72,7 +72,7 @@ def carried(
     return total
 
 
-def _beam_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArray:
+def _beam_inertia(serial: NumberedModel, body: Beam, origin: FloatArray) -> FloatArray:
     cells = serial.cells.frames[serial.cells.body == serial.model.beams.index(body)]
     twists = se3.log(se3.compose(se3.inverse(cells[:, 0]), cells[:, 1]))
     weights = 0.5 * np.linalg.norm(twists[:, :3], axis=1)
@@ -83,7 +83,7 @@ def _beam_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArra
     return total
 
 
-def _curve_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArray:
+def _curve_inertia(serial: NumberedModel, body: Beam, origin: FloatArray) -> FloatArray:
     curves = serial.curves
     assert curves is not None
     index = curves.index(body.name)
@@ -98,7 +98,7 @@ def _curve_inertia(serial: Assembly, body: Beam, origin: FloatArray) -> FloatArr
     return carried(origin, sections.reshape(-1, 12), body.section.inertia, lengths.ravel())
 
 
-def _shell_inertia(serial: Assembly, body: Shell, origin: FloatArray) -> FloatArray:
+def _shell_inertia(serial: NumberedModel, body: Shell, origin: FloatArray) -> FloatArray:
     """The rule of the edges' middles is exact for what is quadratic in a triangle."""
     surface = serial.surface
     assert surface is not None

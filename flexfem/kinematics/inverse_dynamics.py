@@ -18,9 +18,9 @@ from flexfem.kinematics.differences import stencil
 from flexfem.kinematics.distribution import Distribution, DriveState, LeastEffort
 from flexfem.kinematics.mechanism import RigidMechanism, marker_key, place_loads
 from flexfem.kinematics.rigid_parts import RigidParts
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.loads.amplitude import Spline
 from flexfem.model.model import Model
-from flexfem.system.assembly import Assembly
 
 __all__ = ["InverseDynamics", "inverse_dynamics"]
 
@@ -152,7 +152,7 @@ class _Task:
         distribution: Distribution, times: FloatArray, difference: float | None,
     ) -> None:  # fmt: skip
         model.validate()
-        serial = Assembly(model)
+        serial = NumberedModel(model)
         own = [joint for joint in serial.joints if not any(joint is a for a in actuators)]
         for joint in outputs:
             if not joint.driven or any(joint is other for other in own):

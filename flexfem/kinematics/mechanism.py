@@ -8,17 +8,17 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
+from flexfem.constraints.batch import Constraints
+from flexfem.constraints.node_table import NodeTable
+from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
 from flexfem.core.marker import Carrier, Ground, Marker
 from flexfem.core.pose import Pose
 from flexfem.kinematics.rigid_parts import RigidParts
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.loads.point_load import PointLoad
-from flexfem.system.assembly import Assembly
-from flexfem.system.constraints import Constraints
-from flexfem.system.node_table import NodeTable
-from flexfem.system.placed_joint import PlacedJoint
 
 __all__ = ["PlacedLoads", "RigidMechanism", "marker_key", "place_joint", "place_loads"]
 
@@ -62,7 +62,7 @@ def place_joint(parts: RigidParts, joint: Joint, index: int) -> PlacedJoint:
         Pose(se3.position(frame), se3.rotation(frame)) for frame in se3.compose(frames, offsets)
     ]
     return PlacedJoint(
-        joint=joint, index=index, poses=tuple(poses), slots=tuple(i for i, _ in places),
+        joint=joint, index=index, poses=tuple(poses), interface_nodes=tuple(i for i, _ in places),
         offsets=offsets, points=(None,) * len(places), owned=True, shared=False,
     )  # fmt: skip
 
@@ -76,7 +76,7 @@ class RigidMechanism:
         joints: the joints.
     """
 
-    def __init__(self, serial: Assembly, parts: RigidParts, joints: Sequence[Joint]) -> None:
+    def __init__(self, serial: NumberedModel, parts: RigidParts, joints: Sequence[Joint]) -> None:
         """Place the joints between the parts at their start.
 
         Raises:
@@ -126,7 +126,7 @@ class RigidMechanism:
         rows = self.rows
         full = np.zeros((rows.size, len(self.parts) + 1, 6))  # the ground comes last
         row = rows.row_of_term[:, np.newaxis]
-        np.add.at(full, (row, rows.term_slots), rows.force_jacobian)
+        np.add.at(full, (row, rows.term_nodes), rows.force_jacobian)
         return full[:, :-1].reshape(rows.size, -1)
 
     def move(self, step: FloatArray) -> None:

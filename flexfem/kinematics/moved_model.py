@@ -13,16 +13,16 @@ from flexfem.core.joint import Joint, JointAction
 from flexfem.core.marker import Ground, Marker, SurfaceMarker
 from flexfem.core.pose import Pose
 from flexfem.loads.gravity import Gravity
-from flexfem.mesh.frames import Orientation
+from flexfem.mesh.geometry.frames import Orientation
 from flexfem.mesh.line_mesh import LineMesh, section_frames
-from flexfem.mesh.nurbs import NurbsCurve
-from flexfem.mesh.nurbs_frames import control_frames
+from flexfem.mesh.nurbs.curve import NurbsCurve
+from flexfem.mesh.nurbs.frames import control_frames
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.model.bodies import Beam, RigidBody
-from flexfem.model.body import Body
-from flexfem.model.floating_body import FloatingBody
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.bodies.shell import Shell
 from flexfem.model.model import Model
-from flexfem.model.shell import Shell
 
 __all__ = ["moved_model"]
 

@@ -9,12 +9,12 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Attachment, Ground
 from flexfem.kinematics.body_inertia import body_inertia
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
-from flexfem.model.bodies import Beam, RigidBody
-from flexfem.model.body import Body
-from flexfem.model.floating_body import FloatingBody
-from flexfem.model.shell import Shell
-from flexfem.system.assembly import Assembly
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.bodies.shell import Shell
 
 __all__ = ["RigidParts"]
 
@@ -29,7 +29,7 @@ class RigidParts:
             of others inertial axes in the middle of their nodes.
     """
 
-    def __init__(self, serial: Assembly) -> None:
+    def __init__(self, serial: NumberedModel) -> None:
         """Find the parts of a model."""
         model = serial.model
         self._serial = serial
@@ -86,7 +86,7 @@ class RigidParts:
 
 
 def _nodes(
-    serial: Assembly, body: Beam | Shell | Body
+    serial: NumberedModel, body: Beam | Shell | Body
 ) -> tuple[FloatArray, list[tuple[object, ...]]]:
     """Positions (k, 3) of the nodes of a body, and keys that are equal where bodies share nodes."""
     model = serial.model

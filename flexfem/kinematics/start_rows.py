@@ -8,15 +8,15 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.constraints.batch import Constraints
+from flexfem.constraints.connect import all_ends, connect_alone
+from flexfem.constraints.node_table import NodeTable
 from flexfem.core.joint import Joint
 from flexfem.kinematics.rigid_parts import RigidParts
 from flexfem.la.dependence import NodeRows
+from flexfem.layout.node_key import NodeKey
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
-from flexfem.system.assembly import Assembly
-from flexfem.system.connect import all_ends, connect_alone
-from flexfem.system.constraints import Constraints
-from flexfem.system.node_key import NodeKey
-from flexfem.system.node_table import NodeTable
 
 __all__ = ["StartRows"]
 
@@ -35,7 +35,7 @@ class StartRows:
         rows: their rows, joint by joint in this order.
     """
 
-    def __init__(self, serial: Assembly, parts: RigidParts) -> None:
+    def __init__(self, serial: NumberedModel, parts: RigidParts) -> None:
         """Place the joints.
 
         Raises:
@@ -62,17 +62,17 @@ class StartRows:
     def on_nodes(self, chosen: BoolArray) -> NodeRows:
         """Gradients of chosen rows (r,) with respect to twists of nodes."""
         terms, row = self._chosen(chosen)
-        return NodeRows(row, self.rows.term_slots[terms], self.rows.force_jacobian[terms])
+        return NodeRows(row, self.rows.term_nodes[terms], self.rows.force_jacobian[terms])
 
     def on_parts(self, chosen: BoolArray) -> NodeRows:
         """Gradients of chosen rows (r,) with respect to twists of the bodies as wholes."""
         terms, row = self._chosen(chosen)
-        slots = self.rows.term_slots[terms]
+        nodes = self.rows.term_nodes[terms]
         part, carried = self._carriers(self._table.keys, self._table.frames)
         # the ground comes last
         part, carried = np.append(part, -1), np.concatenate([carried, np.zeros((1, 6, 6))])
-        gradient = np.einsum("tsi,tsij->tsj", self.rows.force_jacobian[terms], carried[slots])
-        return NodeRows(row, part[slots], gradient)
+        gradient = np.einsum("tsi,tsij->tsj", self.rows.force_jacobian[terms], carried[nodes])
+        return NodeRows(row, part[nodes], gradient)
 
     def supports(self) -> NodeRows:
         """Independent rows of the rigid motions that held edges and nodes of shells prevent."""
@@ -121,7 +121,7 @@ def _independent(part: IntArray, gradient: FloatArray) -> tuple[IntArray, FloatA
     return np.concatenate(parts), np.concatenate(rows)
 
 
-def _table(serial: Assembly, keys: Sequence[NodeKey]) -> NodeTable:
+def _table(serial: NumberedModel, keys: Sequence[NodeKey]) -> NodeTable:
     """The nodes at the start."""
     count = len(keys)
     frames, velocities = np.zeros((count, 12)), np.zeros((count, 6))

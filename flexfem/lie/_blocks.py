@@ -8,8 +8,8 @@ with its derivatives as :mod:`flexfem.lie._series` defines them: ``p = (p, 2 dp/
 """
 
 from flexfem._types import FloatArray
+from flexfem.kernels.compiled import inlined
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined
 
 __all__ = [
     "copy_entries",

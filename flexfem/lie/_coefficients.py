@@ -8,8 +8,8 @@ closed forms cancel only where a coefficient is small beside the others of its m
 
 from math import cos, sin, sqrt
 
+from flexfem.kernels.compiled import inlined
 from flexfem.lie import _series
-from flexfem.lie.compiled import inlined
 
 __all__ = [
     "Triple",

@@ -2,6 +2,7 @@
 """Compiled kernels of SE(3); :mod:`flexfem.lie.se3` states the conventions and exports them."""
 
 from flexfem._types import FloatArray
+from flexfem.kernels.compiled import inlined
 from flexfem.lie._blocks import (
     cross,
     dot,
@@ -17,7 +18,6 @@ from flexfem.lie._coefficients import (
     inverse_derivatives,
     pose_coefficients,
 )
-from flexfem.lie.compiled import inlined
 from flexfem.lie.so3 import log_entries, right_coefficients
 
 __all__ = [

@@ -8,9 +8,9 @@ Matrices are stored row by row, 9 entries from ``offset`` on.
 from math import sqrt
 
 from flexfem._types import FloatArray
+from flexfem.kernels.compiled import inlined
 from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
-from flexfem.lie.compiled import inlined
 
 __all__ = ["Quaternion", "conjugate", "from_matrix", "matrix_into", "product"]
 

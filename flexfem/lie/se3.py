@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem._types import FloatArray
+from flexfem.kernels.compiled import kernel
 from flexfem.lie._batch import batch, batch_pair
 from flexfem.lie._frames import (
     adjoint_into,
@@ -39,7 +40,6 @@ from flexfem.lie._frames import (
     tangent_derivative_into,
     tangent_into,
 )
-from flexfem.lie.compiled import kernel
 
 __all__ = [
     "adjoint",

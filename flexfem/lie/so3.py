@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem._types import FloatArray
+from flexfem.kernels.compiled import inlined, kernel
 from flexfem.lie._batch import batch, batch_pair
 from flexfem.lie._blocks import dot, first_block, map_block, triple
 from flexfem.lie._coefficients import (
@@ -28,7 +29,6 @@ from flexfem.lie._coefficients import (
     pose_coefficients,
     tangent_derivatives,
 )
-from flexfem.lie.compiled import inlined, kernel
 from flexfem.lie.quaternion import from_matrix
 
 __all__ = [

@@ -12,8 +12,8 @@ from flexfem._fields import ZERO, declared, number, text
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.load import Amplitude
 from flexfem.loads.shell_load import ShellLoad
-from flexfem.mesh.surface_topology import sides_along
-from flexfem.mesh.topology import edge_keys
+from flexfem.mesh.geometry.topology import edge_keys
+from flexfem.mesh.triangles.topology import sides_along
 
 if TYPE_CHECKING:
     from flexfem.mesh.surface_mesh import SurfaceMesh

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexfem import _checks
 from flexfem.installation import load_dolfinx
-from flexfem.mesh.gmsh_reader import session
+from flexfem.mesh.imported.gmsh_model import session
 from flexfem.mesh.library import checked_build
 
 if TYPE_CHECKING:

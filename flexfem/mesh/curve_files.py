@@ -9,7 +9,7 @@ from flexfem._files import read_bytes
 from flexfem.mesh.imported import iges, step
 from flexfem.mesh.imported.curve_parts import finished
 from flexfem.mesh.imported.limits import decoded
-from flexfem.mesh.nurbs import NurbsCurve
+from flexfem.mesh.nurbs.curve import NurbsCurve
 
 __all__ = ["read_curves"]
 

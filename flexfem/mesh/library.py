@@ -11,7 +11,7 @@ from flexfem import _checks
 from flexfem._faults import FAILURES, mistake
 from flexfem._memory import LINE_NODE, check_run
 from flexfem.installation import require
-from flexfem.mesh.gmsh_reader import session
+from flexfem.mesh.imported.gmsh_model import session
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.resources import load_module, shipped_files

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._memory import LINE_NODE, check_run
 from flexfem._types import FloatArray, IntArray
-from flexfem.mesh.frames import CORNER_ANGLE, node_tangents, section_frames
-from flexfem.mesh.topology import edge_keys, group_order, orient
+from flexfem.mesh.geometry.frames import CORNER_ANGLE, node_tangents, section_frames
+from flexfem.mesh.geometry.topology import edge_keys, group_order, orient
 
 __all__ = [
     "CORNER_ANGLE",
@@ -152,7 +152,7 @@ class LineMesh:
             ValueError: No lines, no named group of lines, elements of higher order, or a
                 physical point that holds several nodes.
         """
-        from flexfem.mesh.gmsh_reader import line_data
+        from flexfem.mesh.imported.gmsh_model import line_data
 
         return cls(*line_data())
 

@@ -16,9 +16,17 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._memory import check_room
 from flexfem._types import FloatArray, IntArray
-from flexfem.mesh import surface_checks, surface_grid, surface_topology
-from flexfem.mesh.surface_topology import SurfaceTopology
-from flexfem.mesh.topology import edge_keys, group_order
+from flexfem.mesh.geometry.topology import edge_keys, group_order
+from flexfem.mesh.triangles import (
+    checks as surface_checks,
+)
+from flexfem.mesh.triangles import (
+    grid as surface_grid,
+)
+from flexfem.mesh.triangles import (
+    topology as surface_topology,
+)
+from flexfem.mesh.triangles.topology import SurfaceTopology
 
 __all__ = ["SurfaceMesh", "read_surface_mesh"]
 
@@ -220,7 +228,7 @@ class SurfaceMesh:
                 curve that lies on the surfaces only in part, or a physical point that holds
                 several nodes.
         """
-        from flexfem.mesh.gmsh_reader import surface_data
+        from flexfem.mesh.imported.gmsh_model import surface_data
 
         return cls(*surface_data())
 

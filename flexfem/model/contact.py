@@ -7,12 +7,12 @@ from typing import Any
 
 from flexfem import _checks
 from flexfem._fields import Given, checked, declared, flag, number, text
-from flexfem.model.bodies import Beam
-from flexfem.model.body import Body
-from flexfem.model.probe import AnyProbe, name_columns
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam
+from flexfem.model.bodies.shell import Shell
+from flexfem.model.probes.base import AnyProbe, name_columns
 from flexfem.model.rigid_surface import RigidSurface
-from flexfem.model.shell import Shell
-from flexfem.model.structure import Structure
+from flexfem.model.structure.structure import Structure
 
 __all__ = ["Contact", "ContactProbe"]
 

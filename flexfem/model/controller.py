@@ -10,9 +10,9 @@ from flexfem._fields import Given, checked, declared, number
 from flexfem.control.law import Law, SampledLaw
 from flexfem.core.load import Load
 from flexfem.joints.actuator import Actuator
-from flexfem.model.measured import ReactionProbe
-from flexfem.model.probe import AnyProbe, name_columns, strings
-from flexfem.model.structure import Structure
+from flexfem.model.probes.base import AnyProbe, name_columns, strings
+from flexfem.model.probes.measured import ReactionProbe
+from flexfem.model.structure.structure import Structure
 
 __all__ = ["Controller"]
 

@@ -10,7 +10,7 @@ from flexfem import _checks
 from flexfem._faults import FAILURES, noted
 from flexfem._fields import Given, checked, declared, flag, function, number
 from flexfem.core.marker import Observed
-from flexfem.model.probe import MarkerState, observed, strings
+from flexfem.model.probes.base import MarkerState, observed, strings
 
 __all__ = ["Action", "Event", "LockJoint", "Mechanism", "Rebound", "ReleaseJoint", "Stop"]
 

@@ -9,10 +9,10 @@ from flexfem.loads.line_load import LineLoad
 from flexfem.loads.pressure import Pressure
 from flexfem.loads.shell_load import ShellLoad
 from flexfem.loads.surface_load import SurfaceLoad
-from flexfem.model.bodies import Beam
-from flexfem.model.body import Body
-from flexfem.model.shell import Shell
-from flexfem.model.structure import Structure
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam
+from flexfem.model.bodies.shell import Shell
+from flexfem.model.structure.structure import Structure
 
 __all__ = ["check_load"]
 

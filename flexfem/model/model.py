@@ -9,15 +9,15 @@ from flexfem.core.load import Load
 from flexfem.loads.gravity import Gravity
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.model.bodies import Beam, PointMass, RigidBody
-from flexfem.model.body import Body
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.bodies.shell import Shell
 from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
-from flexfem.model.floating_body import FloatingBody
-from flexfem.model.probe import AnyProbe
-from flexfem.model.shell import Shell
-from flexfem.model.structure import Structure
+from flexfem.model.probes.base import AnyProbe
+from flexfem.model.structure.structure import Structure
 from flexfem.model.table import model_table
 from flexfem.model.validate import validate
 

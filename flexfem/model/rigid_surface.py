@@ -7,10 +7,10 @@ from flexfem import _checks
 from flexfem._fields import checked, declared, flag, instance, number
 from flexfem.core.marker import Attachment, Carrier, Ground, Marker, ShellLine, SurfaceMarker
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.mesh.surface_topology import connected_parts, vector_areas
-from flexfem.model.bodies import Beam, RigidBody
-from flexfem.model.floating_body import FloatingBody
-from flexfem.model.structure import Structure
+from flexfem.mesh.triangles.topology import connected_parts, vector_areas
+from flexfem.model.bodies.basic import Beam, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.structure.structure import Structure
 
 __all__ = ["RigidCylinder", "RigidMesh", "RigidPlane", "RigidSphere", "RigidSurface"]
 

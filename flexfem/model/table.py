@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.model.body import Body
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.shell import Shell
 from flexfem.model.controller import Controller
-from flexfem.model.probe import AnyProbe
-from flexfem.model.shell import Shell
-from flexfem.model.structure import Structure
+from flexfem.model.probes.base import AnyProbe
+from flexfem.model.structure.structure import Structure
 
 # Rows shown of each kind before the rest is counted only
 _MAX_ROWS = 8

@@ -18,18 +18,18 @@ from flexfem.core.marker import (
     SurfaceMarker,
 )
 from flexfem.mesh.line_mesh import LineMesh, section_frames
-from flexfem.mesh.nurbs_frames import control_rotations
-from flexfem.model.bodies import Beam, RigidBody
-from flexfem.model.body import Body
+from flexfem.mesh.nurbs.frames import control_rotations
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.bodies.shell import Shell
 from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
-from flexfem.model.floating_body import FloatingBody
 from flexfem.model.load_checks import check_load
-from flexfem.model.place import Place
-from flexfem.model.probe import AnyProbe
-from flexfem.model.shell import Shell
-from flexfem.model.structure import Structure
+from flexfem.model.probes.base import AnyProbe
+from flexfem.model.structure.place import Place
+from flexfem.model.structure.structure import Structure
 
 
 def validate(model: Structure) -> None:

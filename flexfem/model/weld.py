@@ -10,7 +10,7 @@ from flexfem._types import FloatArray
 from flexfem.core.marker import Marker
 from flexfem.joints.rigid import Rigid
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.model.bodies import Beam
+from flexfem.model.bodies.basic import Beam
 
 __all__ = ["weld"]
 

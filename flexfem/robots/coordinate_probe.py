@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.joint import perpendicular
-from flexfem.model.probe import MarkerState, Probe
+from flexfem.model.probes.base import MarkerState, Probe
 from flexfem.robots.connections import Connection
 
 __all__ = ["coordinate_probe"]

@@ -12,9 +12,9 @@ from flexfem.core.marker import Attachment, Marker
 from flexfem.core.pose import Pose
 from flexfem.materials.section import Section
 from flexfem.mesh.line_mesh import LineMesh, section_frames
-from flexfem.mesh.nurbs import NurbsCurve
-from flexfem.model.bodies import FORMULATIONS, Beam
-from flexfem.model.floating_body import FloatingBody
+from flexfem.mesh.nurbs.curve import NurbsCurve
+from flexfem.model.bodies.basic import FORMULATIONS, Beam
+from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.reduction.reduced_body import ReducedBody
 from flexfem.robots.placement import Moving
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from flexfem.core.marker import Attachment, Ground, Marker
 from flexfem.core.pose import Pose
-from flexfem.model.bodies import Beam, RigidBody
-from flexfem.model.floating_body import FloatingBody
-from flexfem.model.shapes import CompoundShape, Shape
+from flexfem.model.bodies.basic import Beam, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.bodies.shapes import CompoundShape, Shape
 from flexfem.robots.description import check_inertial
 from flexfem.robots.placement import Moving
 from flexfem.robots.tree import LinkData

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.core.pose import Pose
-from flexfem.model.shapes import Box, Cylinder, Shape, Sphere, SurfaceShape
+from flexfem.model.bodies.shapes import Box, Cylinder, Shape, Sphere, SurfaceShape
 from flexfem.robots.description import origin
 from flexfem.robots.elements import Element
 from flexfem.robots.surface_files import read_surface

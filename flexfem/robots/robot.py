@@ -15,7 +15,7 @@ from flexfem.joints.actuator import Actuator
 from flexfem.joints.prescribed_angle import PrescribedAngle
 from flexfem.joints.prescribed_displacement import PrescribedDisplacement
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.model.probe import Probe
+from flexfem.model.probes.base import Probe
 from flexfem.robots.connections import Connection
 from flexfem.robots.coordinate_probe import coordinate_probe
 from flexfem.robots.hosts import Body, Host

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.mesh.gmsh_reader import session
+from flexfem.mesh.imported.gmsh_model import session
 
 __all__ = ["triangulate"]
 

@@ -33,7 +33,7 @@ from scipy.sparse import block_array, csc_array
 from scipy.sparse.linalg import splu
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.la.jit import compile_options, compiled_form
+from flexfem.kernels.ffcx_options import compile_options, compiled_form
 
 __all__ = ["Warping"]
 

@@ -16,18 +16,18 @@ from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import CampbellOptions
 from flexfem.core.status import Status
-from flexfem.io.history import HistoryWriter
 from flexfem.io.summary import remove_summary
+from flexfem.io.tables.history import HistoryWriter
 from flexfem.launch import StopSignals
 from flexfem.model.model import Model
-from flexfem.simulation.interruption import Agreement, interruption
+from flexfem.simulation.equilibria.operating_point import OperatingPoint
 from flexfem.simulation.modes import checks, doubts, modes_at
-from flexfem.simulation.operating_point import OperatingPoint
-from flexfem.simulation.outcome import Outcome, Results, conclude
-from flexfem.simulation.reasons import modes_hint, with_hint
-from flexfem.simulation.run_guard import agreed, guarded, refuse
-from flexfem.solvers.mode_shapes import Modes
-from flexfem.solvers.tracking import follow, whirl
+from flexfem.simulation.run.failure_reasons import modes_hint, with_hint
+from flexfem.simulation.run.guard import agreed, guarded, refuse
+from flexfem.simulation.run.interruption import Agreement, interruption
+from flexfem.simulation.run.outcome import Outcome, Results, conclude
+from flexfem.solvers.modal.mode_shapes import Modes
+from flexfem.solvers.modal.tracking import follow, whirl
 
 __all__ = ["sweep_spin"]
 

@@ -17,18 +17,25 @@ from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.model.model import Model
-from flexfem.simulation.checkpoints import Checkpoints, Restart
-from flexfem.simulation.energy_watch import EnergyWatch
-from flexfem.simulation.functions_alike import NONE, FunctionsAlike
-from flexfem.simulation.locked_shapes import locked_shapes
-from flexfem.simulation.made_up_energy import made_up_energy
-from flexfem.simulation.outcome import Outcome, Results
-from flexfem.simulation.reasons import ITERATED, MOTION, START, moves_most, not_finite, with_hint
-from flexfem.simulation.recording import Recorder
-from flexfem.simulation.run import Steps, carry_out
-from flexfem.simulation.stepping import HALVINGS, Simulation
-from flexfem.simulation.time_grid import TimeGrid
-from flexfem.simulation.unresolved_turns import UnresolvedTurns
+from flexfem.simulation.motion.stepping import HALVINGS, Simulation
+from flexfem.simulation.run.checkpoints import Checkpoints, Restart
+from flexfem.simulation.run.failure_reasons import (
+    ITERATED,
+    MOTION,
+    START,
+    moves_most,
+    not_finite,
+    with_hint,
+)
+from flexfem.simulation.run.functions_alike import NONE, FunctionsAlike
+from flexfem.simulation.run.loop import Steps, carry_out
+from flexfem.simulation.run.outcome import Outcome, Results
+from flexfem.simulation.run.recording import Recorder
+from flexfem.simulation.run.time_grid import TimeGrid
+from flexfem.simulation.watch.energy_drift import energy_drift
+from flexfem.simulation.watch.energy_watch import EnergyWatch
+from flexfem.simulation.watch.locked_shapes import locked_shapes
+from flexfem.simulation.watch.unresolved_turns import UnresolvedTurns
 
 __all__ = ["simulate"]
 
@@ -177,7 +184,7 @@ class _TimeSteps(Steps):
         for watch in (self._watch, self._turns):
             cautions.say([] if watch is None else watch.texts())
         # the history is the first rank's
-        cautions.say(self.system.comm.bcast(made_up_energy(serial.model, history)))
+        cautions.say(self.system.comm.bcast(energy_drift(serial.model, history)))
         cautions.say(locked_shapes(serial, self.system))
 
     def summary(self) -> dict[str, Any]:
@@ -212,7 +219,7 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
         return "ok"
     t = simulation.time
     if status is Status.LEFT:
-        return f"{simulation.departures.reason} after t = {t:.6g} s"
+        return f"{simulation.slider_exit.reason} after t = {t:.6g} s"
     if status is Status.EVENT:
         if simulation.events.bad is not None:
             name = simulation.events.bad

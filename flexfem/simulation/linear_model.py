@@ -16,16 +16,16 @@ from flexfem._types import FloatArray
 from flexfem.analyses.modes import LinearOptions
 from flexfem.core.status import Status
 from flexfem.io.state_space import write_arrays
-from flexfem.model.measured import ShellStrainProbe, StrainProbe
 from flexfem.model.model import Model
-from flexfem.model.probe import Probe
+from flexfem.model.probes.base import Probe
+from flexfem.model.probes.measured import ShellStrainProbe, StrainProbe
+from flexfem.simulation.equilibria.operating_point import OperatingPoint
 from flexfem.simulation.modes import doubts, settled_modes
-from flexfem.simulation.operating_point import OperatingPoint
-from flexfem.simulation.reasons import modes_hint, with_hint
-from flexfem.solvers.mode_shapes import ComplexArray
-from flexfem.solvers.reduction import Reduction, reduce_equations
-from flexfem.system.probe_rates import probe_rates
-from flexfem.system.strain_rates import strain_rates
+from flexfem.simulation.run.failure_reasons import modes_hint, with_hint
+from flexfem.solvers.modal.mode_shapes import ComplexArray
+from flexfem.solvers.modal.reduced_equations import Reduction, reduce_equations
+from flexfem.system.measure.probe_rates import probe_rates
+from flexfem.system.measure.strain_rates import strain_rates
 
 __all__ = ["LARGEST", "LinearModel", "linearize"]
 

@@ -17,16 +17,16 @@ from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import ModeOptions
 from flexfem.core.status import Status
-from flexfem.io.field_output import FieldOutput
-from flexfem.io.history import HistoryWriter
-from flexfem.io.mode_output import write_modes
+from flexfem.io.paraview.field_output import FieldOutput
+from flexfem.io.paraview.mode_output import write_modes
 from flexfem.io.summary import remove_summary
+from flexfem.io.tables.history import HistoryWriter
 from flexfem.model.model import Model
-from flexfem.simulation.operating_point import OperatingPoint
-from flexfem.simulation.outcome import Outcome, Results, conclude
-from flexfem.simulation.reasons import modes_hint, with_hint
-from flexfem.simulation.run_guard import agreed, guarded, refuse
-from flexfem.solvers.mode_shapes import Modes, find
+from flexfem.simulation.equilibria.operating_point import OperatingPoint
+from flexfem.simulation.run.failure_reasons import modes_hint, with_hint
+from flexfem.simulation.run.guard import agreed, guarded, refuse
+from flexfem.simulation.run.outcome import Outcome, Results, conclude
+from flexfem.solvers.modal.mode_shapes import Modes, find
 
 __all__ = ["ModesOutcome", "checks", "doubts", "find_modes", "modes_at", "settled_modes"]
 

@@ -17,18 +17,18 @@ from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.core.status import Status
 from flexfem.integrators.start import check_start
 from flexfem.model.model import Model
-from flexfem.simulation.cautions import Cautions
-from flexfem.simulation.checkpoints import Checkpoints, Restart
-from flexfem.simulation.functions_alike import FunctionsAlike
-from flexfem.simulation.outcome import Outcome, Results
-from flexfem.simulation.reasons import RELAXATION, not_finite, with_hint
-from flexfem.simulation.recording import Recorder
-from flexfem.simulation.run import Steps, carry_out
-from flexfem.simulation.setup import set_up
-from flexfem.simulation.time_grid import TimeGrid
-from flexfem.solvers.relaxation import Relaxation, Scheme
-from flexfem.solvers.tangent import TangentSolver
-from flexfem.system.extent import model_extent
+from flexfem.simulation.run.cautions import Cautions
+from flexfem.simulation.run.checkpoints import Checkpoints, Restart
+from flexfem.simulation.run.failure_reasons import RELAXATION, not_finite, with_hint
+from flexfem.simulation.run.functions_alike import FunctionsAlike
+from flexfem.simulation.run.loop import Steps, carry_out
+from flexfem.simulation.run.outcome import Outcome, Results
+from flexfem.simulation.run.recording import Recorder
+from flexfem.simulation.run.setup import set_up
+from flexfem.simulation.run.time_grid import TimeGrid
+from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.solvers.relaxation.solver import Relaxation, Scheme
+from flexfem.system.bounding_box import model_extent
 
 __all__ = ["relax"]
 

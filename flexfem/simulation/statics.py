@@ -17,32 +17,38 @@ from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
-from flexfem.io.field_output import FieldOutput
+from flexfem.io.paraview.field_output import FieldOutput
 from flexfem.model.contact import Contact
-from flexfem.model.measured import EnergyProbe
 from flexfem.model.model import Model
-from flexfem.simulation.cautions import Cautions
-from flexfem.simulation.checkpoints import Checkpoints, Restart
-from flexfem.simulation.departures import Departures
-from flexfem.simulation.equilibrium import check_held, rest
-from flexfem.simulation.followed import Followed
-from flexfem.simulation.functions_alike import FunctionsAlike
-from flexfem.simulation.inside_out import inside_out
-from flexfem.simulation.locked_shapes import locked_shapes
-from flexfem.simulation.outcome import Outcome, Results
-from flexfem.simulation.path import CriticalPoint, Path
-from flexfem.simulation.reasons import ITERATED, STATICS, moves_most, not_finite, with_hint
-from flexfem.simulation.recording import Recorder
-from flexfem.simulation.run import Steps, carry_out
-from flexfem.simulation.run_guard import agreed
-from flexfem.simulation.setup import set_up
-from flexfem.simulation.targets import LOAD, Targets
-from flexfem.simulation.time_grid import TimeGrid
-from flexfem.solvers.buckling import LinearBuckling
-from flexfem.solvers.linear_statics import solve_linear
-from flexfem.solvers.statics import Equilibrium, Limits, settle
-from flexfem.solvers.tangent import TangentSolver
-from flexfem.system.probes import ProbeRecorder
+from flexfem.model.probes.measured import EnergyProbe
+from flexfem.simulation.equilibria.equilibrium import check_held, rest
+from flexfem.simulation.equilibria.path import CriticalPoint, Path
+from flexfem.simulation.equilibria.path_progress import Followed
+from flexfem.simulation.equilibria.targets import LOAD, Targets
+from flexfem.simulation.motion.slider_exit import SliderExit
+from flexfem.simulation.run.cautions import Cautions
+from flexfem.simulation.run.checkpoints import Checkpoints, Restart
+from flexfem.simulation.run.failure_reasons import (
+    ITERATED,
+    STATICS,
+    moves_most,
+    not_finite,
+    with_hint,
+)
+from flexfem.simulation.run.functions_alike import FunctionsAlike
+from flexfem.simulation.run.guard import agreed
+from flexfem.simulation.run.loop import Steps, carry_out
+from flexfem.simulation.run.outcome import Outcome, Results
+from flexfem.simulation.run.recording import Recorder
+from flexfem.simulation.run.setup import set_up
+from flexfem.simulation.run.time_grid import TimeGrid
+from flexfem.simulation.watch.inside_out import inside_out
+from flexfem.simulation.watch.locked_shapes import locked_shapes
+from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.solvers.statics.buckling import LinearBuckling
+from flexfem.solvers.statics.equilibrium import Equilibrium, Limits, settle
+from flexfem.solvers.statics.linear import solve_linear
+from flexfem.system.measure.probes import ProbeRecorder
 
 __all__ = ["StaticSteps", "solve_static"]
 
@@ -150,7 +156,7 @@ class StaticSteps(Steps):
         )  # fmt: skip
         if not options.stabilise:
             check_held(self._serial, self.equilibrium)
-        self._departures = Departures(self.system, self._serial)
+        self._slider_exit = SliderExit(self.system, self._serial)
         self._inverted = ""
         self._columns = partial(_columns, self._probes, self.equilibrium)
         self.status = self._checked(self._settled(model))
@@ -340,7 +346,7 @@ class StaticSteps(Steps):
         """Status of a trial state: a slider may have left its carrier, a body be inside out."""
         if status is not Status.OK:
             return status
-        if self._departures.found():
+        if self._slider_exit.found():
             return Status.LEFT
         self._inverted = inside_out(self._serial, self.system)
         return Status.INSIDE_OUT if self._inverted else Status.OK
@@ -408,7 +414,7 @@ class StaticSteps(Steps):
         if status is Status.OK:
             return "ok" if self._stopped else self._unreached()
         if status is Status.LEFT:
-            return f"{self._departures.reason} after t = {t:.6g}"
+            return f"{self._slider_exit.reason} after t = {t:.6g}"
         if self.followed.steps == options.max_steps:
             return with_hint(
                 f"not at the end after {options.max_steps} arc-length steps, t = {t:.6g}",

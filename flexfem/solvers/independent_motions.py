@@ -22,9 +22,9 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.core.frame_block import FrameBlock
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.la.dense import gather_rows
-from flexfem.solvers.tangent import TangentSolver
+from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.system import Shifts, System
 
 __all__ = ["IndependentMotions"]
@@ -158,11 +158,11 @@ class IndependentMotions:
         widths = np.array([part.block.width for part in system.parts], dtype=np.int64)
         full = np.zeros((rows.size_global, self.unknowns + 1))
         term, side = np.nonzero(
-            (rows.owned[rows.row_of_term] > 0.0)[:, np.newaxis] & (rows.term_slots >= 0)
+            (rows.owned[rows.row_of_term] > 0.0)[:, np.newaxis] & (rows.term_nodes >= 0)
         )
-        slot = rows.term_slots[term, side]
-        part = system.part_of_slot[slot]
-        first = self._first[part] + widths[part] * system.interface.number[slot]
+        node = rows.term_nodes[term, side]
+        part = system.part_of_node[node]
+        first = self._first[part] + widths[part] * system.interface.number[node]
         column = first[:, np.newaxis] + np.arange(6)
         # nodes of three unknowns: what is beyond goes to a column that is dropped
         column[np.arange(6) >= widths[part][:, np.newaxis]] = self.unknowns

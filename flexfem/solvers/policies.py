@@ -8,9 +8,9 @@ a step on which they fail; what then fails is left to the driver, which halves t
 """
 
 from flexfem.solvers.frozen.policy import AutoPolicy, FrozenPolicy
-from flexfem.solvers.newton import NewtonOptions
-from flexfem.solvers.policy import MaterialPolicy, Policy, UpdatedPolicy
-from flexfem.solvers.tangent import TangentSolver
+from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.solvers.newton.iteration import NewtonOptions
+from flexfem.solvers.newton.policy import MaterialPolicy, Policy, UpdatedPolicy
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import System
 

@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flexfem.io.history import read_history
 from flexfem.io.summary import read_summary, write_summary
-from flexfem.io.table import write_table
+from flexfem.io.tables.history import read_history
+from flexfem.io.tables.table import write_table
 from flexfem.studies.plan import PlannedRun
 from flexfem.studies.reductions import Reduction
 

@@ -13,7 +13,7 @@ from flexfem.launch import Interrupted, environment_of_runs
 from flexfem.studies.processes import run_command
 
 if TYPE_CHECKING:
-    from flexfem.simulation.outcome import Outcome
+    from flexfem.simulation.run.outcome import Outcome
 
 __all__ = ["run_case"]
 
@@ -104,7 +104,7 @@ def _flag(key: str, value: Any) -> list[str]:
 def _outcome(folder: Path) -> Outcome:
     """Return the outcome that the run has left."""
     from flexfem.io import read_history, read_summary
-    from flexfem.simulation.outcome import Outcome
+    from flexfem.simulation.run.outcome import Outcome
 
     summary, table = read_summary(folder / "summary.json"), folder / "history.csv"
     return Outcome(summary["status"], summary, read_history(table) if table.exists() else {})

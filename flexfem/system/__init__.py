@@ -1,2 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""From the declarative model to blocks, residuals and matrices on the ranks."""
+"""The system on the ranks: blocks, residuals and matrices.
+
+``build`` makes it of a model, ``measure`` holds energies, momenta and probes.
+"""

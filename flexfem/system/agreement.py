@@ -8,7 +8,7 @@ from itertools import zip_longest
 from mpi4py import MPI
 
 from flexfem import launch
-from flexfem.system.assembly import Assembly
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.system.fingerprint import fingerprints
 
 __all__ = ["agreed"]
@@ -20,7 +20,7 @@ _ALIKE = (
 _NOTHING = "nothing"
 
 
-def agreed(comm: MPI.Intracomm, make: Callable[[], Assembly]) -> Assembly:
+def agreed(comm: MPI.Intracomm, make: Callable[[], NumberedModel]) -> NumberedModel:
     """Serial data of a model that is the same on all ranks (collective).
 
     Args:

@@ -8,31 +8,31 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import IntArray
-from flexfem.core.frame_block import FrameBlock
+from flexfem.constraints.batch import Constraints
+from flexfem.constraints.connect import all_ends, connect
+from flexfem.constraints.interface import Interface
+from flexfem.contact.contacts import Contacts, ContactShare
+from flexfem.contact.initial_overlaps import check_start
+from flexfem.contact.pairs import ContactSurfaces, contact_surfaces
+from flexfem.contact.points import ContactPoints, contact_points
 from flexfem.core.marker import SurfaceMarker
-from flexfem.elements.family import ElementFamily
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.forms.beam_law import law_expressions
+from flexfem.layout.elements import ElementFamily
+from flexfem.layout.family import Family
+from flexfem.layout.node_loads import NodeForces, NodeMasses
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.layout.placed_loads import marker_forces
+from flexfem.layout.placement import Placement, place
 from flexfem.lie import se3, so3
-from flexfem.model.bodies import Beam, PointMass
-from flexfem.model.shell import Shell
-from flexfem.system.assembly import Assembly
-from flexfem.system.connect import all_ends, connect
-from flexfem.system.constraints import Constraints
-from flexfem.system.contact_points import ContactPoints, contact_points
-from flexfem.system.contact_start import check_start
-from flexfem.system.contact_surfaces import ContactSurfaces, contact_surfaces
-from flexfem.system.contacts import Contacts, ContactShare
-from flexfem.system.family import Family
-from flexfem.system.interface import Interface
-from flexfem.system.node_loads import NodeForces, NodeMasses
-from flexfem.system.placed_loads import marker_forces
-from flexfem.system.placement import Placement, place
+from flexfem.model.bodies.basic import Beam, PointMass
+from flexfem.model.bodies.shell import Shell
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
 
 
-def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
+def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> System:
     """Build the system of a model (collective).
 
     Args:
@@ -75,7 +75,7 @@ def build(serial: Assembly, comm: MPI.Intracomm, split_above: int) -> System:
     return System(comm, parts, interface, constraints, bodies, clusters, model.loads, gravity)
 
 
-def _touching(serial: Assembly) -> tuple[ContactPoints, list[ContactSurfaces]] | None:
+def _touching(serial: NumberedModel) -> tuple[ContactPoints, list[ContactSurfaces]] | None:
     """Serial data of the contacts, None without any; surfaces that intersect raise."""
     if not serial.model.contacts:
         return None
@@ -99,7 +99,7 @@ def _add_contacts(
 
 
 def _part(
-    serial: Assembly, family: Family, block: FrameBlock, interface: Interface,
+    serial: NumberedModel, family: Family, block: FrameBlock, interface: Interface,
     elements: ElementFamily | None,
 ) -> BlockPart:  # fmt: skip
     """A block with what acts on its nodes of this rank."""
@@ -115,11 +115,11 @@ def _part(
         elements=elements,
         node_body=node_body,
         node_cluster=family.cluster_of_node[block.node_ids],
-        slots=np.where(interface.kind == family.kind, interface.local, -1),
+        interface_nodes=np.where(interface.kind == family.kind, interface.local, -1),
     )
 
 
-def _joined(serial: Assembly) -> IntArray:
+def _joined(serial: NumberedModel) -> IntArray:
     """Pairs (k, 2) of nodes of shells that joints of lines hold together."""
     pairs = [
         (a, b)
@@ -132,7 +132,7 @@ def _joined(serial: Assembly) -> IntArray:
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _check_laws(serial: Assembly) -> None:
+def _check_laws(serial: NumberedModel) -> None:
     """Raise for laws of sections whose functions fail, and for damping of what has no stiffness."""
     bodies: list[Beam | Shell] = [*serial.model.beams, *serial.model.shells]
     for body in bodies:
@@ -150,7 +150,7 @@ def _check_laws(serial: Assembly) -> None:
             )
 
 
-def _check_node(serial: Assembly, mass: PointMass) -> None:
+def _check_node(serial: NumberedModel, mass: PointMass) -> None:
     """Raise for a mass inside an element: the inertia of elements knows nothing of it."""
     try:
         serial.key(mass.marker)
@@ -158,7 +158,7 @@ def _check_node(serial: Assembly, mass: PointMass) -> None:
         raise ValueError(f'PointMass "{mass.name}": {error}') from None
 
 
-def _masses(serial: Assembly, family: Family, block: FrameBlock) -> NodeMasses:
+def _masses(serial: NumberedModel, family: Family, block: FrameBlock) -> NodeMasses:
     """Rigid bodies and point masses on the nodes of a block that this rank owns."""
     nodes, matrices = family.masses(block)
     for mass in serial.model.point_masses:

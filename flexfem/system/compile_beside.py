@@ -24,7 +24,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 
 from flexfem import _beside
-from flexfem.lie.compile_once import busy
+from flexfem.kernels.compile_once import busy
 
 __all__ = ["compile_beside", "kind_of", "text_of"]
 

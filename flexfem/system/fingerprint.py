@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from flexfem.core.marker import Marker
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.controller import Controller
-from flexfem.model.floating_body import FloatingBody
-from flexfem.model.probe import AnyProbe
-from flexfem.system.assembly import Assembly
+from flexfem.model.probes.base import AnyProbe
 
 __all__ = ["fingerprint", "fingerprints"]
 
@@ -32,7 +32,7 @@ _STEP = 2.0**-30
 _BORDER = 1.37
 
 
-def fingerprint(serial: Assembly) -> dict[str, str]:
+def fingerprint(serial: NumberedModel) -> dict[str, str]:
     """Checksum of every kind of thing in a model; equal on all ranks."""
     model = serial.model
     parts: dict[str, Any] = {
@@ -57,7 +57,7 @@ def fingerprint(serial: Assembly) -> dict[str, str]:
     return {name: _Digest(serial).of(part) for name, part in parts.items()}
 
 
-def fingerprints(serial: Assembly) -> list[tuple[str, str]]:
+def fingerprints(serial: NumberedModel) -> list[tuple[str, str]]:
     """Every thing in a model with its checksum, functions included, in the order of the model."""
     things = (*_named(serial), ("the mesh of its beams", _layout(serial, "mesh")),
               ("the mesh of its shells", _layout(serial, "surface")))  # fmt: skip
@@ -65,7 +65,7 @@ def fingerprints(serial: Assembly) -> list[tuple[str, str]]:
     return [(words, _Digest(serial, known).of(thing)) for words, thing in things]
 
 
-def _named(serial: Assembly) -> Iterator[tuple[str, Any]]:
+def _named(serial: NumberedModel) -> Iterator[tuple[str, Any]]:
     """The things in a model by class and name."""
     model = serial.model
     yield "Gravity", model.gravity
@@ -102,7 +102,7 @@ def _floating(body: FloatingBody) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-def _layout(serial: Assembly, what: str) -> tuple[Any, ...]:
+def _layout(serial: NumberedModel, what: str) -> tuple[Any, ...]:
     """Nodes and elements of the families that lay out a "mesh" of beams or a "surface"."""
     found = [family.fingerprint().get(what, ()) for family in serial.families.values()]
     return tuple(part for parts in found for part in parts)
@@ -116,7 +116,7 @@ _Known = dict[int, tuple[Any, str]]
 class _Digest:
     """Checksum of nested data; functions count where there is room for checksums that are known."""
 
-    def __init__(self, serial: Assembly, known: _Known | None = None) -> None:
+    def __init__(self, serial: NumberedModel, known: _Known | None = None) -> None:
         self._serial, self._hash = serial, hashlib.blake2b(digest_size=8)
         self._known = known
 

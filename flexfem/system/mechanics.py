@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.elements.request import TangentRequest
-from flexfem.system.action_kernels import add_products, subtract_forces
+from flexfem.core.nodes.action_kernels import add_products, subtract_forces
+from flexfem.layout.tangent_request import TangentRequest
 from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
 __all__ = ["END_POINT", "EndPoint", "Mechanics"]
@@ -53,8 +53,8 @@ class Mechanics(ABC):
         system.interface.update_steps()
         turning = system.constraints.turning_forces(hessians, system.interface.steps)
         for part in system.parts:
-            if len(part.slots):
-                subtract_forces(turning, part.slots, part.block.residual)
+            if len(part.interface_nodes):
+                subtract_forces(turning, part.interface_nodes, part.block.residual)
 
     def multiply_mass(self, system: System, factor: float) -> None:
         """Residuals become ``factor`` times mass matrix times the blocks' steps (collective)."""

@@ -15,18 +15,18 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
-from flexfem.core.frame_block import FrameBlock
+from flexfem.constraints.batch import Constraints
+from flexfem.constraints.interface import Interface
+from flexfem.contact.contacts import Contacts, ContactShare
 from flexfem.core.load import Load
-from flexfem.core.prediction import Misses, Prediction
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
-from flexfem.elements.family import ElementFamily
-from flexfem.elements.request import EXACT, Strains, TangentRequest
-from flexfem.system.constraints import Constraints
-from flexfem.system.contacts import Contacts, ContactShare
-from flexfem.system.family import Family
-from flexfem.system.inner_forces import InnerForces
-from flexfem.system.interface import Interface
-from flexfem.system.node_loads import NodeForces, NodeMasses
+from flexfem.layout.elements import ElementFamily
+from flexfem.layout.family import Family
+from flexfem.layout.inner_forces import InnerForces
+from flexfem.layout.node_loads import NodeForces, NodeMasses
+from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "PartStrains", "Shifts", "System"]
 
@@ -81,7 +81,10 @@ class Shifts:
     def request(
         self, strains: Strains | None = None, *, drop_compression: bool = False
     ) -> TangentRequest:
-        """Request of a part's tangent, see :class:`flexfem.elements.request.TangentRequest`."""
+        """Request of a part's tangent.
+
+        See :class:`flexfem.layout.tangent_request.TangentRequest`.
+        """
         if strains is None and not (drop_compression or self.local):
             return EXACT
         return TangentRequest(strains, drop_compression, self.local)
@@ -104,7 +107,8 @@ class BlockPart:
         elements: the element family, None for rigid bodies.
         node_body: (n,) number of the body that each node belongs to.
         node_cluster: (n,) number of its cluster: bodies that share nodes are one matrix.
-        slots: (n_slots,) local node of each interface slot that this rank owns in it, else -1.
+        interface_nodes: (n_nodes,) local node of each interface node that this rank owns in it,
+            else -1.
         contacts: what these do to its nodes, None where nothing touches.
     """
 
@@ -116,7 +120,7 @@ class BlockPart:
     elements: ElementFamily | None
     node_body: IntArray
     node_cluster: IntArray
-    slots: IntArray
+    interface_nodes: IntArray
     contacts: ContactShare | None = None
 
     @property
@@ -142,9 +146,9 @@ class BlockPart:
         return [*elements, *((forces.nodes, forces.nodes) for forces in self.line_forces)]
 
     @cached_property
-    def held_entries(self) -> BoolArray:
+    def dirichlet_entries(self) -> BoolArray:
         """Flags of entries of elements, masses and forces in a held (Dirichlet) row or column."""
-        held = self.block.held
+        held = self.block.dirichlet
         assert held is not None
         own = np.concatenate([self.masses.nodes, self.forces.nodes]).astype(np.int64)[:, np.newaxis]
         masks = []
@@ -184,7 +188,7 @@ class System:
         parts: the blocks that exist, in the order of the nest.
         present: None for each part: tangents take the present stresses.
         interface, constraints: nodes with joints and the rows between them.
-        part_of_slot, body_of_slot, cluster_of_slot: part, body and cluster of every interface slot.
+        part_of_node, body_of_node, cluster_of_node: part, body and cluster of every interface node.
         gravity: (3,) acceleration in inertial axes, m/s^2.
         counters: what the run has counted so far.
         time: time of the trial state, s.
@@ -200,8 +204,8 @@ class System:
         parts: Sequence[BlockPart],
         interface: Interface,
         constraints: Constraints,
-        body_of_slot: IntArray,
-        cluster_of_slot: IntArray,
+        body_of_node: IntArray,
+        cluster_of_node: IntArray,
         loads: Sequence[Load],
         gravity: FloatArray,
     ) -> None:
@@ -210,10 +214,10 @@ class System:
         self.present: PartStrains = len(self.parts) * (None,)
         self._thin = any(p.elements is not None and p.elements.thin for p in self.parts)
         kinds = [part.kind for part in self.parts]
-        self.part_of_slot: IntArray = np.array(
+        self.part_of_node: IntArray = np.array(
             [kinds.index(int(kind)) for kind in interface.kind], dtype=np.int64
         )
-        self.body_of_slot, self.cluster_of_slot = body_of_slot, cluster_of_slot
+        self.body_of_node, self.cluster_of_node = body_of_node, cluster_of_node
         self.interface, self.constraints = interface, constraints
         self._loads, self.gravity = list(loads), gravity
         self._factors = np.ones(len(self._loads))
@@ -277,7 +281,7 @@ class System:
             contacts.time = t
 
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
-        """Start a step in every block; see ``frame_kernels.predict``."""
+        """Start a step in every block; see ``core.nodes.frame_kernels.predict``."""
         for part in self.parts:
             part.block.predict(law, rates)
 
@@ -320,8 +324,8 @@ class System:
     def add_constraint_forces(self, multipliers: FloatArray) -> None:
         """Add ``G^T multipliers`` to the residuals of the blocks."""
         for part in self.parts:
-            if len(part.slots):
-                self.constraints.add_forces(multipliers, part.slots, part.block.residual)
+            if len(part.interface_nodes):
+                self.constraints.add_forces(multipliers, part.interface_nodes, part.block.residual)
 
     def shift(self, sign: float) -> float:
         """Apply the blocks' steps to the positions alone; largest entry on this rank."""

@@ -12,7 +12,7 @@ from the source tree::
 import numpy as np
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
-from flexfem.solvers.banded import band_factor, band_solve
+from flexfem.solvers.linear.banded import band_factor, band_solve
 from tests.benchmarks.timing import paired
 
 

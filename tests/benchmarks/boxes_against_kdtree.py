@@ -2,10 +2,10 @@
 """Broad phase of contacts: boxes in a hashed grid against spheres in SciPy's cKDTree.
 
 Nodes of one sheet look for the triangles of another that lies a little above it and is wavy, as
-``flexfem.contact.candidates`` does. The tree holds the centres of the triangles and is asked for
-those within the largest radius of a triangle; what is found is cut down to the boxes that hold the
-node. Both give the same pairs. Columns: nodes, triangles, pairs, processor time in milliseconds
-(least of 40 blocks in turns). Run from the source tree::
+``flexfem.contact.detection.neighbours`` does. The tree holds the centres of the triangles and is
+asked for those within the largest radius of a triangle; what is found is cut down to the boxes that
+hold the node. Both give the same pairs. Columns: nodes, triangles, pairs, processor time in
+milliseconds (least of 40 blocks in turns). Run from the source tree::
 
     python -m tests.benchmarks.boxes_against_kdtree
 """
@@ -13,7 +13,7 @@ node. Both give the same pairs. Columns: nodes, triangles, pairs, processor time
 import numpy as np
 from scipy.spatial import cKDTree
 
-from flexfem.contact.search import overlaps, triangle_boxes
+from flexfem.contact.detection.broad_phase import overlaps, triangle_boxes
 from tests.benchmarks.timing import paired
 
 

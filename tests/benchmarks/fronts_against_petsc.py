@@ -16,14 +16,14 @@ from collections.abc import Callable
 import numpy as np
 
 from flexfem.installation import load_dolfinx
-from flexfem.solvers.interface_system import _ordering
+from flexfem.solvers.linear.multiplier_system import _ordering
 from tests.benchmarks.timing import paired
 
 load_dolfinx()  # in the order that its wheels need
 
 from petsc4py import PETSc  # noqa: E402
 
-from flexfem.solvers.fronts import Fronts  # noqa: E402
+from flexfem.solvers.linear.multifrontal import Fronts  # noqa: E402
 
 
 def grid(side: int) -> tuple[np.ndarray, np.ndarray]:

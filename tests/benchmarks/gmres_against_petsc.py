@@ -13,7 +13,7 @@ the source tree::
 import numpy as np
 
 from flexfem.installation import load_dolfinx
-from flexfem.solvers.minimal_residual import minimal_residual
+from flexfem.solvers.linear.gmres import minimal_residual
 from tests.benchmarks.timing import paired
 
 load_dolfinx()  # in the order that its wheels need

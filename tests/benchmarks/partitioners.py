@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Which rank gets which body: flexfem's own bisection against the graph partitioners at hand.
 
-Graphs of bodies and joints are cut into 2, 3 and 4 parts by ``flexfem.mesh.partition``, by
-PT-SCOTCH and KaHIP as DOLFINx has them, and by PT-SCOTCH as petsc4py has it. None of the three
+Graphs of bodies and joints are cut into 2, 3 and 4 parts by ``flexfem.mesh.distributed.partition``,
+by PT-SCOTCH and KaHIP as DOLFINx has them, and by PT-SCOTCH as petsc4py has it. None of the three
 takes weights of vertices from Python, DOLFINx's none of edges either. Columns: rows of joints
 between parts, weight of the heaviest part over the mean, seconds (least of five), parts. Every
 result is computed five times; ``!`` follows those that are not always the same. Run from the
@@ -20,7 +20,7 @@ import numpy as np
 
 from flexfem._types import IntArray
 from flexfem.installation import load_dolfinx
-from flexfem.mesh.partition import partition_bodies
+from flexfem.mesh.distributed.partition import partition_bodies
 from tests.benchmarks.space_frame import grid_beams
 
 load_dolfinx()  # in the order that its wheels need

@@ -21,7 +21,7 @@ import numpy as np
 
 import flexfem as ff
 from flexfem.core.status import Status
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 ROOT = Path(__file__).resolve().parents[2]
 

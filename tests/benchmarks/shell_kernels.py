@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 
 import flexfem as ff
-from flexfem.system.assembly import Assembly
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.system.build import build
 
 
@@ -39,7 +39,7 @@ def least(call: Callable[[], object]) -> float:
 
 def times(element: str, kernels: str) -> list[float]:
     """Times of residual, tangent and action, microseconds a triangle."""
-    (part,) = build(Assembly(sheet(element), kernels), MPI.COMM_SELF, split_above=10_000).parts
+    (part,) = build(NumberedModel(sheet(element), kernels), MPI.COMM_SELF, split_above=10_000).parts
     family, block = part.elements, part.block
     assert family is not None
     gravity, stiffness = np.zeros(3), np.array([0.0, 0.0, 1.0])

@@ -12,13 +12,13 @@ from mpi4py import MPI
 import numpy as np
 
 import flexfem as ff
+from flexfem.constraints.batch import Constraints
+from flexfem.constraints.rows.data import InterfaceNodes
+from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.joint import Joint
 from flexfem.core.pose import Pose
 from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.lie import se3, so3
-from flexfem.system.constraints import Constraints
-from flexfem.system.placed_joint import PlacedJoint
-from flexfem.system.row_data import Slots
 
 AXIS = np.array([0.6, -0.3, 0.8])
 UNIT = AXIS / np.linalg.norm(AXIS)
@@ -240,14 +240,14 @@ EXAMPLES |= {
 def interface(frames: np.ndarray, width: int = 6) -> SimpleNamespace:
     """Nodes at rest with frames (n, 12) and so many unknowns each, as rows see them."""
     n = len(frames)
-    slots = Slots(
+    interface_nodes = InterfaceNodes(
         frames=frames.copy(), velocities=np.zeros((n, 6)), increments=np.zeros((n, 6)),
         inertial=np.zeros(n, dtype=bool),
     )  # fmt: skip
     return SimpleNamespace(
-        slots=slots, keys=[(1, k) for k in range(n)], width=np.full(n, width),
+        interface_nodes=interface_nodes, keys=[(1, k) for k in range(n)], width=np.full(n, width),
         held=np.zeros((n, 6), dtype=bool),
-        **{name: getattr(slots, name) for name in Slots.fields},
+        **{name: getattr(interface_nodes, name) for name in InterfaceNodes.fields},
     )  # fmt: skip
 
 
@@ -263,14 +263,21 @@ class Placed:
             frames.append(se3.frame(se3.position(frames[0]) + k * example.gap, turn))
         offsets = se3.compose(se3.inverse(nodes), np.array(frames))
         poses = tuple(Pose(se3.position(h), se3.rotation(h)) for h in frames)
-        slots = list(range(n))
+        interface_nodes = list(range(n))
         if ground:  # the first marker does not move
-            offsets[0], slots[0] = frames[0], -1
+            offsets[0], interface_nodes[0] = frames[0], -1
         self.start, self.offsets, self.poses, self.count = nodes, offsets, poses, n
         self.face = interface(nodes)
         placed = [
             PlacedJoint(
-                joint, 0, poses, tuple(slots), offsets, (None,) * n, owned=True, shared=False
+                joint,
+                0,
+                poses,
+                tuple(interface_nodes),
+                offsets,
+                (None,) * n,
+                owned=True,
+                shared=False,
             )
         ]
         if joint.partner is not None:
@@ -297,15 +304,17 @@ class Placed:
     def dense(self, jacobian: np.ndarray) -> np.ndarray:
         """Sum (t, 2, 6) of terms to (r, n, 6) of rows and nodes."""
         rows, out = self.rows, np.zeros((self.rows.size, self.count + 1, 6))
-        np.add.at(out, (rows.row_of_term[:, np.newaxis], rows.term_slots), jacobian)
+        np.add.at(out, (rows.row_of_term[:, np.newaxis], rows.term_nodes), jacobian)
         return out[:, :-1]
 
     def hessian(self, factor: np.ndarray) -> np.ndarray:
         """Second derivatives of all rows over all nodes, (6 n, 6 n)."""
-        slots, n = self.rows.pair_slots, self.count
+        interface_nodes, n = self.rows.pair_nodes, self.count
         out = np.zeros((n + 1, n + 1, 6, 6))
         blocks = self.rows.hessians(factor).reshape(-1, 2, 6, 2, 6).transpose(0, 1, 3, 2, 4)
-        np.add.at(out, (slots[:, :, np.newaxis], slots[:, np.newaxis, :]), blocks)
+        np.add.at(
+            out, (interface_nodes[:, :, np.newaxis], interface_nodes[:, np.newaxis, :]), blocks
+        )
         return out[:-1, :-1].transpose(0, 2, 1, 3).reshape(6 * n, 6 * n)
 
     def derivative(self, function: Callable[[], np.ndarray], eps: float = 1e-5) -> np.ndarray:

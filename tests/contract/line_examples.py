@@ -10,14 +10,14 @@ from mpi4py import MPI
 import numpy as np
 
 import flexfem as ff
+from flexfem.constraints.batch import Constraints
+from flexfem.constraints.lines.data import ON_LINE
+from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.joint import Joint
-from flexfem.core.line_points import BODY, NURBS, SE3, line_pose, turn_frames
+from flexfem.core.places.line_points import BODY, NURBS, SE3, line_pose, turn_frames
 from flexfem.core.pose import Pose
+from flexfem.layout.lines import Line, Rail, RailPoint
 from flexfem.lie import se3, so3
-from flexfem.system.constraints import Constraints
-from flexfem.system.line_data import ON_LINE
-from flexfem.system.lines import Line, Rail, RailPoint
-from flexfem.system.placed_joint import PlacedJoint
 from tests.contract.joint_examples import Placed, interface
 
 #: Quadratic B-spline with knots 0 0 0 1 2 2 2: shape functions of both elements in powers of xi.

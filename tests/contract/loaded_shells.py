@@ -6,8 +6,8 @@ from mpi4py import MPI
 import numpy as np
 
 import flexfem as ff
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3, so3
-from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.system import System
 
@@ -21,7 +21,7 @@ def loaded(
     model = ff.Model("test", surface=mesh)
     model.add(shell, load)
     model.validate()
-    system = build(Assembly(model), comm, split_above=1)
+    system = build(NumberedModel(model), comm, split_above=1)
     system.set_time(0.0)
     return system
 

@@ -9,14 +9,14 @@ from mpi4py import MPI
 import numpy as np
 
 import flexfem as ff
+from flexfem.constraints.batch import Constraints
+from flexfem.constraints.lines.data import ON_LINE
+from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.joint import Joint
 from flexfem.core.pose import Pose
+from flexfem.layout.lines import Rail, RailPoint
+from flexfem.layout.surface_places import SurfacePlace, carrier_frame
 from flexfem.lie import se3, so3
-from flexfem.system.constraints import Constraints
-from flexfem.system.line_data import ON_LINE
-from flexfem.system.lines import Rail, RailPoint
-from flexfem.system.placed_joint import PlacedJoint
-from flexfem.system.surface_places import SurfacePlace, carrier_frame
 from tests.contract.joint_examples import UNIT, Placed, interface
 
 CORNERS = np.array([[0.1, 0.2, -0.3], [1.4, 0.5, 0.1], [0.3, 1.2, 0.6]])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3, so3
-from flexfem.system.assembly import Assembly
 from flexfem.system.system import System
 from tests.contract.loaded_shells import disturb, load_forces, loaded, sums
 
@@ -52,7 +52,7 @@ def test_pressure_depends_on_the_rim_alone(rng):
     disturb(system, rng, 0.1)
     points = _places(system)
     (rim,) = curved().boundary_lines("shell")
-    serial = Assembly(_model_of(curved())).surface
+    serial = NumberedModel(_model_of(curved())).surface
     middles = serial.directors.nodes[:, 3:].ravel()
     ends = np.stack([np.roll(serial.mesh.triangles, -k, 1).ravel() for k in (1, 2)], 1)
     pairs = [tuple(sorted(pair)) for pair in ends.tolist()]

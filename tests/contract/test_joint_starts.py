@@ -7,7 +7,7 @@ import pytest
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.joint import Joint
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 from tests.contract.joint_examples import EXAMPLES
 
 

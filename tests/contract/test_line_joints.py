@@ -122,7 +122,7 @@ def test_reactions_balance(example, line, rng):
     np.testing.assert_allclose(found, total, atol=1e-12)
     force, moment = joint.nodal_forces()
     w, at, x = rows.reactions(rows.forces), rows.poses[:, :3], joint.face.frames[:, :3]
-    slider = np.isin(rows.marker_slot, [joint.count - 1])
+    slider = np.isin(rows.marker_node, [joint.count - 1])
     b = w[slider].sum(axis=0)
     arm = at[np.flatnonzero(slider)[0]] - x[-1]
     np.testing.assert_allclose(b[:3], force[-1], atol=1e-12)
@@ -165,7 +165,7 @@ def test_passing_from_element_to_element(line, rng):
         assert e + xi == pytest.approx(sum(place), abs=1e-8)
         arcs.append(rows.sums()[-1])
         rows.accept()
-        nodes = rows.term_slots[rows.term_start[0] :][:2].ravel()
+        nodes = rows.term_nodes[rows.term_start[0] :][:2].ravel()
         np.testing.assert_array_equal(nodes[: len(joint.cells[0])], joint.cells[int(e)])
     expected = np.array([0.95 * 0.8 + 0.1 * 0.95**2, 0.9, 0.9 + 0.01 - 0.2e-4, 0.9 + 0.4 - 0.032])
     np.testing.assert_allclose(arcs[:4], expected, atol=1e-8)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3, so3
-from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
-from flexfem.system.marker_states import MarkerStates
+from flexfem.system.measure.marker_states import MarkerStates
 from flexfem.system.system import System
 
 pytestmark = pytest.mark.serial
@@ -30,14 +30,14 @@ ELEMENTS = pytest.mark.parametrize("elements", ["nurbs", "vectors", "se3"])
 
 def _system(
     load: ff.PointForce | ff.PointMoment | ff.LineLoad, elements: str = "nurbs"
-) -> tuple[System, Assembly]:
+) -> tuple[System, NumberedModel]:
     curved = elements != "se3"
     rotations = "relative_rotation_vectors" if elements == "vectors" else None
     model = ff.Model("test", mesh=None if curved else KINKED)
     curve = CURVE if curved else None
     model.add(ff.Beam("beam", SECTION, curve=curve, interpolation=rotations), load)
     model.validate()
-    serial = Assembly(model)
+    serial = NumberedModel(model)
     system = build(serial, MPI.COMM_SELF, split_above=1)
     system.set_time(0.0)
     return system, serial
@@ -177,4 +177,4 @@ def test_masses_inside_elements_are_refused(elements):
         ff.PointMass("lump", 1.0, MARKER),
     )
     with pytest.raises(ValueError, match=r'^PointMass "lump": Marker on "beam": point 0.43 lies'):
-        build(Assembly(model), MPI.COMM_SELF, split_above=1)
+        build(NumberedModel(model), MPI.COMM_SELF, split_above=1)

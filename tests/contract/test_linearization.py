@@ -41,15 +41,15 @@ def _model(damping: float) -> ff.Model:
 def _setup(damping: float, rng: np.random.Generator) -> SimpleNamespace:
     from mpi4py import MPI
 
+    from flexfem.layout.numbered_model import NumberedModel
     from flexfem.lie import se3
-    from flexfem.solvers.linearization import Linearization
-    from flexfem.solvers.steady_rotation import Rotation, set_spin
-    from flexfem.system.assembly import Assembly
+    from flexfem.solvers.modal.linearization import Linearization
+    from flexfem.solvers.modal.steady_rotation import Rotation, set_spin
     from flexfem.system.build import build
 
     model = _model(damping)
     model.validate()
-    system = build(Assembly(model), MPI.COMM_WORLD, split_above=1)
+    system = build(NumberedModel(model), MPI.COMM_WORLD, split_above=1)
     system.set_time(0.0)
 
     def random(size: float) -> list[np.ndarray]:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3, so3
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.system import System
 
@@ -22,7 +22,7 @@ SECTION = ff.Section.general((9.0, 8.0, 7.0, 6.0, 5.0, 4.0), (2.0, 2.0, 2.0, 0.3
 
 def _system(model: ff.Model, comm: MPI.Intracomm = MPI.COMM_SELF) -> System:
     model.validate()
-    system = build(Assembly(model), comm, split_above=1)
+    system = build(NumberedModel(model), comm, split_above=1)
     system.set_time(0.0)
     return system
 

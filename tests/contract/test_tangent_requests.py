@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.elements.request import EXACT, TangentRequest
+from flexfem.layout.tangent_request import EXACT, TangentRequest
 from flexfem.lie import se3
-from flexfem.simulation.setup import set_up
-from flexfem.solvers.tangent import part_pattern, part_values
+from flexfem.simulation.run.setup import set_up
+from flexfem.solvers.linear.tangent import part_pattern, part_values
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import BlockPart, Shifts, System
 from tests.unit.particle_body import bar

@@ -21,8 +21,8 @@ class OneBeam:
         from mpi4py import MPI
 
         import flexfem as ff
+        from flexfem.layout.numbered_model import NumberedModel
         from flexfem.mesh.line_mesh import LineMesh
-        from flexfem.system.assembly import Assembly
         from flexfem.system.build import build
 
         cells = np.stack([np.arange(len(points) - 1), np.arange(1, len(points))], axis=1)
@@ -31,7 +31,7 @@ class OneBeam:
         model.add(ff.Beam("beam", section, damping=damping))
         model.validate()
         self.comm, self.most = MPI.COMM_WORLD, MPI.MAX
-        part = build(Assembly(model), self.comm, split_above=1).parts[0]
+        part = build(NumberedModel(model), self.comm, split_above=1).parts[0]
         self.block, self.beams = part.block, part.elements
         self.gravity = np.zeros(3)
         self.block.inertial = inertial
@@ -104,7 +104,7 @@ class OneBeam:
 
     def residual(self, scale: float = 1.0, strains: Any = None) -> np.ndarray:
         """Owned rows of the residual, with the stresses of given strains."""
-        from flexfem.elements.request import TangentRequest
+        from flexfem.layout.tangent_request import TangentRequest
 
         request = TangentRequest(strains)
         return self._collect(
@@ -202,7 +202,7 @@ class OneNurbs(OneBeam):
 
         from mpi4py import MPI
 
-        from flexfem.elements.nurbs_beam import NurbsCells
+        from flexfem.families.beam_nurbs.elements import NurbsCells
 
         self.degree, count = degree, (len(points) - 1) // degree
         nodes = degree * np.arange(count)[:, np.newaxis] + np.arange(degree + 1)
@@ -226,8 +226,8 @@ class OneNurbs(OneBeam):
         """Create block and beams from the elements of all degrees."""
         from dolfinx.common import IndexMap
 
-        from flexfem.core.frame_block import FrameBlock
-        from flexfem.elements.nurbs_beam import NurbsBeams
+        from flexfem.core.nodes.frame_block import FrameBlock
+        from flexfem.families.beam_nurbs.elements import NurbsBeams
         from flexfem.lie import se3, so3
 
         n = len(points)
@@ -243,7 +243,7 @@ class OneNurbs(OneBeam):
         self, shifts: np.ndarray, scale: float = 1.0, *, local: bool = False, strains: Any = None
     ) -> np.ndarray:
         """Dense matrix of all nodes."""
-        from flexfem.elements.request import TangentRequest
+        from flexfem.layout.tangent_request import TangentRequest
 
         request = TangentRequest(strains, local=local)
         values = self.beams.values(self.block, self.gravity, shifts, scale, request)

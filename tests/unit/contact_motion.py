@@ -9,8 +9,8 @@ import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.lie import se3
-from flexfem.simulation.stepping import Simulation
-from flexfem.system.probes import ProbeRecorder
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.measure.probes import ProbeRecorder
 
 
 def sheet(name, nodes, size, at, tilt=0.0):
@@ -85,8 +85,8 @@ def check_tangents(system, accuracy=1e-6, h=1e-8):
         count = block.comm.allreduce(int(block.node_ids.max(initial=0)), op=MPI.MAX) + 1
         step = rng.normal(size=(count, 6))[block.node_ids]
         step[:, block.width :] = 0.0
-        if block.held is not None:
-            step[:, : block.width][block.held] = 0.0
+        if block.dirichlet is not None:
+            step[:, : block.width][block.dirichlet] = 0.0
         steps.append(step)
         starts.append(block.frames.copy())
 

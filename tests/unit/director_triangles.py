@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
-from flexfem.elements.director_shell import DirectorTriangles
+from flexfem.families.shell_director.triangles import DirectorTriangles
 
 
 def quadratic(points, triangles):

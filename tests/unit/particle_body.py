@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import flexfem as ff
-from flexfem.elements.floating_inertia import BodyData
+from flexfem.families.floating.inertia import BodyData
 from flexfem.lie import se3, so3
 
 

@@ -3,11 +3,11 @@
 
 import numpy as np
 
-from flexfem.contact.data import Masters, Slaves
-from flexfem.contact.describe import mean_edge, node_areas, rim_bits
-from flexfem.contact.triangles import TriangleContact
-from flexfem.mesh.surface_grid import grid_triangles
-from flexfem.mesh.surface_topology import match_sides, surface_topology
+from flexfem.contact.law.data import Masters, Slaves
+from flexfem.contact.obstacles.surface_data import mean_edge, node_areas, rim_bits
+from flexfem.contact.obstacles.triangles import TriangleContact
+from flexfem.mesh.triangles.grid import grid_triangles
+from flexfem.mesh.triangles.topology import match_sides, surface_topology
 
 
 def grid(columns, rows, size=(1.0, 1.0), height=lambda x, y: 0 * x):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.simulation.stepping import Simulation
-from flexfem.system.energies import EnergyMeter
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.measure.energies import EnergyMeter
 
 Z = (0.0, 0.0, 1.0)
 

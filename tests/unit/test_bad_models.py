@@ -20,11 +20,11 @@ from flexfem.materials.material import Material
 from flexfem.materials.section import Section
 from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import LineMesh, read_mesh
-from flexfem.mesh.nurbs import NurbsCurve
-from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.mesh.nurbs.curve import NurbsCurve
+from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
+from flexfem.model.bodies.shapes import Box, CompoundShape, Cylinder, Sphere, SurfaceShape
 from flexfem.model.model import Model
-from flexfem.model.probe import PositionProbe, Probe
-from flexfem.model.shapes import Box, CompoundShape, Cylinder, Sphere, SurfaceShape
+from flexfem.model.probes.base import PositionProbe, Probe
 from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 pytestmark = pytest.mark.serial
 

@@ -8,7 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.refusals import assert_refused
 from tests.unit.test_reduced_body import two_masses
 

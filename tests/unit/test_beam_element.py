@@ -7,7 +7,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.forms.beam import beam_forms
-from flexfem.la.kernel import cell_form
+from flexfem.kernels.ffcx import cell_form
 from flexfem.lie import se3
 from tests.unit.sections import coupled_section
 

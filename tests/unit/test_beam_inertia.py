@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.core.motion import KINETIC, WIDTH
+from flexfem.core.nodes.motion import KINETIC, WIDTH
 from flexfem.lie import se3, so3
 from tests.unit.sections import shifted_sections
 

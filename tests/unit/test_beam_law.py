@@ -13,8 +13,8 @@ import ufl
 import flexfem as ff
 from flexfem.forms.beam import beam_forms
 from flexfem.forms.beam_law import interval_mesh, law_expressions, law_form
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from tests.unit.linear_law import linear_law
 
@@ -201,7 +201,7 @@ def _mixture(names: list[str], split_above: int):
     model = ff.Model("mixture", mesh=LineMesh(points, cells, groups))
     model.add(*(ff.Beam(name, MIXTURE[name]) for name in names))
     model.validate()
-    return build(Assembly(model), MPI.COMM_WORLD, split_above).parts[0], MPI.COMM_WORLD
+    return build(NumberedModel(model), MPI.COMM_WORLD, split_above).parts[0], MPI.COMM_WORLD
 
 
 def _answers(names: list[str], split_above: int) -> dict[str, list[np.ndarray]]:
@@ -428,7 +428,7 @@ def test_damping_of_a_beam_with_a_law_is_refused(one_beam):
 def test_unstable_law_on_purpose():
     from mpi4py import MPI
 
-    from flexfem.elements.beam_material import LawMaterial, grouped
+    from flexfem.families.common.section_groups import LawMaterial, grouped
 
     create, _ = BAD["unstable"]
     law = ff.BeamLaw(create().energy, parameters={"k": 1.0}, allow_unstable=True)

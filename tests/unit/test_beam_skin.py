@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from flexfem.io import BeamFields, BeamWriter
-from flexfem.io.beam_skin import BeamSkin, SkinSection
-from flexfem.io.polygons import cut
+from flexfem.io.vtu.beam_skin import BeamSkin, SkinSection
+from flexfem.io.vtu.polygons import cut
 from flexfem.materials.material import Material
 from flexfem.materials.section import Section
 from flexfem.materials.section_wall import SectionWall

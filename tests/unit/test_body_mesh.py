@@ -95,7 +95,7 @@ def test_wrong_meshes_are_refused(tmp_path: Path) -> None:
 def test_a_file_is_the_mesh_that_was_written(tmp_path: Path) -> None:
     import gmsh
 
-    from flexfem.mesh.gmsh_reader import session
+    from flexfem.mesh.imported.gmsh_model import session
     from flexfem.mesh.library import checked_build
 
     path = tmp_path / "rod.msh"

@@ -12,8 +12,8 @@ import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import INTEGRATORS
-from flexfem.simulation.breakpoints import Breakpoints
-from flexfem.simulation.time_grid import TimeGrid
+from flexfem.simulation.motion.breakpoints import Breakpoints
+from flexfem.simulation.run.time_grid import TimeGrid
 
 DT, T_END = 1e-2, 0.2
 Function = Callable[[float], float]

@@ -15,9 +15,9 @@ import h5py
 import numpy as np
 import pytest
 
-import flexfem.io.checkpoint as module
+import flexfem.io.hdf5.checkpoint as module
 from flexfem.core.state import Numbering, State
-from flexfem.io.checkpoint import Checkpoint, write_checkpoint
+from flexfem.io.hdf5.checkpoint import Checkpoint, write_checkpoint
 from tests.unit.forged import each_kind
 
 COMM = MPI.COMM_WORLD
@@ -44,7 +44,7 @@ import warnings
 import flexfem
 import flexfem.simulation
 import dolfinx.fem.petsc
-from flexfem.io.hdf5 import load_h5py
+from flexfem.io.hdf5.arrays import load_h5py
 warnings.simplefilter("error")  # h5py warns of another version
 version = load_h5py().version
 assert version.hdf5_version_tuple == version.hdf5_built_version_tuple

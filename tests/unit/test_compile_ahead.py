@@ -16,7 +16,7 @@ pytestmark = pytest.mark.serial
 # A loop of its own: those of the package, which other tests need as well, may be there already.
 CASE = """
 import flexfem as ff
-from flexfem.lie.compiled import kernel
+from flexfem.kernels.compiled import kernel
 
 
 @kernel

@@ -19,8 +19,8 @@ from numba import types
 from numba.core.dispatcher import Dispatcher
 
 from flexfem import _beside
+from flexfem.kernels.compile_once import busy
 from flexfem.lie import se3
-from flexfem.lie.compile_once import busy
 from flexfem.system import compile_beside as beside
 
 pytestmark = pytest.mark.serial
@@ -197,14 +197,14 @@ def test_command_starts_them_where_nothing_was_ever_compiled(
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(_beside, "LIST", tmp_path / "flexfem" / "system" / "loops.txt")
     _beside.LIST.parent.mkdir(parents=True)
-    _beside.LIST.write_text(json.dumps(["flexfem.core.driver", "add_forces", True, []]) + "\n")
+    _beside.LIST.write_text(json.dumps(["flexfem.kernels.driver", "add_forces", True, []]) + "\n")
     monkeypatch.setenv(variable, str(tmp_path / "kept"))
     _beside.start_early()
     assert len(started) == 3
     _beside._STARTED.clear()
     numba = tmp_path / "kept" / ("" if variable == "NUMBA_CACHE_DIR" else "numba")
-    (numba / "core_0123").mkdir(parents=True)
-    (numba / "core_0123" / "driver.add_forces-1.py312.flexfem.nbi").touch()
+    (numba / "kernels_0123").mkdir(parents=True)
+    (numba / "kernels_0123" / "driver.add_forces-1.py312.flexfem.nbi").touch()
     _beside.start_early()
     assert len(started) == 3
 
@@ -235,7 +235,7 @@ def test_processes_that_cannot_be_started_or_have_ended_are_no_fault(started, mo
 
 HOLD = """
 import sys
-from flexfem.lie.compile_once import _lock, _lock_file, _place
+from flexfem.kernels.compile_once import _lock, _lock_file, _place
 from flexfem.lie.se3 import _compose_loop as loop
 assert _lock(_lock_file(loop._cache.cache_path), _place(loop._cache, ()))
 print("held", flush=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.contact.describe import _INERTIA
-from flexfem.system.assembly import Assembly
+from flexfem.contact.obstacles.surface_data import _INERTIA
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.system.build import build
 from tests.unit.contact_motion import ball, check_tangents, moved, same_on_ranks, sheet
 
@@ -138,7 +138,7 @@ def test_stiffness_through_a_round_beam(radius):
     model.add(ff.Beam("rod", ff.Section.circle(2 * radius, ff.Material(young, 0.3, density))))
     model.add(ff.Contact("floor", "rod", surfaces=ff.RigidPlane(ff.Ground())))
     model.validate()
-    [contact] = build(Assembly(model), MPI.COMM_WORLD, split_above=20).contacts
+    [contact] = build(NumberedModel(model), MPI.COMM_WORLD, split_above=20).contacts
     surfaces = contact.groups[0].surfaces
     # at rest; half of it, or one that depends on another power of the radius, is no round-off
     assert surfaces.stiffness(0.0) == pytest.approx(young / (2.0 * radius), rel=1e-12)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.contact.start import winding_numbers
+from flexfem.contact.obstacles.overlaps import winding_numbers
 from tests.unit.contact_motion import ball, moved, sheet
 
 pytestmark = pytest.mark.serial

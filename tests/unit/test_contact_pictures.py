@@ -10,9 +10,9 @@ import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.io.contact_surfaces import ContactSurfaceWriter
+from flexfem.io.paraview.contact_surfaces import ContactSurfaceWriter
 from flexfem.lie import se3, so3
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.contact_motion import sheet
 from tests.unit.test_io import pvd, read
 

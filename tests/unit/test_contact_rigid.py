@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 
-from flexfem.contact.data import SLOPE
-from flexfem.contact.held_contacts import ContactLaw
-from flexfem.contact.rigid import ShapeKind
-from flexfem.contact.surfaces import RigidContact, Shape
+from flexfem.contact.law.closed_contacts import ContactLaw
+from flexfem.contact.law.data import SLOPE
+from flexfem.contact.obstacles.rigid_surface import RigidContact, Shape
+from flexfem.contact.obstacles.shapes import ShapeKind
 from flexfem.lie import se3, so3
 from tests.unit.surfaces import slaves
 

@@ -8,7 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.core.status import Status
-from flexfem.solvers import tangent
+from flexfem.solvers.linear import tangent
 from tests.unit.contact_motion import check_tangents, moved, same_on_ranks, sheet
 
 THICK = 1e-3

@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 
-from flexfem.contact.candidates import Rows, find_candidates, rings
-from flexfem.contact.data import BEND, DISTANCE
-from flexfem.contact.held_contacts import ContactLaw, HeldContacts
-from flexfem.contact.search import overlaps
-from flexfem.contact.start import deepest_start, first_crossing
-from flexfem.contact.triangles import TriangleContact
+from flexfem.contact.detection.broad_phase import overlaps
+from flexfem.contact.detection.neighbours import Rows, find_candidates, rings
+from flexfem.contact.law.closed_contacts import ContactLaw, HeldContacts
+from flexfem.contact.law.data import BEND, DISTANCE
+from flexfem.contact.obstacles.overlaps import deepest_start, first_crossing
+from flexfem.contact.obstacles.triangles import TriangleContact
 from flexfem.lie import so3
 from tests.unit.surfaces import grid, masters, points_on_surface, slaves, two_sheets
 

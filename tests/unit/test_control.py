@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are
 
 import flexfem as ff
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.refusals import assert_on_page
 
 COMM = MPI.COMM_WORLD

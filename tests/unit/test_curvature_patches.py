@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 
-from flexfem.elements.rotation_free import RotationFreeTriangles
-from flexfem.mesh.clamp_weights import clamp_weights
-from flexfem.mesh.patch_checks import moment_imbalance, moment_sums
-from flexfem.mesh.patches import EdgeRule, curvature_patches
+from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
+from flexfem.mesh.shells.clamp_weights import clamp_weights
+from flexfem.mesh.shells.patch_checks import moment_imbalance, moment_sums
+from flexfem.mesh.shells.patches import EdgeRule, curvature_patches
 from tests.unit.triangles import (
     PATTERNS,
     adjacency,

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from flexfem.mesh.director_nodes import director_nodes
+from flexfem.mesh.shells.director_nodes import director_nodes
+from flexfem.mesh.shells.vertex_normals import vertex_normals
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.mesh.vertex_normals import vertex_normals
 
 pytestmark = pytest.mark.serial
 

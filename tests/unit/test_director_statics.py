@@ -7,8 +7,8 @@ Sze, Liu, Lo, Finite Elem. Anal. Des. 40 (2004) 1551-1569.
 import numpy as np
 import pytest
 
-from flexfem.elements.director_shell import DirectorTriangles
-from flexfem.mesh.director_nodes import director_nodes
+from flexfem.families.shell_director.triangles import DirectorTriangles
+from flexfem.mesh.shells.director_nodes import director_nodes
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from tests.unit.director_triangles import (
     equilibrium,

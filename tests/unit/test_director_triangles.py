@@ -10,9 +10,9 @@ import pytest
 import ufl
 from scipy.spatial.transform import Rotation
 
-from flexfem.core.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
-from flexfem.elements.director_inertia import add_motion
-from flexfem.elements.director_shell import DirectorTriangles
+from flexfem.core.nodes.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
+from flexfem.families.shell_director.inertia import add_motion
+from flexfem.families.shell_director.triangles import DirectorTriangles
 from flexfem.forms.director_shell import DirectorFields, director_energy
 from tests.unit.director_triangles import (
     flat_held,

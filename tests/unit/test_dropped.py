@@ -11,9 +11,9 @@ import pytest
 
 import flexfem as ff
 from flexfem.la.dropped import destroy_dropped
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 from flexfem.solvers.frozen.solver import FrozenSolver
-from flexfem.solvers.tangent import TangentSolver
+from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.system import Shifts
 
 MOTION = ff.RunOptions(dt=1e-3, t_end=1e-3, split_above=1)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.simulation.energy_watch import EnergyWatch
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.simulation.watch.energy_watch import EnergyWatch
 
 Motion = Callable[[float], float]
 

@@ -12,7 +12,7 @@ import scipy.sparse
 
 import flexfem as ff
 from flexfem._checks import InputError
-from flexfem.io.history import read_history
+from flexfem.io.tables.history import read_history
 from flexfem.lie import so3
 from flexfem.research.equations.run.simulate import simulate_equations
 from flexfem.research.equations.vector_equations import DRIVER, Motion, Picture, VectorEquations

@@ -24,7 +24,7 @@ from flexfem._faults import ReturnError
 from flexfem.core.pose import Pose
 from flexfem.io import read_history
 from flexfem.io.folder_lock import FolderLock
-from flexfem.io.history import HistoryWriter
+from flexfem.io.tables.history import HistoryWriter
 from tests.unit.elastic_bodies import pair
 
 COMM = MPI.COMM_WORLD
@@ -464,9 +464,9 @@ def test_torn_row_is_cut(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "where",
     [
-        "recording.HistoryWriter.__init__",
-        "recording.Recorder._continue",
-        "stepping.Simulation.advance",
+        "run.recording.HistoryWriter.__init__",
+        "run.recording.Recorder._continue",
+        "motion.stepping.Simulation.advance",
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*history.csv:pytest.PytestUnraisableExceptionWarning")

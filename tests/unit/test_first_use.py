@@ -11,7 +11,7 @@ import flexfem as ff
 from flexfem.case import case_file
 from flexfem.cli.postprocessing import script
 from flexfem.cli.usage import Parser, UsageError
-from flexfem.simulation.made_up_energy import made_up_energy
+from flexfem.simulation.watch.energy_drift import energy_drift
 
 pytestmark = pytest.mark.serial
 
@@ -111,7 +111,7 @@ def sliding(*probes: ff.EnergyProbe) -> ff.Model:
     return model
 
 
-def test_made_up_energy_is_told() -> None:
+def test_energy_drift_is_told() -> None:
     """Of the whole model, from a fiftieth of the largest energy on; what is lost is not told."""
     zero = np.zeros(4)
     names = ("kinetic", "strain", "gravity", "work", "dissipation")
@@ -120,7 +120,7 @@ def test_made_up_energy_is_told() -> None:
 
     def told(balance: list[float], *bodies: str) -> list[str]:
         probe = ff.EnergyProbe(bodies=bodies or None)
-        return made_up_energy(
+        return energy_drift(
             sliding(probe), history | {"energy_balance": np.array(balance)}
         )  # fmt: skip
 
@@ -130,10 +130,10 @@ def test_made_up_energy_is_told() -> None:
     assert not told([0.0, 0.0, 0.19, 0.19])
     assert not told([0.0, -1.0, -2.0, -3.0])
     assert not told([0.0, 0.01, 0.3, 0.31], "bob")  # parts of a model exchange energy
-    assert not made_up_energy(sliding(ff.EnergyProbe()), {})
+    assert not energy_drift(sliding(ff.EnergyProbe()), {})
     tiny = {name: 1e-15 * values for name, values in history.items()}  # a model at rest
     tiny["energy_balance"] = np.array([0.0, 0.0, 1e-14, 1e-14])
-    assert not made_up_energy(sliding(ff.EnergyProbe()), tiny)
+    assert not energy_drift(sliding(ff.EnergyProbe()), tiny)
 
 
 def test_coarse_steps_of_a_stop_are_told() -> None:
@@ -182,7 +182,7 @@ def test_no_equilibrium_is_said_so() -> None:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """Seconds that the test sets."""
-    from flexfem.la import first_compilation
+    from flexfem.kernels import first_compilation
 
     now = [0.0]
     monkeypatch.setattr(first_compilation.time, "monotonic", lambda: now[0])
@@ -193,7 +193,7 @@ def test_long_compilation_is_told_once(clock: list[float]) -> None:
     """From a second on, nested ones not twice; nothing is told of what comes after the run."""
     from numba.core import event
 
-    from flexfem.la.first_compilation import told_of_compilation
+    from flexfem.kernels.first_compilation import told_of_compilation
 
     told: list[str] = []
     with told_of_compilation(told.append):

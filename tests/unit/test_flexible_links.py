@@ -109,13 +109,13 @@ def test_a_flexible_link_weighs_what_a_rigid_one_does(kind, tmp_path, reduced):
 @pytest.mark.serial
 @pytest.mark.parametrize("kind", ["beam", "curve", "floating"])
 def test_places_on_a_flexible_link(kind, tmp_path, reduced):
-    from flexfem.system.assembly import Assembly
+    from flexfem.layout.numbered_model import NumberedModel
 
     flexible = {"beam": BEAM, "curve": CURVE, "floating": {"rod": ff.FloatingLink(reduced)}}[kind]
     robot = read(tmp_path, flexible=flexible, configuration={"hip": 0.5})
     model = model_of(robot)
     model.validate()
-    serial = Assembly(model)
+    serial = NumberedModel(model)
     for link, offset in (("rod", (0, 0, 0)), ("dot", (0, 0, 0)), ("rod", (0.5, 0.1, -0.2))):
         pose = serial.marker_pose(robot.marker(link, offset))
         # to round-off: an arm in the wrong axes would be off by its length, 0.01 at least

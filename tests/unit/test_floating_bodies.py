@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.elements.floating_bodies import FloatingGroup
-from flexfem.system.floating_nodes import body_data
+from flexfem.families.floating.elements import FloatingGroup
+from flexfem.families.floating.nodes import body_data
 from tests.unit.particle_body import bar
 from tests.unit.refusals import assert_on_page
 
@@ -146,7 +146,7 @@ def test_energy_momentum_is_refused(beam):
 
 def test_bodies_of_one_kind_share_their_integrals(beam):
     """Others have their own."""
-    from flexfem.system.floating_nodes import FloatingNodes
+    from flexfem.families.floating.nodes import FloatingNodes
 
     same = [ff.FloatingBody(name, beam) for name in "ab"]
     other = ff.FloatingBody("c", replace(beam, recovery=None))

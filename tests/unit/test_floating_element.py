@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 
-from flexfem.core import motion
-from flexfem.core.frame_kernels import Nodes, step_rates_into
-from flexfem.elements.floating_inertia import BodyData, room_for
-from flexfem.elements.floating_loops import (
+from flexfem.core.nodes import motion
+from flexfem.core.nodes.frame_kernels import Nodes, step_rates_into
+from flexfem.families.floating.inertia import BodyData, room_for
+from flexfem.families.floating.loops import (
     add_motion,
     add_residual,
     coordinates_into,

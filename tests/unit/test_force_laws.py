@@ -11,11 +11,11 @@ import pytest
 from scipy.optimize import brentq
 
 import flexfem as ff
-from flexfem.core.compiled_functions import address
+from flexfem.constraints.rows.laws import elastic_part, static_forces
+from flexfem.constraints.terms.compiled_functions import address
 from flexfem.core.joint import Joint
 from flexfem.core.row import Law, LawKind, Row, RowKind, Term, friction, limit, spring
 from flexfem.core.user_function import FunctionKind, UserFunction
-from flexfem.system.row_laws import elastic_part, static_forces
 
 #: Force on the body (N), stiffness of the spring that holds it (N/m), and its mass (kg).
 PUSH, HOLD, MASS = 3.0, 50.0, 2.0

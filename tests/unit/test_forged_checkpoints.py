@@ -15,7 +15,7 @@ from mpi4py import MPI
 import pytest
 
 import flexfem as ff
-from flexfem.io import hdf5_structure
+from flexfem.io.hdf5 import structure as hdf5_structure
 from tests.unit.forged import FORGERIES, HEADERS, each_kind, endless, forge, seal, with_header
 from tests.unit.refusals import assert_on_page
 

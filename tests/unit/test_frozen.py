@@ -6,12 +6,12 @@ import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.elements import rotation_free
+from flexfem.families.shell_rotation_free import triangles as rotation_free
 from flexfem.la.factor import Factor
 from flexfem.simulation.dynamics import simulate
 from flexfem.solvers.frozen import bodies as frozen_bodies
 from flexfem.solvers.frozen.solver import FrozenSolver
-from flexfem.solvers.interface_system import InterfaceSystem
+from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 from flexfem.system.system import System
 
 

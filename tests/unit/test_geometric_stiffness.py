@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.elements.request import Strains, TangentRequest
+from flexfem.layout.tangent_request import Strains, TangentRequest
 from flexfem.lie import se3
-from flexfem.simulation.setup import set_up
-from flexfem.solvers.tangent import part_pattern, part_values
+from flexfem.simulation.run.setup import set_up
+from flexfem.solvers.linear.tangent import part_pattern, part_values
 from flexfem.system.system import Shifts
 from tests.unit.refusals import assert_on_page
 

@@ -13,8 +13,8 @@ import pytest
 import flexfem as ff
 from flexfem.cli import load_case
 from flexfem.core.status import Status
-from flexfem.simulation.stepping import Simulation
-from flexfem.system.probes import ProbeRecorder
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.measure.probes import ProbeRecorder
 from tests.unit.particle_body import bar
 
 Z = (0.0, 0.0, 1.0)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.elements.floating_bodies import FloatingGroup
+from flexfem.families.floating.elements import FloatingGroup
 from tests.unit.director_triangles import rigidly
 from tests.unit.particle_body import particle_body
 from tests.unit.refusals import assert_on_page

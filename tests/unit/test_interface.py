@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.system.assembly import Assembly
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.system.build import build
 from flexfem.system.system import System
 
@@ -36,7 +36,7 @@ def chain() -> System:
     model.add(ff.Rigid("root", ends[5][1], ff.Marker("rod", "start")))
     model.add(ff.PointOnPlane("rest", ff.Ground(), ff.Marker("rod", "end"), axis=(0, 0, 1)))
     model.validate()
-    return build(Assembly(model), COMM, split_above=3)
+    return build(NumberedModel(model), COMM, split_above=3)
 
 
 def test_tables_of_nodes_hold_what_their_owners_have():

@@ -183,7 +183,7 @@ def test_torques_fed_forward_move_the_arm():
         torque = found.amplitude(drive.name)
         model.add(ff.Actuator(drive.name, drive.a, drive.b, drive.axis, force=torque))
     model["base"]
-    from flexfem.simulation.stepping import Simulation
+    from flexfem.simulation.motion.stepping import Simulation
 
     errors = []
     for dt in (4e-3, 2e-3):

@@ -22,8 +22,8 @@ from flexfem.io import (
     VtuSeries,
     body_surface,
 )
-from flexfem.io.shell_fields import ShellFields, ShellWriter
-from flexfem.io.surfaces import Surface, cylinder, frames_along, sphere
+from flexfem.io.vtu.shell_fields import ShellFields, ShellWriter
+from flexfem.io.vtu.surfaces import Surface, cylinder, frames_along, sphere
 
 COMM = MPI.COMM_WORLD
 # Fields are stored in single precision: relative rounding 6e-8.

@@ -15,8 +15,8 @@ import pytest
 
 from flexfem.io import HistoryWriter, Progress, read_history, write_summary
 from flexfem.io.atomic import replace_file
-from flexfem.io.history import AngleColumns
-from flexfem.io.table import write_table
+from flexfem.io.tables.history import AngleColumns
+from flexfem.io.tables.table import write_table
 
 COMM = MPI.COMM_WORLD
 

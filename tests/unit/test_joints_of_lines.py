@@ -6,7 +6,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.core.marker import ShellLine
-from flexfem.model.resolve import node_row
+from flexfem.model.structure.marker_places import node_row
 
 pytestmark = pytest.mark.serial
 SECTION = ff.ShellSection.isotropic(0.01, ff.Material(2e9, 0.3, 1000.0))

@@ -12,9 +12,9 @@ from ffcx.codegeneration import lnodes
 
 from flexfem.forms.beam import beam_forms
 from flexfem.forms.beam_law import constant_field, interval_mesh
-from flexfem.la.batch import BatchFormatter
-from flexfem.la.kernel import compile_kernel, tabulate
-from flexfem.la.lanes import LANES
+from flexfem.kernels.ffcx import compile_kernel, tabulate
+from flexfem.kernels.ffcx_backend import BatchFormatter
+from flexfem.kernels.lanes import LANES
 
 
 @numba.njit

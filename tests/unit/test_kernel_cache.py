@@ -14,9 +14,10 @@ import pytest
 
 from flexfem._files import open_lock
 from flexfem._trust import private_folder
-from flexfem.lie import caching, so3
-from flexfem.lie.caching import source_stamp
-from flexfem.lie.compiled import inlined, kernel, subroutine
+from flexfem.kernels import caching
+from flexfem.kernels.caching import source_stamp
+from flexfem.kernels.compiled import inlined, kernel, subroutine
+from flexfem.lie import so3
 
 FILES = {
     "low.py": "A = 1\n",

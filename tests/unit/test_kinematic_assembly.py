@@ -8,8 +8,8 @@ import pytest
 
 import flexfem as ff
 from flexfem.kinematics.rigid_parts import RigidParts
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3, so3
-from flexfem.system.assembly import Assembly
 
 pytestmark = pytest.mark.serial
 
@@ -22,7 +22,7 @@ def gaps(model: ff.Model) -> float:
     """Largest gap of the joints at the start, by the rows that a run would check."""
     from flexfem.kinematics.mechanism import RigidMechanism
 
-    serial = Assembly(model)
+    serial = NumberedModel(model)
     mechanism = RigidMechanism(serial, RigidParts(serial), serial.joints)
     return float(np.abs(mechanism.rows.values[mechanism.rows.rigid]).max())
 
@@ -156,7 +156,7 @@ def test_curves_and_shells_move_with_meshes():
     )
     moved = ff.assemble(model)
     assert gaps(moved) < 1e-11
-    old, new = Assembly(model), Assembly(moved)
+    old, new = NumberedModel(model), NumberedModel(moved)
     for name, frames in (("arch", "curves"), ("post", None)):
         before, after = (a.frames if frames is None else a.curves.frames for a in (old, new))
         motion = se3.compose(after, se3.inverse(before))
@@ -188,7 +188,7 @@ def test_sections_of_beams_turn_with_their_markers(formulation, orientation):
     turn = moved["end"].b.rotation
     found = []
     for one in (model, moved):
-        serial = Assembly(one)
+        serial = NumberedModel(one)
         frames = serial.frames if formulation == "se3" else serial.curves.frames
         found.append(frames[:, 3:].reshape(-1, 3, 3))
     # a bar of 0.02 by 0.01 on its other side, or one that stays, would be off by 1
@@ -210,7 +210,7 @@ def test_inertia_of_bodies_as_wholes():
         ff.Shell("plate", ff.ShellSection.isotropic(0.01, STEEL)),
         ff.PointMass("tip", 0.7, ff.Marker("b", "end")),
     )  # fmt: skip
-    parts = RigidParts(Assembly(model))
+    parts = RigidParts(NumberedModel(model))
     assert parts.names == [("a", "b"), ("ring",), ("plate",)]
     corner, round_, plate = parts.inertia
     middle = se3.position(parts.frames[0])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.mesh.geometry.topology import trace_lines
 from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import (
     LineMesh,
@@ -19,7 +20,6 @@ from flexfem.mesh.line_mesh import (
     read_mesh,
     section_frames,
 )
-from flexfem.mesh.topology import trace_lines
 from flexfem.resources import shipped_folder
 from tests.unit.executed import executed_lines
 

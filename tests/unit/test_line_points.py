@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from flexfem._types import FloatArray
-from flexfem.core import line_points
-from flexfem.core.line_points import NURBS, NURBS_VECTORS, SE3
+from flexfem.core.places import line_points
+from flexfem.core.places.line_points import NURBS, NURBS_VECTORS, SE3
 from flexfem.lie import se3, so3
 from tests.called import called
 

@@ -12,9 +12,9 @@ from flexfem.la.dense import inverted
 from flexfem.la.direct import CountingFactors, DirectSolver, factorise, lu_solver
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix, create_nest_matrix, create_nest_vector
-from flexfem.solvers.fronts import Fronts
-from flexfem.solvers.interface_system import InterfaceSystem
-from flexfem.solvers.minimal_residual import minimal_residual
+from flexfem.solvers.linear.gmres import minimal_residual
+from flexfem.solvers.linear.multifrontal import Fronts
+from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 
 COMM = MPI.COMM_WORLD
 

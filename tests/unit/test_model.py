@@ -16,10 +16,10 @@ from flexfem.materials.material import Material
 from flexfem.materials.section import Section
 from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.model.bodies import Beam, PointMass, RigidBody
+from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
+from flexfem.model.bodies.shapes import Box, Cylinder, Sphere
 from flexfem.model.model import Model
-from flexfem.model.probe import MarkerState, PositionProbe, Probe
-from flexfem.model.shapes import Box, Cylinder, Sphere
+from flexfem.model.probes.base import MarkerState, PositionProbe, Probe
 from tests.unit.executed import executed_lines
 
 pytestmark = pytest.mark.serial

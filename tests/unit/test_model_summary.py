@@ -49,8 +49,8 @@ def many_bodies(element: str) -> ff.Model:
 def assembled(model: ff.Model) -> tuple[np.ndarray, object]:
     """Mass matrix (6, 6) of rigid motions about the origin in inertial axes, and the system."""
     from flexfem.lie import se3
-    from flexfem.simulation.setup import set_up
-    from flexfem.solvers.linearization import Linearization
+    from flexfem.simulation.run.setup import set_up
+    from flexfem.solvers.modal.linearization import Linearization
 
     _, system = set_up(model, None, 1000)
     linear = Linearization(system)
@@ -65,8 +65,8 @@ def assembled(model: ff.Model) -> tuple[np.ndarray, object]:
             speed = back @ twist[3:]
             moved = np.einsum("nij,nj->ni", back, twist[:3] + np.cross(twist[3:], frames[:, :3]))
             motion = np.concatenate([moved, speed], axis=1)[:, : block.width]
-            if block.held is not None:  # turns of corners of director shells mean nothing
-                motion[block.held[: block.owned]] = 0.0
+            if block.dirichlet is not None:  # turns of corners of director shells mean nothing
+                motion[block.dirichlet[: block.owned]] = 0.0
             parts.append(motion.ravel())
         vector = linear.vector()
         vector.set(0.0)
@@ -231,8 +231,8 @@ def test_sheets_are_held_by_their_edges() -> None:
 def test_matrix_entries_are_those_of_the_tangent() -> None:
     """Of beams, shells and joints; a missing pattern of patches would leave out two thirds."""
     model = many_bodies("rotation_free")
-    from flexfem.simulation.setup import set_up
-    from flexfem.solvers.linearization import Linearization
+    from flexfem.simulation.run.setup import set_up
+    from flexfem.solvers.modal.linearization import Linearization
 
     _, system = set_up(model, None, 1000)
     linear = Linearization(system)

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.core import motion
+from flexfem.core.nodes import motion
+from flexfem.layout.node_loads import NodeMasses
 from flexfem.lie import se3, so3
-from flexfem.system.node_loads import NodeMasses
 from tests.unit.linear_law import linear_law
 
 # a corner, so that section axes differ from those of the node

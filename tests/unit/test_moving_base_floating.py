@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from flexfem.lie import so3
-from flexfem.research.moving_base.floating import _stretch
+from flexfem.research.moving_base.comparison.floating import _stretch
 
 pytestmark = pytest.mark.serial
 

@@ -29,9 +29,9 @@ def test_changes_are_small_and_the_same_with_the_same_seed() -> None:
 @pytest.mark.parametrize(
     ("module", "test"),
     [
-        ("io/section_table.py", "tests/unit/test_section_table.py"),
-        ("integrators/energy_momentum.py", "tests/verification/test_energy_momentum.py"),
-        ("research/moving_base/floating.py", "tests/unit/test_moving_base_floating.py"),
+        ("io/tables/section_table.py", "tests/unit/test_section_table.py"),
+        ("integrators/energy_momentum/scheme.py", "tests/verification/test_energy_momentum.py"),
+        ("research/moving_base/comparison/floating.py", "tests/unit/test_moving_base_floating.py"),
     ],
 )
 def test_tests_of_a_module_are_found(module: str, test: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.core.status import Status
-from flexfem.solvers.newton import NewtonOptions, iterate
+from flexfem.solvers.newton.iteration import NewtonOptions, iterate
 from flexfem.system.system import Shifts
 
 pytestmark = pytest.mark.serial

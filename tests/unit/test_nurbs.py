@@ -10,9 +10,9 @@ from scipy.interpolate import BSpline
 
 import flexfem as ff
 from flexfem.lie import so3
-from flexfem.mesh.nurbs_basis import greville
-from flexfem.mesh.nurbs_elements import shape_functions
-from flexfem.mesh.nurbs_frames import control_frames, interpolated_rotations, section_rotations
+from flexfem.mesh.nurbs.basis import greville
+from flexfem.mesh.nurbs.elements import shape_functions
+from flexfem.mesh.nurbs.frames import control_frames, interpolated_rotations, section_rotations
 
 pytestmark = pytest.mark.serial
 

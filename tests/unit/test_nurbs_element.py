@@ -369,8 +369,8 @@ def test_pure_bending_to_a_circle_converges(one_nurbs, degree, counts):
 
 def _arc(one_nurbs, degree: int, count: int, smooth: bool):
     """A quarter circle, the elements joined with C^(p - 1) or C0."""
-    from flexfem.elements.nurbs_beam import NurbsCells
-    from flexfem.mesh.nurbs_frames import control_frames
+    from flexfem.families.beam_nurbs.elements import NurbsCells
+    from flexfem.mesh.nurbs.frames import control_frames
 
     curve = ff.NurbsCurve.arc([0, 0, 0], [RADIUS, 0, 0], [0, 0, 1], np.pi / 2, degree=degree)
     curve = curve.refine(count)
@@ -613,7 +613,7 @@ def test_a_law_that_says_the_same_as_a_stiffness_and_a_damping(one_nurbs, rng):
 
 def test_degrees_and_materials_side_by_side(one_nurbs, rng):
     """One block of a linear and a user's beam, each of degrees 2 and 3, against each alone."""
-    from flexfem.elements.nurbs_beam import NurbsCells
+    from flexfem.families.beam_nurbs.elements import NurbsCells
 
     sections, alone = [SECTION, LAW], {}
     for degree in (2, 3):

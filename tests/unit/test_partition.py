@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.mesh.partition import partition_bodies
+from flexfem.mesh.distributed.partition import partition_bodies
 
 Links = dict[tuple[int, int], int]
 
@@ -140,7 +140,7 @@ def test_summary_counts_the_multipliers_between_ranks() -> None:
     """
     from mpi4py import MPI
 
-    from flexfem.simulation.stepping import Simulation
+    from flexfem.simulation.motion.stepping import Simulation
 
     comm = MPI.COMM_WORLD
     tips = []

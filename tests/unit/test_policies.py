@@ -15,7 +15,7 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.simulation.dynamics import simulate
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.mechanics import EndPoint
 from flexfem.system.system import System
 

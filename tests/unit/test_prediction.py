@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import pytest
 
-from flexfem.core.prediction import Prediction
+from flexfem.core.nodes.prediction import Prediction
 from flexfem.system.system import System
 
 

@@ -6,9 +6,9 @@ import pytest
 
 import flexfem as ff
 from flexfem.lie import se3
-from flexfem.simulation.stepping import Simulation
-from flexfem.system.marker_states import MarkerStates
-from flexfem.system.probes import ProbeRecorder
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.measure.marker_states import MarkerStates
+from flexfem.system.measure.probes import ProbeRecorder
 from tests.unit.particle_body import bar
 from tests.unit.refusals import assert_on_page
 

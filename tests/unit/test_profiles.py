@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.io.polygons import cut
+from flexfem.io.vtu.polygons import cut
 from flexfem.materials.saint_venant import Cell, solve_section
 from tests.unit.refusals import assert_on_page
 

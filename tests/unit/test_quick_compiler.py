@@ -9,7 +9,7 @@ import sys
 import pytest
 from ffcx.ir.analysis import graph
 
-from flexfem.la.jit import quick_compiler
+from flexfem.kernels.ffcx_options import quick_compiler
 
 pytestmark = pytest.mark.serial
 
@@ -19,7 +19,7 @@ from contextlib import nullcontext
 from ffcx.compiler import compile_ufl_objects
 from ffcx.options import get_options
 from flexfem.forms.beam import beam_forms
-from flexfem.la.jit import quick_compiler
+from flexfem.kernels.ffcx_options import quick_compiler
 
 forms = beam_forms(True)
 with quick_compiler() if sys.argv[1] == "quick" else nullcontext():

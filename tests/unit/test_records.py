@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexfem._types import FloatArray
-from flexfem.lie.compiled import kernel, subroutine
-from flexfem.lie.records import Bool1D, Float1D, Index2D, Memory, Record, unpack
+from flexfem.kernels.compiled import kernel, subroutine
+from flexfem.kernels.records import Bool1D, Float1D, Index2D, Memory, Record, unpack
 
 pytestmark = pytest.mark.serial
 

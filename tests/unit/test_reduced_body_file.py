@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.io import hdf5_structure
-from flexfem.io.hdf5 import PlainFile
-from flexfem.io.reduced_body_file import _digest
+from flexfem.io.hdf5 import structure as hdf5_structure
+from flexfem.io.hdf5.arrays import PlainFile
+from flexfem.io.hdf5.reduced_body import _digest
 from flexfem.reduction.reduced_body import Recovery
 from tests.unit.forged import each_kind, endless, replaced
 from tests.unit.test_reduced_body import two_masses

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from flexfem.solvers.relaxation_damping import DAMPINGS, Accelerated, Motion
-from flexfem.solvers.relaxation_kernels import SUMS, drive, measure
+from flexfem.solvers.relaxation.damping import DAMPINGS, Accelerated, Motion
+from flexfem.solvers.relaxation.kernels import SUMS, drive, measure
 
 pytestmark = pytest.mark.serial
 

@@ -16,7 +16,7 @@ import flexfem as ff
 from flexfem.cli import load_case
 from flexfem.io import read_history
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 COMM = MPI.COMM_WORLD
 POLICIES = ("auto", "frozen", "updated")

@@ -11,10 +11,10 @@ import pytest
 import ufl
 from scipy.spatial.transform import Rotation
 
-from flexfem.elements.rotation_free import RotationFreeTriangles
+from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
 from flexfem.forms.shell import shell_energy, shell_forms, shell_strains
-from flexfem.la.kernel import compile_kernel, tabulate
-from flexfem.mesh.patches import EdgeRule, curvature_patches
+from flexfem.kernels.ffcx import compile_kernel, tabulate
+from flexfem.mesh.shells.patches import EdgeRule, curvature_patches
 from tests.unit.references import QUICKLY
 from tests.unit.triangles import (
     adjacency,
@@ -170,7 +170,9 @@ def _tabulate(address, tensor, data, constants, points):
 
 def test_loops_equal_the_kernels_of_the_form_at_a_point(monkeypatch):
     # to optimise these takes ten times as long as all else here, and no loop calls them
-    monkeypatch.setattr("flexfem.la.kernel._COMPILE_ARGUMENTS", QUICKLY["cffi_extra_compile_args"])
+    monkeypatch.setattr(
+        "flexfem.kernels.ffcx._COMPILE_ARGUMENTS", QUICKLY["cffi_extra_compile_args"]
+    )
     made, _, points = shell(averaged=True, smoothed=True)
     forms = shell_forms()
     kernels = [

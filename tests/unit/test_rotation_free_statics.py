@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from flexfem.elements.rotation_free import RotationFreeTriangles
-from flexfem.mesh.patches import EdgeRule, curvature_patches
+from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
+from flexfem.mesh.shells.patches import EdgeRule, curvature_patches
 from tests.unit.triangles import adjacency, isotropic, rectangle, sparse_tangent
 
 pytestmark = pytest.mark.serial

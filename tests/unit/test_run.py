@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import flexfem as ff
-from flexfem.simulation.checkpoints import Checkpoints
+from flexfem.simulation.run.checkpoints import Checkpoints
 
 SECTION = ff.Section.circle(0.02, ff.Material(5e7, 0.49, 1100.0))
 #: Options of each analysis for a run that writes a checkpoint.

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.io import section_table
+from flexfem.io.tables import section_table
 
 pytestmark = pytest.mark.serial
 

@@ -14,7 +14,7 @@ import pytest
 from flexfem.cli import command
 from flexfem.cli.postprocessing import script
 from flexfem.io import BeamFields, BeamWriter, JointFields, JointWriter
-from flexfem.io.paraview_state import write_paraview_state
+from flexfem.io.paraview.paraview_state import write_paraview_state
 
 pytestmark = pytest.mark.serial
 

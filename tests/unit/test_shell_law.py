@@ -122,7 +122,7 @@ def test_stress_is_the_derivative_of_the_energy(element):
     model.add(ff.Shell("sheet", LINEAR.with_law(law), element=element))
     from mpi4py import MPI
 
-    from flexfem.simulation.setup import set_up
+    from flexfem.simulation.run.setup import set_up
 
     _, system = set_up(model, MPI.COMM_SELF, 10)
     (part,) = system.parts

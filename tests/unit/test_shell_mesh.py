@@ -61,7 +61,7 @@ def by_body(mesh, size):
 def distributed(request):
     from mpi4py import MPI
 
-    from flexfem.mesh.shell_mesh import create_shell_mesh
+    from flexfem.mesh.distributed.shell_mesh import create_shell_mesh
 
     comm = MPI.COMM_WORLD
     mesh = request.param[0]()
@@ -134,7 +134,7 @@ def test_area_by_dolfinx(distributed):
 @pytest.mark.serial
 def test_split_bodies_are_cut_into_strips(rng):
     """A long body in no order, split into four, beside a small one that stays whole."""
-    from flexfem.mesh.partition import partition_bodies, strips
+    from flexfem.mesh.distributed.partition import partition_bodies, strips
 
     long = ff.SurfaceMesh.rectangle("long", (1.0, 10.0), (4, 40))
     mesh = ff.SurfaceMesh.join([long, ff.SurfaceMesh.rectangle("small", (1.0, 1.0), (2, 2))])

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.core import motion
+from flexfem.core.nodes import motion
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3, so3
-from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
 from flexfem.system.system import MASS
 
@@ -47,7 +47,7 @@ def shells(
                  edges=edges or {}, direction=(1.0, 0.3, 0.1)),
     )  # fmt: skip
     model.validate()
-    (part,) = build(Assembly(model), COMM, split_above=1).parts
+    (part,) = build(NumberedModel(model), COMM, split_above=1).parts
     return SimpleNamespace(mesh=mesh, part=part, block=part.block, family=part.elements)
 
 

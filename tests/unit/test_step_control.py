@@ -3,7 +3,7 @@
 
 import pytest
 
-from flexfem.simulation.step_control import HALVINGS, StepControl
+from flexfem.simulation.motion.step_control import HALVINGS, StepControl
 
 pytestmark = pytest.mark.serial
 

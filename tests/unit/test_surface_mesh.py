@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.mesh.topology import arc_length
+from flexfem.mesh.geometry.topology import arc_length
 from flexfem.resources import shipped_folder
 from tests.unit.executed import executed_lines
 

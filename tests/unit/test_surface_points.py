@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from flexfem.core import line_points
-from flexfem.core.line_points import FIXED, TRIANGLE
+from flexfem.core.places import line_points
+from flexfem.core.places.line_points import FIXED, TRIANGLE
 from flexfem.lie import se3, so3
 from tests.called import called
 

@@ -14,7 +14,7 @@ import pytest
 
 import flexfem._trust as module
 from flexfem._trust import private_folder, trusted
-from flexfem.la.jit import _folder
+from flexfem.kernels.ffcx_options import _folder
 
 pytestmark = pytest.mark.serial
 

@@ -10,8 +10,8 @@ import pytest
 import ufl
 
 import flexfem as ff
-from flexfem.families.ufl_bodies import UFLBodyFamily
-from flexfem.system.assembly import Assembly
+from flexfem.families.ufl_body.family import UFLBodyFamily
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.system.build import build
 from flexfem.system.system import MASS, Shifts
 
@@ -90,7 +90,7 @@ def system(name: str, **more) -> SimpleNamespace:
     mesh = make()
     model.add(ff.UFLBody("body", mesh, energy, density=2.0, parameters=parameters, **more))
     model.validate()
-    found = build(Assembly(model), COMM, split_above=1)
+    found = build(NumberedModel(model), COMM, split_above=1)
     (part,) = found.parts
     return SimpleNamespace(mesh=mesh, part=part, block=part.block, elements=part.elements)
 
@@ -207,7 +207,7 @@ def test_a_family_of_the_user_has_a_block_of_its_own():
         model.add(ff.PositionProbe(f"{name}_end", ff.Marker(name, "end")))
     model.add(ff.EnergyProbe("energy", bodies=["cable"]), ff.Gravity((0.0, 0.0, -9.81)))
     model.validate()
-    found = build(Assembly(model), COMM, split_above=1)
+    found = build(NumberedModel(model), COMM, split_above=1)
     assert [part.block.name for part in found.parts] == ["ufl_bodies", "cables"]
     history = ff.simulate(model, ff.RunOptions(dt=2e-3, t_end=0.02, quiet=True)).history
     if COMM.rank == 0:
@@ -236,7 +236,7 @@ def test_energies_that_are_none_are_refused_in_one_line(name):
     model = ff.Model("test")
     model.add(ff.UFLBody("rope", line(), energy, density=1.0, parameters=parameters))
     with pytest.raises(ValueError, match=words) as caught:
-        build(Assembly(model), COMM, split_above=1)
+        build(NumberedModel(model), COMM, split_above=1)
     assert str(caught.value).startswith('UFLBody "rope": ')
     assert "\n" not in str(caught.value)
 

@@ -6,8 +6,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from flexfem.elements.strain_kernels import StrainKernels
-from flexfem.elements.ufl_triangles import UFLDirectorTriangles, UFLRotationFreeTriangles
+from flexfem.families.shells.strain_kernels import StrainKernels
+from flexfem.families.shells.ufl_triangles import UFLDirectorTriangles, UFLRotationFreeTriangles
 from flexfem.forms.strain_forms import director_strains, rotation_free_strains
 from tests.unit import test_director_triangles as directors
 from tests.unit import test_rotation_free as rotation_free

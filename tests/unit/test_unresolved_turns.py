@@ -6,8 +6,8 @@ import pytest
 
 import flexfem as ff
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.simulation.stepping import Simulation
-from flexfem.simulation.unresolved_turns import UnresolvedTurns
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.simulation.watch.unresolved_turns import UnresolvedTurns
 
 
 def ringing(rho: float, turn: float, soft: float) -> float:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.io.surfaces import body_surface
+from flexfem.io.vtu.surfaces import body_surface
 from flexfem.lie import so3
-from flexfem.model.probe import MarkerState
+from flexfem.model.probes.base import MarkerState
 
 pytestmark = pytest.mark.serial
 

@@ -13,8 +13,8 @@ from numba import njit
 import flexfem as ff
 from flexfem._faults import FunctionError
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.lie.hyperdual import component, hyperdual
-from flexfem.simulation.stepping import Simulation
+from flexfem.kernels.hyperdual import component, hyperdual
+from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.refusals import assert_on_page, assert_refused
 
 pytestmark = pytest.mark.serial

@@ -6,10 +6,10 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 
-from flexfem.elements.rotation_free import RotationFreeTriangles
-from flexfem.mesh.clamp_weights import clamp_weights
-from flexfem.mesh.patches import curvature_patches
-from flexfem.mesh.surface_topology import match_sides, surface_topology
+from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
+from flexfem.mesh.shells.clamp_weights import clamp_weights
+from flexfem.mesh.shells.patches import curvature_patches
+from flexfem.mesh.triangles.topology import match_sides, surface_topology
 
 PATTERNS = ("parallel", "perturbed", "union_jack", "crossed")
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.system.assembly import Assembly
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.system.build import build
-from flexfem.system.probe_rates import probe_rates
+from flexfem.system.measure.probe_rates import probe_rates
 
 COMM = MPI.COMM_WORLD
 STEEL = ff.Material(2.1e11, 0.3, 7850.0)
@@ -107,7 +107,7 @@ def test_rates_of_probes_between_nodes(rng):
     spot = ff.Marker("beam", 0.43, offset=(0.3, -0.5, 0.8))
     model.add(ff.Beam("beam", SECTION), ff.PositionProbe("spot", spot))
     model.validate()
-    serial = Assembly(model)
+    serial = NumberedModel(model)
     system = build(serial, MPI.COMM_SELF, split_above=1)
     block, eps = system.parts[0].block, 1e-6
     motion = rng.normal(size=block.step.shape)

@@ -16,7 +16,7 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.mobility import free_motions, holding
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 COMM = MPI.COMM_WORLD
 STEEL = ff.Material(2.1e9, 0.3, 7800.0)
@@ -118,7 +118,7 @@ def test_energy_balance_holds_the_work_of_functions() -> None:
         simulation = Simulation(
             model(own, ff.EnergyProbe("energy")), RunOptions(dt=1e-3, t_end=1e3, tolerance=1e-11)
         )
-        from flexfem.system.energies import EnergyMeter
+        from flexfem.system.measure.energies import EnergyMeter
 
         meter = EnergyMeter(simulation.system, simulation.serial.model)
         strain = meter.total().strain

@@ -13,7 +13,7 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.lie import se3
 from flexfem.simulation.dynamics import simulate
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 pytestmark = pytest.mark.serial
 

@@ -11,10 +11,10 @@ import pytest
 import flexfem as ff
 from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
+from flexfem.constraints.rows.kernels import sums_of_terms
 from flexfem.core.status import Status
 from flexfem.lie import se3, so3
-from flexfem.simulation.stepping import Simulation
-from flexfem.system.row_kernels import sums_of_terms
+from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.sections import shifted_sections
 
 ROOT = Path(__file__).parents[2]
@@ -563,7 +563,7 @@ def test_tangent(make, rho_inf):
         np.testing.assert_allclose((plus - minus) / (2 * eps), exact, atol=2e-7, rtol=1e-6)
     padded = np.concatenate([system.interface.steps, np.zeros((1, 6))])
     exact = np.zeros(rows.size)
-    along = np.einsum("tsi,tsi->t", rows.step_jacobian, padded[rows.term_slots])
+    along = np.einsum("tsi,tsi->t", rows.step_jacobian, padded[rows.term_nodes])
     np.add.at(exact, rows.row_of_term, along)
     np.testing.assert_allclose((found[0][1] - found[1][1]) / (2 * eps), exact, atol=1e-7, rtol=1e-6)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.families.floating.nodes import body_data
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.system.floating_nodes import body_data
 from tests.unit.particle_body import bar
 from tests.verification.motions import run
 

@@ -16,7 +16,7 @@ from flexfem.research.formalisms.formalism import accelerations, consistent_star
 from flexfem.research.formalisms.runs.comparison import compare_formalisms, simulate_mechanism
 from flexfem.research.formalisms.runs.findings import findings
 from flexfem.research.formalisms.runs.motion import SideBySide
-from flexfem.simulation.paired_timing import REPEATS, ratio_range, timed_in_turns
+from flexfem.research.formalisms.runs.paired_timing import REPEATS, ratio_range, timed_in_turns
 from tests.unit import elastic_bodies as eb
 from tests.unit.refusals import assert_on_page
 

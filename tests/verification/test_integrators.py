@@ -10,11 +10,11 @@ import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.core.frame_block import FrameBlock
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.simulation.dynamics import simulate
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 ROOT = Path(__file__).parents[2]
 
@@ -86,7 +86,7 @@ def test_stabilised_heavy_top_is_of_second_order_from_the_first_step(
     monkeypatch, top, h, span, policy
 ):
     """On R^3 x SO(3), where index 3 has multipliers of first order at first."""
-    monkeypatch.setattr("flexfem.families.rigid_bodies.FrameBlock", _InertialBlock)
+    monkeypatch.setattr("flexfem.families.rigid.family.FrameBlock", _InertialBlock)
     errors = [_top_errors(top, step, span, "stabilized_index2", policy) for step in (h, h / 2)]
     order = np.log2(errors[0] / errors[1])
     assert order[:3].min() >= 1.9

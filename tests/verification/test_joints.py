@@ -13,7 +13,7 @@ import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.lie import se3, so3
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 COMM = MPI.COMM_WORLD
 POLICIES = ("auto", "updated", "frozen")

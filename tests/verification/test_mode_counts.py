@@ -19,7 +19,7 @@ FIELDS = ("values", "vectors", "zero", "errors", "noise")
 @pytest.fixture
 def sparse(monkeypatch):
     """The iteration, also for problems that are small enough to be solved densely."""
-    from flexfem.solvers import modes as solver
+    from flexfem.solvers.modal import modes as solver
 
     monkeypatch.setattr(solver, "_DENSE_FOR_MANY", 0)
     monkeypatch.setattr(solver, "_DENSE", 0)
@@ -40,8 +40,8 @@ def _reduced(linearization):
 @pytest.mark.parametrize(("spin", "backward"), [(5.0, 0), (20.0, 1)])
 def test_negative_pivots_are_modes_by_the_sign_of_their_energy(spin, backward):
     """N(b) - N(a) of the Hermitian matrix against LAPACK's eigenvalues and their energies."""
-    from flexfem.solvers.mode_count import gyroscopic_count
-    from flexfem.solvers.pencil import Pencil
+    from flexfem.solvers.modal.mode_count import gyroscopic_count
+    from flexfem.solvers.modal.pencil import Pencil
 
     outcome = ff.find_modes(_rotor(elements=3), ff.ModeOptions(modes=1, spin=spin, quiet=True))
     pencil = Pencil.of(outcome.modes.linearization)

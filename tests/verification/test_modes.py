@@ -64,7 +64,7 @@ def _shapes(modes):
 def test_any_number_of_ranks_gives_the_same_modes(spin, damping, dense, monkeypatch):
     from mpi4py import MPI
 
-    from flexfem.solvers import modes as solver
+    from flexfem.solvers.modal import modes as solver
 
     options = ff.ModeOptions(modes=5, spin=spin, split_above=1, quiet=True)
     monkeypatch.setattr(solver, "_DENSE_FOR_MANY", 0)
@@ -126,7 +126,7 @@ def _free_eigenvalues(linearization):
 @pytest.mark.parametrize("accuracy", [1e-10, 1e-6, 1e-3])
 def test_soft_blades_have_their_modes_whatever_the_accuracy(accuracy, monkeypatch):
     """Bending far below the stiffest motion: 0, 0 and 22.5 rad/s where the shift hides it."""
-    from flexfem.solvers import modes as solver
+    from flexfem.solvers.modal import modes as solver
 
     monkeypatch.setattr(solver, "_DENSE_FOR_MANY", 0)
     options = ff.ModeOptions(modes=3, spin=2.0, accuracy=accuracy, split_above=1, quiet=True)
@@ -164,7 +164,7 @@ def test_a_free_turn_is_one_mode_whatever_the_accuracy(accuracy):
 @pytest.mark.serial
 @pytest.mark.parametrize("spin", [0.0, 2.0])
 def test_soft_blades_have_the_modes_of_their_matrices(spin, monkeypatch):
-    from flexfem.solvers import modes as solver
+    from flexfem.solvers.modal import modes as solver
 
     monkeypatch.setattr(solver, "_DENSE_FOR_MANY", 0)
     options = ff.ModeOptions(modes=6, spin=spin, accuracy=1e-6, start="equilibrium", quiet=True)
@@ -176,8 +176,8 @@ def test_soft_blades_have_the_modes_of_their_matrices(spin, monkeypatch):
 
 @pytest.mark.serial
 def test_modes_that_are_not_good_enough_are_no_success(monkeypatch):
-    from flexfem.solvers import modes as solver
-    from flexfem.solvers import pencil
+    from flexfem.solvers.modal import modes as solver
+    from flexfem.solvers.modal import pencil
 
     monkeypatch.setattr(solver, "_DENSE_FOR_MANY", 0)
     monkeypatch.setattr(solver, "_PASSES", 1)
@@ -209,7 +209,7 @@ def test_modes_that_are_not_good_enough_are_no_success(monkeypatch):
 def test_modes_near_a_target_under_rotation_and_with_damping(spin, damping, monkeypatch):
     from mpi4py import MPI
 
-    from flexfem.solvers import modes as solver
+    from flexfem.solvers.modal import modes as solver
 
     target = 30.0
     monkeypatch.setattr(solver, "_DENSE_FOR_MANY", 0)

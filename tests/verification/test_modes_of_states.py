@@ -105,7 +105,7 @@ def test_sheet_sinks_into_a_plane_until_it_carries_the_weight():
 def test_errors_of_equilibria_are_found_and_mended(monkeypatch):
     """A blade that spins and sags: frequencies about a state found too roughly are off."""
     from flexfem.simulation import modes
-    from flexfem.solvers import steady_rotation
+    from flexfem.solvers.modal import steady_rotation
     from tests.verification import test_modes as others
 
     straight = importlib.import_module("tests.verification.benchmarks.straight_beam")

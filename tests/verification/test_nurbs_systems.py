@@ -9,13 +9,13 @@ import pytest
 import flexfem as ff
 from flexfem.cli import load_case
 from flexfem.inspection.checks.locking import curve_excess, locked, percent
-from flexfem.io.curve_fields import CurveSampler
+from flexfem.io.paraview.curve_fields import CurveSampler
+from flexfem.layout.lines import Line
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.mesh.line_mesh import LineMesh
-from flexfem.system.assembly import Assembly
 from flexfem.system.build import build
-from flexfem.system.lines import Line
-from flexfem.system.probe_rates import probe_rates
+from flexfem.system.measure.probe_rates import probe_rates
 
 COMM = MPI.COMM_WORLD
 #: Numbers of the families.
@@ -137,7 +137,7 @@ def test_rates_of_probes_inside_elements(rng):
     """Derivatives of a position along motions of the nodes, against differences."""
     model = ff.Model("rates")
     model.add(ff.Beam("arc", SECTION, curve=ARC), ff.PositionProbe("inside", INSIDE))
-    serial = Assembly(model)
+    serial = NumberedModel(model)
     system = build(serial, COMM, split_above=2)
     (part,) = system.parts
     block = part.block
@@ -163,7 +163,7 @@ def test_rates_of_probes_inside_elements(rng):
 
 def test_lines_of_both_formulations():
     """Elements in order, arc lengths from the start, frames by shape functions or turns."""
-    serial = Assembly(_mixed())
+    serial = NumberedModel(_mixed())
     arc, se3_line = serial.line("arc"), serial.line("se3")
     assert (arc.kind, se3_line.kind) == (NURBS, BEAMS)
     assert isinstance(arc, Line)
@@ -295,7 +295,7 @@ def test_sampled_lines_lie_on_the_curve():
     """Fields for pictures: points on the arc, tangents as e1, no displacement at the start."""
     model = ff.Model("arc")
     model.add(ff.Beam("arc", SECTION, curve=ARC, angular_velocity=(0.0, 0.0, 2.0)))
-    serial = Assembly(model)
+    serial = NumberedModel(model)
     system = build(serial, COMM, split_above=2)
     fields = CurveSampler(system.parts[0], serial).fields()
     x, e1 = fields.position, fields.rotation[:, :, 0]

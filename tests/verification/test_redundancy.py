@@ -8,7 +8,7 @@ import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.lie import se3
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 POLICIES = ("auto", "updated", "frozen")
 X = np.array([1.0, 0.0, 0.0])
@@ -75,7 +75,7 @@ def _table(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
     rows, count = system.constraints, system.unknowns
     matrix, forces = np.zeros((rows.size_global, count)), np.zeros(rows.size_global)
     for t, r in enumerate(rows.row_of_term):
-        for side, slot in enumerate(rows.term_slots[t]):
+        for side, slot in enumerate(rows.term_nodes[t]):
             if slot >= 0 and rows.owned[r]:
                 at = 6 * system.interface.number[slot]
                 matrix[rows.numbers[r], at : at + 6] += rows.force_jacobian[t, side]

@@ -16,7 +16,7 @@ from flexfem.integrators.start import make_consistent
 from flexfem.kinematics.inverse_dynamics import inverse_dynamics
 from flexfem.lie import so3
 from flexfem.simulation.dynamics import simulate
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 RUBBER = ff.Material(youngs_modulus=2e8, poisson_ratio=0.3, density=2000.0)
 J = (0.01, 0.02, 0.025)

@@ -10,7 +10,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.simulation.stepping import Simulation
+from flexfem.simulation.motion.stepping import Simulation
 
 DATA = Path(__file__).parents[1] / "data"
 JOINTS = ("q1", "q2", "q3", "q4", "q5", "q6", "grip")

@@ -155,7 +155,7 @@ def test_tip_drive_gives_the_force_of_the_load() -> None:
     from mpi4py import MPI
 
     from flexfem.launch import StopSignals
-    from flexfem.simulation.run import Run
+    from flexfem.simulation.run.loop import Run
     from flexfem.simulation.statics import StaticSteps
 
     outcome = solve(cantilever(force((0.0, 100.0, 0.0))), load_steps=2)

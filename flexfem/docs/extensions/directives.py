@@ -20,7 +20,7 @@ from flexfem.analyses.analysis import Analysis
 from flexfem.case import Case
 from flexfem.cli import command, commands
 from flexfem.docs.extensions.topics import PLACES, cases_of, names_of
-from flexfem.model.structure import Structure
+from flexfem.model.structure.structure import Structure
 from flexfem.options import Option
 
 #: Columns of printed help.

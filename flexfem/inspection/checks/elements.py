@@ -9,7 +9,7 @@ from flexfem._types import FloatArray
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.mesh_facts import MeshFacts
-from flexfem.model.shell import Shell
+from flexfem.model.bodies.shell import Shell
 
 #: Length relative to the median of the body below which an element is tiny.
 _TINY = 0.01

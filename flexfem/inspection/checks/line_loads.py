@@ -13,9 +13,9 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
+from flexfem.layout.lines import Line
+from flexfem.layout.placed_loads import load_at_points
 from flexfem.loads.line_load import LineLoad
-from flexfem.system.lines import Line
-from flexfem.system.placed_loads import load_at_points
 
 #: Difference of both sums in one element, by the whole of the load, from which it is told. A jump
 #: in one of a hundred elements is ten times this; a kink in one of ten a tenth.

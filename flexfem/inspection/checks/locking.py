@@ -14,14 +14,14 @@ from itertools import pairwise
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.families.beam_nurbs.curves import NurbsLines
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.mesh_facts import section_depth
 from flexfem.lie import se3
 from flexfem.materials.section import Section
-from flexfem.mesh.nurbs_elements import NurbsElements, evaluate
-from flexfem.model.bodies import Beam
-from flexfem.system.nurbs_lines import NurbsLines
+from flexfem.mesh.nurbs.elements import NurbsElements, evaluate
+from flexfem.model.bodies.basic import Beam
 
 __all__ = ["curve_excess", "excess", "find", "locked", "percent", "stiffened"]
 

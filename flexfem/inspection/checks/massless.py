@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
-from flexfem.model.bodies import Beam
-from flexfem.model.shell import Shell
+from flexfem.model.bodies.basic import Beam
+from flexfem.model.bodies.shell import Shell
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Marker
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
-from flexfem.system.assembly import Assembly
+from flexfem.layout.numbered_model import NumberedModel
 
 #: Distance, relative to the size of the model, within which places are one.
 _SAME = 1e-6
@@ -52,7 +52,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         )
 
 
-def _points(serial: Assembly, number: int) -> tuple[FloatArray, FloatArray]:
+def _points(serial: NumberedModel, number: int) -> tuple[FloatArray, FloatArray]:
     """Nodes (n, 3) of a beam, m, and which of them (n,) are ends of its line."""
     beam = serial.model.beams[number]
     if beam.formulation == "nurbs":

@@ -8,7 +8,7 @@ import numpy as np
 from flexfem.core.row import LawKind
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
-from flexfem.model.bodies import Beam
+from flexfem.model.bodies.basic import Beam
 
 #: Length by depth above which beams and shells are hardly meant. Tethers in space have more than
 #: the first, membranes of solar sails less than the second.

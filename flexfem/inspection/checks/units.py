@@ -10,7 +10,7 @@ from flexfem.inspection.finding import Finding, listed, owner_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.materials.section import Section
 from flexfem.materials.shell_section import ShellSection
-from flexfem.model.bodies import RigidBody
+from flexfem.model.bodies.basic import RigidBody
 
 #: Speed of longitudinal waves, m/s: jelly has some metres a second, diamond 18 km/s.
 _SPEED = (8.0, 3e4)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.mesh.nurbs import NurbsCurve
-from flexfem.mesh.nurbs_basis import greville
-from flexfem.mesh.nurbs_checks import MAX_DEGREE
+from flexfem.mesh.nurbs.basis import greville
+from flexfem.mesh.nurbs.checks import MAX_DEGREE
+from flexfem.mesh.nurbs.curve import NurbsCurve
 
 __all__ = ["CurveParts", "finished"]
 

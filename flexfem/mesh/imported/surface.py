@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.mesh.geometry.topology import edge_keys
 from flexfem.mesh.imported.mesh_file import MeshFile, checked_names, shown
-from flexfem.mesh.topology import edge_keys
 
 __all__ = ["SurfaceData", "split_quadrilaterals", "surface_data"]
 

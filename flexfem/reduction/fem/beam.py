@@ -16,7 +16,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.forms.linear_beam import beam_axes, beam_strain, second_order_work
 from flexfem.materials.section import Section
-from flexfem.reduction.fem.linear_body import LinearBody, MassField, rigid_displacement
+from flexfem.reduction.fem.body.linear_body import LinearBody, MassField, rigid_displacement
 
 __all__ = ["beam_body", "mass_points", "rigid_motion"]
 

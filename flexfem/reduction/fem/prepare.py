@@ -8,13 +8,13 @@ import numpy as np
 import ufl
 
 from flexfem._types import BoolArray, FloatArray
-from flexfem.reduction.fem.blocks import assembled_matrix, multiply, projected
-from flexfem.reduction.fem.integrals import MassIntegrals
-from flexfem.reduction.fem.internal import Pieces
-from flexfem.reduction.fem.linear_body import LinearBody
-from flexfem.reduction.fem.orientation import Orientation
-from flexfem.reduction.fem.response import StaticResponse
-from flexfem.reduction.fem.ties import Ties, rigid_motions
+from flexfem.reduction.fem.body.blocks import assembled_matrix, multiply, projected
+from flexfem.reduction.fem.body.integrals import MassIntegrals
+from flexfem.reduction.fem.body.linear_body import LinearBody
+from flexfem.reduction.fem.body.ties import Ties, rigid_motions
+from flexfem.reduction.fem.modes.internal import Pieces
+from flexfem.reduction.fem.modes.orientation import Orientation
+from flexfem.reduction.fem.modes.response import StaticResponse
 from flexfem.reduction.reduced_body import Interface, interface_motions
 
 __all__ = ["prepare", "without_rigid_forces"]

@@ -10,16 +10,16 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.marker import line_points
 from flexfem.reduction.damping import modal_damping
-from flexfem.reduction.fem.blocks import multiply, projected, with_neighbours
-from flexfem.reduction.fem.geometric import GeometricStiffness
-from flexfem.reduction.fem.integrals import MassIntegrals
-from flexfem.reduction.fem.internal import BASES, LARGEST, internal_functions
-from flexfem.reduction.fem.linear_body import LinearBody
-from flexfem.reduction.fem.lines import trace
+from flexfem.reduction.fem.body.blocks import multiply, projected, with_neighbours
+from flexfem.reduction.fem.body.geometric import GeometricStiffness
+from flexfem.reduction.fem.body.integrals import MassIntegrals
+from flexfem.reduction.fem.body.linear_body import LinearBody
+from flexfem.reduction.fem.body.lines import trace
+from flexfem.reduction.fem.body.recovery import recover
+from flexfem.reduction.fem.body.ties import TIES, tie
+from flexfem.reduction.fem.modes.internal import BASES, LARGEST, internal_functions
+from flexfem.reduction.fem.modes.spectrum import Choice
 from flexfem.reduction.fem.prepare import prepare, without_rigid_forces
-from flexfem.reduction.fem.recovery import recover
-from flexfem.reduction.fem.spectrum import Choice
-from flexfem.reduction.fem.ties import TIES, tie
 from flexfem.reduction.reduced_body import ReducedBody
 
 __all__ = ["reduce_body"]

@@ -14,7 +14,7 @@ from flexfem._types import FloatArray
 from flexfem.forms.linear_shell import facet_axes, membrane_work, shell_strains, stress_tensor
 from flexfem.materials.shell_section import ShellSection
 from flexfem.reduction.fem.beam import rigid_motion
-from flexfem.reduction.fem.linear_body import LinearBody, MassField
+from flexfem.reduction.fem.body.linear_body import LinearBody, MassField
 
 __all__ = ["shell_body"]
 

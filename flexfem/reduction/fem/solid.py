@@ -16,7 +16,7 @@ from flexfem.forms.elasticity import (
     strain,
 )
 from flexfem.materials.material import Material
-from flexfem.reduction.fem.linear_body import LinearBody, MassField
+from flexfem.reduction.fem.body.linear_body import LinearBody, MassField
 
 __all__ = ["plane_body", "solid_body"]
 

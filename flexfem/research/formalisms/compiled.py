@@ -13,12 +13,12 @@ import numpy as np
 import ufl
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.la.kernel import Kernel, compile_kernel
+from flexfem.kernels.ffcx import Kernel, compile_kernel
 from flexfem.research.formalisms import loops
 from flexfem.research.formalisms.derivation import BodyEnergies, kernel_parts
-from flexfem.research.formalisms.frames import Frame
-from flexfem.research.formalisms.joints import AppliedForce, Constraint, EndState
-from flexfem.research.formalisms.matter import Matter
+from flexfem.research.formalisms.description.frames import Frame
+from flexfem.research.formalisms.description.joints import AppliedForce, Constraint, EndState
+from flexfem.research.formalisms.description.matter import Matter
 
 __all__ = ["CompiledBody", "CompiledJoint", "energies_of"]
 

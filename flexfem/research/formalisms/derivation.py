@@ -21,8 +21,8 @@ from typing import Any
 import basix.ufl
 import ufl
 
-from flexfem.research.formalisms.frames import Frame
-from flexfem.research.formalisms.matter import Matter
+from flexfem.research.formalisms.description.frames import Frame
+from flexfem.research.formalisms.description.matter import Matter
 
 __all__ = ["BodyEnergies", "kernel_parts"]
 

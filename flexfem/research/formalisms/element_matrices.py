@@ -32,11 +32,11 @@ import ufl
 from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.la.kernel import Kernel, compile_kernel
+from flexfem.kernels.ffcx import Kernel, compile_kernel
 from flexfem.research.formalisms import loops
 from flexfem.research.formalisms.compiled import energies_of
 from flexfem.research.formalisms.derivation import BodyEnergies
-from flexfem.research.formalisms.mechanism import EnergyBody
+from flexfem.research.formalisms.description.mechanism import EnergyBody
 from flexfem.research.formalisms.nodes import BodyNodes
 
 __all__ = ["ElementMatrices", "InertiaIntegrals", "element_matrices"]

@@ -8,8 +8,13 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.research.formalisms.compiled import CompiledBody, CompiledJoint, energies_of
-from flexfem.research.formalisms.joints import AppliedForce, Constraint, End, evaluate_motion
-from flexfem.research.formalisms.mechanism import EnergyBody, Mechanism
+from flexfem.research.formalisms.description.joints import (
+    AppliedForce,
+    Constraint,
+    End,
+    evaluate_motion,
+)
+from flexfem.research.formalisms.description.mechanism import EnergyBody, Mechanism
 from flexfem.research.formalisms.nodes import BodyNodes
 
 __all__ = ["MechanismEquations"]

@@ -8,8 +8,8 @@ after the last, which is zero, and what is added there is dropped.
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.la.kernel import tabulate
-from flexfem.lie.compiled import inlined, kernel
+from flexfem.kernels.compiled import inlined, kernel
+from flexfem.kernels.ffcx import tabulate
 
 __all__ = ["add_matrix", "add_vector", "evaluate"]
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.research.equations.vector_equations import Motion, Picture, VectorEquations
+from flexfem.research.formalisms.description.joints import End
 from flexfem.research.formalisms.equations import MechanismEquations
 from flexfem.research.formalisms.formalism import consistent_start, saddle, unknowns
-from flexfem.research.formalisms.joints import End
 
 __all__ = ["FormalismMotion"]
 

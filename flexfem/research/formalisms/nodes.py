@@ -9,7 +9,7 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.research.formalisms.compiled import energies_of
-from flexfem.research.formalisms.mechanism import EnergyBody
+from flexfem.research.formalisms.description.mechanism import EnergyBody
 
 __all__ = ["BodyNodes"]
 

@@ -10,18 +10,18 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.elements.request import TangentRequest
 from flexfem.la.dense import inverted
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
-from flexfem.solvers.schur_kernels import (
+from flexfem.layout.tangent_request import TangentRequest
+from flexfem.solvers.linear.schur_kernels import (
     BodyColumns,
     interface_response,
     multiply_blocks,
     rigid_responses,
 )
-from flexfem.solvers.tangent import part_pattern, part_values
+from flexfem.solvers.linear.tangent import part_pattern, part_values
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import BlockPart, Shifts, System
 
@@ -53,7 +53,7 @@ class Bodies:
         return int(rows[body] @ per_range)
 
     def respond(self, y: FloatArray) -> None:
-        """Write ``J A^-1 r`` for the right-hand sides r into slots and components (n, 6)."""
+        """Write ``J A^-1 r`` for the right-hand sides r into nodes and components (n, 6)."""
         interface_response(self.own.memory, y)
 
 
@@ -143,7 +143,7 @@ class FlexibleBodies:
         self._chained = elements is None or elements.chained
         self.split: bool = block.has_ghosts
         self.pieces = self._divide()
-        local = group.part.slots[group.own.columns[:, 0]]
+        local = group.part.interface_nodes[group.own.columns[:, 0]]
         self._held = np.flatnonzero(local >= 0)
         self._ends = local[self._held], group.own.columns[self._held, 1]
 
@@ -243,12 +243,12 @@ class FlexibleBodies:
         for c in range(most):
             bodies = piece.bodies[widths > c]
             columns = group.own.columns[group.own.column_start[bodies] + c]
-            local = part.slots[columns[:, 0]]
+            local = part.interface_nodes[columns[:, 0]]
             held = local >= 0
             rhs[:] = 0.0
             rhs[place[local[held]], columns[held, 1]] = 1.0
-            if part.block.held is not None:
-                rhs[part.block.held[piece.nodes]] = 0.0
+            if part.block.dirichlet is not None:
+                rhs[part.block.dirichlet[piece.nodes]] = 0.0
             solve(rhs, solution)
             self._store(bodies, c, solution, place)
 
@@ -306,7 +306,7 @@ class FlexibleBodies:
                 a, e = group.own.response_start[b], group.own.response_start[b + 1]
                 group.own.responses[a:e].reshape(-1, width)[:, c] = solution[place[nodes]].ravel()
             columns = group.own.columns[group.own.column_start[b] : group.own.column_start[b + 1]]
-            local = group.part.slots[columns[:, 0]]
+            local = group.part.interface_nodes[columns[:, 0]]
             held = local >= 0
             values = np.zeros(width)
             values[held] = solution[place[local[held]], columns[held, 1]]

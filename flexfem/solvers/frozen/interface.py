@@ -16,8 +16,8 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.solvers.frozen.bodies import Bodies
-from flexfem.solvers.interface_system import InterfaceSystem
-from flexfem.solvers.schur_kernels import BodyColumns, row_products, schur
+from flexfem.solvers.linear.multiplier_system import InterfaceSystem
+from flexfem.solvers.linear.schur_kernels import BodyColumns, row_products, schur
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["MultiplierSystem", "Responding"]
@@ -27,7 +27,7 @@ class Responding(Protocol):
     """Bodies that respond to their right-hand sides at the interface."""
 
     def respond(self, y: FloatArray) -> None:
-        """Write ``J A^-1 r`` into slots and components (n, 6)."""
+        """Write ``J A^-1 r`` into interface nodes and components (n, 6)."""
         ...
 
 
@@ -43,10 +43,10 @@ class MultiplierSystem:
         """Find rows and columns of every entry on this rank (collective)."""
         self._system = system
         rows, face = system.constraints, system.interface
-        self._slot_column = np.zeros(len(face.keys), dtype=np.int64)
-        self._slot_active = np.zeros(len(face.keys), dtype=np.int64)
-        self._local_slot = np.zeros(len(face.keys), dtype=np.bool_)
-        self._owned_slot = (face.local >= 0)[:, np.newaxis]
+        self._node_column = np.zeros(len(face.keys), dtype=np.int64)
+        self._node_active = np.zeros(len(face.keys), dtype=np.int64)
+        self._local_node = np.zeros(len(face.keys), dtype=np.bool_)
+        self._owned_node = (face.local >= 0)[:, np.newaxis]
         self._response, self._beyond = np.zeros((2, len(face.keys), 6))
         active = rows.active_components()
         self.groups = [self._describe(part, active) for part in system.parts]
@@ -58,17 +58,26 @@ class MultiplierSystem:
     def _describe(self, part: BlockPart, active: IntArray) -> Bodies:
         """Interface columns of a part's bodies and the sides of terms that act on them."""
         bodies, nodes, node_start = part.clusters()
-        slots = np.flatnonzero(self._system.part_of_slot == self._system.parts.index(part))
-        slots = slots[np.isin(self._system.cluster_of_slot[slots], bodies)]
-        number = np.searchsorted(bodies, self._system.cluster_of_slot[slots])
-        widths = np.bincount(number, weights=active[slots], minlength=len(bodies)).astype(np.int64)
+        interface_nodes = np.flatnonzero(
+            self._system.part_of_node == self._system.parts.index(part)
+        )
+        interface_nodes = interface_nodes[
+            np.isin(self._system.cluster_of_node[interface_nodes], bodies)
+        ]
+        number = np.searchsorted(bodies, self._system.cluster_of_node[interface_nodes])
+        widths = np.bincount(number, weights=active[interface_nodes], minlength=len(bodies)).astype(
+            np.int64
+        )
         column_start = starts(widths)
         order = np.argsort(number, kind="stable")
-        columns = [(slot, k) for slot in slots[order] for k in range(active[slot])]
-        first = starts(active[slots[order]])[:-1] - column_start[number[order]]
-        self._slot_column[slots[order]] = first
-        self._slot_active[slots], self._local_slot[slots] = active[slots], True
-        sides, per_body = self._sides(slots, number, len(bodies))
+        columns = [(node, k) for node in interface_nodes[order] for k in range(active[node])]
+        first = starts(active[interface_nodes[order]])[:-1] - column_start[number[order]]
+        self._node_column[interface_nodes[order]] = first
+        self._node_active[interface_nodes], self._local_node[interface_nodes] = (
+            active[interface_nodes],
+            True,
+        )
+        sides, per_body = self._sides(interface_nodes, number, len(bodies))
         ranges, range_start = self._ranges(sides, starts(per_body))
         lengths = part.block.width * np.diff(node_start) * widths
         own = BodyColumns(
@@ -78,8 +87,8 @@ class MultiplierSystem:
             right=np.zeros_like(part.block.residual),
             columns=np.array(columns, dtype=np.int64).reshape(-1, 2),
             column_start=column_start,
-            slot_column=self._slot_column,
-            slot_active=self._slot_active,
+            node_column=self._node_column,
+            node_active=self._node_active,
             sides=sides,
             side_start=starts(per_body),
             ranges=ranges,
@@ -92,14 +101,16 @@ class MultiplierSystem:
         )
         return Bodies(part, own)
 
-    def _sides(self, slots: IntArray, number: IntArray, count: int) -> tuple[IntArray, IntArray]:
-        """Sides of terms (term, side, slot) on the given slots by body, and their numbers."""
-        body_of_slot = np.full(len(self._slot_column) + 1, -1, dtype=np.int64)
-        body_of_slot[slots] = number
-        slot = self._system.constraints.term_slots
-        term, side = np.nonzero(body_of_slot[slot] >= 0)  # slot -1 is the last entry, -1
-        sides = np.stack([term, side, slot[term, side]], axis=1).astype(np.int64)
-        body = body_of_slot[sides[:, 2]]
+    def _sides(
+        self, interface_nodes: IntArray, number: IntArray, count: int
+    ) -> tuple[IntArray, IntArray]:
+        """Sides of terms (term, side, node) on the given nodes by body, and their numbers."""
+        body_of_node = np.full(len(self._node_column) + 1, -1, dtype=np.int64)
+        body_of_node[interface_nodes] = number
+        node = self._system.constraints.term_nodes
+        term, side = np.nonzero(body_of_node[node] >= 0)  # interface node -1 is the last entry, -1
+        sides = np.stack([term, side, node[term, side]], axis=1).astype(np.int64)
+        body = body_of_node[sides[:, 2]]
         sides = np.ascontiguousarray(sides[np.lexsort((sides[:, 2], body))])
         return sides, np.bincount(body, minlength=count).astype(np.int64)
 
@@ -107,8 +118,8 @@ class MultiplierSystem:
         """Columns that sides act on, in ranges of consecutive ones, and where each body's begin."""
         ranges, counts = [np.empty((0, 2), dtype=np.int64)], []
         for a, b in pairwise(start):
-            slots = np.unique(sides[a:b, 2])
-            first, active = self._slot_column[slots], self._slot_active[slots]
+            nodes = np.unique(sides[a:b, 2])
+            first, active = self._node_column[nodes], self._node_active[nodes]
             order = np.argsort(first)
             first, end = first[order], (first + active)[order]
             begins = np.append(True, first[1:] > end[:-1])[: len(first)]
@@ -146,7 +157,7 @@ class MultiplierSystem:
         self._version = rows.lines.version
         for group in self.groups:
             own = group.own
-            own.sides[:, 2] = rows.term_slots[own.sides[:, 0], own.sides[:, 1]]
+            own.sides[:, 2] = rows.term_nodes[own.sides[:, 0], own.sides[:, 1]]
             own.ranges, own.range_start = self._ranges(own.sides, own.side_start)
 
     def factor(self, regular: bool) -> bool:
@@ -178,9 +189,9 @@ class MultiplierSystem:
             one.respond(self._response)
         steps = self._response
         if beyond:
-            steps = np.multiply(self._owned_slot, self._system.interface.steps, out=self._beyond)
+            steps = np.multiply(self._owned_node, self._system.interface.steps, out=self._beyond)
             steps += self._response
-        row_products(rows.own.memory, self._local_slot, steps, rows.owned, values, self._correction)
+        row_products(rows.own.memory, self._local_node, steps, rows.owned, values, self._correction)
         self._factors.solve(self._correction)
         return self._correction
 

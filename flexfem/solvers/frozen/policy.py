@@ -10,9 +10,15 @@ from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.solvers.frozen.refine import Refined
 from flexfem.solvers.frozen.solver import FrozenSolver
-from flexfem.solvers.newton import Equations, NewtonOptions, PositionLevel, SolveAgain, iterate
-from flexfem.solvers.policy import UpdatedPolicy
-from flexfem.solvers.tangent import TangentSolver
+from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.solvers.newton.iteration import (
+    Equations,
+    NewtonOptions,
+    PositionLevel,
+    SolveAgain,
+    iterate,
+)
+from flexfem.solvers.newton.policy import UpdatedPolicy
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 

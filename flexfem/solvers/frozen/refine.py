@@ -15,7 +15,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.runs import starts
-from flexfem.solvers.minimal_residual import minimal_residual
+from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 

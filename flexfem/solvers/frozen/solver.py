@@ -24,7 +24,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.state import State
-from flexfem.elements.request import TangentRequest
+from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.solvers.frozen.refine import Refined, Refinement
@@ -87,8 +87,8 @@ class FrozenSolver:
         self._flexible = [
             FlexibleBodies(system, g, mechanics) for g in groups if g.part.elements is not None
         ]
-        # right-hand side, residual, and local node of each slot, of every part
-        self._loads = [(g.own.right, g.part.block.residual, g.part.slots) for g in groups]
+        # right-hand side, residual, and local node of each interface node, of every part
+        self._loads = [(g.own.right, g.part.block.residual, g.part.interface_nodes) for g in groups]
         self._nothing = np.zeros(0)
         self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
         self._refinement = Refinement(system, mechanics)
@@ -312,6 +312,6 @@ class FrozenSolver:
         if not rows.size_global:
             return self._nothing
         correction = self._multipliers.solve(values, bodies, beyond=beyond)
-        for right, _, slots in self._loads:
-            rows.add_forces(correction, slots, right)
+        for right, _, nodes in self._loads:
+            rows.add_forces(correction, nodes, right)
         return correction

@@ -46,8 +46,8 @@ def angular_frequencies(model: ff.Model, count: int, **options: object) -> np.nd
 def spun_frequencies(model: ff.Model, count: int, spins: Sequence[float]) -> list[np.ndarray]:
     """Lowest frequencies at several speeds of rotation about z, rad/s, on every rank."""
     from flexfem.core.status import Status
+    from flexfem.simulation.equilibria.operating_point import OperatingPoint
     from flexfem.simulation.modes import modes_at
-    from flexfem.simulation.operating_point import OperatingPoint
 
     options = ff.ModeOptions(modes=count, quiet=True)
     point, found = OperatingPoint(model, options), []

@@ -13,15 +13,15 @@ from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.state import State
 from flexfem.io.atomic import raise_together
-from flexfem.io.history import AngleColumns, FolderLostError, HistoryWriter
-from flexfem.io.paraview_state import write_paraview_state
+from flexfem.io.paraview.paraview_state import write_paraview_state
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
-from flexfem.io.vtu_series import VtuSeries
+from flexfem.io.tables.history import AngleColumns, FolderLostError, HistoryWriter
+from flexfem.io.vtu.series import VtuSeries
 from flexfem.research.equations.run.stepping import SteppedEquations
 from flexfem.research.equations.vector_equations import Motion
-from flexfem.simulation.recording import last_record
-from flexfem.simulation.run_guard import agreed
+from flexfem.simulation.run.guard import agreed
+from flexfem.simulation.run.recording import last_record
 
 __all__ = ["EquationRecords"]
 

@@ -21,13 +21,13 @@ from flexfem.io.atomic import raise_together
 from flexfem.research.equations.run.records import EquationRecords
 from flexfem.research.equations.run.stepping import SteppedEquations
 from flexfem.research.equations.vector_equations import VectorEquations
-from flexfem.simulation.cautions import Cautions
-from flexfem.simulation.checkpoints import Checkpoints, Restart
-from flexfem.simulation.outcome import Outcome, Results
-from flexfem.simulation.reasons import EQUATIONS, with_hint
-from flexfem.simulation.run import Steps, carry_out
-from flexfem.simulation.run_guard import agreed, refuse
-from flexfem.simulation.time_grid import TimeGrid
+from flexfem.simulation.run.cautions import Cautions
+from flexfem.simulation.run.checkpoints import Checkpoints, Restart
+from flexfem.simulation.run.failure_reasons import EQUATIONS, with_hint
+from flexfem.simulation.run.guard import agreed, refuse
+from flexfem.simulation.run.loop import Steps, carry_out
+from flexfem.simulation.run.outcome import Outcome, Results
+from flexfem.simulation.run.time_grid import TimeGrid
 
 __all__ = ["Source", "simulate_equations"]
 

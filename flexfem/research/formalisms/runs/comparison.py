@@ -13,15 +13,15 @@ from mpi4py import MPI
 from flexfem import _checks, launch
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.io.summary import write_summary
-from flexfem.io.table import write_table
+from flexfem.io.tables.table import write_table
 from flexfem.research.equations.run.simulate import simulate_equations
+from flexfem.research.formalisms.description.mechanism import Mechanism
+from flexfem.research.formalisms.description.study import FormalismStudy
 from flexfem.research.formalisms.equations import MechanismEquations
-from flexfem.research.formalisms.mechanism import Mechanism
 from flexfem.research.formalisms.runs.costs import cost_rows, energy_rows
 from flexfem.research.formalisms.runs.findings import findings, table_text
 from flexfem.research.formalisms.runs.motion import SchemedMotion, SideBySide
-from flexfem.research.formalisms.study import FormalismStudy
-from flexfem.simulation.outcome import Outcome, Results
+from flexfem.simulation.run.outcome import Outcome, Results
 
 __all__ = ["compare_formalisms", "simulate_mechanism"]
 

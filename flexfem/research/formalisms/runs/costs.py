@@ -19,12 +19,12 @@ from flexfem.core.status import Status
 from flexfem.research.formalisms.compiled import CompiledBody, energies_of
 from flexfem.research.formalisms.counting import FORMS, Count, count_form, count_formalism
 from flexfem.research.formalisms.derivation import BodyEnergies
+from flexfem.research.formalisms.description.mechanism import Mechanism
+from flexfem.research.formalisms.description.study import FormalismStudy
 from flexfem.research.formalisms.equations import MechanismEquations
 from flexfem.research.formalisms.formalism import accelerations
-from flexfem.research.formalisms.mechanism import Mechanism
 from flexfem.research.formalisms.runs.motion import SchemedMotion
-from flexfem.research.formalisms.study import FormalismStudy
-from flexfem.simulation.paired_timing import least, ratio_range, timed_in_turns
+from flexfem.research.formalisms.runs.paired_timing import least, ratio_range, timed_in_turns
 
 __all__ = ["cost_rows", "energy_rows"]
 

@@ -16,11 +16,11 @@ from flexfem import _checks, launch
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.io.table import write_table
+from flexfem.io.tables.table import write_table
+from flexfem.research.formalisms.description.matrix_study import ElementMatrixStudy
 from flexfem.research.formalisms.element_matrices import ElementMatrices, element_matrices
-from flexfem.research.formalisms.matrix_study import ElementMatrixStudy
-from flexfem.simulation.outcome import Outcome, Results, conclude
-from flexfem.simulation.run_guard import guarded
+from flexfem.simulation.run.guard import guarded
+from flexfem.simulation.run.outcome import Outcome, Results, conclude
 
 __all__ = ["tabulate_elements"]
 

@@ -1,0 +1,453 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Constraint equations and force laws (rows) of all joints of this rank, as one batch."""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._faults import FAILURES, noted
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.constraints.function_checks import Functions
+from flexfem.constraints.interface import Interface
+from flexfem.constraints.numbered_rows import NumberedRows
+from flexfem.constraints.rows.data import RowArrays
+from flexfem.constraints.rows.hessians import (
+    add_dampers,
+    add_hessians,
+    second_rates,
+    velocity_changes,
+)
+from flexfem.constraints.rows.kernels import (
+    ON_LINES,
+    add_forces,
+    evaluate_rows,
+    marker_poses,
+    marker_wrenches,
+    sums_of_terms,
+    update_angles,
+)
+from flexfem.constraints.rows.laws import static_forces
+from flexfem.constraints.rows.placed_joint import PlacedJoint
+from flexfem.core.nodes.action_kernels import add_turning_forces
+from flexfem.core.row import DAMPED_BY_COEFFICIENT, LawKind, RowKind
+from flexfem.core.state import State
+
+__all__ = ["Constraints"]
+
+#: (kinds, 2) of ``RowKind.axes``
+_BY_AXES = np.array([kind.axes for kind in RowKind])
+
+
+class Constraints(NumberedRows):
+    """Rows of all joints of this rank, their values, derivatives and multipliers.
+
+    Its arrays change, and are never replaced: ``own`` holds them for compiled loops.
+
+    ``targets``, ``active``, ``held``, ``angles`` and ``forces`` are the state of the rows that a
+    checkpoint holds.
+
+    Attributes:
+        interface: nodes that joints touch.
+        own: markers, terms and rows, as compiled loops take them.
+        multipliers: (r,) trial values, scaled by ``beta h^2``.
+        forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
+        poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
+        mean_forces: ``forces`` are means over the last step, not those at its end.
+        consistent: ``forces`` go with accelerations that satisfy the constraints, as at a start.
+        reported: (r,) forces that do so, once they are known, see ``System.reported_forces``.
+        held: (r,) rows that keep a target taken from the motion, whatever drives them.
+        values, compliance: (r,) residuals and compliances of the last evaluation.
+        coupling: (k,) compliances between the multipliers of ``coupled`` rows.
+        slopes: (r, 2) derivatives of ``values`` by a row's sum and its rate.
+        force_jacobian: (t, 2, 6) gradients with respect to the nodes' local twists.
+        step_jacobian: (t, 2, 6) derivatives of ``values`` along these twists.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, joints: Sequence[PlacedJoint], interface: Interface
+    ) -> None:
+        """Collect the rows (collective: numbers the multipliers)."""
+        super().__init__(comm, joints)
+        self.interface = interface
+        total, terms = len(self.targets), len(self.row_of_term)
+        self._driven = [(i, j) for i, j in enumerate(self.joints) if j.joint.driven]
+        self.multipliers, self.forces = np.zeros(total), np.zeros(total)
+        self.values, self.compliance = np.zeros(total), np.zeros(total)
+        self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
+        self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
+        self.mean_forces = self.consistent = False
+        self.reported: FloatArray | None = None
+        self.held: BoolArray = np.zeros(total, dtype=np.bool_)
+        self.poses = np.zeros((len(self.marker_node), 12))
+        self.own = RowArrays(
+            marker_node=self.marker_node, marker_offset=self.marker_offset, poses=self.poses,
+            term_marker=self.term_marker, term_nodes=self.term_nodes,
+            row_of_term=self.row_of_term, pair_of_term=self.pair_of_term, kinds=self.kinds,
+            directions=self.directions, factors=self.factors, angles=self.angles,
+            force_jacobian=self.force_jacobian, step_jacobian=self.step_jacobian,
+            term_start=self.term_start, targets=self.targets, active=self.active,
+            elastic=self.elastic, functions=self.functions, function_data=self.function_data,
+            multipliers=self.multipliers, values=self.values, compliance=self.compliance,
+            slopes=self.slopes, line_sums=self.lines.sums, relaxation=0.0, coupled=self.coupled,
+            coupling=self.coupling,
+        )  # fmt: skip
+        damping = (self.elastic[:, 2] != 0.0) | ~np.isin(self.elastic[:, 0], DAMPED_BY_COEFFICIENT)
+        self._damped = bool(damping.any())
+        self._holds = bool(interface.held.any())
+        self._functions = Functions(self)
+
+    @property
+    def relaxation(self) -> float:
+        """Compliance of rigid rows, 1/kg; zero unless constraints may be redundant."""
+        return self.own.relaxation
+
+    @relaxation.setter
+    def relaxation(self, value: float) -> None:
+        self.own.relaxation = value
+
+    def state(self) -> State:
+        """State of the rows at the accepted step: forces, targets, active and held rows."""
+        active, held = self.active.astype(np.float64), self.held.astype(np.float64)
+        rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
+        values = {"relaxation": np.array([self.relaxation])}
+        lines = {
+            "places": {"places": self.lines.accepted_places()},
+            "line_terms": {"line_angles": self.lines.angles},
+        }
+        return State(values, {"rows": rows, "terms": {"angles": self.angles}, **lines})
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned."""
+        rows = state.rows["rows"]
+        self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
+        self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
+        self.angles[:] = state.rows["terms"]["angles"]
+        self.lines.restore_places(state.rows["places"]["places"])
+        self.lines.angles[:] = state.rows["line_terms"]["line_angles"]
+        self.relaxation = float(state.values["relaxation"][0])
+        self.consistent, self.reported = False, None
+
+    def active_components(self) -> IntArray:
+        """(n_nodes,) 3 where joints only ever pull at the node's origin, else all its unknowns."""
+        active = np.full(len(self.interface.keys), 3, dtype=np.int64)
+        for side in range(2):
+            marker, node = self.term_marker[:, side], self.term_nodes[:, side]
+            turning = _BY_AXES[np.minimum(self.kinds, RowKind.FUNCTION), side]
+            turning |= np.any(self.marker_offset[marker, :3] != 0.0, axis=1)
+            turning |= self.kinds == ON_LINES
+            active[node[turning & (node >= 0)]] = 6
+        active[self.lines.nodes] = 6
+        return np.minimum(active, self.interface.width)
+
+    def reactions(self, forces: FloatArray) -> FloatArray:
+        """(m, 6) wrenches that the joints exert on the bodies at their markers.
+
+        Force (N) and moment (N m) about the marker's origin, in inertial axes, at the last
+        evaluation; markers ``marker_start[i]`` to ``marker_start[i + 1]`` belong to joint i. A
+        wrench on the ground counts like any other.
+
+        Args:
+            forces: (r,) of all rows, see ``System.reported_forces``.
+        """
+        out = np.zeros((len(self.marker_node), 6))
+        marker_wrenches(self.own.memory, forces, out)
+        self.lines.add_wrenches(forces, out)
+        return out
+
+    def lock(self, name: str) -> None:
+        """Hold the switchable rows of a joint at their present values (collective).
+
+        The accepted positions stay as they are; velocities must be made consistent by the caller.
+
+        Raises:
+            ValueError: there is no such joint, or nothing to lock in it; on all ranks.
+        """
+        rows = self._switchable(name)
+        self.targets[rows] = self.sums()[rows]
+        self._switch(rows, True)
+
+    def release(self, name: str) -> None:
+        """Set the switchable rows of a joint free (collective).
+
+        Raises:
+            ValueError: there is no such joint, or nothing to release in it; on all ranks.
+        """
+        self._switch(self._switchable(name), False)
+
+    def rows_of(self, name: str) -> IntArray:
+        """Rows of a joint that can be switched, all if none is marked so.
+
+        There are none on a rank that does not evaluate it.
+        """
+        own = self._named(name)
+        chosen = own & self.switchable if (own & self.switchable).any() else own
+        return np.flatnonzero(chosen).astype(np.int64)
+
+    def set_active(self, name: str, active: bool, hold: bool = False) -> None:
+        """Make a joint's rows hold, or not; velocities must be made consistent by the caller.
+
+        Args:
+            name: of any joint; a rank that does not evaluate it does nothing.
+            active: its rows hold.
+            hold: they hold their present values, at the interface's state, not their targets, nor
+                what drives them.
+        """
+        rows = self.rows_of(name)
+        self.held[rows] = hold
+        if hold:
+            self._place_markers()
+            self.targets[rows] = self.sums()[rows]
+        self._switch(rows, active)
+
+    def _named(self, name: str) -> BoolArray:
+        named = [i for i, placed in enumerate(self.joints) if placed.joint.name == name]
+        return np.isin(self.joint_of_row, named)
+
+    def _switchable(self, name: str) -> IntArray:
+        rows = np.flatnonzero(self.switchable & self._named(name)).astype(np.int64)
+        if self.comm.allreduce(len(rows)) == 0:
+            raise ValueError(f'joint "{name}": no such joint can be locked and released')
+        return rows
+
+    def _switch(self, rows: IntArray, active: bool) -> None:
+        self.active[rows] = active
+        self.multipliers[rows] = self.forces[rows] = 0.0
+
+    @property
+    def rigid(self) -> BoolArray:
+        """(r,) rows that hold a value; the others carry a force by a law, or none."""
+        held: BoolArray = self.active & (self.elastic[:, 0] == LawKind.RIGID)
+        return held
+
+    @property
+    def pulling(self) -> BoolArray:
+        """(r,) rows with forces that depend on positions: springs, stops, functions of forces."""
+        nonlinear = ~self.linear & self.static_forces().any(axis=1)
+        return self.active & ((self.elastic[:, 1] > 0.0) | nonlinear)
+
+    @property
+    def working(self) -> BoolArray:
+        """(r,) rows whose forces count as work on the model: drives, and functions of forces."""
+        driven = np.array([j.joint.driven for j in self.joints], dtype=np.bool_)
+        works: BoolArray = driven[self.joint_of_row] | (self.elastic[:, 0] == LawKind.FUNCTION)
+        return works
+
+    @property
+    def size(self) -> int:
+        """Number of rows of this rank, shared ones included."""
+        return len(self.values)
+
+    @property
+    def driven(self) -> bool:
+        """A row of this rank changes with time."""
+        return bool(self._driven)
+
+    def set_time(self, t: float) -> None:
+        """Update the rows of driven joints, and what functions of forces see, to time ``t``."""
+        self.function_data[:, 0] = t
+        for i, joint in self._driven:
+            if not self.held[self.start[i]]:
+                self._drive(i, joint, t)
+
+    def _drive(self, i: int, joint: PlacedJoint, t: float) -> None:
+        """Rows of a driven joint; they are not finite where its function fails."""
+        try:
+            rows = joint.rows(t)
+        except FAILURES as error:
+            noted(joint.joint.owner, next(filter(callable, vars(joint.joint).values())), error)
+            self.targets[self.start[i] : self.start[i + 1]] = np.nan
+        else:
+            self.write(i, rows)
+
+    def set_drives(self, t: float) -> None:
+        """Update the rows of driven joints that hold values to time ``t``, no laws of forces."""
+        for i, joint in self._driven:
+            start = self.start[i]
+            if self.elastic[start, 0] == LawKind.RIGID and not self.held[start]:
+                self.write(i, joint.rows(t))
+
+    def directions_of_drives(self) -> tuple[FloatArray, FloatArray]:
+        """Directions of the terms now, those on lines apart, for :meth:`turned`."""
+        return self.directions.copy(), self.lines.directions.copy()
+
+    def turned(self, seen: Sequence[tuple[FloatArray, FloatArray]]) -> BoolArray:
+        """(r,) rows whose directions are not always the same; of those on lines all driven ones."""
+        own, on_lines = (np.array(one) for one in zip(*seen, strict=True))
+        terms = (own != own[0]).any(axis=(0, 2, 3))
+        rows: BoolArray = np.bincount(self.row_of_term, terms, minlength=self.size) > 0.0
+        if (on_lines != on_lines[0]).any():
+            driven = [j.joint.driven and j.on_lines for j in self.joints]
+            rows |= np.array(driven, dtype=np.bool_)[self.joint_of_row]
+        return rows
+
+    def evaluate(self, dynamics: FloatArray) -> None:
+        """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
+        face = self.interface
+        self.lines.evaluate(face.frames, self.poses, self.force_jacobian)
+        evaluate_rows(self.own.memory, face.interface_nodes.memory, dynamics)
+        if self._functions:
+            self._functions.watch(self)
+        if self._damped:
+            add_dampers(
+                self.own.memory, face.interface_nodes.memory, dynamics[0], False, self.slopes,
+                self.step_jacobian,
+            )  # fmt: skip
+            self._add_line_dampers(self.slopes[:, 1], dynamics[0])
+        self._hold(self.force_jacobian)
+        self._hold(self.step_jacobian)
+
+    def static_forces(self) -> FloatArray:
+        """(r, 2) forces at rest and their slopes; zero for rigid rows and for friction."""
+        out = np.zeros((self.size, 2))
+        values = self.sums() - self.targets
+        static_forces(self.elastic, self.functions, self.function_data, values, out)
+        return out
+
+    def _hold(self, gradient: FloatArray) -> None:
+        """Set gradients (t, 2, 6) to zero along unknowns that stay as they are."""
+        if self._holds:
+            held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
+            gradient[held[self.term_nodes]] = 0.0  # the ground's interface node is -1
+
+    def yielding(self, multipliers: FloatArray) -> FloatArray:
+        """(r,) what rows with laws give way under multipliers (r,), by the last evaluation."""
+        values = self.compliance * multipliers
+        if len(self.coupling):
+            i, j = self.coupled.T
+            np.add.at(values, i, self.coupling * multipliers[j])
+        return values
+
+    def use_rates(self, velocity: float, by_time: FloatArray) -> FloatArray:
+        """Put the rates of the rigid rows in the place of their values, with exact derivatives.
+
+        Args:
+            velocity: dv/dn of the time integrator; rates are divided by it, which makes their
+                derivatives those of the values as the step shrinks.
+            by_time: (r,) rate of every row at held positions, from drives.
+
+        Returns:
+            The values of the rigid rows (r,), zero for the others.
+        """
+        face, rigid = self.interface, self.rigid
+        values = self.values * rigid
+        rates = (self.rates() + by_time) / velocity - self.relaxation * self.multipliers
+        self.values[:] = np.where(rigid, rates, self.values)
+        slopes = np.zeros((self.size, 2))
+        slopes[rigid, 1] = 1.0 / velocity
+        self.step_jacobian[rigid[self.row_of_term]] = 0.0
+        add_dampers(
+            self.own.memory,
+            face.interface_nodes.memory,
+            velocity,
+            False,
+            slopes,
+            self.step_jacobian,
+        )
+        self._add_line_dampers(slopes[:, 1], velocity)
+        self._hold(self.step_jacobian)
+        return values
+
+    def changes(self, twists: FloatArray, sides: BoolArray | None = None) -> FloatArray:
+        """(r,) change of every row along local twists of the interface nodes.
+
+        Args:
+            twists: (n_nodes, 6) of the interface nodes.
+            sides: (t, 2) sides of the terms that move, all when None.
+        """
+        padded = np.concatenate([twists, np.zeros((1, 6))])  # the ground's interface node is -1
+        change = np.einsum("tsi,tsi->ts", self.force_jacobian, padded[self.term_nodes])
+        if sides is not None:
+            change *= sides
+        return np.bincount(self.row_of_term, change.sum(axis=1), minlength=self.size)
+
+    def add_forces(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> None:
+        """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each node."""
+        add_forces(self.own.memory, multipliers, local, residual)
+
+    def accept(self) -> None:
+        """Remember the angles reached, so that they stay continuous."""
+        self.consistent, self.reported = False, None
+        update_angles(self.own.memory, self.interface.frames)
+        self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
+        self._hold(self.force_jacobian)
+        self.lines.accept()
+
+    def _place_markers(self) -> None:
+        """Poses of all markers at the interface's state."""
+        frames = self.interface.frames
+        marker_poses(self.own.memory, frames, self.poses)
+        self.lines.evaluate(frames, self.poses, self.force_jacobian)
+        self._hold(self.force_jacobian)
+
+    def _add_line_dampers(self, slopes: FloatArray, velocity: float) -> None:
+        """The part of ``constraints.rows.hessians.add_dampers`` of joints on lines."""
+        if self.lines.joints:
+            face = self.interface
+            by_step = velocity_changes(face.interface_nodes.memory, velocity)
+            self.lines.add_dampers(
+                slopes, face.velocities, by_step, self.force_jacobian, self.step_jacobian
+            )
+
+    def hessians(self, factor: FloatArray) -> FloatArray:
+        """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""
+        out = np.zeros((len(self.pair_nodes), 12, 12))
+        add_hessians(self.own.memory, factor[self.row_of_term] * self.factors, out)
+        self.lines.add_hessians(factor, out)
+        if self._holds:
+            held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
+            pairs = held[self.pair_nodes].reshape(-1, 12)
+            out[pairs] = 0.0
+            out.transpose(0, 2, 1)[pairs] = 0.0
+        return out
+
+    def local_jacobian(self) -> FloatArray:
+        """(t, 2, 6) derivatives of ``values`` along local twists at fixed local velocities."""
+        rigid = self.rigid[self.row_of_term]
+        slope = np.where(rigid, 1.0, self.slopes[self.row_of_term, 0])
+        jacobian: FloatArray = self.force_jacobian * slope[:, np.newaxis, np.newaxis]
+        face = self.interface
+        if self._damped:
+            add_dampers(
+                self.own.memory, face.interface_nodes.memory, 0.0, True, self.slopes, jacobian
+            )
+            # at fixed velocities
+            held = np.zeros((len(face.keys), 6, 6))
+            self.lines.add_dampers(
+                self.slopes[:, 1], face.velocities, held, self.force_jacobian, jacobian
+            )
+            self._hold(jacobian)
+        return jacobian
+
+    def sums(self) -> FloatArray:
+        """(r,) sums of the rows' terms at the present marker frames, targets not subtracted."""
+        out = np.zeros(self.size)
+        sums_of_terms(self.own.memory, out)
+        return out + self.lines.sums
+
+    def turning_forces(self, hessians: FloatArray, steps: FloatArray) -> FloatArray:
+        """(n_nodes, 6) change of the constraint forces on the nodes along steps of the nodes.
+
+        Args:
+            hessians: (n_pairs, 12, 12) derivatives of the forces.
+            steps: (n_nodes, 6) local twists.
+        """
+        out = np.zeros_like(steps)
+        add_turning_forces(hessians, self.pair_nodes, steps, out)
+        return out
+
+    def second_rates(self) -> FloatArray:
+        """(r,) second time derivative of every row at constant local velocities."""
+        out = np.zeros(self.size)
+        second_rates(self.own.memory, self.interface.velocities, out)
+        self.lines.add_second_rates(self.interface.velocities, out)
+        return out
+
+    def rigid_jacobian(self) -> FloatArray:
+        """(t, 2, 6) gradients of the rigid rows with respect to local twists, zero for others."""
+        return self.force_jacobian * self.rigid[self.row_of_term][:, np.newaxis, np.newaxis]
+
+    def rates(self) -> FloatArray:
+        """(r,) time derivative of every row at the interface's velocities, drives held."""
+        return self.changes(self.interface.velocities)

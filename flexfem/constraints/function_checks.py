@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Users' functions in rows: checked when a model is built, and watched while it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexfem._faults import FAILURES, ReturnError, noted
+from flexfem._types import FloatArray
+from flexfem.constraints.terms.compiled_functions import check, kind_number
+from flexfem.constraints.terms.dispatch import term as evaluate_term
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row, RowKind
+from flexfem.core.user_function import FunctionKind, UserFunction
+from flexfem.lie import se3
+
+if TYPE_CHECKING:
+    from flexfem.constraints.numbered_rows import NumberedRows
+
+__all__ = ["Functions", "check_functions"]
+
+
+def check_functions(rows: Sequence[Row], poses: Sequence[Pose]) -> None:
+    """Call and compile the functions of a joint's rows and check their derivatives at the start.
+
+    Args:
+        rows: of the joint.
+        poses: of its markers at the start.
+
+    Raises:
+        ValueError: a function fails, does not compile, or is not smooth there; names it.
+    """
+    if all(one is None for row in rows for one in _functions(row)):
+        return
+    frames = [se3.frame(pose.position, pose.rotation) for pose in poses]
+    for row in rows:
+        for term in row.terms:
+            if term.function is not None:
+                relative = se3.compose(se3.inverse(frames[term.a]), frames[term.b])
+                values = term.function.tried(*_pose_arguments(relative))
+                if term.component >= len(values):
+                    raise ValueError(
+                        f"{term.function.owner}: {term.function.what}: {term.function.place}: "
+                        f"returned {len(values)} numbers at the start, and other ones before"
+                    )
+                check(term.function, np.append(relative, 1.0), term.data.ravel())
+        if row.law is not None and row.law.function is not None:
+            user, data = row.law.function, np.zeros(9)
+            data[1 : 1 + len(user.parameters)] = user.parameters
+            value = sum(_value(term, frames) for term in row.terms) - row.target
+            if user.kind is FunctionKind.FORCE:
+                user.tried(value, 0.0, 0.0)
+                check(user, np.array([value, 0.0]), data)
+            else:
+                user.tried(row.law.second)
+                check(user, np.array([row.law.second]), data)
+
+
+def _functions(row: Row) -> list[UserFunction | None]:
+    return [term.function for term in row.terms] + [row.law.function if row.law else None]
+
+
+def _value(term: Any, frames: Sequence[FloatArray]) -> float:
+    """Value of a term at the start; that of an arc length is unknown here, and taken as none."""
+    if term.kind == RowKind.ARC:
+        return 0.0
+    number, g, scratch = kind_number(term), np.empty(12), np.empty((5, 3))
+    a, b = frames[term.a], frames[term.b]
+    return float(term.factor * evaluate_term(number, a, b, term.data, 0.0, g, scratch))
+
+
+def _pose_arguments(H: FloatArray) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
+    """Position and rotation of a frame (12,) as functions take them."""
+    x = H.tolist()
+    return tuple(x[:3]), (tuple(x[3:6]), tuple(x[6:9]), tuple(x[9:12]))
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Use of a function: its row, and its first term there, -1 for that of a law."""
+
+    user: UserFunction
+    row: int
+    term: int
+
+
+class Functions:
+    """The users' functions in the rows of a rank; false where there are none."""
+
+    def __init__(self, table: NumberedRows) -> None:
+        """Find them."""
+        self._places = []
+        for i, placed in enumerate(table.joints):
+            for r, row in enumerate(placed.rows(0.0), start=int(table.start[i])):
+                for k, term in enumerate(row.terms):
+                    if term.function is not None:
+                        t = -1 if placed.on_lines else int(table.term_start[r]) + k
+                        self._places.append(_Place(term.function, r, t))
+                if row.law is not None and row.law.function is not None:
+                    self._places.append(_Place(row.law.function, r, -1))
+        self._rows = np.array([place.row for place in self._places], dtype=np.int64)
+        inside = np.isin(table.row_of_term, self._rows)
+        self._terms = np.flatnonzero(inside)
+
+    def __bool__(self) -> bool:
+        """There are some."""
+        return bool(self._places)
+
+    def watch(self, rows: Any) -> None:
+        """Note a function that has given no finite numbers at the last evaluation of ``rows``.
+
+        The rows are left as they are: not finite, which makes the step fail on all ranks.
+        """
+        values, gradients = rows.values[self._rows], rows.force_jacobian[self._terms]
+        if np.isfinite(values).all() and np.isfinite(gradients).all():
+            return
+        velocities, sums, rates = rows.interface.velocities, rows.sums(), rows.rates()
+        if not (np.isfinite(rows.poses).all() and np.isfinite(velocities).all()):
+            return  # the motion was lost before
+        for place in self._places:
+            arguments = self._arguments(place, rows, sums, rates)
+            bad = ~np.isfinite(rows.values[place.row])
+            bad |= not np.isfinite(rows.force_jacobian[self._terms]).all()
+            if arguments and bad:
+                _blame(place.user, arguments)
+
+    def _arguments(
+        self, place: _Place, rows: Any, sums: FloatArray, rates: FloatArray
+    ) -> tuple[Any, ...]:
+        """Arguments that the function was called with; empty if they are not known."""
+        r = place.row
+        if place.user.kind is FunctionKind.POSE:
+            if place.term < 0:
+                return ()
+            a, b = rows.poses[rows.term_marker[place.term]]
+            return _pose_arguments(se3.compose(se3.inverse(a), b))
+        rate = float(rates[r])
+        if place.user.kind is FunctionKind.SPEED:
+            return (abs(rate),) if np.isfinite(rate) else ()
+        value = float(sums[r] - rows.targets[r])
+        known = np.isfinite(value) and np.isfinite(rate)
+        return (value, rate, float(rows.function_data[r, 0])) if known else ()
+
+
+def _blame(user: UserFunction, arguments: tuple[Any, ...]) -> None:
+    """Note what is wrong with a function at these arguments, if something is."""
+    try:
+        values = user(*arguments)
+    except FAILURES as error:
+        noted(user.owner, user.function, error)
+        return
+    shown = ", ".join(_shown(one) for one in arguments)
+    if np.isfinite(values).all():
+        what = f"{user.what} has no finite derivatives at ({shown})"
+    else:
+        what = f"{user.what} returned {values.tolist()} at ({shown})"
+    noted(user.owner, user.function, ReturnError(what))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "(" + ", ".join(_shown(one) for one in value) + ")"
+    return f"{value:.6g}"

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Interface nodes, at which joints attach, and their exchange between ranks.
+
+Every rank keeps a table of the nodes its joints touch. Owned nodes are copied from their block,
+the others arrive by one message per neighbouring rank: 24 numbers a node (frame, increment,
+velocity). Joints between bodies on two ranks are evaluated on both, so that no force, gradient or
+multiplier ever has to be sent.
+"""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.constraints.rows.data import InterfaceNodes
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.frame_kernels import Nodes
+from flexfem.kernels.compiled import kernel
+from flexfem.kernels.records import Memory, unpack
+from flexfem.layout.node_key import NodeKey
+from flexfem.lie._blocks import copy_entries
+
+__all__ = ["Interface", "NodeDirectory"]
+
+_WIDTH = 24
+#: of the messages between neighbours
+_TAG = 1202
+
+
+class NodeDirectory:
+    """Owner, local and global number of nodes that several ranks must agree on.
+
+    Attributes:
+        owner: rank that owns each node.
+        number: global node number within the block.
+        local: local index in the block where owned, else -1.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, keys: Sequence[NodeKey], blocks: Sequence[FrameBlock | None]
+    ) -> None:
+        """Look up every key on every rank (collective; keys must agree between ranks)."""
+        count = len(keys)
+        self.local: IntArray = np.full(count, -1, dtype=np.int64)
+        found = np.full((2, count), -1, dtype=np.int64)
+        table = np.array(keys, dtype=np.int64).reshape(-1, 2)
+        for kind, block in enumerate(blocks):
+            if block is None:
+                continue
+            of_kind = np.flatnonzero(table[:, 0] == kind)
+            local = block.owned_index(table[of_kind, 1])
+            mine = of_kind[local >= 0]
+            self.local[mine] = local[local >= 0]
+            found[0, mine], found[1, mine] = comm.rank, block.offset + self.local[mine]
+        comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        self.owner: IntArray = found[0]
+        self.number: IntArray = found[1]
+
+
+@kernel
+def _collect(memory: Memory, local: IntArray, interface_nodes: IntArray, out: Memory) -> None:
+    """Copy the state of nodes of ``Nodes`` to their ``interface_nodes`` in ``InterfaceNodes``."""
+    nodes, face = unpack(Nodes, memory), unpack(InterfaceNodes, out)
+    for k in range(local.size):
+        node, interface_node = local[k], interface_nodes[k]
+        copy_entries(nodes.frames[node], face.frames[interface_node])
+        copy_entries(nodes.increment[node], face.increments[interface_node])
+        copy_entries(nodes.velocity[node], face.velocities[interface_node])
+
+
+class Interface:
+    """Table of the nodes that this rank's joints touch.
+
+    Attributes:
+        keys: node of each interface node.
+        frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
+        steps: (n, 6) Newton steps after ``update_steps``.
+        inertial: (n,) translations are integrated in inertial axes; width: (n,) unknowns.
+        interface_nodes: these arrays, as compiled loops take them.
+        kind: kind of block of each interface node; local: local node where owned, else -1.
+        number: global number of the node within its block.
+        held: (n, 6) unknowns that stay as they are, on which joints have no effect.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        blocks: Sequence[FrameBlock | None],
+        keys: Sequence[NodeKey],
+        needed_by: Sequence[Sequence[int]],
+    ) -> None:
+        """Set up the exchange (collective).
+
+        Args:
+            comm: communicator.
+            blocks: the blocks by kind.
+            keys: all nodes that carry joints, the same on every rank.
+            needed_by: ranks that need each of them.
+        """
+        directory = NodeDirectory(comm, keys, blocks)
+        mine = [k for k, ranks in enumerate(needed_by) if comm.rank in ranks]
+        self.comm = comm
+        self.keys = [keys[k] for k in mine]
+        self.node_of = {key: node for node, key in enumerate(self.keys)}
+        self.kind: IntArray = np.array([key[0] for key in self.keys], dtype=np.int64)
+        self.local: IntArray = directory.local[mine]
+        self.number: IntArray = directory.number[mine]
+        self.frames = np.zeros((len(mine), 12))
+        self.increments = np.zeros((len(mine), 6))
+        self.velocities = np.zeros((len(mine), 6))
+        self.steps = np.zeros((len(mine), 6))
+        inertial = [block is not None and block.inertial for block in blocks]
+        self.inertial: BoolArray = np.array(
+            [inertial[kind] for kind in self.kind.tolist()], dtype=np.bool_
+        )
+        self.interface_nodes = InterfaceNodes(
+            frames=self.frames, increments=self.increments, velocities=self.velocities,
+            inertial=self.inertial,
+        )  # fmt: skip
+        widths = [0 if block is None else block.width for block in blocks]
+        self.width: IntArray = np.array(
+            [widths[kind] for kind in self.kind.tolist()], dtype=np.int64
+        )
+        self._sources = [
+            (block, self.local[nodes], nodes)
+            for kind, block in enumerate(blocks)
+            if block is not None
+            for nodes in [np.flatnonzero((self.kind == kind) & (self.local >= 0))]
+            if len(nodes)
+        ]
+        self._plan(directory, mine, needed_by)
+        held = np.zeros((len(mine), 6))
+        for block, local, nodes in self._sources:
+            if block.dirichlet is not None:
+                held[nodes, : block.width] = block.dirichlet[local]
+        self._exchange((held,))
+        self.held: BoolArray = held > 0.0
+
+    def _plan(
+        self, directory: NodeDirectory, mine: Sequence[int], needed_by: Sequence[Sequence[int]]
+    ) -> None:
+        """Lists of nodes to send to and to receive from each neighbour, in the order of keys."""
+        send: dict[int, list[int]] = {}
+        receive: dict[int, list[int]] = {}
+        for node, k in enumerate(mine):
+            owner = int(directory.owner[k])
+            if owner == self.comm.rank:
+                for rank in needed_by[k]:
+                    if rank != owner:
+                        send.setdefault(rank, []).append(node)
+            else:
+                receive.setdefault(owner, []).append(node)
+        self._send = _buffers(send)
+        self._receive = _buffers(receive)
+
+    def update(self) -> None:
+        """Fetch frames, increments and velocities of all interface nodes (collective)."""
+        for block, local, nodes in self._sources:
+            _collect(block.nodes.memory, local, nodes, self.interface_nodes.memory)
+        self._exchange((self.frames, self.increments, self.velocities))
+
+    def update_steps(self) -> None:
+        """Fetch the blocks' steps at all interface nodes (collective)."""
+        for block, local, nodes in self._sources:
+            self.steps[nodes] = block.step[local]
+        self._exchange((self.steps,))
+
+    def _exchange(self, tables: Sequence[FloatArray]) -> None:
+        """Send owned numbers at the interface of the tables to the ranks that need them."""
+        if not (self._send or self._receive):
+            return
+        width = sum(table.shape[1] for table in tables)
+        requests = [
+            self.comm.Irecv(buffer[: len(nodes) * width], source=rank, tag=_TAG)
+            for rank, nodes, buffer in self._receive
+        ]
+        for rank, nodes, buffer in self._send:
+            data = buffer[: len(nodes) * width]
+            np.concatenate(
+                [table[nodes] for table in tables], axis=1, out=data.reshape(len(nodes), width)
+            )
+            requests.append(self.comm.Isend(data, dest=rank, tag=_TAG))
+        MPI.Request.Waitall(requests)
+        for _, nodes, buffer in self._receive:
+            data, at = buffer[: len(nodes) * width].reshape(len(nodes), width), 0
+            for table in tables:
+                table[nodes] = data[:, at : at + table.shape[1]]
+                at += table.shape[1]
+
+
+def _buffers(
+    interface_nodes: dict[int, list[int]],
+) -> list[tuple[int, npt.NDArray[np.int64], FloatArray]]:
+    return [
+        (rank, np.array(s, dtype=np.int64), np.empty(len(s) * _WIDTH))
+        for rank, s in sorted(interface_nodes.items())
+    ]

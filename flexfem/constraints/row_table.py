@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Rows and terms of joints as arrays, as the compiled loops read them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.constraints.lines.joints import LineJoints
+from flexfem.constraints.rows.kernels import ON_LINES
+from flexfem.constraints.rows.placed_joint import PlacedJoint, RowLayout
+from flexfem.constraints.terms.compiled_functions import address, kind_number
+from flexfem.core.row import FRICTION_LAWS, LINEAR_LAWS, LawKind, Row, RowKind
+from flexfem.core.runs import starts
+
+__all__ = ["RowTable"]
+
+
+class RowTable:
+    """Markers, rows, terms and pairs of markers of joints, one after the other.
+
+    Attributes:
+        joints: the joints.
+        start: (n_joints + 1,) first row of each joint.
+        joint_of_row: (r,) its joint.
+        marker_start: (n_joints + 1,) first marker of each joint.
+        marker_node, marker_offset: (m,) and (m, 12) number at the interface of its node, frame
+            relative to it.
+        targets: (r,) values that the rows' sums take.
+        active, switchable: (r,) rows that are not released, and those that may be.
+        elastic: (r, 5) law (a ``LawKind``, 0 for rigid), stiffness, damping, two parameters.
+        functions: (r,) addresses of the users' functions that laws call, 0 for none.
+        function_data: (r, 9) time (s) and parameters of these functions.
+        term_start: (r + 1,) first term of each row.
+        row_of_term: (t,) its row.
+        kinds, directions, factors: (t,), (t, 3, 3) and (t,) of the terms; a kind is a ``RowKind``
+            or the address of a user's function.
+        angles: (t,) continuous angles at the accepted state.
+        term_marker, term_nodes: (t, 2) both markers and the numbers at the interface of their
+            nodes.
+        pair_of_term: (t,) pair of markers of a term, ``pair_nodes`` (p, 2), ``pair_owned`` (p,).
+        coupled: (k, 2) rows with friction, and rows whose resultant presses on them.
+        lines: what evaluates the joints with markers on lines; of their gradients, each term here
+            holds two nodes.
+    """
+
+    def __init__(self, joints: Sequence[PlacedJoint]) -> None:
+        """Tabulate the rows at time 0."""
+        self.joints = list(joints)
+        listed = [j.rows(0.0) for j in self.joints]
+        rows = [row for part in listed for row in part]
+        self.start = starts([len(part) for part in listed])
+        self.joint_of_row = np.repeat(np.arange(len(listed)), np.diff(self.start))
+        held = [(sum(j.widths) + 1) // 2 if j.on_lines else 0 for j in self.joints]
+        counts = zip(self.joint_of_row, rows, strict=True)
+        self.term_start = starts([held[i] or len(row.terms) for i, row in counts])
+        self.row_of_term = np.repeat(np.arange(len(rows)), np.diff(self.term_start))
+        self._markers()
+        line_rows = np.array([j.on_lines for j in self.joints], dtype=np.bool_)[self.joint_of_row]
+        self._connect(rows, line_rows[self.row_of_term])
+        count, terms = len(rows), len(self.row_of_term)
+        self.targets, self.elastic = np.zeros(count), np.zeros((count, 5))
+        self.functions: IntArray = np.zeros(count, dtype=np.int64)
+        self.function_data = np.zeros((count, 9))
+        self.switchable: BoolArray = np.array([row.switchable for row in rows], dtype=np.bool_)
+        self.active: BoolArray = np.array([row.locked for row in rows], dtype=np.bool_)
+        self.kinds: IntArray = np.zeros(terms, dtype=np.int64)
+        self.directions = np.zeros((terms, 3, 3))
+        self.factors, self.angles = np.zeros(terms), np.zeros(terms)
+        self.kinds[line_rows[self.row_of_term]] = ON_LINES
+        layout = RowLayout(
+            self.joints, self.start, self.marker_start, self.marker_node, self.marker_offset,
+            self.targets, self.term_start, self.term_nodes, self.pair_nodes,
+        )  # fmt: skip
+        self.lines = LineJoints(layout, listed)
+        for i, part in enumerate(listed):
+            self.write(i, part)
+        self._normals(rows)
+
+    def _markers(self) -> None:
+        self.marker_start = starts([len(j.interface_nodes) for j in self.joints])
+        nodes = [node for j in self.joints for node in j.interface_nodes]
+        self.marker_node: IntArray = np.array(nodes, dtype=np.int64)
+        offsets = [j.offsets for j in self.joints]
+        self.marker_offset: FloatArray = np.concatenate([np.zeros((0, 12)), *offsets])
+
+    def _connect(self, rows: Sequence[Row], on_lines: BoolArray) -> None:
+        """Markers of every term, and the pairs of markers of every joint that occur.
+
+        Pairs of nodes of joints on lines come last; like these joints' interface nodes they are not
+        fixed.
+        """
+        joint = self.joint_of_row[self.row_of_term]
+        ends = np.zeros((len(joint), 2), dtype=np.int64)
+        ends[:, 1] = 1
+        inner = zip(self.joint_of_row, rows, strict=True)
+        listed = [(t.a, t.b) for i, r in inner if not self.joints[i].on_lines for t in r.terms]
+        ends[~on_lines] = np.array(listed, dtype=np.int64).reshape(-1, 2)
+        self.term_marker: IntArray = self.marker_start[joint][:, np.newaxis] + ends
+        self.term_nodes: IntArray = self.marker_node[self.term_marker]
+        simple = np.flatnonzero(~on_lines)
+        pairs, first, number = np.unique(
+            self.term_marker[simple], axis=0, return_index=True, return_inverse=True
+        )
+        self.pair_of_term = np.zeros(len(joint), dtype=np.int64)
+        self.pair_of_term[simple] = number.reshape(-1)
+        on_line = [(j.pairs, j.owned) for j in self.joints if j.on_lines]
+        more = np.full((sum(count for count, _ in on_line), 2), -1, dtype=np.int64)
+        self.pair_nodes: IntArray = np.concatenate([self.marker_node[pairs], more])
+        owned = np.array([j.owned for j in self.joints], dtype=np.bool_)
+        own = [np.full(count, owns, dtype=np.bool_) for count, owns in on_line]
+        self.pair_owned: BoolArray = np.concatenate([owned[joint[simple][first]], *own])
+
+    @property
+    def linear(self) -> BoolArray:
+        """(r,) rows whose law is linear in value and rate, rigid ones included."""
+        return np.isin(self.elastic[:, 0], LINEAR_LAWS)
+
+    @property
+    def frictional(self) -> BoolArray:
+        """(r,) rows with a law of friction."""
+        return np.isin(self.elastic[:, 0], FRICTION_LAWS)
+
+    def write(self, joint: int, rows: Sequence[Row]) -> None:
+        """Set targets, laws and terms of a joint's rows."""
+        at = int(self.start[joint])
+        t = int(self.term_start[at])
+        for i, row in enumerate(rows, start=at):
+            self.targets[i] = row.target
+            if row.law is not None:
+                law = row.law
+                self.elastic[i] = law.kind, law.stiffness, law.damping, law.first, law.second
+                if law.function is not None:
+                    self.functions[i] = address(law.function)
+                    given = law.function.parameters
+                    self.function_data[i, 1 : 1 + len(given)] = given
+        if self.joints[joint].on_lines:
+            self.lines.write(joint, rows)
+            return
+        for row in rows:
+            for term in row.terms:
+                self.kinds[t], self.factors[t] = kind_number(term), term.factor
+                self.directions[t] = term.data
+                t += 1
+
+    def _normals(self, rows: Sequence[Row]) -> None:
+        """Rows whose resultant presses: the rigid translational ones of the partner."""
+        number = {id(placed.joint): i for i, placed in enumerate(self.joints)}
+        moving = np.array(
+            [row.terms[0].kind in (RowKind.INERTIAL, RowKind.ALONG) for row in rows], dtype=np.bool_
+        )
+        pressing = moving & (self.elastic[:, 0] == LawKind.RIGID)
+        pairs = [np.zeros((0, 2), dtype=np.int64)]
+        for r in np.flatnonzero(self.elastic[:, 0] == LawKind.NORMAL_FRICTION):
+            i = number[id(self.joints[self.joint_of_row[r]].joint.partner)]
+            found = self.start[i] + np.flatnonzero(pressing[self.start[i] : self.start[i + 1]])
+            pairs.append(np.stack([np.full(len(found), r), found], axis=1))
+        self.coupled: IntArray = np.concatenate(pairs)

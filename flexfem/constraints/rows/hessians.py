@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled second derivatives of the terms of rows; conventions as in ``kernels``."""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.constraints.rows.data import InterfaceNodes, RowArrays
+from flexfem.constraints.rows.kernels import ON_LINES
+from flexfem.constraints.terms.dispatch import term_hessian
+from flexfem.core.nodes.frame_kernels import step_rates_into
+from flexfem.kernels.compiled import inlined, kernel, subroutine
+from flexfem.kernels.records import Memory, unpack
+
+__all__ = [
+    "add_dampers",
+    "add_hessians",
+    "marker_map",
+    "second_rates",
+    "velocity_changes",
+]
+
+
+@subroutine
+def marker_map(offset: FloatArray, J: FloatArray) -> None:
+    """``J`` (6, 6): marker twist from node twist, ``Ad(H_o^-1)``."""
+    J[:] = 0.0
+    for i in range(3):
+        for j in range(3):
+            r = offset[3 + 3 * j + i]  # R_o^T
+            J[i, j] = r
+            J[3 + i, 3 + j] = r
+        # R_o^T (Omega x o) = -R_o^T skew(o) Omega
+        o0, o1, o2 = offset[0], offset[1], offset[2]
+        r0, r1, r2 = offset[3 + i], offset[6 + i], offset[9 + i]
+        J[i, 3] = -(r1 * o2 - r2 * o1)
+        J[i, 4] = -(r2 * o0 - r0 * o2)
+        J[i, 5] = -(r0 * o1 - r1 * o0)
+
+
+@inlined
+def _hessian(own: RowArrays, t: int, h: FloatArray) -> None:
+    """Second derivative ``h`` (12, 12) of a term with respect to its markers' twists."""
+    a, b = own.poses[own.term_marker[t, 0]], own.poses[own.term_marker[t, 1]]
+    term_hessian(own.kinds[t], a, b, own.directions[t], h)
+
+
+@kernel
+def add_hessians(memory: Memory, factor: FloatArray, out: FloatArray) -> None:
+    """Add ``factor`` times every term's second derivative to the block of its pair of markers.
+
+    Rows and columns refer to the nodes' local twists.
+    """
+    own = unpack(RowArrays, memory)
+    h, J, left = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty((12, 12))
+    for t in range(own.kinds.size):
+        if factor[t] == 0.0 or own.kinds[t] == ON_LINES:
+            continue
+        _hessian(own, t, h)
+        for side in range(2):
+            m = own.term_marker[t, side]
+            J[side] = 0.0
+            if own.marker_node[m] >= 0:
+                marker_map(own.marker_offset[m], J[side])
+        for i in range(12):
+            for j in range(12):
+                left[i, j] = 0.0
+                for k in range(6):
+                    left[i, j] += h[i, 6 * (j // 6) + k] * J[j // 6, k, j % 6]
+        block = out[own.pair_of_term[t]]
+        for i in range(12):
+            for j in range(12):
+                for k in range(6):
+                    block[i, j] += factor[t] * J[i // 6, k, i % 6] * left[6 * (i // 6) + k, j]
+
+
+@subroutine
+def _marker_twists(
+    own: RowArrays, t: int, velocities: FloatArray, J: FloatArray, v: FloatArray
+) -> None:
+    """Maps ``J`` (2, 6, 6) from node twists to those of a term's markers; these in ``v`` (12)."""
+    v[:] = 0.0
+    J[:] = 0.0
+    for side in range(2):
+        m = own.term_marker[t, side]
+        node = own.marker_node[m]
+        if node >= 0:
+            marker_map(own.marker_offset[m], J[side])
+            for i in range(6):
+                for j in range(6):
+                    v[6 * side + i] += J[side, i, j] * velocities[node, j]
+
+
+@kernel
+def second_rates(memory: Memory, velocities: FloatArray, out: FloatArray) -> None:
+    """``v . (d gradient / dq) v`` of every row: its second time derivative at constant v."""
+    own = unpack(RowArrays, memory)
+    h, J, v = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(12)
+    out[:] = 0.0
+    for t in range(own.kinds.size):
+        if own.kinds[t] == ON_LINES:
+            continue
+        _hessian(own, t, h)
+        _marker_twists(own, t, velocities, J, v)
+        for i in range(12):
+            for j in range(12):
+                out[own.row_of_term[t]] += own.factors[t] * v[i] * h[i, j] * v[j]
+
+
+@kernel
+def add_dampers(
+    memory: Memory, interface_nodes: Memory, by_increment: float, held: bool, slopes: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Add to ``out`` (t, 2, 6) that rates of rows depend on position and increment.
+
+    Args:
+        memory: ``RowArrays``.
+        interface_nodes: ``InterfaceNodes``.
+        by_increment: dv/dn of the time integrator, 1/s.
+        held: the nodes' velocities do not depend on steps.
+        slopes: (r, 2) derivatives of the rows' values by their sums and rates.
+        out: derivatives of the rows' values along steps.
+    """
+    own, nodes = unpack(RowArrays, memory), unpack(InterfaceNodes, interface_nodes)
+    h, J, by_v, by_w = np.empty((12, 12)), np.empty((2, 6, 6)), np.zeros(36), np.empty(36)
+    rates, nothing = np.array([by_increment, 0.0]), np.zeros(6)
+    v, w, velocities, factors = np.empty(12), np.empty(6), nodes.velocities, own.factors
+    for t in range(own.kinds.size):
+        slope = slopes[own.row_of_term[t], 1]
+        if slope == 0.0 or own.kinds[t] == ON_LINES:
+            continue
+        _hessian(own, t, h)
+        _marker_twists(own, t, velocities, J, v)
+        for side in range(2):
+            node, gradient = own.marker_node[own.term_marker[t, side]], own.force_jacobian[t, side]
+            if node < 0:
+                continue
+            if not held:
+                step_rates_into(
+                    nodes.inertial[node], nodes.increments[node], velocities[node], nothing,
+                    rates, by_v, by_w,
+                )  # fmt: skip
+            for j in range(6):
+                w[j] = 0.0
+                for i in range(12):
+                    w[j] += factors[t] * v[i] * h[i, 6 * side + j]
+            for j in range(6):
+                rate = 0.0
+                for i in range(6):
+                    rate += w[i] * J[side, i, j]
+                    rate += gradient[i] * by_v[6 * i + j]
+                out[t, side, j] += slope * rate
+
+
+@kernel
+def velocity_changes(interface_nodes: Memory, by_increment: float) -> FloatArray:
+    """(n, 6, 6) derivatives of the local velocities of ``InterfaceNodes`` by their steps."""
+    nodes = unpack(InterfaceNodes, interface_nodes)
+    out, by_w = np.empty((nodes.inertial.size, 36)), np.empty(36)
+    rates, nothing = np.array([by_increment, 0.0]), np.zeros(6)
+    for n in range(nodes.inertial.size):
+        step_rates_into(
+            nodes.inertial[n], nodes.increments[n], nodes.velocities[n], nothing, rates, out[n],
+            by_w,
+        )  # fmt: skip
+    return out.reshape(-1, 6, 6)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Joints on interface nodes, and the numbers of their rows in the table."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.joint import Joint
+from flexfem.core.pose import Pose
+from flexfem.core.row import Row
+from flexfem.layout.lines import RailPoint
+
+__all__ = ["PlacedJoint", "RowLayout"]
+
+
+@dataclass(frozen=True)
+class PlacedJoint:
+    """A joint that this rank evaluates.
+
+    Attributes:
+        joint: its declaration.
+        index: number of the joint in the model.
+        poses: poses of its markers at the start.
+        interface_nodes: interface numbers at the interface of the nodes that carry its markers, -1
+            for ground, -2 on lines.
+        offsets: (n, 12) markers relative to their nodes or sections (absolute for ground).
+        points: where its markers are on lines, None for the others.
+        owned: this rank owns its multipliers.
+        shared: another rank evaluates it too.
+    """
+
+    joint: Joint
+    index: int
+    poses: tuple[Pose, ...]
+    interface_nodes: tuple[int, ...]
+    offsets: FloatArray
+    points: tuple[RailPoint | None, ...]
+    owned: bool
+    shared: bool
+
+    @property
+    def on_lines(self) -> bool:
+        """A marker lies on a line."""
+        return any(point is not None for point in self.points)
+
+    @property
+    def widths(self) -> list[int]:
+        """Number of nodes that each marker depends on."""
+        return [
+            int(node >= 0) if point is None else point.rail.interface_nodes.shape[1]
+            for node, point in zip(self.interface_nodes, self.points, strict=True)
+        ]
+
+    @property
+    def pairs(self) -> int:
+        """Number of pairs of nodes for second derivatives, where it has markers on lines."""
+        count = sum(self.widths)
+        return count * (count - 1) // 2
+
+    def rows(self, t: float) -> tuple[Row, ...]:
+        """Rows at time t."""
+        return self.joint.rows(self.poses, t)
+
+
+@dataclass(frozen=True)
+class RowLayout:
+    """Layout of the rows of joints in the table; the arrays are those of ``RowTable``.
+
+    Attributes:
+        joints: the joints.
+        start: (n_joints + 1,) first row of each joint.
+        marker_start: (n_joints + 1,) first marker of each joint.
+        marker_node, marker_offset: (m,) and (m, 12) number at the interface of its node, frame
+            relative to it.
+        targets: (r,) values that the rows' sums take.
+        term_start: (r + 1,) first term of each row.
+        term_nodes: (t, 2) numbers at the interface of the nodes of both markers of a term.
+        pair_nodes: (p, 2) interface nodes of pairs of nodes for second derivatives.
+    """
+
+    joints: Sequence[PlacedJoint]
+    start: IntArray
+    marker_start: IntArray
+    marker_node: IntArray
+    marker_offset: FloatArray
+    targets: FloatArray
+    term_start: IntArray
+    term_nodes: IntArray
+    pair_nodes: IntArray

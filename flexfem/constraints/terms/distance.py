@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""``|x_b - x_a|``."""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.constraints.terms.vectors import (
+    add_block,
+    dot,
+    force_gradient,
+    force_hessian,
+    mean,
+    product,
+    put,
+)
+from flexfem.core.nodes.step_kernels import add
+from flexfem.core.row import RowKind
+from flexfem.kernels.compiled import subroutine
+from flexfem.lie._blocks import dot as dot_of
+from flexfem.lie._blocks import triple
+from flexfem.lie._coefficients import Triple
+
+__all__ = ["KIND", "hessian", "step_change", "step_gradient", "value"]
+
+KIND = int(RowKind.DISTANCE)
+
+
+@subroutine
+def value(Ha: FloatArray, Hb: FloatArray, g: FloatArray, s: FloatArray) -> float:
+    """Value, and gradient in ``g``."""
+    for i in range(3):
+        s[0, i] = Hb[i] - Ha[i]
+    length: float = np.sqrt(dot(s[0], s[0]))
+    for i in range(3):
+        s[2, i] = s[0, i] / length
+    force_gradient(Ha, Hb, s[2], g)
+    return length
+
+
+@subroutine
+def hessian(
+    Ha: FloatArray, Hb: FloatArray, Ra: FloatArray, Rb: FloatArray, h: FloatArray, s: FloatArray
+) -> None:  # fmt: skip
+    """Derivative of the gradient: the direction changes, and so do the axes."""
+    direction, length = s[0], 0.0
+    for i in range(3):
+        direction[i] = Hb[i] - Ha[i]
+        length += direction[i] * direction[i]
+    length = np.sqrt(length)
+    P = np.empty((3, 3))
+    for i in range(3):
+        direction[i] /= length
+    for i in range(3):
+        for j in range(3):
+            P[i, j] = ((1.0 if i == j else 0.0) - direction[i] * direction[j]) / length
+    PRa, PRb = product(P, Ra), product(P, Rb)
+    RaT, RbT = Ra.T.copy(), Rb.T.copy()
+    add_block(h, 0, 0, 1.0, product(RaT, PRa))
+    add_block(h, 0, 6, -1.0, product(RaT, PRb))
+    add_block(h, 6, 0, -1.0, product(RbT, PRa))
+    add_block(h, 6, 6, 1.0, product(RbT, PRb))
+    force_hessian(Ha, Hb, direction, h, s)
+
+
+@subroutine
+def step_gradient(
+    s0: FloatArray, s1: FloatArray, value0: float, value1: float, out: FloatArray
+) -> None:
+    """Discrete gradient: the sum of both arms over that of their lengths."""
+    arm, scale = mean(triple(s0[0], 0), triple(s1[0], 0)), 2.0 / (value0 + value1)
+    put((scale * arm[0], scale * arm[1], scale * arm[2]), out, 0)
+
+
+@subroutine
+def step_change(
+    s0: FloatArray, s1: FloatArray, value0: float, value1: float, shift: Triple, out: FloatArray
+) -> None:
+    """Derivative of the discrete gradient."""
+    arm, total = mean(triple(s0[0], 0), triple(s1[0], 0)), value0 + value1
+    grown = dot_of(triple(s1[0], 0), shift) / value1
+    f = add(shift, -2.0 * grown / total, arm)
+    put((f[0] / total, f[1] / total, f[2] / total), out, 0)

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""``u . (x_b - x_a)``, u in inertial axes."""
+
+from flexfem._types import FloatArray
+from flexfem.constraints.terms.vectors import dot, force_gradient, force_hessian, mean, put
+from flexfem.core.row import RowKind
+from flexfem.kernels.compiled import subroutine
+from flexfem.lie._blocks import triple
+
+__all__ = ["KIND", "hessian", "step_gradient", "value"]
+
+KIND = int(RowKind.INERTIAL)
+
+
+@subroutine
+def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: FloatArray) -> float:
+    """Value, and gradient in ``g``."""
+    for i in range(3):
+        s[0, i] = Hb[i] - Ha[i]
+    force_gradient(Ha, Hb, d[0], g)
+    return dot(d[0], s[0])
+
+
+@subroutine
+def hessian(Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
+    """Derivative of the gradient."""
+    force_hessian(Ha, Hb, d[0], h, s)
+
+
+@subroutine
+def step_gradient(s0: FloatArray, s1: FloatArray, out: FloatArray) -> None:
+    """Discrete gradient: u itself, which never changes."""
+    put(mean(triple(s0[1], 0), triple(s1[1], 0)), out, 0)

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled operations with three numbers and matrices of them, for the terms of rows."""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.kernels.compiled import inlined, subroutine
+from flexfem.lie._coefficients import Triple
+
+__all__ = [
+    "add_block",
+    "cross_into",
+    "dot",
+    "force_gradient",
+    "force_hessian",
+    "mean",
+    "multiply",
+    "product",
+    "put",
+    "rotate_back_into",
+    "rotate_into",
+    "skew",
+    "skew_into",
+]
+
+
+@subroutine
+def rotate_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
+    """``R v`` of a frame stored as 12 numbers."""
+    for i in range(3):
+        k = 3 + 3 * i
+        out[at + i] = H[k] * v[0] + H[k + 1] * v[1] + H[k + 2] * v[2]
+
+
+@subroutine
+def rotate_back_into(H: FloatArray, v: FloatArray, out: FloatArray, at: int) -> None:
+    """``R^T v`` of a frame stored as 12 numbers."""
+    for i in range(3):
+        k = 3 + i
+        out[at + i] = H[k] * v[0] + H[k + 3] * v[1] + H[k + 6] * v[2]
+
+
+@subroutine
+def cross_into(a: FloatArray, b: FloatArray, out: FloatArray, at: int) -> None:
+    """``a x b``."""
+    out[at] = a[1] * b[2] - a[2] * b[1]
+    out[at + 1] = a[2] * b[0] - a[0] * b[2]
+    out[at + 2] = a[0] * b[1] - a[1] * b[0]
+
+
+@subroutine
+def dot(a: FloatArray, b: FloatArray) -> float:
+    """``a . b``."""
+    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return product
+
+
+@subroutine
+def skew_into(v: FloatArray, sign: float, out: FloatArray, i: int, j: int) -> None:
+    """Add ``sign * skew(v)`` to the 3x3 block of ``out`` at (i, j)."""
+    out[i, j + 1] -= sign * v[2]
+    out[i, j + 2] += sign * v[1]
+    out[i + 1, j] += sign * v[2]
+    out[i + 1, j + 2] -= sign * v[0]
+    out[i + 2, j] -= sign * v[1]
+    out[i + 2, j + 1] += sign * v[0]
+
+
+@subroutine
+def skew(v: FloatArray) -> FloatArray:
+    """The matrix of ``v x``."""
+    out = np.zeros((3, 3))
+    skew_into(v, 1.0, out, 0, 0)
+    return out
+
+
+@subroutine
+def product(A: FloatArray, B: FloatArray) -> FloatArray:
+    """``A B`` of matrices (3, 3)."""
+    C = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                C[i, j] += A[i, k] * B[k, j]
+    return C
+
+
+@subroutine
+def add_block(out: FloatArray, i: int, j: int, sign: float, B: FloatArray) -> None:
+    """Add ``sign B`` to the 3x3 block of ``out`` at (i, j)."""
+    for k in range(3):
+        for m in range(3):
+            out[i + k, j + m] += sign * B[k, m]
+
+
+@subroutine
+def multiply(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
+    """``A v``."""
+    for i in range(3):
+        out[i] = A[i, 0] * v[0] + A[i, 1] * v[1] + A[i, 2] * v[2]
+
+
+@inlined
+def mean(a: Triple, b: Triple) -> Triple:
+    """The mean of two vectors."""
+    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
+
+
+@inlined
+def put(v: Triple, out: FloatArray, at: int) -> None:
+    """Write a vector to ``out[at : at + 3]``."""
+    out[at], out[at + 1], out[at + 2] = v
+
+
+@subroutine
+def force_gradient(Ha: FloatArray, Hb: FloatArray, direction: FloatArray, g: FloatArray) -> None:
+    """Gradient of what changes by ``direction . (dx_b - dx_a)``: its two parts of positions."""
+    rotate_back_into(Ha, direction, g, 0)
+    for i in range(3):
+        g[i] = -g[i]
+    rotate_back_into(Hb, direction, g, 6)
+
+
+@subroutine
+def force_hessian(
+    Ha: FloatArray, Hb: FloatArray, direction: FloatArray, h: FloatArray, s: FloatArray
+) -> None:
+    """Part of a Hessian that comes from local axes turning under a fixed ``direction``."""
+    rotate_back_into(Ha, direction, s[1], 0)
+    rotate_back_into(Hb, direction, s[2], 0)
+    skew_into(s[1], -1.0, h, 0, 3)
+    skew_into(s[2], 1.0, h, 6, 9)

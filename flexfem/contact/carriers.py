@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact points on this rank: positions, motion and the nodes that carry them.
+
+Arrays have one row for every point of the model; only those of points here or nearby are used. A
+point belongs to the rank that owns the node that carries it, one between two others to that of the
+first. Points on the ground are shared out.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.contact.obstacles.carried import (
+    Carried,
+    add_carried,
+    add_turned,
+    carried_into,
+    moved_into,
+    spread_means,
+    weigh_means,
+)
+from flexfem.contact.points import GROUND, ContactPoints
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.halo import HaloExchange
+
+__all__ = ["CarriedPoints", "Carriers"]
+
+
+@dataclass
+class CarriedPoints:
+    """Points that the nodes of one block carry on this rank.
+
+    Attributes:
+        block: the block.
+        own: the points whose nodes this rank owns; ghosts: those of ghost nodes.
+    """
+
+    block: FrameBlock
+    own: Carried
+    ghosts: Carried
+
+    @property
+    def turns(self) -> bool:
+        """True if the nodes have rotations."""
+        return self.block.width == 6
+
+    @property
+    def rows(self) -> IntArray:
+        """Rows (k,) of the points whose nodes this rank owns."""
+        return self.own.rows
+
+    @property
+    def local(self) -> IntArray:
+        """Nodes (k,) of these points."""
+        return self.own.local
+
+    @property
+    def arms(self) -> FloatArray:
+        """Arms (k, 3) of these points, m."""
+        return self.own.arms
+
+    @property
+    def loads(self) -> FloatArray:
+        """Forces (k, 3) on these at the last evaluation in the axes of the nodes, N."""
+        return self.own.loads
+
+    @classmethod
+    def of(cls, points: ContactPoints, kind: int, block: FrameBlock) -> "CarriedPoints":
+        """Find the points of a kind."""
+        rows = np.flatnonzero(points.kind == kind)
+        rows = rows[np.isin(points.node[rows], block.node_ids)]
+        local = block.local_index(points.node[rows]) if len(rows) else rows
+        owned = local < block.owned
+
+        def part(chosen: BoolArray) -> Carried:
+            return Carried(
+                turns=block.width == 6, rows=rows[chosen], local=local[chosen],
+                arms=points.arms[rows[chosen]], loads=np.zeros((int(chosen.sum()), 3)),
+            )  # fmt: skip
+
+        return cls(block, part(owned), part(~owned))
+
+
+class Carriers:
+    """All points on this rank, and their exchange with other ranks.
+
+    Attributes:
+        serial: the points of the model.
+        by_kind: those that each block carries.
+        home: rank of every point, (n + d,).
+        numbers: global number of each carrier in its block, (n,).
+        ranks: rank that looks for what is near each triangle, (m,).
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, points: ContactPoints, blocks: Mapping[int, FrameBlock],
+        element_ranks: Mapping[int, IntArray],
+    ) -> None:  # fmt: skip
+        """Find out who owns what (collective).
+
+        Args:
+            comm: communicator.
+            points: the points of the model.
+            blocks: those that carry points, by kind.
+            element_ranks: rank of every element of the blocks, by kind.
+        """
+        self._comm, self.serial = comm, points
+        self.by_kind = {kind: CarriedPoints.of(points, kind, one) for kind, one in blocks.items()}
+        known = np.full((2, points.carried), -1, dtype=np.int64)
+        for one in self.by_kind.values():
+            known[0, one.rows], known[1, one.rows] = comm.rank, one.block.offset + one.local
+        comm.Allreduce(MPI.IN_PLACE, known, op=MPI.MAX)
+        owner, self.numbers = known
+        ground = np.flatnonzero(points.kind == GROUND)
+        owner[ground] = np.arange(len(ground)) * comm.size // max(len(ground), 1)
+        self.home: IntArray = np.concatenate([owner, owner[points.parents[:, 0]]])
+        self.ranks: IntArray = owner[points.masters.triangles[:, 0]]
+        of_triangle = points.kind[points.masters.triangles[:, 0]]
+        for kind, ranks in element_ranks.items():
+            own = np.flatnonzero((of_triangle == kind) & (points.element >= 0))
+            self.ranks[own] = ranks[points.element[own]]
+        between = np.flatnonzero(self.home[points.carried :] == comm.rank)
+        self._between = (
+            points.parents[between], points.weights[between], points.carried + between
+        )  # fmt: skip
+        self._exchange: HaloExchange | None = None
+        self.ask(np.zeros(0, np.int64))
+
+    @property
+    def here(self) -> IntArray:
+        """Points of this rank."""
+        return np.flatnonzero(self.home == self._comm.rank)
+
+    def ask(self, nodes: IntArray) -> None:
+        """Bring the rows of some points of other ranks from now on (collective)."""
+        if self._comm.size > 1:
+            wanted = np.unique(np.concatenate([nodes, self._between[0].ravel()]))
+            self._exchange = HaloExchange(self._comm, self.home, wanted)
+
+    def bring(self, values: FloatArray) -> None:
+        """Bring rows of ``values`` (n + d, k) from other ranks (collective)."""
+        if self._exchange is not None:
+            self._exchange.bring(values)
+
+    def add_back(self, values: FloatArray) -> None:
+        """Add rows of ``values`` (n + d, k) for other ranks to theirs (collective)."""
+        if self._exchange is not None:
+            self._exchange.add_back(values)
+
+    def place(self, points: FloatArray, ghosts: bool = False) -> None:
+        """Write the positions of the points here and nearby into (n + d, 3) (collective)."""
+        for one in self.by_kind.values():
+            nodes = one.block.nodes.memory
+            carried_into(nodes, one.own.memory, points)
+            if ghosts:
+                carried_into(nodes, one.ghosts.memory, points)
+        self.bring(points)
+        weigh_means(*self._between, points)
+
+    def move(self, steps: FloatArray) -> None:
+        """Write the inertial steps of the points here and nearby (n + d, 3) (collective)."""
+        for one in self.by_kind.values():
+            moved_into(one.block.nodes.memory, one.own.memory, steps)
+        self.bring(steps)
+        weigh_means(*self._between, steps)
+
+    def gather(self, forces: FloatArray) -> None:
+        """Add forces (n + d, 3) on all points to those of the nodes' owners (collective)."""
+        spread_means(*self._between, forces)
+        self.add_back(forces)
+
+    def largest(self, values: FloatArray) -> FloatArray:
+        """Largest values (n + d,) of all ranks at the points here, 0 elsewhere (collective)."""
+        most = np.empty_like(values)
+        self._comm.Allreduce(values, most, op=MPI.MAX)
+        return np.where(self.home == self._comm.rank, most, 0.0)
+
+    def add_loads(self, kind: int, forces: FloatArray, scale: float) -> None:
+        """Add gathered forces (n + d, 3), which have been scaled, to a block's residual."""
+        one = self.by_kind[kind]
+        loads = one.loads
+        add_carried(one.block.nodes.memory, one.own.memory, forces, loads)
+        loads /= scale
+
+    def add_changes(self, kind: int, forces: FloatArray, scale: float) -> None:
+        """Add changes of gathered forces (n + d, 3) to a block's residual.
+
+        Those are scaled; what the loads of the last evaluation change as nodes turn is added.
+        """
+        one = self.by_kind[kind]
+        nodes, own = one.block.nodes.memory, one.own.memory
+        add_carried(nodes, own, forces, np.empty_like(one.loads))
+        if one.turns:
+            add_turned(nodes, own, scale)

@@ -1,0 +1,359 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The contacts of a system on this rank.
+
+A rank looks after the slaves that it owns. Of other ranks it gets the triangles near them: ranks
+tell each other the box of their slaves, and send the triangles that overlap it. Positions of the
+points of these come with every evaluation, and their forces go back. Arrays have one row for every
+point of the model; only those of points here or nearby are used.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.contact.carriers import Carriers
+from flexfem.contact.detection.broad_phase import triangle_boxes
+from flexfem.contact.frames import SurfaceFrames
+from flexfem.contact.group import ContactGroup
+from flexfem.contact.nearby import stiffness_nearby
+from flexfem.contact.obstacles.rigid_surface import RigidContact
+from flexfem.contact.obstacles.triangles import TriangleContact
+from flexfem.contact.pairs import ContactPass, ContactSurfaces
+from flexfem.contact.points import ContactPoints
+from flexfem.contact.tangent_entries import ContactEntries, Triplets
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.halo import send_numbers
+from flexfem.core.state import Numbering, State
+
+__all__ = ["ContactShare", "Contacts"]
+
+
+class Contacts:
+    """All contacts of a system.
+
+    Attributes:
+        groups: in the order of the model.
+        time: of the trial state, s.
+        stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
+            the first step.
+        kinds: of the blocks that contacts act on, ascending.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, described: Sequence[ContactSurfaces], points: ContactPoints,
+        blocks: Mapping[int, FrameBlock], element_ranks: Mapping[int, IntArray],
+    ) -> None:  # fmt: skip
+        """Find out who owns what (collective).
+
+        Args:
+            comm: communicator.
+            described: serial data of the contacts.
+            points: serial data of their points.
+            blocks: of the system, by kind.
+            element_ranks: rank of every element of the blocks, by kind.
+        """
+        self._comm, count = comm, len(points.start)
+        places = [place for one in described for place in one.rigid]
+        self._frames = SurfaceFrames(comm, places, blocks)
+        carrying = {kind: blocks[kind] for kind in np.unique(points.kind).tolist() if kind >= 0}
+        self._carriers = Carriers(comm, points, carrying, element_ranks)
+        moving = self._frames.kind[self._frames.moving].tolist()
+        self.kinds = sorted({*carrying, *moving})
+        self._points, self._forces = points.start.copy(), np.zeros((count, 3))
+        self._steps = np.zeros((count, 3))
+        own = self._carriers.home == comm.rank
+        self.groups = [ContactGroup.of(one, own) for one in described]
+        given = [group.surfaces.contact.stiffness or 0.0 for group in self.groups]
+        self.set_stiffness(np.array(given))
+        self.time = self._accepted = 0.0
+        self._evaluated = False
+        self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
+        self.update()
+
+    def prepare(self, inertia: float) -> None:
+        """Choose the stiffness by the first matrix; see ``ContactSurfaces.stiffness``."""
+        if not self.stiffness.all():
+            self.set_stiffness(np.array([g.surfaces.stiffness(inertia) for g in self.groups]))
+
+    def set_stiffness(self, stiffness: FloatArray) -> None:
+        """Set the force per penetration and area of each contact, N/m^3."""
+        self.stiffness = stiffness
+        for group, value in zip(self.groups, stiffness.tolist(), strict=True):
+            group.set_stiffness(value)
+
+    def _triangles(self) -> list[tuple[TriangleContact, ContactPass]]:
+        """All contacts with triangles, and their passes."""
+        return [p for g in self.groups for p in zip(g.triangles, g.passes, strict=True)]
+
+    def _rigid(self) -> Iterator[tuple[ContactGroup, RigidContact, int]]:
+        """All contacts with rigid surfaces of simple shapes, and the numbers of these."""
+        number = 0
+        for group in self.groups:
+            for made in group.rigid:
+                yield group, made, number
+                number += 1
+
+    def update(self) -> None:
+        """Take in the accepted positions (collective)."""
+        self._carriers.place(self._points, ghosts=True)
+        self._frames.update()
+        passes = self._triangles()
+        moved = [made.moved(self._points) for made, _ in passes]
+        if self._comm.allreduce(any(moved), op=MPI.LOR):
+            self._search()
+        for made, _ in passes:
+            made.settle(self._points)
+        self._evaluated = False
+
+    def _search(self) -> None:
+        """Find candidates anew, those of other ranks' triangles as well (collective)."""
+        passes = self._triangles()
+        chosen = [one.chosen for _, one in passes]
+        if self._comm.size > 1:
+            chosen = [self._nearby(made, one) for made, one in passes]
+            wanted = [
+                made.masters.triangles[c].ravel()
+                for (made, _), c in zip(passes, chosen, strict=True)
+            ]
+            self._carriers.ask(np.unique(np.concatenate(wanted)))
+            self._carriers.bring(self._points)
+        for (made, _), triangles in zip(passes, chosen, strict=True):
+            made.search(self._points, triangles)
+
+    def _nearby(self, made: TriangleContact, one: ContactPass) -> IntArray:
+        """Master triangles near the slaves of this rank, ascending (collective)."""
+        mine = one.chosen[self._carriers.ranks[one.chosen] == self._comm.rank]
+        triangles, thickness = made.masters.triangles[mine], made.masters.thickness[mine]
+        low, high = np.empty((len(mine), 3)), np.empty((len(mine), 3))
+        triangle_boxes(self._points, triangles, thickness + made.skin, low, high)
+        box = np.array([[np.inf] * 3, [-np.inf] * 3])
+        if len(made.slaves.nodes):
+            at, reach = self._points[made.slaves.nodes], made.slaves.offsets[:, np.newaxis]
+            box[:] = (at - reach).min(0), (at + reach).max(0)
+        boxes = np.empty((self._comm.size, 2, 3))
+        self._comm.Allgather(box, boxes)
+        lists = [mine[((low <= upper) & (high >= lower)).all(axis=1)] for lower, upper in boxes]
+        return np.sort(np.concatenate(send_numbers(self._comm, lists)))
+
+    def evaluate(self) -> None:
+        """Find the contacts at the trial state (collective)."""
+        self._carriers.place(self._points)
+        self._frames.update()
+        h = self.time - self._accepted
+        for made, _ in self._triangles():
+            made.evaluate(self._points, h)
+        for _, rigid, number in self._rigid():
+            rigid.evaluate(self._points, self._frames.frames[number], h)
+        self._evaluated, self._entries = True, None
+
+    def refresh(self) -> None:
+        """Find the contacts at the accepted state, unless known (collective)."""
+        if not self._evaluated:
+            self.evaluate()
+
+    def accept(self) -> None:
+        """End a step (collective)."""
+        if any(g.surfaces.contact.friction or g.surfaces.contact.damping for g in self.groups):
+            self.evaluate()
+            for group in self.groups:
+                for made in group.every:
+                    made.accept(self._points)
+        self._accepted = self.time
+        self.update()
+
+    def collect(self, scale: float) -> None:
+        """Evaluate, and gather ``scale`` times the forces for the blocks (collective)."""
+        self.evaluate()
+        self._evaluated = False
+        self._forces[:] = self._frames.wrenches[:] = 0.0
+        for made, _ in self._triangles():
+            made.add_forces(self._forces, scale)
+        for _, rigid, number in self._rigid():
+            rigid.add_forces(self._forces, self._frames.wrenches[number], scale)
+        self._carriers.gather(self._forces)
+        self._frames.gather()
+
+    def hand_out(self, kind: int, scale: float) -> None:
+        """Add the forces gathered last, with the same scale, to the residual of a block."""
+        if kind in self._carriers.by_kind:
+            self._carriers.add_loads(kind, self._forces, scale)
+        self._frames.add_wrenches(kind)
+
+    def act(self, scale: float) -> None:
+        """Gather ``scale`` times the tangent applied to the blocks' steps (collective)."""
+        self._carriers.move(self._steps)
+        twists = self._frames.twists()
+        self._forces[:] = self._frames.wrenches[:] = 0.0
+        for made, _ in self._triangles():
+            made.add_actions(self._steps, self._forces, scale)
+        for _, rigid, number in self._rigid():
+            rigid.add_actions(
+                self._steps, twists[number], self._forces, self._frames.wrenches[number], scale
+            )
+        self._carriers.gather(self._forces)
+        self._frames.gather()
+
+    def hand_out_action(self, kind: int, scale: float) -> None:
+        """Add the action gathered last to the residual of a block."""
+        if kind in self._carriers.by_kind:
+            self._carriers.add_changes(kind, self._forces, scale)
+        self._frames.add_wrenches(kind)
+
+    def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
+        """Rows, columns and values of ``scale`` times the tangent (collective).
+
+        One entry for each pair of kinds of blocks; kept until contacts are evaluated anew.
+        """
+        if self._entries is None or self._entries[0] != scale:
+            found = ContactEntries(self._carriers, self._frames)
+            for made, _ in self._triangles():
+                found.add(*made.blocks(scale))
+            for _, rigid, number in self._rigid():
+                found.add_surface(*rigid.blocks(scale), number)
+            found.add_turning(scale)
+            self._entries = scale, found.entries()
+        return self._entries[1]
+
+    def nearby(self, kind: int) -> FloatArray:
+        """Stiffness (n_owned, 6) at the nodes of a block of contacts that are or may be closed.
+
+        Those are slaves within the skin of a rigid surface, or with candidates (collective). Of
+        rotations it is that of the arms, N m.
+        """
+        self._carriers.place(self._points)
+        self._frames.update()
+        return stiffness_nearby(
+            self.groups, self._points, self._carriers, self._frames, kind
+        )  # fmt: skip
+
+    def numberings(self) -> dict[str, Numbering]:
+        """Of the rows of :meth:`state`."""
+        here = self._carriers.here
+        owned = np.ones(len(here), dtype=np.bool_)
+        return {"contacts": Numbering(here, owned, len(self._points))}
+
+    def state(self) -> State:
+        """Stiffness, and what accepted positions do not tell of the points here (collective)."""
+        self.update()
+        values = {"contact_stiffness": self.stiffness}
+        rows: dict[str, FloatArray] = {}
+        for name, made, _ in self._named():
+            if isinstance(made, TriangleContact):
+                memory = made.memory(self._points)
+            else:
+                memory = made.memory()
+            rows[name] = np.zeros((len(self._carriers.here), memory.shape[1]))
+            rows[name][self._at(made)] = memory
+        return State(values, {"contacts": rows})
+
+    def doubts(self, state: State) -> str:
+        """Return this rank's objection to its rows; empty if there is none."""
+        found = (
+            made.doubts(state.rows["contacts"][name][self._at(made)], len(self._points))
+            for name, made, _ in self._named()
+            if isinstance(made, TriangleContact)
+        )
+        return next(filter(None, found), "")
+
+    def restore(self, state: State) -> None:
+        """Take back what :meth:`state` returned, after the blocks have (collective)."""
+        self.set_stiffness(state.values["contact_stiffness"].copy())
+        self.update()
+        self._accepted = self.time
+        for name, made, number in self._named():
+            memory = state.rows["contacts"][name][self._at(made)]
+            if isinstance(made, TriangleContact):
+                made.recall(self._points, memory)
+            else:
+                made.recall(self._points, self._frames.frames[number], memory)
+
+    def _named(self) -> Iterator[tuple[str, TriangleContact | RigidContact, int]]:
+        """All contacts with names of their own, and the numbers of rigid surfaces."""
+        number = 0
+        for group in self.groups:
+            for k, made in enumerate(group.every):
+                yield f"{group.surfaces.contact.name}_{k}", made, number
+                number += isinstance(made, RigidContact)
+
+    def _at(self, made: TriangleContact | RigidContact) -> IntArray:
+        """Rows of a contact's slaves among the points here."""
+        return np.searchsorted(self._carriers.here, made.slaves.nodes)
+
+    @property
+    def longest_step(self) -> float:
+        """Largest motion of nodes (m) until :meth:`update` so that none gets through."""
+        return min(group.surfaces.longest_step for group in self.groups)
+
+    @property
+    def closed(self) -> int:
+        """Number of closed contacts on this rank (collective)."""
+        self.refresh()
+        return sum(made.count for g in self.groups for made in g.every)
+
+    @property
+    def energy(self) -> float:
+        """Energy stored by the contacts of this rank, J (collective)."""
+        self.refresh()
+        return sum(made.energy + made.held.stored for g in self.groups for made in g.every)
+
+    @property
+    def lost(self) -> float:
+        """Energy lost by friction and damping on this rank, J."""
+        return sum(made.held.lost for g in self.groups for made in g.every)
+
+    def measure(self, name: str) -> FloatArray:
+        """This rank's share in penetration, forces and number of a contact, (6,) (collective)."""
+        self.refresh()
+        group = next(g for g in self.groups if g.surfaces.contact.name == name)
+        deepest = max([made.deepest for made in group.every], default=0.0)
+        deepest = self._comm.allreduce(deepest, op=MPI.MAX)
+        closed = sum(made.count for made in group.every)
+        return np.array([deepest * float(self._comm.rank == 0), *group.forces, closed])
+
+
+class ContactShare:
+    """Forces and tangents of a system's contacts on one of its blocks.
+
+    Blocks are asked in their order: the first one evaluates for all.
+
+    Attributes:
+        contacts: of the system.
+        kind: of the block.
+    """
+
+    def __init__(self, contacts: Contacts, kind: int) -> None:
+        """Take part in the contacts."""
+        self.contacts, self.kind = contacts, kind
+        self._first = kind == contacts.kinds[0]
+
+    def add_residual(self, scale: float) -> None:
+        """Add ``scale`` times the forces at the trial state to the residual (collective)."""
+        if self._first:
+            self.contacts.collect(scale)
+        self.contacts.hand_out(self.kind, scale)
+
+    def add_action(self, scale: float) -> None:
+        """Add ``scale`` times the tangent applied to the blocks' steps (collective)."""
+        if self._first:
+            self.contacts.act(scale)
+        self.contacts.hand_out_action(self.kind, scale)
+
+    def entries(self, scale: float, other: int | None = None) -> Triplets:
+        """Rows, columns and values of ``scale`` times the tangent (collective).
+
+        Args:
+            scale: factor.
+            other: kind of the block of the columns; None for this one.
+        """
+        return self.contacts.entries(scale)[self.kind, self.kind if other is None else other]
+
+    def nearby(self) -> FloatArray:
+        """Stiffness (n_owned,) of contacts that are or may soon be closed, N/m (collective)."""
+        return self.contacts.nearby(self.kind)[:, 0]
+
+    def nearby_turns(self) -> FloatArray:
+        """The same of rotations (n_owned,), N m (collective)."""
+        return self.contacts.nearby(self.kind)[:, 3]

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The contacts that friction and damping act on during a step."""
+
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import FloatArray, IntArray
+from flexfem.contact.law.friction import held_forces, held_losses
+from flexfem.kernels.compiled import kernel
+
+__all__ = ["MOST_HELD", "ContactLaw", "HeldContacts"]
+
+#: Contacts of one node with one surface, at most.
+MOST_HELD = 4
+
+
+@dataclass(frozen=True)
+class ContactLaw:
+    """Friction and damping law of contacts: all but their elastic normal force.
+
+    Attributes:
+        friction: Coulomb's coefficient.
+        damping: Viscous part of the normal force: stiffness times this, seconds, times the rate.
+        stick: Tangential stiffness over the normal one, with friction.
+    """
+
+    friction: float = 0.0
+    damping: float = 0.0
+    stick: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            TypeError: one of them is no number.
+            ValueError: one of them is negative, or the tangential stiffness is not positive.
+        """
+        _checks.number("ContactLaw", "friction", self.friction, nonnegative=True)
+        _checks.number("ContactLaw", "damping", self.damping, nonnegative=True)
+        _checks.number("ContactLaw", "stick", self.stick, positive=True)
+
+    @property
+    def elastic(self) -> bool:
+        """True if there is neither friction nor damping."""
+        return self.friction == 0.0 and self.damping == 0.0
+
+
+@dataclass
+class HeldContacts:
+    """Contacts closed at the last accepted state, ascending by slave.
+
+    Attributes:
+        law: Friction and damping.
+        slaves: Number of each contact's slave, shape (c,).
+        normals: Shape (c, 3).
+        pushes: Normal forces, shape (c,), newtons.
+        pulls: Tangential forces on the residual of the slave, shape (c, 3), newtons.
+        stiffness: Normal stiffness, shape (c,), N/m.
+        forces, tangents: At the trial state, shapes (c, 3) and (c, 3, 3).
+        lost: Energy lost in all accepted steps, J.
+    """
+
+    law: ContactLaw
+    slaves: IntArray
+    normals: FloatArray
+    pushes: FloatArray
+    pulls: FloatArray
+    stiffness: FloatArray
+    lost: float = 0.0
+    forces: FloatArray = field(init=False)
+    tangents: FloatArray = field(init=False)
+    _slips: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Make room for forces and tangents."""
+        count = len(self.slaves)
+        self.forces, self.tangents = np.zeros((count, 3)), np.zeros((count, 3, 3))
+        self._slips = np.zeros((count, 3))
+        self._numbers = np.array([self.law.friction, self._stick, 0.0])
+
+    @classmethod
+    def none(cls, law: ContactLaw) -> Self:
+        """No contacts."""
+        nothing = np.zeros((0, 3))
+        return cls(law, np.zeros(0, np.int64), nothing, np.zeros(0), nothing.copy(), np.zeros(0))
+
+    def evaluate(self, slips: FloatArray, h: float) -> None:
+        """Forces and tangents for relative displacements (c, 3), m, in a step of ``h`` seconds."""
+        self._numbers[2] = self.law.damping / h if h > 0.0 else 0.0
+        self._slips = slips
+        held_forces(
+            slips, self.normals, self.pushes, self.pulls, self.stiffness, self._numbers,
+            self.forces, self.tangents,
+        )  # fmt: skip
+
+    @property
+    def stored(self) -> float:
+        """Energy stored by sticking at the start of the step, J."""
+        sticking = self._sticking()
+        held = sticking > 0.0
+        return float(0.5 * ((self.pulls[held] ** 2).sum(1) / sticking[held]).sum())
+
+    def follow(
+        self, slaves: IntArray, normals: FloatArray, pushes: FloatArray, stiffness: FloatArray
+    ) -> "HeldContacts":
+        """The contacts of the next step, from those that are closed at its start.
+
+        Tangential forces are turned into the new planes; those of contacts that have opened are
+        lost, with what they have stored.
+        """
+        sticking = self._sticking()
+        lost = self.lost + held_losses(self._slips, self.normals, self.pulls, sticking, self.forces)
+        pulls = np.zeros((len(slaves), 3))
+        before = 0.0
+        if self.law.friction > 0.0:
+            tangential = self.forces - self.normals * np.sum(
+                self.forces * self.normals, axis=1, keepdims=True
+            )
+            _carry(self.slaves, self.normals, tangential, slaves, normals, pulls)
+            before = float(0.5 * ((tangential**2).sum(1) / sticking).sum())
+        made = HeldContacts(self.law, slaves, normals, pushes, pulls, stiffness, lost)
+        made.lost += before - made.stored
+        return made
+
+    def packed(self, count: int, extra: FloatArray) -> FloatArray:
+        """The contacts of each of some slaves in a row, shape (count, MOST_HELD (8 + k)).
+
+        Args:
+            count: Number of slaves.
+            extra: Further numbers of each contact, shape (c, k).
+        """
+        ones = np.ones((len(self.slaves), 2))
+        ones[:, 1] = self.pushes
+        every = np.concatenate([ones, self.normals, self.pulls, extra], axis=1)
+        rows = np.zeros((count, MOST_HELD, every.shape[1]))
+        first = np.searchsorted(self.slaves, self.slaves)
+        rows[self.slaves, np.arange(len(self.slaves)) - first] = every
+        return rows.reshape(count, MOST_HELD * every.shape[1])
+
+    @classmethod
+    def unpacked(
+        cls, law: ContactLaw, rows: FloatArray, stiffness: FloatArray
+    ) -> tuple[Self, FloatArray]:
+        """Contacts and their further numbers from rows; the slaves have the stiffness (s,)."""
+        every = rows.reshape(len(rows), MOST_HELD, rows.shape[1] // MOST_HELD)
+        slaves, place = np.nonzero(every[:, :, 0] > 0.0)
+        found = every[slaves, place]
+        normals, pulls = found[:, 2:5].copy(), found[:, 5:8].copy()
+        made = cls(law, slaves, normals, found[:, 1].copy(), pulls, stiffness[slaves])
+        return made, found[:, 8:].copy()
+
+    @property
+    def _stick(self) -> float:
+        """Tangential stiffness over the normal one."""
+        return self.law.stick if self.law.friction > 0.0 else 0.0
+
+    def _sticking(self) -> FloatArray:
+        return self.stiffness * self._stick
+
+
+@kernel
+def _carry(
+    old_slaves: IntArray, old_normals: FloatArray, old_pulls: FloatArray, slaves: IntArray,
+    normals: FloatArray, pulls: FloatArray,
+) -> None:  # fmt: skip
+    """Give each contact the tangential force that its slave had in the most similar contact."""
+    for c in range(len(slaves)):
+        first, last = np.searchsorted(old_slaves, slaves[c]), old_slaves.size
+        best, one = 0.5, -1
+        for o in range(first, last):
+            if old_slaves[o] != slaves[c]:
+                break
+            along = 0.0
+            for a in range(3):
+                along += old_normals[o, a] * normals[c, a]
+            if along > best:
+                best, one = along, o
+        if one < 0:
+            continue
+        along = size = turned = 0.0
+        for a in range(3):
+            along += old_pulls[one, a] * normals[c, a]
+            size += old_pulls[one, a] ** 2
+        for a in range(3):
+            pulls[c, a] = old_pulls[one, a] - along * normals[c, a]
+            turned += pulls[c, a] ** 2
+        for a in range(3):
+            pulls[c, a] *= np.sqrt(size / turned) if turned > 0.0 else 0.0

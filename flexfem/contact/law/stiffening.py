@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A normal force that grows faster than the penetration.
+
+Impacts that last a step or two need a soft contact, which few nodes that carry much load sink into
+by more than the thickness. So the slope of the force grows from k at contact to ``m k``,
+
+    F'(d) = k (1 + (m - 1) x^2 / (1 + x^2)),   x = d / (c r),
+
+d the penetration, r the distance at which the surfaces touch, c = 0.1: it is half way up at a tenth
+of that distance. The force has a potential and a slope without jumps.
+"""
+
+import numpy as np
+
+from flexfem.contact.law.data import FORCE, GAP, POTENTIAL, REACH, SLOPE, Found
+from flexfem.kernels.compiled import kernel
+from flexfem.kernels.records import Memory, unpack
+
+__all__ = ["STIFFER", "stiffen"]
+
+#: Largest slope over that at contact.
+STIFFER = 10.0
+#: Penetration over the distance of touching at which the slope is half way up.
+_DEPTH = 0.1
+
+
+@kernel
+def stiffen(found: Memory, most: float) -> None:
+    """Write force, slope and potential of contacts over k from their gaps.
+
+    ``most`` is m, at least 1.
+    """
+    own = unpack(Found, found)
+    contacts = own.numbers
+    for c in range(own.closed[0]):
+        contact = contacts[c]
+        g, reach = contact[GAP], contact[REACH]
+        contact[FORCE], contact[SLOPE], contact[POTENTIAL] = g, 1.0, 0.5 * g * g
+        if most > 1.0 and reach > 0.0:
+            d = _DEPTH * reach
+            x = g / d
+            turn, more = np.arctan(x), most - 1.0
+            contact[FORCE] += more * (g - d * turn)
+            contact[SLOPE] += more * x * x / (1.0 + x * x)
+            contact[POTENTIAL] += more * d * d * (0.5 * x * x - x * turn + 0.5 * np.log1p(x * x))

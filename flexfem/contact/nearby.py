@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Stiffness of contacts that are closed or may soon close."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.contact.carriers import Carriers
+from flexfem.contact.frames import SurfaceFrames
+from flexfem.contact.group import ContactGroup
+from flexfem.lie import se3
+
+__all__ = ["stiffness_nearby"]
+
+
+def stiffness_nearby(
+    groups: Sequence[ContactGroup], points: FloatArray, carriers: Carriers, frames: SurfaceFrames,
+    kind: int,
+) -> FloatArray:  # fmt: skip
+    """Return bounds of the sums of rows that contacts add at the nodes of a block (collective).
+
+    Args:
+        groups: all contacts.
+        points: positions of the points here and nearby, m, (n, 3).
+        carriers: of these points.
+        frames: of the rigid surfaces of simple shapes.
+        kind: of the block.
+
+    Returns:
+        Of translations, N/m, and of rotations, N m, shape (n_owned, 6).
+    """
+    total = np.zeros((len(points), 3))
+    wrenches = np.zeros((len(frames.frames), 6))
+    number = 0
+    for group in groups:
+        for rigid in group.rigid:
+            frame, slaves = frames.frames[number], rigid.slaves
+            close = rigid.distances(points, frame) < group.surfaces.skin
+            nodes, k = slaves.nodes[close], slaves.stiffness[close]
+            np.add.at(total[:, 0], nodes, k)
+            arms = np.linalg.norm(points[nodes] - se3.position(frame), axis=1)
+            wrenches[number] += np.repeat(
+                [(k * (1 + arms)).sum(), (k * arms * (1 + arms)).sum()], 3
+            )
+            number += 1
+        for made in group.triangles:
+            candidates, slaves = made.candidates, made.slaves
+            row = np.repeat(np.arange(len(slaves.nodes)), np.diff(candidates.starts))
+            most = np.zeros(len(total))
+            most[slaves.nodes[row]] = slaves.stiffness[row]
+            corners = made.masters.triangles[candidates.triangles]
+            np.maximum.at(most, corners, slaves.stiffness[row][:, np.newaxis])
+            # slaves of several ranks are near a corner: the stiffest counts once, not on each rank
+            total[:, 0] += carriers.largest(most)
+    carriers.gather(total)
+    return _at_nodes(total[:, 0], carriers, frames, wrenches, kind)
+
+
+def _at_nodes(
+    total: FloatArray, carriers: Carriers, frames: SurfaceFrames, wrenches: FloatArray, kind: int
+) -> FloatArray:
+    """Sums over the points and surfaces that each node of a block carries (collective)."""
+    frames.wrenches[:] = wrenches
+    frames.gather()
+    block = frames.block(kind)
+    found = np.zeros((block.owned, 6))
+    if kind in carriers.by_kind:
+        one = carriers.by_kind[kind]
+        k, arms = total[one.rows], np.linalg.norm(one.arms, axis=1)
+        np.add.at(found[:, 0], one.local, k * (1.0 + arms))
+        np.add.at(found[:, 3], one.local, k * arms * (1.0 + arms))
+        found[:, 1:3], found[:, 4:] = found[:, :1], found[:, 3:4]
+    for node, wrench in frames.sums(kind):
+        found[node] += wrench
+    return found

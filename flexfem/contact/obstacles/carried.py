@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Points that nodes carry, and points between them.
+
+A point at the arm a in the axes of a node with the frame (x, R) is at ``x + R a``. With local steps
+(u, theta) of the node it moves by ``R (u + theta x a)``; a force f on it acts on the node with
+``g = R^T f`` and the moment ``a x g``, which change by ``g x theta`` as the node turns. Nodes with
+three unknowns have no arms and do not turn. Points between others are their weighted means.
+"""
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.nodes.frame_kernels import Nodes
+from flexfem.kernels.compiled import inlined, kernel
+from flexfem.kernels.records import Float2D, Int1D, Memory, Record, unpack
+
+__all__ = [
+    "Carried",
+    "add_carried",
+    "add_turned",
+    "carried_into",
+    "moved_into",
+    "spread_means",
+    "weigh_means",
+]
+
+
+class Carried(Record):
+    """Points that nodes of one block carry.
+
+    Attributes:
+        turns: The nodes have rotations.
+        rows: Of the points among all points, shape (k,).
+        local: Their nodes, shape (k,).
+        arms: Shape (k, 3), metres.
+        loads: Forces at the last evaluation in the axes of the nodes, shape (k, 3), newtons.
+    """
+
+    turns: bool
+    rows: Int1D
+    local: Int1D
+    arms: Float2D
+    loads: Float2D
+
+
+@inlined
+def _cross(a: FloatArray, b: FloatArray, k: int) -> float:
+    """Component k of a vector product."""
+    i, j = (k + 1) % 3, (k + 2) % 3
+    return float(a[i] * b[j] - a[j] * b[i])
+
+
+@kernel
+def carried_into(nodes: Memory, carried: Memory, points: FloatArray) -> None:
+    """Write the positions of points (k,) that nodes carry into their rows of (n, 3)."""
+    frames, own = unpack(Nodes, nodes).frames, unpack(Carried, carried)
+    local, arms, rows = own.local, own.arms, own.rows
+    for k in range(local.size):
+        H, arm = frames[local[k]], arms[k]
+        for a in range(3):
+            turned = H[3 + 3 * a] * arm[0] + H[4 + 3 * a] * arm[1] + H[5 + 3 * a] * arm[2]
+            points[rows[k], a] = H[a] + turned
+
+
+@kernel
+def moved_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
+    """Write the inertial steps of points (k,) into their rows of (n, 3)."""
+    state, own, way = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3)
+    frames, steps, turns = state.frames, state.step, own.turns
+    local, arms, rows = own.local, own.arms, own.rows
+    for k in range(local.size):
+        H, step = frames[local[k]], steps[local[k]]
+        for a in range(3):
+            way[a] = step[a] + (_cross(step[3:], arms[k], a) if turns else 0.0)
+        for a in range(3):
+            out[rows[k], a] = H[3 + 3 * a] * way[0] + H[4 + 3 * a] * way[1] + H[5 + 3 * a] * way[2]
+
+
+@kernel
+def add_carried(nodes: Memory, carried: Memory, forces: FloatArray, loads: FloatArray) -> None:
+    """Add inertial forces (n, 3) on points (k,) to the residuals of nodes.
+
+    ``loads`` (k, 3) gets the forces in the axes of the nodes.
+    """
+    state, own = unpack(Nodes, nodes), unpack(Carried, carried)
+    frames, residual, turns = state.frames, state.residual, own.turns
+    local, arms, rows = own.local, own.arms, own.rows
+    for k in range(local.size):
+        H, f = frames[local[k]], forces[rows[k]]
+        for a in range(3):
+            loads[k, a] = H[3 + a] * f[0] + H[6 + a] * f[1] + H[9 + a] * f[2]
+        for a in range(3):
+            residual[local[k], a] += loads[k, a]
+            if turns:
+                residual[local[k], 3 + a] += _cross(arms[k], loads[k], a)
+
+
+@kernel
+def add_turned(nodes: Memory, carried: Memory, scale: float) -> None:
+    """Add ``scale`` times what the loads change as the nodes turn by their steps."""
+    state, own, g = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3)
+    steps, residual = state.step, state.residual
+    local, arms, loads = own.local, own.arms, own.loads
+    for k in range(local.size):
+        for a in range(3):
+            g[a] = scale * _cross(loads[k], steps[local[k], 3:], a)
+        for a in range(3):
+            residual[local[k], a] += g[a]
+            residual[local[k], 3 + a] += _cross(arms[k], g, a)
+
+
+@kernel
+def weigh_means(parents: IntArray, weights: FloatArray, rows: IntArray, values: FloatArray) -> None:
+    """Write the weighted means of ``parents`` (k, p) into their rows of (n, 3)."""
+    for k in range(len(rows)):
+        for a in range(3):
+            total = 0.0
+            for p in range(parents.shape[1]):
+                total += weights[k, p] * values[parents[k, p], a]
+            values[rows[k], a] = total
+
+
+@kernel
+def spread_means(
+    parents: IntArray, weights: FloatArray, rows: IntArray, values: FloatArray
+) -> None:
+    """Move forces in ``rows`` of (n, 3) to the ``parents`` (k, p)."""
+    for k in range(len(rows)):
+        for a in range(3):
+            for p in range(parents.shape[1]):
+                values[parents[k, p], a] += weights[k, p] * values[rows[k], a]
+            values[rows[k], a] = 0.0

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact of nodes with one rigid surface of a simple shape."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.contact.law import penalty
+from flexfem.contact.law.closed_contacts import ContactLaw, HeldContacts
+from flexfem.contact.law.data import FORCE, GAP, NORMAL, PLACE, RIGID_FIELDS, Found, Slaves
+from flexfem.contact.law.stiffening import stiffen
+from flexfem.contact.obstacles import shapes as rigid
+
+__all__ = ["RigidContact", "Shape"]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A rigid surface in the axes of its frame; see ``rigid.ShapeKind``.
+
+    Attributes:
+        kind: Of the surface.
+        radius: Metres.
+        length: Along the axis, metres.
+    """
+
+    kind: rigid.ShapeKind
+    radius: float = 0.0
+    length: float = np.inf
+
+
+class RigidContact:
+    """Contacts of slaves with a rigid surface at the trial state.
+
+    Attributes:
+        slaves, shape: What touches.
+        found: Contacts at the trial state.
+        held: What friction and damping act on.
+        stiffer: Largest slope of the force over that at contact, see ``stiffening``.
+    """
+
+    def __init__(self, slaves: Slaves, shape: Shape, law: ContactLaw | None = None) -> None:
+        """Describe what touches."""
+        self.slaves, self.shape, count = slaves, shape, len(slaves.nodes)
+        self.stiffer = 1.0
+        self.found = Found(
+            closed=np.zeros(1, np.int64), ends=np.empty((count, 1), np.int64),
+            numbers=np.empty((count, RIGID_FIELDS)),
+        )  # fmt: skip
+        self._surface = rigid.RigidShape(
+            frame=np.zeros(12), kind=int(shape.kind), radius=shape.radius, length=shape.length
+        )
+        self._law = ContactLaw() if law is None else law
+        self.held = HeldContacts.none(self._law)
+        self._arms, self._start = np.zeros((0, 3)), np.zeros((0, 3))
+
+    def distances(self, points: FloatArray, frame: FloatArray) -> FloatArray:
+        """Gaps of all slaves (s,), m."""
+        values = np.empty(len(self.slaves.nodes))
+        rigid.distances_into(points[self.slaves.nodes], frame, self._surface.memory, values)
+        return values - self.slaves.offsets
+
+    def evaluate(self, points: FloatArray, frame: FloatArray, h: float = 0.0) -> None:
+        """Find the contacts at a trial state, with the surface's frame (12,)."""
+        self._surface.frame[:] = frame
+        rigid.find_rigid_contacts(
+            points, self.slaves.memory, self._surface.memory, self.found.memory
+        )
+        stiffen(self.found.memory, self.stiffer)
+        if len(self.held.slaves):
+            places = frame[:3] + self._arms @ frame[3:].reshape(3, 3).T
+            nodes = self.slaves.nodes[self.held.slaves]
+            self.held.evaluate(points[nodes] - places - self._start, h)
+
+    def accept(self, points: FloatArray) -> None:
+        """End a step: the contacts evaluated last are those that friction acts on now."""
+        if self._law.elastic:
+            return
+        c, slaves, R = self.contacts, self.ends[:, 0], self._rotation
+        stiffness = self.slaves.stiffness[slaves]
+        normals = c[:, NORMAL : NORMAL + 3] @ R.T
+        self.held = self.held.follow(slaves.copy(), normals, -stiffness * c[:, FORCE], stiffness)
+        self._arms = c[:, PLACE : PLACE + 3].copy()
+        places = self._surface.frame[:3] + self._arms @ R.T
+        self._start = points[self.slaves.nodes[slaves]] - places
+
+    def memory(self) -> FloatArray:
+        """The contacts that are held, a row for each slave."""
+        return self.held.packed(len(self.slaves.nodes), self._arms)
+
+    def recall(self, points: FloatArray, frame: FloatArray, memory: FloatArray) -> None:
+        """Take back what :meth:`memory` returned, at the same positions."""
+        self._surface.frame[:] = frame
+        self.held, self._arms = HeldContacts.unpacked(self._law, memory, self.slaves.stiffness)
+        places = frame[:3] + self._arms @ self._rotation.T
+        self._start = points[self.slaves.nodes[self.held.slaves]] - places
+
+    @property
+    def _rotation(self) -> FloatArray:
+        return self._surface.frame[3:].reshape(3, 3)
+
+    @property
+    def count(self) -> int:
+        """Number of contacts at the trial state."""
+        return int(self.found.closed[0])
+
+    @property
+    def ends(self) -> IntArray:
+        """Slave of each contact, shape (count, 1)."""
+        return self.found.ends[: self.count]
+
+    @property
+    def contacts(self) -> FloatArray:
+        """Numbers of each contact, see ``data``, shape (count, RIGID_FIELDS)."""
+        return self.found.numbers[: self.count]
+
+    @property
+    def energy(self) -> float:
+        """Energy stored, J."""
+        value: float = penalty.energy(self.slaves.memory, self.found.memory)
+        return value
+
+    @property
+    def deepest(self) -> float:
+        """Largest penetration, m."""
+        return float(-self.contacts[:, GAP].min(initial=0.0))
+
+    @property
+    def forces(self) -> FloatArray:
+        """Normal forces of the contacts on the slaves, inertial axes, (count, 3), newtons."""
+        c = self.contacts
+        sizes = -self.slaves.stiffness[self.ends[:, 0]] * c[:, FORCE]
+        return sizes[:, None] * (c[:, NORMAL : NORMAL + 3] @ self._rotation.T)
+
+    def add_forces(self, residual: FloatArray, wrench: FloatArray, scale: float = 1.0) -> None:
+        """Add ``scale`` times the forces.
+
+        Args:
+            residual: Of all nodes, inertial axes, shape (n, 3).
+            wrench: Of the surface's frame, force and moment in its axes, shape (6,).
+            scale: Factor.
+        """
+        slaves, surface, found = self.slaves.memory, self._surface.memory, self.found.memory
+        rigid.add_rigid_forces(slaves, surface, found, scale, residual, wrench)
+        if len(self.held.slaves):
+            self._add_held(scale * self.held.forces, residual, wrench)
+
+    def add_actions(
+        self, steps: FloatArray, twist: FloatArray, residual: FloatArray, wrench: FloatArray,
+        scale: float = 1.0,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times the tangent applied to steps (n, 3) and a local twist (6,)."""
+        slaves, surface, found = self.slaves.memory, self._surface.memory, self.found.memory
+        rigid.add_rigid_actions(slaves, surface, found, scale, steps, twist, residual, wrench)
+        if len(self.held.slaves):
+            moved = (twist[:3] + np.cross(twist[3:], self._arms)) @ self._rotation.T
+            slips = steps[self.slaves.nodes[self.held.slaves]] - moved
+            forces = np.einsum("cij,cj->ci", self.held.tangents, slips)
+            self._add_held(scale * forces, residual, wrench)
+            # forces keep their inertial axes, while those of the frame turn
+            back = scale * self.held.forces @ self._rotation
+            turned = np.cross(back, twist[3:])
+            wrench[:3] -= turned.sum(0)
+            wrench[3:] -= np.cross(self._arms, turned).sum(0)
+
+    def blocks(self, scale: float = 1.0) -> tuple[IntArray, FloatArray]:
+        """Nodes (c,) and ``scale`` times the tangents (c, 9, 9): node, then twist of the frame."""
+        s, held = self.slaves, self.held
+        blocks = np.empty((self.count, 9, 9))
+        rigid.rigid_blocks_into(s.memory, self._surface.memory, self.found.memory, scale, blocks)
+        nodes = s.nodes[self.ends[:, 0]]
+        if not len(held.slaves):
+            return nodes, blocks
+        return (
+            np.concatenate([nodes, s.nodes[held.slaves]]),
+            np.concatenate([blocks, scale * self._held_blocks()]),
+        )
+
+    def _held_blocks(self) -> FloatArray:
+        """Tangents (c, 9, 9) of friction and damping."""
+        count, R = len(self._arms), self._rotation
+        J = np.zeros((count, 3, 9))
+        arms, forces = _cross(self._arms), _cross(self.held.forces @ R)
+        J[:, :, :3], J[:, :, 3:6], J[:, :, 6:] = np.eye(3), -R, R @ arms
+        blocks = J.swapaxes(1, 2) @ self.held.tangents @ J
+        blocks[:, 3:6, 6:] -= forces
+        blocks[:, 6:, 6:] -= arms @ forces
+        return blocks
+
+    def _add_held(self, forces: FloatArray, residual: FloatArray, wrench: FloatArray) -> None:
+        """Add forces (c, 3) on the nodes, and what they do to the frame."""
+        np.add.at(residual, self.slaves.nodes[self.held.slaves], forces)
+        back = forces @ self._rotation
+        wrench[:3] -= back.sum(0)
+        wrench[3:] -= np.cross(self._arms, back).sum(0)
+
+
+def _cross(vectors: FloatArray) -> FloatArray:
+    """Matrices (c, 3, 3) of the vector products with vectors (c, 3)."""
+    zero = np.zeros(len(vectors))
+    x, y, z = vectors.T
+    rows = [zero, -z, y, z, zero, -x, -y, x, zero]
+    return np.stack(rows, axis=1).reshape(-1, 3, 3)

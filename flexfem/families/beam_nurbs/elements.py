@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The family of NURBS beams: all beams of a model that follow a NURBS curve.
+
+The physics is in ``flexfem.forms.nurbs_beam``. Elements are grouped by degree, interpolation and
+material; one call of a compiled loop treats all elements of a group. Cells of the family are
+counted group by group.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.runs import starts
+from flexfem.families.beam_nurbs.group import NurbsCells, NurbsGroup, NurbsKernels
+from flexfem.families.common.section_groups import materials
+from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
+from flexfem.materials.section import Section
+
+__all__ = ["NurbsBeams", "NurbsCells"]
+
+
+class NurbsBeams:
+    """Residual, tangent and stress resultants of all NURBS beams of this rank.
+
+    Attributes:
+        groups: the elements of each degree and material.
+        rows: (m,) where each cell was in ``data``, the degrees one after the other.
+        connectivity: (m_g, k_g) nodes of the cells of each group.
+        body: (m,) number of each cell's beam.
+        lengths: (m,) arc lengths at the start, m.
+        law_owner: what messages call the first section with a law of the user, None without one.
+    """
+
+    chained = True
+    thin = False
+    stressed = True
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        data: Sequence[NurbsCells],
+        sections: Sequence[Section],
+        owners: Sequence[str],
+        start: FloatArray,
+    ) -> None:
+        """Compile the kernels (collective) and prepare the elements.
+
+        Args:
+            comm: communicator.
+            data: constant data of this rank's elements, one object for each degree and
+                interpolation; the same ones on all ranks.
+            sections: the sections of the model.
+            owners: what messages call each section.
+            start: (n, 12) frames of this rank's nodes at the start.
+
+        Raises:
+            ValueError: a section's law is not usable; on all ranks.
+        """
+        named = zip(sections, owners, strict=True)
+        self.law_owner = next((owner for s, owner in named if s.law is not None), None)
+        damped = comm.allreduce(any(np.any(d.damping > 0.0) for d in data), op=MPI.LOR)
+        # all laws are checked before the long compilation of the first
+        kinds = sorted({cells.vectors for cells in data})
+        found = [
+            (numbers, material, {kind: NurbsKernels(comm, material, kind) for kind in kinds})
+            for numbers, material in materials(comm, sections, owners, damped)
+        ]
+        self.groups: list[NurbsGroup] = []
+        rows, first = [np.empty(0, dtype=np.int64)], 0
+        for cells in data:
+            for numbers, material, kernels in found:
+                at = np.flatnonzero(np.isin(cells.section, numbers))
+                part = _part(cells, at, numbers)
+                self.groups.append(NurbsGroup(kernels[cells.vectors], part, material, start))
+                rows.append(first + at)
+            first += len(cells.nodes)
+        self.rows: IntArray = np.concatenate(rows)
+        self._count()
+
+    def _count(self) -> None:
+        """Put the cells of all groups into one order."""
+        none = np.empty(0, dtype=np.int64)
+        self.body: IntArray = np.concatenate([none, *(g.data.body for g in self.groups)])
+        self.lengths: FloatArray = np.concatenate([np.empty(0), *(g.lengths for g in self.groups)])
+        ends = starts([len(group.data.nodes) for group in self.groups])
+        self._parts = [slice(a, b) for a, b in pairwise(ends)]
+
+    @property
+    def connectivity(self) -> list[IndexArray]:
+        """See the class."""
+        return [group.data.nodes for group in self.groups]
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return [(group.data.nodes, group.data.nodes) for group in self.groups]
+
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        for k, group in enumerate(self.groups):
+            group.add_residual(block, gravity, scale, request.of_group(k))
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`; one cell after the other."""
+        shapes = [(len(g.data.nodes), 36 * g.data.nodes.shape[1] ** 2) for g in self.groups]
+        values, first = np.empty(sum(m * width for m, width in shapes)), 0
+        for k, (group, (m, width)) in enumerate(zip(self.groups, shapes, strict=True)):
+            own = values[first : first + m * width].reshape(m, width)
+            group.tangent_into(
+                block, gravity, shifts, scale, own, request.of_group(k), local=request.local
+            )
+            first += m * width
+        return values
+
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return [group.continued_strains(frames, steps) for group in self.groups]
+
+    def unstressed(self) -> Strains:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return [group.unstressed() for group in self.groups]
+
+    def accept(self, block: FrameBlock) -> None:
+        """Nothing is remembered."""
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        for k, group in enumerate(self.groups):
+            group.add_action(
+                block, gravity, shifts, scale, request.of_group(k), local=request.local
+            )
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Strains and stress resultants (m, 6) in the middle of the cells, in section axes.
+
+        Damping is left out.
+
+        Args:
+            frames: (n, 12) frames of the nodes.
+            chosen: (m,) cells, all of them when None.
+        """
+        strain, resultant = self.resultants_at(frames, np.array([0.5]), chosen)
+        return strain[:, 0], resultant[:, 0]
+
+    def resultants_at(
+        self, frames: FloatArray, xi: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Strains and stress resultants (m, q, 6) at places in the cells, see :meth:`resultants`.
+
+        Args:
+            frames: (n, 12) frames of the nodes.
+            xi: (q,) or (m, q) places in the chosen cells, 0 to 1.
+            chosen: (m,) cells, all of them when None.
+        """
+        cells = np.arange(len(self.lengths)) if chosen is None else chosen
+        places = np.broadcast_to(xi, (len(cells), xi.shape[-1]))
+        strain, resultant = np.empty((2, *places.shape, 6))
+        for part, group in zip(self._parts, self.groups, strict=True):
+            to = np.flatnonzero((part.start <= cells) & (cells < part.stop))
+            strain[to], resultant[to] = group.response(frames, cells[to] - part.start, places[to])
+        return strain, resultant
+
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return np.concatenate([np.empty(0), *(g.stretches(frames) for g in self.groups)])
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m,) of all cells, J."""
+        return np.concatenate([np.empty(0), *(g.energies(frames) for g in self.groups)])
+
+    @property
+    def viscous(self) -> bool:
+        """True if any cells resist the rate of their strain."""
+        return any(group.viscous for group in self.groups)
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Viscous stress resultants and strain rates (j, 6) at the points of :attr:`viscous_at`."""
+        both = [np.empty((2, 0, 6)), *(np.stack(g.viscosity(block)) for g in self.groups)]
+        stress, rate = np.concatenate(both, axis=1)
+        return stress, rate
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """Cell (j,) of each point of :meth:`viscosity`, and the length (j,) it stands for, m."""
+        lengths = [group.point_lengths for group in self.groups]
+        cells = [
+            np.repeat(np.arange(p.start, p.stop), one.shape[1])
+            for p, one in zip(self._parts, lengths, strict=True)
+        ]
+        return np.concatenate(cells), np.concatenate([one.ravel() for one in lengths])
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
+        for part, group in zip(self._parts, self.groups, strict=True):
+            group.add_motion(block, chosen[part], motion)
+
+
+def _part(data: NurbsCells, rows: IntArray, numbers: Sequence[int]) -> NurbsCells:
+    """Some elements, with sections counted within the given ones."""
+    return NurbsCells(
+        data.nodes[rows],
+        data.body[rows],
+        np.searchsorted(numbers, data.section[rows]),
+        np.ascontiguousarray(data.shape[rows]),
+        data.damping[rows],
+        data.vectors,
+    )

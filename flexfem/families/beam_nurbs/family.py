@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Beams along NURBS curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, override
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.marker import Carrier, Marker
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.beam_nurbs.curves import NurbsLines
+from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsCells
+from flexfem.families.beam_nurbs.loads import nurbs_beam_forces
+from flexfem.families.beam_nurbs.sensors import CurveStrainSensor
+from flexfem.families.common.block_nodes import distributed, section_owners
+from flexfem.layout.elements import ElementFamily
+from flexfem.layout.family import Family, Sensor
+from flexfem.layout.inner_forces import InnerForces
+from flexfem.layout.line_loads import by_kind
+from flexfem.layout.lines import Line
+from flexfem.layout.node_loads import Force
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.layout.placed_loads import line_forces
+from flexfem.model.bodies.basic import Beam
+from flexfem.model.model import Model
+from flexfem.model.probes.base import AnyProbe
+from flexfem.model.probes.measured import StrainProbe
+from flexfem.model.structure.place import Place
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
+
+__all__ = ["NurbsBeamFamily"]
+
+
+class NurbsBeamFamily(Family):
+    """See :class:`flexfem.layout.family.Family`; bodies count all beams of the model."""
+
+    series = "flexfem.io.paraview.family_series:BeamSeries"
+
+    serial: NumberedModel
+
+    @classmethod
+    def members(cls, model: Model) -> list[Beam]:
+        """Bodies of a model that belong to the family."""
+        return model.beams_of("nurbs")
+
+    def __init__(self, serial: NumberedModel, kind: int) -> None:
+        """Lay out the beams."""
+        super().__init__(serial, kind)
+        self.curves = NurbsLines.of(serial.model)
+        serial.curves = self.curves
+        self._lines: dict[str, Line] = {}
+
+    @property
+    @override
+    def bodies(self) -> list[Beam]:
+        return self.serial.model.beams
+
+    @property
+    @override
+    def own(self) -> list[Beam]:
+        return self.curves.beams
+
+    @property
+    @override
+    def frames(self) -> FloatArray:
+        return self.curves.frames
+
+    @property
+    @override
+    def velocities(self) -> FloatArray:
+        return self.curves.velocities
+
+    @property
+    @override
+    def body_of_node(self) -> IntArray:
+        return self.curves.body_of_node
+
+    @override
+    def fingerprint(self) -> Mapping[str, Any]:
+        nodes = [self.curves.nodes(beam) for beam in range(len(self.own))]
+        return {"mesh": [self.curves.frames, nodes]}
+
+    @override
+    def node(self, marker: Marker, place: Place | None) -> int:
+        assert place is not None
+        assert place.node is not None
+        return int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
+
+    @override
+    def line(self, carrier: Carrier) -> Line:
+        name = carrier.body
+        if name not in self._lines:
+            self._lines[name] = self.curves.line(self.curves.index(name), self.kind)
+        return self._lines[name]
+
+    @override
+    def costs(self) -> dict[str, tuple[int, int]]:
+        parts = zip(self.own, self.curves.parts, strict=True)
+        return {beam.name: (len(part.nodes), 1) for beam, part in parts}
+
+    @override
+    def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
+        curves = self.curves
+        of_beams = np.split(ranks, curves.first_cell[1:-1])
+        owner = _owners_of_nodes(curves, of_beams)
+        chosen = [np.flatnonzero(rank == comm.rank) for rank in of_beams]
+        touched = [curves.nodes(b)[cells].ravel() for b, cells in enumerate(chosen)]
+        ids, index_map = distributed(comm, owner, np.concatenate(touched))
+        frames = curves.frames[ids]
+        block = FrameBlock(
+            "nurbs_beams", comm, frames, curves.velocities[ids], ids, index_map, inertial=True
+        )
+        data = _cells(curves, chosen, block)
+        owners = section_owners(curves.beams, curves.sections)
+        return block, NurbsBeams(comm, data, curves.sections, owners, frames)
+
+    @override
+    def forces(
+        self, block: FrameBlock, elements: ElementFamily | None, node_body: IntArray
+    ) -> tuple[list[Force], list[InnerForces]]:
+        serial, kind = self.serial, self.kind
+        at_nodes = list(nurbs_beam_forces(serial, self.curves, block))
+        inside = list(line_forces(serial, kind, self.own, block))
+        return at_nodes, list(by_kind(inside, node_body, block))
+
+    @override
+    def sensor(self, probe: AnyProbe, part: BlockPart) -> Sensor | None:
+        if isinstance(probe, StrainProbe) and self.serial.model[probe.beam] in self.own:
+            return CurveStrainSensor(part, self.serial, probe)
+        return None
+
+
+def _owners_of_nodes(curves: NurbsLines, ranks: Sequence[IntArray]) -> IntArray:
+    """Rank of every control point: the lowest of those of the elements that it touches."""
+    owner = np.full(len(curves.frames), np.iinfo(np.int64).max)
+    for beam, rank in enumerate(ranks):
+        nodes = curves.nodes(beam)
+        np.minimum.at(owner, nodes, np.broadcast_to(rank[:, np.newaxis], nodes.shape))
+    return owner
+
+
+def _cells(curves: NurbsLines, chosen: Sequence[IntArray], block: FrameBlock) -> list[NurbsCells]:
+    """Elements of this rank by kind; every rank has the same kinds, maybe without elements."""
+    data = []
+    for (_, vectors), group in groupby(curves.by_kind(), curves.kind):
+        beams = list(group)
+        counts = [len(chosen[b]) for b in beams]
+        nodes = np.concatenate([curves.nodes(b)[chosen[b]] for b in beams])
+        data.append(
+            NurbsCells(
+                nodes=block.local_index(nodes),
+                body=np.repeat(curves.numbers[beams], counts),
+                section=np.repeat(curves.section[beams], counts),
+                shape=np.concatenate([curves.parts[b].shape[chosen[b]] for b in beams]),
+                damping=np.repeat([curves.beams[b].damping for b in beams], counts),
+                vectors=vectors,
+            )
+        )
+    return data

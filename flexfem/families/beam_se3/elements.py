@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The family of SE(3) beams: all beams of a model on one interval mesh.
+
+The physics is in ``flexfem.forms.beam``. Cells are grouped by material; each group has kernels of
+its own, and one call of a compiled loop treats all its cells.
+"""
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.beam_se3.group import BeamCells, BeamGroup
+from flexfem.families.common.section_groups import materials
+from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
+from flexfem.materials.section import Section
+
+__all__ = ["BeamCells", "SE3Beams", "node_frames"]
+
+
+def node_frames(cells: IndexArray, frames: FloatArray, count: int) -> FloatArray:
+    """One frame per node: that of the first cell end there (others are turned against it)."""
+    result = np.zeros((count, 12))
+    ends, first = np.unique(cells.ravel(), return_index=True)
+    result[ends] = frames.reshape(-1, 12)[first]
+    return result
+
+
+class SE3Beams:
+    """Residual, tangent and stress resultants of all beams of this rank.
+
+    Attributes:
+        data: constant data of the cells.
+        groups: numbers of the cells of each material, and what computes with them.
+        lengths: (m,) arc lengths at the start, m.
+        law_owner: what messages call the first section with a law of the user, None without one.
+
+    The methods of :class:`flexfem.layout.elements.ElementFamily` are described there.
+    """
+
+    chained = True
+    thin = False
+    stressed = True
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        data: BeamCells,
+        sections: Sequence[Section],
+        owners: Sequence[str],
+        start: FloatArray,
+    ) -> None:
+        """Compile the kernels (collective) and prepare the cells.
+
+        Args:
+            comm: communicator.
+            data: constant data of this rank's cells.
+            sections: the sections of the model.
+            owners: what messages call each section.
+            start: (n, 12) frames of this rank's nodes at the start.
+
+        Raises:
+            ValueError: a section's law is not usable; on all ranks.
+        """
+        self.data = data
+        named = zip(sections, owners, strict=True)
+        self.law_owner = next((owner for s, owner in named if s.law is not None), None)
+        damped = comm.allreduce(bool(np.any(data.damping > 0.0)), op=MPI.LOR)
+        self.groups: list[tuple[IntArray, BeamGroup]] = []
+        self.lengths = np.empty(len(data.cells))
+        # all laws are checked before the long compilation of the first
+        for numbers, material in materials(comm, sections, owners, damped):
+            rows = np.flatnonzero(np.isin(data.section, numbers))
+            group = BeamGroup(comm, _part(data, rows, numbers), material, start)
+            self.groups.append((rows, group))
+            self.lengths[rows] = group.lengths
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return [(self.data.cells, self.data.cells)]
+
+    @property
+    def body(self) -> IntArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return self.data.body
+
+    @property
+    def linear(self) -> BeamGroup:
+        """The cells of linear material, all of them unless :attr:`law_owner` is given."""
+        return self.groups[0][1]
+
+    @property
+    def turned(self) -> int:
+        """Number of cells whose section axes differ from the axes of their nodes."""
+        return sum(int(group.turned.sum()) for _, group in self.groups)
+
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        for k, (_, group) in enumerate(self.groups):
+            group.add_residual(block, gravity, scale, request.of_group(k))
+
+    def tangent(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> FloatArray:  # fmt: skip
+        """Matrices (m, 12, 12) of :meth:`values`."""
+        matrices = [
+            group.tangent(block, gravity, shifts, scale, request.of_group(k), local=request.local)
+            for k, (_, group) in enumerate(self.groups)
+        ]
+        if len(matrices) == 1:
+            return matrices[0]
+        values = np.empty((len(self.data.cells), 12, 12))
+        for (rows, _), own in zip(self.groups, matrices, strict=True):
+            values[rows] = own
+        return values
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return self.tangent(block, gravity, shifts, scale, request).ravel()
+
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return [group.continued_strains(frames, steps) for _, group in self.groups]
+
+    def unstressed(self) -> Strains:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return [np.zeros((len(group.data.cells), 6)) for _, group in self.groups]
+
+    def accept(self, block: FrameBlock) -> None:
+        """Nothing is remembered."""
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        for k, (_, group) in enumerate(self.groups):
+            group.add_action(
+                block, gravity, shifts, scale, request.of_group(k), local=request.local
+            )
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Strains and stress resultants (m, 6) in section axes (damping left out).
+
+        Args:
+            frames: (n, 12) frames of the nodes.
+            chosen: (m,) cells, all of them when None.
+        """
+        strain, resultant, _ = self._response(frames, chosen)
+        return strain, resultant
+
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        found = np.empty(len(self.data.cells))
+        for rows, group in self.groups:
+            found[rows] = group.stretches(frames)
+        return found
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m,) of all cells, J."""
+        return self._response(frames)[2]
+
+    def _response(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        if len(self.groups) == 1:
+            return self.groups[0][1].response(frames, chosen)
+        cells = np.arange(len(self.data.cells)) if chosen is None else chosen
+        count = len(cells)
+        strain, resultant, energy = np.empty((count, 6)), np.empty((count, 6)), np.empty(count)
+        for rows, group in self.groups:
+            to = np.flatnonzero(np.isin(cells, rows))
+            at = np.searchsorted(rows, cells[to])
+            strain[to], resultant[to], energy[to] = group.response(frames, at)
+        return strain, resultant, energy
+
+    @property
+    def viscous(self) -> bool:
+        """True if any material is viscous: it resists the rate of strain."""
+        return any(group.viscous for _, group in self.groups)
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        stress, rate = np.empty((2, len(self.data.cells), 6))
+        for rows, group in self.groups:
+            stress[rows], rate[rows] = group.viscosity(block)
+        return stress, rate
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return np.arange(len(self.lengths)), self.lengths
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
+        for rows, group in self.groups:
+            group.add_motion(block, chosen[rows], motion)
+
+
+def _part(data: BeamCells, rows: IntArray, numbers: Sequence[int]) -> BeamCells:
+    """Some cells, with sections counted within the given ones."""
+    return BeamCells(
+        data.cells[rows],
+        data.body[rows],
+        np.searchsorted(numbers, data.section[rows]),
+        data.frames[rows],
+        data.damping[rows],
+    )

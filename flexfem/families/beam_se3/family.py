@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Beams of two-node elements that interpolate on SE(3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, override
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.marker import Carrier, Marker
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.beam_se3.elements import BeamCells, SE3Beams
+from flexfem.families.beam_se3.loads import se3_beam_forces
+from flexfem.families.beam_se3.sensors import BeamElongation, StrainSensor
+from flexfem.families.common.block_nodes import section_owners
+from flexfem.layout.elements import ElementFamily
+from flexfem.layout.family import Family, Sensor
+from flexfem.layout.inner_forces import InnerForces
+from flexfem.layout.line_loads import by_kind
+from flexfem.layout.lines import Line, se3_line
+from flexfem.layout.node_loads import Force
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.layout.placed_loads import line_forces
+from flexfem.mesh.distributed.beam_mesh import create_beam_mesh
+from flexfem.mesh.geometry.topology import trace_lines
+from flexfem.model.bodies.basic import Beam
+from flexfem.model.contact import Contact
+from flexfem.model.model import Model
+from flexfem.model.probes.base import AnyProbe
+from flexfem.model.probes.measured import ElongationProbe, StrainProbe
+from flexfem.model.structure.place import Place
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
+
+from flexfem.families.beam_se3.nodes import number_nodes
+
+__all__ = ["SE3BeamFamily"]
+
+
+class SE3BeamFamily(Family):
+    """See :class:`flexfem.layout.family.Family`; bodies count all beams of the model."""
+
+    energy_momentum = True
+    series = "flexfem.io.paraview.family_series:BeamSeries"
+
+    serial: NumberedModel
+
+    @classmethod
+    def members(cls, model: Model) -> list[Beam]:
+        """Bodies of a model that belong to the family."""
+        return model.beams_of("se3")
+
+    def __init__(self, serial: NumberedModel, kind: int) -> None:
+        """Lay out the beams."""
+        super().__init__(serial, kind)
+        number_nodes(serial, self.own)
+        self._lines: dict[str, Line] = {}
+
+    @property
+    @override
+    def bodies(self) -> list[Beam]:
+        return self.serial.model.beams
+
+    @property
+    @override
+    def own(self) -> list[Beam]:
+        return self.members(self.serial.model)
+
+    @property
+    @override
+    def frames(self) -> FloatArray:
+        return self.serial.frames
+
+    @property
+    @override
+    def velocities(self) -> FloatArray:
+        return self.serial.velocities
+
+    @property
+    @override
+    def body_of_node(self) -> IntArray:
+        return self.serial.body_of_node
+
+    @override
+    def fingerprint(self) -> Mapping[str, Any]:
+        serial = self.serial
+        return {"mesh": [serial.points, serial.cells.cells, serial.frames]}
+
+    @override
+    def node(self, marker: Marker, place: Place | None) -> int:
+        assert place is not None
+        assert place.node is not None
+        return int(self.serial.mesh_nodes([place.node])[0])
+
+    @override
+    def line(self, carrier: Carrier) -> Line:
+        name = carrier.body
+        if name not in self._lines:
+            self._lines[name] = self._line(self.serial.model[name])
+        return self._lines[name]
+
+    def _line(self, beam: Beam) -> Line:
+        data = self.serial.cells
+        cells = np.flatnonzero(data.body == self.bodies.index(beam))
+        order = _chain(data.cells[cells].astype(np.int64))
+        if order is None:
+            raise ValueError(f'Beam "{beam.name}": group "{beam.group}" branches or falls apart')
+        cells = cells[order]
+        return se3_line(self.kind, cells, data.cells[cells], data.frames[cells], self.frames)
+
+    @override
+    def contact_chain(self, name: str) -> IntArray:
+        data = self.serial.cells
+        own = data.body == [beam.name for beam in self.bodies].index(name)
+        cells: IntArray = data.cells[own].astype(np.int64)
+        return cells
+
+    @override
+    def contact_numbers(self, body: Beam, contact: Contact) -> tuple[float, float]:
+        diameter = 2.0 * contact.beam_radius(body)
+        through = _axial(body) / (0.25 * np.pi * diameter**3)
+        return through, body.section.mass_per_length / diameter
+
+    @override
+    def costs(self) -> dict[str, tuple[int, int]]:
+        model = self.serial.model
+        return {beam.name: (len(model.beam_cells(beam)), 1) for beam in self.own}
+
+    @override
+    def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
+        serial, data = self.serial, self.serial.cells
+        mesh = create_beam_mesh(comm, serial.points, data.cells, ranks)
+        ids = mesh.cell_ids
+        mine = BeamCells(
+            mesh.cells, data.body[ids], data.section[ids], data.frames[ids], data.damping[ids]
+        )
+        frames = serial.frames[mesh.node_ids]
+        block = FrameBlock(
+            "beams", comm, frames, serial.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
+            inertial=True, elements=mesh.cell_ids,
+        )  # fmt: skip
+        owners = section_owners(self.own, serial.sections)
+        return block, SE3Beams(comm, mine, serial.sections, owners, frames)
+
+    @override
+    def forces(
+        self, block: FrameBlock, elements: ElementFamily | None, node_body: IntArray
+    ) -> tuple[list[Force], list[InnerForces]]:
+        serial, kind = self.serial, self.kind
+        at_nodes = list(se3_beam_forces(serial, self.own, block))
+        inside = list(line_forces(serial, kind, self.own, block))
+        return at_nodes, list(by_kind(inside, node_body, block))
+
+    @override
+    def sensor(self, probe: AnyProbe, part: BlockPart) -> Sensor | None:
+        model = self.serial.model
+        if isinstance(probe, StrainProbe) and model[probe.beam] in self.own:
+            return StrainSensor(part, self.serial, probe)
+        if isinstance(probe, ElongationProbe) and model[probe.body] in self.own:
+            return BeamElongation(part, [beam.name for beam in self.bodies].index(probe.body))
+        return None
+
+
+def _chain(cells: IntArray) -> IntArray | None:
+    """Order of cells of one line, all in its direction; None where they branch or fall apart."""
+    lines = trace_lines(cells)
+    if len(lines) != 1 or lines[0].reversed.any():
+        return None
+    return lines[0].cells
+
+
+def _axial(beam: Beam) -> float:
+    """Axial stiffness of a beam, N, at zero strain."""
+    section = beam.section
+    if section.stiffness is not None:
+        return float(section.stiffness[0, 0])
+    raise ValueError(
+        f'Beam "{beam.name}": its BeamLaw has no stiffness from which that of contact follows, '
+        "give Contact(stiffness=...)"
+    )

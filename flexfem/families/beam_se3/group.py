@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Beam cells of one material: their data and the calls of the compiled loops."""
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import ufl
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.frame_kernels import Nodes, step_changes, step_rates
+from flexfem.families.beam_se3.motion import add_cell_motion, cell_rates, cell_twists
+from flexfem.families.common.section_groups import Material, about_centres, symmetric
+from flexfem.forms.beam import beam_forms
+from flexfem.kernels.driver import (
+    LINE,
+    CellKernel,
+    Cells,
+    Nodal,
+    add_forces,
+    cell_kernel,
+    evaluate_tangents,
+)
+from flexfem.kernels.ffcx import compile_kernel
+from flexfem.lie import se3
+
+__all__ = ["BeamCells", "BeamGroup"]
+
+#: Nodal data of the forms of ``forms.beam`` in the record of the nodes.
+_NODAL = {
+    "position": (Nodal.POSITION, Nodes.word("frames")),
+    "rotation": (Nodal.ROTATION, Nodes.word("frames")),
+    "velocity": (Nodal.TWIST, Nodes.word("velocity")),
+    "acceleration": (Nodal.TWIST, Nodes.word("acceleration")),
+    "turn": (Nodal.TWIST, Nodes.word("turn")),
+    "velocity_change": (Nodal.TWIST, Nodes.word("velocity_change")),
+    "acceleration_change": (Nodal.TWIST, Nodes.word("acceleration_change")),
+}
+#: First column and number of columns of their data of cells.
+_DAMPING = 7
+_OWN = {"relative_twist": (0, 6), "length": (6, 1), "damping": (_DAMPING, 1)}
+
+
+@dataclass(frozen=True)
+class BeamCells:
+    """Constant data of cells.
+
+    Attributes:
+        cells: (m, 2) nodes.
+        body: (m,) number of the beam.
+        section: (m,) number of the section.
+        frames: (m, 2, 12) section frames at both ends at the start.
+        damping: (m,) stiffness-proportional damping, s.
+    """
+
+    cells: IndexArray
+    body: IntArray
+    section: IntArray
+    frames: FloatArray
+    damping: FloatArray
+
+
+class BeamGroup:
+    """Residual, tangent and stress resultants of the cells of one material on this rank.
+
+    Attributes:
+        data: constant data of the cells; sections count those of the material.
+        cells: the same as the driver of the kernels takes them; own data are the twists at the
+            start, lengths and damping, those of sections ``Material.data``.
+        lengths: (m,) arc lengths at the start, m.
+        centres: (s, 3) mass centres of the sections, m; rotary: (s, 3, 3) inertia about them, kg m.
+        turned: (m,) whether section axes differ from the axes of the nodes.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, data: BeamCells, material: Material, start: FloatArray
+    ) -> None:
+        """Compile the kernels (collective) and prepare the cells.
+
+        Args:
+            comm: communicator.
+            data: constant data of this rank's cells.
+            material: what they are made of.
+            start: (n, 12) frames of this rank's nodes at the start.
+        """
+        self.data, self._material = data, material
+        self._every = np.arange(len(data.cells))
+        ends = data.frames
+        self._twists = np.ascontiguousarray(
+            se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
+        )
+        self.lengths = np.linalg.norm(self._twists[:, :3], axis=1)
+        turns = np.swapaxes(se3.rotation(start[data.cells]), -1, -2) @ se3.rotation(ends)
+        self.turned = np.abs(turns - np.eye(3)).max(axis=(1, 2, 3), initial=0.0) > 1e-12
+        # one row for all cells whose section axes are the nodes' own
+        turns = turns if self.turned.any() else np.tile(np.eye(3), (1, 2, 1, 1))
+        self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
+        self.cells = Cells(
+            nodes=data.cells, turned=self.turned, turns=self._turns,
+            own=np.column_stack([self._twists, self.lengths, data.damping]),
+            section=data.section, sections=material.data, corners=LINE,
+        )  # fmt: skip
+        self._inertias = symmetric(material.data[:, :21])
+        self.centres, self.rotary = about_centres(self._inertias)
+        forms = beam_forms(material.damped, material.law)
+        coefficients = forms.coefficients
+        section = {"inertia": (0, 21), list(coefficients)[7]: (21, material.data.shape[1] - 21)}
+
+        def compiled(form: ufl.Form, size: int, *, batched: bool = False) -> CellKernel:
+            fields = tuple(coefficients.values())
+            own = compile_kernel(comm, form, fields, batched=batched)
+            return cell_kernel(own, size, coefficients, _NODAL, _OWN, section)
+
+        self._residual = compiled(forms.residual, 12, batched=True)
+        self._stiffness = compiled(forms.stiffness, 144)
+        self._inertia = compiled(forms.inertia, 144)
+        self._action = compiled(forms.action, 12)
+
+    def _cells_at(self, block: FrameBlock, strains: FloatArray | None) -> Cells:
+        """Cells with initial twists from which given changes lead to the present twists."""
+        cells = self.cells
+        if strains is None:
+            return cells
+        own = cells.own.copy()
+        own[:, :6] = self._strain(block.frames)[0] - strains
+        return Cells(
+            nodes=cells.nodes, turned=cells.turned, turns=cells.turns, own=own,
+            section=cells.section, sections=cells.sections, corners=cells.corners,
+        )  # fmt: skip
+
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        strains: FloatArray | None = None,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times internal, inertia and gravity forces to the block's residual.
+
+        ``strains`` (m, 6) are those of :meth:`continued_strains`, None for the present ones.
+        """
+        self._add(self._residual, block, gravity, scale, strains)
+
+    def _add(
+        self, kernel: CellKernel, block: FrameBlock, gravity: FloatArray, scale: float,
+        strains: FloatArray | None,
+    ) -> None:  # fmt: skip
+        cells = self._cells_at(block, strains)
+        memories = kernel.memory, cells.memory, block.nodes.memory
+        add_forces(*memories, gravity, scale, block.residual)
+
+    def tangent(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        strains: FloatArray | None = None, *, local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """Matrices (m, 12, 12) ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k).
+
+        Args:
+            block: the nodes.
+            gravity: (3,) m/s^2.
+            shifts: see above.
+            scale: see above.
+            strains: (m, 6) as in :meth:`add_residual`.
+            local: the derivative K is that at fixed local velocities and accelerations.
+        """
+        values = np.empty((len(self.data.cells), 144))
+        rates = np.empty((len(block.frames), 2, 36))
+        step_rates(block.nodes.memory, shifts, block.inertial_rates(shifts) and not local, rates)
+        evaluate_tangents(
+            self._stiffness.memory, self._inertia.memory, self._cells_at(block, strains).memory,
+            block.nodes.memory, gravity, rates, np.array([shifts[2], scale]), values,
+        )  # fmt: skip
+        return values.reshape(-1, 12, 12)
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        strains: FloatArray | None = None, *, local: bool = False,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times :meth:`tangent` applied to the block's step to its residual."""
+        step_changes(block.nodes.memory, shifts, block.inertial_rates(shifts) and not local)
+        self._add(self._action, block, gravity, scale, strains)
+
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
+        """Change (m, 6) of the relative twists, continued along local twists ``steps`` of nodes.
+
+        Newton's method for the mixed form, in which stresses are unknowns: large rotations then
+        leave no membrane stress of second order in the tangent (Magisano, Leonetti, Garcea, Int.
+        J. Numer. Methods Eng. 109 (2017) 1237-1262).
+        """
+        twists = self._strain(frames)[0]
+        back = np.swapaxes(self._turns.reshape(-1, 2, 3, 3), -1, -2)
+        halves = steps[self.data.cells].reshape(-1, 2, 2, 3)
+        turned = (back[:, :, np.newaxis] @ halves[..., np.newaxis]).reshape(-1, 2, 6)
+        change = np.einsum("mij,mj->mi", se3.inverse_tangent(twists), turned[:, 1])
+        change -= np.einsum("mij,mj->mi", se3.inverse_tangent(-twists), turned[:, 0])
+        continued: FloatArray = twists - self._twists + change
+        return continued
+
+    @property
+    def viscous(self) -> bool:
+        """True if the material of the cells is viscous: it resists the rate of strain."""
+        return self._material.viscous
+
+    def _strain(
+        self, frames: FloatArray, at: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Relative twists and strains (m, 6) of the given cells, all by default."""
+        at = self._every if at is None else at
+        twists = np.empty((len(at), 6))
+        cell_twists(self.cells.memory, at, frames, twists)
+        return twists, (twists - self._twists[at]) / self.lengths[at, np.newaxis]
+
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """Lengths (m,) of the cells along the normal of the section, relative to the start."""
+        stretched: FloatArray = 1.0 + self._strain(frames)[1][:, 0]
+        return stretched
+
+    def response(
+        self, frames: FloatArray, at: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Strains and resultants (m, 6) in section axes, energies (m,) of the cells in J.
+
+        Args:
+            frames: (n, 12) frames of the nodes.
+            at: the cells meant, all by default.
+        """
+        at = self._every if at is None else at
+        _, strain = self._strain(frames, at)
+        resultant, energy = self._material.response(strain, self.data.section[at])
+        return strain, resultant, energy * self.lengths[at]
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        twists, strain = self._strain(block.frames)
+        rate = np.empty_like(twists)
+        cell_rates(self.cells.memory, twists, block.nodes.memory, rate)
+        rate /= self.lengths[:, np.newaxis]
+        data = self.data
+        damping = self.cells.own[:, _DAMPING]
+        return self._material.viscous_stress(strain, rate, data.section, damping), rate
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
+        add_cell_motion(self.cells.memory, self._inertias, chosen, block.nodes.memory, motion)

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Sensors of SE(3) beams: strains, stress resultants, elongations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.families.beam_se3.elements import SE3Beams
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.model.probes.measured import StrainProbe
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
+
+__all__ = ["BeamElongation", "StrainSensor"]
+
+
+class StrainSensor:
+    """Strains and resultants of one SE(3) cell, on the rank that holds it."""
+
+    def __init__(self, part: BlockPart, serial: NumberedModel, probe: StrainProbe) -> None:
+        """Find the cell."""
+        self._part = part
+        beams, ids = self._part.elements, self._part.block.node_ids
+        assert isinstance(beams, SE3Beams)
+        self._beams = beams
+        wanted = np.sort(serial.mesh_nodes(probe.nodes(serial.model)))
+        ends = np.sort(ids[beams.data.cells], axis=1).reshape(-1, 2)
+        self._cells = np.flatnonzero((ends == wanted).all(axis=1))
+
+    def update(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.Sensor`."""
+        if not len(self._cells):
+            return np.zeros(12)
+        both = self._beams.resultants(self._part.block.frames, self._cells)
+        values: FloatArray = np.concatenate(both, axis=1)[0]
+        return values
+
+
+class BeamElongation:
+    """Extension of this rank's elements of an SE(3) beam times their lengths."""
+
+    def __init__(self, part: BlockPart, number: int) -> None:
+        """Find the elements of the beam of a number in the model."""
+        self._part = part
+        beams = self._part.elements
+        assert isinstance(beams, SE3Beams)
+        self._beams = beams
+        self._cells = np.flatnonzero(beams.body == number)
+
+    def update(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.Sensor`."""
+        strains, _ = self._beams.resultants(self._part.block.frames, self._cells)
+        return np.array([strains[:, 0] @ self._beams.lengths[self._cells]])

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Corotating axes of the nodes of shells and solids: they turn with the material around them."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.common.corotating_loops import turn_nodes
+
+__all__ = ["CorotatingAxes"]
+
+
+class CorotatingAxes:
+    """Turns the axes of a block's nodes; those in which a node is held stay what they are."""
+
+    def __init__(self, block: FrameBlock) -> None:
+        """Make room for the rotations around the nodes (collective)."""
+        from dolfinx import la
+
+        self._add = la.InsertMode.add
+        self._vector = la.vector(block.index_map, 9)
+        self._sums: FloatArray = self._vector.array.reshape(-1, 9)
+        self._fixed = np.zeros(len(block.frames), dtype=np.bool_)
+        if block.dirichlet is not None:
+            self._fixed = block.dirichlet[:, :3].any(axis=1)
+
+    def turn(self, block: FrameBlock, add_rotations: Callable[[FloatArray], None]) -> None:
+        """Turn the axes of the accepted and the trial state (collective).
+
+        Args:
+            block: the nodes.
+            add_rotations: adds the rotations since the start of what this rank owns around each
+                node, with weights, to sums (n, 9).
+        """
+        self._sums[:] = 0.0
+        add_rotations(self._sums)
+        if block.has_ghosts:
+            self._vector.scatter_reverse(self._add)
+            self._vector.scatter_forward()
+        turn_nodes(
+            self._sums, block.start_frames, self._fixed, block.frames0, block.frames,
+            block.velocity, block.acceleration,
+        )  # fmt: skip

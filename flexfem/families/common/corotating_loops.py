@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled loops over the nodes of shells, whose translations are counted in corotating axes.
+
+The axes of a node turn with the shell around it from step to step, so that the matrices of a shell
+in motion change little. Sums over triangles are made in inertial axes and turned node by node.
+"""
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.kernels.compiled import inlined, kernel
+
+__all__ = [
+    "add_blocks",
+    "add_consistent_inertia",
+    "add_consistent_masses",
+    "add_lumped_inertia",
+    "add_lumped_masses",
+    "add_motion",
+    "add_rotations",
+    "add_to_nodes",
+    "inertial_into",
+    "positions_into",
+    "turn_blocks",
+    "turn_nodes",
+]
+
+#: Iterations of a polar decomposition, which doubles the digits in each.
+_POLAR, _SAME = 30, 1e-14
+
+
+@kernel
+def positions_into(frames: FloatArray, points: FloatArray) -> None:
+    """Positions (n, 3) of frames (n, 12)."""
+    for i in range(len(frames)):
+        for a in range(3):
+            points[i, a] = frames[i, a]
+
+
+@kernel
+def inertial_into(frames: FloatArray, vectors: FloatArray, out: FloatArray) -> None:
+    """Inertial components (n, 3) of vectors (n, 6) in node axes, of which the first three count."""
+    for i in range(len(frames)):
+        for a in range(3):
+            r0, r1, r2 = frames[i, 3 + 3 * a], frames[i, 4 + 3 * a], frames[i, 5 + 3 * a]
+            out[i, a] = r0 * vectors[i, 0] + r1 * vectors[i, 1] + r2 * vectors[i, 2]
+
+
+@kernel
+def add_to_nodes(
+    frames: FloatArray, forces: FloatArray, scale: float, residual: FloatArray
+) -> None:
+    """Add ``scale`` times inertial forces (n, 3) to residuals (n, 6) in node axes."""
+    for i in range(len(frames)):
+        for a in range(3):
+            residual[i, a] += scale * (
+                frames[i, 3 + a] * forces[i, 0]
+                + frames[i, 6 + a] * forces[i, 1]
+                + frames[i, 9 + a] * forces[i, 2]
+            )
+
+
+@kernel
+def add_lumped_inertia(
+    masses: FloatArray, frames: FloatArray, acceleration: FloatArray, gravity: FloatArray,
+    scale: float, residual: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``scale m (a - R^T g)`` of all nodes with masses (n,)."""
+    for i in range(len(masses)):
+        for a in range(3):
+            weight = (
+                frames[i, 3 + a] * gravity[0]
+                + frames[i, 6 + a] * gravity[1]
+                + frames[i, 9 + a] * gravity[2]
+            )
+            residual[i, a] += scale * masses[i] * (acceleration[i, a] - weight)
+
+
+@kernel
+def add_consistent_inertia(
+    triangles: IndexArray, masses: FloatArray, acceleration: FloatArray, gravity: FloatArray,
+    forces: FloatArray,
+) -> None:  # fmt: skip
+    """Add inertia and weight of triangles of masses (m,) to inertial forces (n, 3).
+
+    ``acceleration`` (n, 3) is inertial and interpolated linearly.
+    """
+    for m in range(len(triangles)):
+        for a in range(3):
+            total = -4.0 * gravity[a]
+            for k in range(3):
+                total += acceleration[triangles[m, k], a]
+            for k in range(3):
+                to = triangles[m, k]
+                forces[to, a] += masses[m] / 12.0 * (total + acceleration[to, a])
+
+
+@kernel
+def add_blocks(tangents: FloatArray, index: IndexArray, first: int, blocks: FloatArray) -> None:
+    """Add matrices (r, 3 p, 3 p) to those (k, 3, 3) of pairs of nodes.
+
+    ``index`` (m, p, p) are the numbers of the pairs, -1 for missing nodes; that of the first matrix
+    is at ``first``.
+    """
+    count = index.shape[1]
+    for m in range(len(tangents)):
+        K, at = tangents[m], index[first + m]
+        for i in range(count):
+            for j in range(count):
+                to = at[i, j]
+                if to >= 0:
+                    for a in range(3):
+                        for b in range(3):
+                            blocks[to, a, b] += K[3 * i + a, 3 * j + b]
+
+
+@kernel
+def add_consistent_masses(
+    masses: FloatArray, index: IndexArray, factor: float, blocks: FloatArray
+) -> None:
+    """Add ``factor`` times the mass matrices of triangles, linear velocities, to blocks."""
+    for m in range(len(masses)):
+        for i in range(3):
+            for j in range(3):
+                value = factor * masses[m] / (6.0 if i == j else 12.0)
+                for a in range(3):
+                    blocks[index[m, i, j], a, a] += value
+
+
+@kernel
+def turn_blocks(
+    rows: IndexArray, columns: IndexArray, frames: FloatArray, blocks: FloatArray
+) -> None:
+    """``R_i^T K R_j`` of the matrices (k, 3, 3) of pairs of nodes, in place."""
+    T = np.empty((3, 3))
+    for k in range(len(rows)):
+        R, Q, K = frames[rows[k]], frames[columns[k]], blocks[k]
+        for a in range(3):
+            for b in range(3):
+                T[a, b] = K[a, 0] * Q[3 + b] + K[a, 1] * Q[6 + b] + K[a, 2] * Q[9 + b]
+        for a in range(3):
+            for b in range(3):
+                K[a, b] = R[3 + a] * T[0, b] + R[6 + a] * T[1, b] + R[9 + a] * T[2, b]
+
+
+@kernel
+def add_lumped_masses(
+    masses: FloatArray, factor: float, diagonal: IntArray, blocks: FloatArray
+) -> None:
+    """Add ``factor`` times masses (n,) to the blocks that ``diagonal`` (n,) numbers."""
+    for i in range(len(masses)):
+        for a in range(3):
+            blocks[diagonal[i], a, a] += factor * masses[i]
+
+
+@kernel
+def add_motion(
+    triangles: IndexArray, masses: FloatArray, consistent: BoolArray, chosen: BoolArray,
+    points: FloatArray, velocities: FloatArray, motion: FloatArray,
+) -> None:  # fmt: skip
+    """Add energy and momenta of chosen triangles (m,), see ``flexfem.core.nodes.motion``."""
+    x, v = np.empty(3), np.empty(3)
+    for m in range(len(triangles)):
+        if not chosen[m]:
+            continue
+        # consistent: sum over nodes, and once more for their sum, of a twelfth; lumped: of a third
+        own = masses[m] / (12.0 if consistent[m] else 3.0)
+        x[:] = 0.0
+        v[:] = 0.0
+        for k in range(3):
+            node = triangles[m, k]
+            _add_point(own, points[node], velocities[node], motion)
+            for a in range(3):
+                x[a] += points[node, a]
+                v[a] += velocities[node, a]
+        if consistent[m]:
+            _add_point(own, x, v, motion)
+        motion[1] += masses[m]
+        for a in range(3):
+            motion[2 + a] += masses[m] / 3.0 * x[a] if consistent[m] else own * x[a]
+            motion[5 + a] += masses[m] / 3.0 * v[a] if consistent[m] else own * v[a]
+
+
+@inlined
+def _add_point(mass: float, x: FloatArray, v: FloatArray, motion: FloatArray) -> None:
+    """Add kinetic energy and angular momentum of a point."""
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        motion[0] += 0.5 * mass * v[a] * v[a]
+        motion[8 + a] += mass * (x[b] * v[c] - x[c] * v[b])
+
+
+@kernel
+def add_rotations(
+    triangles: IndexArray, gradients: FloatArray, areas: FloatArray, axes: FloatArray,
+    points: FloatArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """Add the rotations of triangles since the start, times their areas, to their nodes (n, 9).
+
+    Args:
+        triangles: own nodes in the first three columns.
+        gradients: (m, 2, 3) derivatives of the shape functions.
+        areas: (m,) areas at the start, m^2.
+        axes: (m, 3, 3) axes at the start, as rows.
+        points: (n, 3) present positions.
+        out: sums.
+    """
+    t, b, n = np.empty(3), np.empty(3), np.empty(3)
+    for m in range(len(triangles)):
+        t[:] = 0.0
+        b[:] = 0.0
+        for k in range(3):
+            for a in range(3):
+                t[a] += gradients[m, 0, k] * points[triangles[m, k], a]
+                b[a] += gradients[m, 1, k] * points[triangles[m, k], a]
+        t /= np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+        b -= (t[0] * b[0] + t[1] * b[1] + t[2] * b[2]) * t
+        b /= np.sqrt(b[0] * b[0] + b[1] * b[1] + b[2] * b[2])
+        for a in range(3):
+            c, d = (a + 1) % 3, (a + 2) % 3
+            n[a] = t[c] * b[d] - t[d] * b[c]
+        A = axes[m]
+        for k in range(3):
+            row = out[triangles[m, k]]
+            for i in range(3):
+                for j in range(3):
+                    row[3 * i + j] += areas[m] * (t[i] * A[0, j] + b[i] * A[1, j] + n[i] * A[2, j])
+
+
+@inlined
+def _polar(M: FloatArray, R: FloatArray, X: FloatArray) -> bool:
+    """Rotation (9,) nearest to a matrix (9,), by Newton's iteration; False if it has none.
+
+    Higham, SIAM J. Sci. Stat. Comput. 7 (1986) 1160. ``X`` (9,) is work space.
+    """
+    size = np.sqrt((M * M).sum() / 3.0)
+    if not size > 0.0:
+        return False
+    for k in range(9):
+        R[k] = M[k] / size
+    for _ in range(_POLAR):
+        for i in range(3):
+            p, q = (i + 1) % 3, (i + 2) % 3
+            for j in range(3):
+                r, s = (j + 1) % 3, (j + 2) % 3
+                X[3 * i + j] = R[3 * p + r] * R[3 * q + s] - R[3 * p + s] * R[3 * q + r]
+        determinant = R[0] * X[0] + R[1] * X[1] + R[2] * X[2]
+        if not determinant > 1e-6:
+            return False
+        change = 0.0
+        for k in range(9):
+            new = 0.5 * (R[k] + X[k] / determinant)
+            change = max(change, abs(new - R[k]))
+            R[k] = new
+        if change < _SAME:
+            break
+    return True
+
+
+@kernel
+def turn_nodes(
+    sums: FloatArray, start: FloatArray, fixed: BoolArray, frames0: FloatArray, frames: FloatArray,
+    velocity: FloatArray, acceleration: FloatArray,
+) -> None:  # fmt: skip
+    """Turn the axes of nodes as the shell around them has turned, save those fixed (n,).
+
+    Args:
+        sums: (n, 9) of ``add_rotations``; where they hold no rotation the axes stay.
+        start: (n, 12) frames at the start.
+        fixed: (n,) nodes whose axes stay.
+        frames0: (n, 12) accepted frames; frames: (n, 12) trial ones.
+        frames: (n, 12) trial frames.
+        velocity: (n, 6) in node axes, of which the first three are turned; acceleration alike.
+        acceleration: (n, 6).
+    """
+    R, X, Q, T = np.empty(9), np.empty(9), np.empty(9), np.empty(9)
+    v = np.empty(3)
+    for n in range(len(frames)):
+        if fixed[n] or not _polar(sums[n], R, X):
+            continue
+        H = frames[n]
+        for i in range(3):
+            for j in range(3):
+                Q[3 * i + j] = 0.0
+                for k in range(3):
+                    Q[3 * i + j] += R[3 * i + k] * start[n, 3 + 3 * k + j]
+        # from the old to the new axes: T = Q^T H
+        for i in range(3):
+            for j in range(3):
+                T[3 * i + j] = Q[i] * H[3 + j] + Q[3 + i] * H[6 + j] + Q[6 + i] * H[9 + j]
+        for vectors in (velocity, acceleration):
+            for i in range(3):
+                v[i] = (
+                    T[3 * i] * vectors[n, 0] + T[3 * i + 1] * vectors[n, 1]
+                    + T[3 * i + 2] * vectors[n, 2]
+                )  # fmt: skip
+            for i in range(3):
+                vectors[n, i] = v[i]
+        for k in range(9):
+            H[3 + k] = Q[k]
+            frames0[n, 3 + k] = Q[k]

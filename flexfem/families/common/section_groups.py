@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Materials of beam cells: the linear one of a stiffness matrix, and laws written by the user."""
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.families.common.law_loops import linear_resultants
+from flexfem.families.common.law_values import LawValues
+from flexfem.forms.beam_law import LawExpressions, law_expressions
+from flexfem.materials.section import Section
+from flexfem.materials.shell_section import ShellSection
+
+__all__ = ["LawMaterial", "LinearMaterial", "Material", "grouped", "materials", "symmetric"]
+
+_UPPER = np.triu_indices(6)
+
+
+class Material(Protocol):
+    """Constitutive model of the cells of one group.
+
+    Attributes:
+        law, damped: what the forms of an element depend on: the law, None for the linear one, and
+            whether there is stiffness-proportional damping.
+        data: (s, k) what the loops hand to the kernels for each section: 21 entries of the inertia,
+            then stiffness or parameters.
+        viscous: whether the cells resist the rate of their strain.
+    """
+
+    law: LawExpressions | None
+    damped: bool
+    data: FloatArray
+    viscous: bool
+
+    def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Stress resultants (m, 6) and strain energies per length (m,) at rest."""
+        ...
+
+    def viscous_stress(
+        self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
+    ) -> FloatArray:
+        """Stress resultants (m, 6) that the strain rate adds; ``damping`` (m,) of the cells."""
+        ...
+
+
+def grouped(
+    sections: Sequence[Section | ShellSection],
+) -> Mapping[LawExpressions | None, list[int]]:
+    """Numbers of the sections that share kernels, by their law; None stands for the linear one.
+
+    Raises:
+        ValueError: a law's function fails or returns something unusable.
+    """
+    groups: dict[LawExpressions | None, list[int]] = {}
+    for number, section in enumerate(sections):
+        law = None if section.law is None else law_expressions(section.law)
+        groups.setdefault(law, []).append(number)
+    return groups
+
+
+def materials(
+    comm: MPI.Intracomm, sections: Sequence[Section], owners: Sequence[str], damped: bool
+) -> list[tuple[list[int], "Material"]]:
+    """Materials of a model's sections, each with the numbers of its sections (collective).
+
+    Args:
+        comm: communicator.
+        sections: the sections.
+        owners: what messages call each of them.
+        damped: some cells have stiffness-proportional damping.
+
+    Raises:
+        ValueError: a section's law is not usable; on all ranks.
+    """
+    found: list[tuple[list[int], Material]] = []
+    for law, numbers in grouped(sections).items():
+        own = [sections[i] for i in numbers]
+        if law is None:
+            found.append((numbers, LinearMaterial(own, damped)))
+        else:
+            found.append((numbers, LawMaterial(comm, law, own, [owners[i] for i in numbers])))
+    return found
+
+
+def symmetric(upper: FloatArray) -> FloatArray:
+    """Matrices (s, 6, 6) from their upper triangles (s, 21)."""
+    matrices = np.zeros((len(upper), 6, 6))
+    matrices[:, *_UPPER] = upper
+    return matrices + np.swapaxes(np.triu(matrices, 1), -1, -2)
+
+
+def about_centres(inertias: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mass centres (s, 3), m, and rotary inertia about them (s, 3, 3) of section inertias.
+
+    A section without mass has its centre on the axis.
+    """
+    mass = inertias[:, 0, 0]
+    first = np.stack([inertias[:, 5, 1], inertias[:, 3, 2], inertias[:, 4, 0]], axis=1)
+    centres = first / np.where(mass > 0.0, mass, np.inf)[:, np.newaxis]
+    squares = np.sum(centres**2, axis=1)[:, np.newaxis, np.newaxis] * np.eye(3)
+    steiner = squares - centres[:, :, np.newaxis] * centres[:, np.newaxis]
+    return centres, inertias[:, 3:, 3:] - mass[:, np.newaxis, np.newaxis] * steiner
+
+
+def _data(sections: Sequence[Section], material: FloatArray) -> FloatArray:
+    inertia = np.array([s.inertia[_UPPER] for s in sections])
+    return np.ascontiguousarray(np.concatenate([inertia, material], axis=1))
+
+
+class LinearMaterial:
+    """Stiffness matrices, with stiffness-proportional damping on demand."""
+
+    law: LawExpressions | None
+
+    def __init__(self, sections: Sequence[Section], damped: bool) -> None:
+        """Collect the matrices."""
+        self._matrices = np.array([s.stiffness for s in sections])
+        self.law, self.damped, self.viscous = None, damped, damped
+        self.data = _data(sections, self._matrices[:, *_UPPER])
+
+    def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
+        """See :class:`Material`."""
+        resultant = np.empty_like(strain)
+        linear_resultants(strain, sections, self._matrices, resultant)
+        return resultant, 0.5 * np.einsum("mi,mi->m", strain, resultant)
+
+    def viscous_stress(
+        self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
+    ) -> FloatArray:
+        """See :class:`Material`."""
+        return damping[:, np.newaxis] * self.response(rate, sections)[0]
+
+
+class LawMaterial:
+    """Laws of the user that differ in the values of parameters only."""
+
+    law: LawExpressions | None
+
+    def __init__(
+        self, comm: MPI.Intracomm, law: LawExpressions, sections: Sequence[Section],
+        owners: Sequence[str],
+    ) -> None:  # fmt: skip
+        """Compile the law and check it at zero strain (collective).
+
+        Raises:
+            ValueError: the law cannot be compiled, or is not usable at zero strain; on all ranks.
+        """
+        laws = [s.law for s in sections if s.law is not None]
+        self._law = LawValues(comm, law, laws, owners)
+        self.law, self.damped, self.viscous = law, False, law.dissipation is not None
+        self.data = _data(sections, self._law.parameters)
+
+    def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
+        """See :class:`Material`."""
+        values = self._law.at(strain, np.zeros_like(strain), sections)
+        return np.ascontiguousarray(values[:, 1:7]), values[:, 0]
+
+    def viscous_stress(
+        self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
+    ) -> FloatArray:
+        """See :class:`Material`; laws have their own dissipation instead of a damping."""
+        if not self.viscous:
+            return np.zeros_like(strain)
+        return np.ascontiguousarray(self._law.at(strain, rate, sections)[:, 43:49])

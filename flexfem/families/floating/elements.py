@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The family of elastic bodies in floating frames: every body is one element.
+
+Its nodes are the frame, the interfaces, which are frames of their own in space, and nodes that
+carry three amplitudes each as their position. So joints, loads and contacts attach to interfaces
+as they do to nodes of beams (absolute interface coordinates; Ellenbroek and Schilder, Multibody
+Syst. Dyn. 43 (2018) 193).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.runs import starts
+from flexfem.families.floating.inertia import BodyData, Room, find_strains, room_for
+from flexfem.families.floating.loops import (
+    add_motion,
+    add_residual,
+    coordinates_into,
+    energies_into,
+    tangents_into,
+)
+from flexfem.layout.tangent_request import EXACT, TangentRequest
+
+__all__ = ["FloatingBodies", "FloatingGroup"]
+
+#: Interfaces so much closer than others, by the squares of distances, are at one place.
+_COINCIDE = 1e-10
+
+
+@dataclass(frozen=True)
+class FloatingGroup:
+    """Bodies of this rank with the same integrals.
+
+    Attributes:
+        data: these.
+        nodes: (m, N) local nodes: the frame if it has one, interfaces, amplitudes.
+        body: (m,) number of each body.
+    """
+
+    data: BodyData
+    nodes: IndexArray
+    body: IntArray
+
+    @cached_property
+    def room(self) -> Room:
+        """Work space of the compiled loops."""
+        return room_for(self.data, self.nodes.shape[1])
+
+    def only(self, number: int) -> "FloatingGroup":
+        """The body of this number, one of the group's, alone."""
+        mine = self.body == number
+        return FloatingGroup(self.data, self.nodes[mine], self.body[mine])
+
+    def coordinates(
+        self, frames: FloatArray, velocity: FloatArray, acceleration: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Frames with twists and their rates (m, 24), coordinates with derivatives (m, n, 3)."""
+        count = len(self.nodes)
+        base, eta = np.empty((count, 24)), np.empty((count, len(self.data.stiffness), 3))
+        data, room = self.data.memory, self.room.memory
+        coordinates_into(data, room, self.nodes, frames, velocity, acceleration, base, eta)
+        return base, eta
+
+    def strains(self, coordinates: FloatArray) -> FloatArray:
+        """Part of the coordinates (m, n) that causes stress.
+
+        A body that stiffens geometrically gets shorter when it bends, which moves its interfaces
+        but stretches nothing; see ``inertia.add_elastic``.
+        """
+        strained = coordinates.copy()
+        if len(self.data.pulling):
+            for own in strained:
+                _, strains = find_strains(self.data.memory, own)
+                own[: len(strains)] = strains
+        return strained
+
+    def stretches(self, coordinates: FloatArray) -> FloatArray:
+        """Least distance (m,) of two interfaces along that at rest, relative to it.
+
+        Args:
+            coordinates: (m, n, 3), with derivatives.
+        """
+        k = len(self.data.rest)
+        moved = coordinates[:, : 6 * k, 0].reshape(len(coordinates), k, 6)[:, :, :3]
+        rest = self.data.rest
+        if not len(self.data.conditions):  # the frame is that of an interface
+            rest = np.concatenate([np.zeros((1, 3)), rest])
+            moved = np.concatenate([np.zeros((len(moved), 1, 3)), moved], axis=1)
+        first, second = np.triu_indices(len(rest), 1)
+        apart = rest[second] - rest[first]
+        squares = np.einsum("pc,pc->p", apart, apart)
+        apart_by = squares > _COINCIDE * squares.max(initial=0.0)
+        first, second, apart, squares = (a[apart_by] for a in (first, second, apart, squares))
+        change = np.einsum("mpc,pc->mp", moved[:, second] - moved[:, first], apart)
+        stretched: FloatArray = 1.0 + (change / squares).min(axis=1, initial=np.inf)
+        return stretched
+
+
+class FloatingBodies:
+    """Residual, tangent and energies of all bodies in floating frames of this rank.
+
+    The methods of :class:`flexfem.layout.elements.ElementFamily` are described there.
+
+    Attributes:
+        groups: bodies with the same integrals.
+        body: number of each body, group after group.
+    """
+
+    law_owner: str | None = None
+    chained = False
+    thin = False
+    stressed = False
+
+    def __init__(self, groups: Sequence[FloatingGroup]) -> None:
+        """Take the bodies."""
+        self.groups = list(groups)
+        none = np.empty(0, dtype=np.int64)
+        self.body: IntArray = np.concatenate([none, *(group.body for group in groups)])
+        ends = starts([len(group.body) for group in groups])
+        self._parts = [slice(a, b) for a, b in pairwise(ends)]
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return [(group.nodes, group.nodes) for group in self.groups]
+
+    @property
+    def viscous(self) -> bool:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return any(bool(group.data.damping.any()) for group in self.groups)
+
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float, request: TangentRequest = EXACT
+    ) -> None:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        for group in self.groups:
+            data, room = group.data.memory, group.room.memory
+            add_residual(data, room, group.nodes, block.nodes.memory, gravity, scale)
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        inertial = block.inertial_rates(shifts) and not request.local
+        matrices = [self._matrices(g, block, gravity, shifts, scale, inertial) for g in self.groups]
+        return np.concatenate([np.empty(0), *(matrix.ravel() for matrix in matrices)])
+
+    def _matrices(
+        self, group: FloatingGroup, block: FrameBlock, gravity: FloatArray, shifts: FloatArray,
+        scale: float, inertial: bool,
+    ) -> FloatArray:  # fmt: skip
+        """Matrices (m, 6 N, 6 N) of a group."""
+        count, size = group.nodes.shape
+        out = np.empty((count, 6 * size, 6 * size))
+        tangents_into(
+            group.data.memory, group.room.memory, group.nodes, block.nodes.memory, gravity, shifts,
+            inertial, out,
+        )  # fmt: skip
+        out *= scale
+        return out
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        inertial = block.inertial_rates(shifts) and not request.local
+        for group in self.groups:
+            count, size = group.nodes.shape
+            matrices = self._matrices(group, block, gravity, shifts, scale, inertial)
+            steps = block.step[group.nodes].reshape(count, 6 * size, 1)
+            action = (matrices @ steps).reshape(count, size, 6)
+            np.add.at(block.residual, group.nodes, action)
+
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> None:
+        """Stresses are not continued."""
+
+    def unstressed(self) -> None:
+        """Stresses have no part of their own in the matrices."""
+
+    def accept(self, block: FrameBlock) -> None:
+        """Nothing is remembered."""
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """A body has none: zeros; its stresses are recovered from the coordinates."""
+        count = len(self.body) if chosen is None else len(chosen)
+        return np.zeros((count, 6)), np.zeros((count, 6))
+
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        still = np.zeros((len(frames), 6))
+        parts = [
+            group.stretches(group.coordinates(frames, still, still)[1]) for group in self.groups
+        ]
+        return np.concatenate([np.empty(0), *parts])
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        out = np.empty(len(self.body))
+        for part, group in zip(self._parts, self.groups, strict=True):
+            data, room = group.data.memory, group.room.memory
+            energies_into(data, room, group.nodes, frames, out[part])
+        return out
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Forces of damping and rates of the coordinates, six at a time."""
+        forces, rates = [np.empty((0, 6))], [np.empty((0, 6))]
+        for group in self.groups:
+            _, eta = group.coordinates(block.frames, block.velocity, block.acceleration)
+            for all_of, values in (
+                (forces, eta[:, :, 1] @ group.data.damping), (rates, eta[:, :, 1])
+            ):  # fmt: skip
+                padded = np.zeros((len(values), 6 * _sixes(group)))
+                padded[:, : values.shape[1]] = values
+                all_of.append(padded.reshape(-1, 6))
+        return np.concatenate(forces), np.concatenate(rates)
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """Body of each row of :meth:`viscosity`, and one: forces are those of whole bodies."""
+        cells = [
+            np.repeat(np.arange(part.start, part.stop), _sixes(group))
+            for part, group in zip(self._parts, self.groups, strict=True)
+        ]
+        rows = np.concatenate([np.empty(0, dtype=np.int64), *cells])
+        return rows, np.ones(len(rows))
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        for part, group in zip(self._parts, self.groups, strict=True):
+            add_motion(
+                group.data.memory, group.room.memory, group.nodes, chosen[part], block.frames,
+                block.velocity, motion,
+            )  # fmt: skip
+
+
+def _sixes(group: FloatingGroup) -> int:
+    """Rows of six that hold the coordinates of a body."""
+    return -(-len(group.data.stiffness) // 6)

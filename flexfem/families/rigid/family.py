@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Rigid bodies: one node each, no elements."""
+
+from typing import override
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.marker import Carrier, Marker
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.common.body_lines import rigid_line
+from flexfem.layout.family import Family
+from flexfem.layout.lines import Line
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.model.bodies.basic import RigidBody
+from flexfem.model.model import Model
+from flexfem.model.structure.place import Place
+
+__all__ = ["RigidBodyFamily"]
+
+
+class RigidBodyFamily(Family):
+    """See :class:`flexfem.layout.family.Family`."""
+
+    energy_momentum = True
+    follows = True
+    series = "flexfem.io.paraview.family_series:RigidSeries"
+
+    serial: NumberedModel
+
+    @classmethod
+    def members(cls, model: Model) -> list[RigidBody]:
+        """Bodies of a model that belong to the family."""
+        return model.rigid_bodies
+
+    def __init__(self, serial: NumberedModel, kind: int) -> None:
+        """Lay out the bodies."""
+        super().__init__(serial, kind)
+        self._index = {body.name: i for i, body in enumerate(self.bodies)}
+        self._lines: dict[Carrier, Line] = {}
+
+    @property
+    @override
+    def bodies(self) -> list[RigidBody]:
+        return self.serial.model.rigid_bodies
+
+    @property
+    @override
+    def frames(self) -> FloatArray:
+        return self.serial.rigid_frames
+
+    @property
+    @override
+    def velocities(self) -> FloatArray:
+        return np.array([body.twist for body in self.bodies]).reshape(-1, 6)
+
+    @property
+    @override
+    def body_of_node(self) -> IntArray:
+        return np.arange(len(self.bodies))
+
+    @override
+    def node(self, marker: Marker, place: Place | None) -> int:
+        return self._index[marker.body]
+
+    @override
+    def line(self, carrier: Carrier) -> Line:
+        if carrier not in self._lines:
+            self._lines[carrier] = rigid_line(self.kind, self._index[carrier.body], carrier)
+        return self._lines[carrier]
+
+    @override
+    def costs(self) -> dict[str, tuple[int, int]]:
+        return {body.name: (1, 1) for body in self.bodies}
+
+    @override
+    def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, None]:
+        from dolfinx.common import IndexMap
+
+        mine = np.flatnonzero(ranks == comm.rank)
+        block = FrameBlock(
+            "rigid_bodies", comm, self.frames[mine], self.velocities[mine], mine,
+            IndexMap(comm, len(mine)), inertial=False,
+        )  # fmt: skip
+        return block, None
+
+    @override
+    def masses(self, block: FrameBlock) -> tuple[list[int], list[FloatArray]]:
+        numbers = block.node_ids[: block.owned]
+        return list(range(block.owned)), [self.bodies[i].inertia_matrix for i in numbers]

@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Director triangles: energy, internal forces, tangents and masses from frames of their nodes.
+
+The energy is that of ``forms.director_shell``: quadratic positions, and one director in the middle
+of each edge, which a frame there carries. Differentiated by hand, a residual costs 0.7 and
+a tangent 9.9 us a triangle; by the form (``families.shells.ufl_triangles``) they cost 32 and 56 us
+(``tests/benchmarks/shell_kernels.py``).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.families.shell_director.geometry import (
+    Geometry,
+    consistent_masses,
+    plane_stiffness,
+    shear_stiffness,
+)
+from flexfem.families.shell_director.law import (
+    DirectorLaw,
+    Response,
+    law_energies,
+    law_response,
+    law_viscosity,
+)
+from flexfem.families.shell_director.loops import (
+    TriangleData,
+    add_forces,
+    strain_rates_into,
+    strains_into,
+)
+from flexfem.families.shell_director.tables import MIDDLES, POINTS, slopes
+from flexfem.families.shell_director.tangent import add_action, tangents_into
+
+__all__ = ["DirectorTriangles"]
+
+_NO_STRESSES = np.zeros((0, 18))
+
+
+@dataclass(frozen=True)
+class DirectorTriangles:
+    """Triangles on this rank.
+
+    Frames are those of all local nodes, (n, 12). Strains and resultants are in the axes of the
+    start: membrane 11, 22, 12, curvatures or moments 11, 22, 12, shear 1, 2.
+
+    Attributes:
+        data: nodes, directors, shear stiffness and damping.
+        starts: covariant strains at the start, (m, 24).
+        sections: which stiffness a triangle has, (m,).
+        stiffness: of membrane and bending, N/m, N and N m, (s, 6, 6).
+        shear: across the thickness, N/m, (s, 2, 2).
+        planes: stiffness of covariant strains times areas, (m, 3, 6, 6).
+        areas: m^2, (m,).
+        axes: e1, e2, e3 of the start, rows, amid the triangles, (m, 3, 3).
+        laws: of the user, for membrane and bending.
+    """
+
+    data: TriangleData
+    starts: FloatArray
+    sections: IntArray
+    stiffness: FloatArray
+    shear: FloatArray
+    planes: FloatArray
+    areas: FloatArray
+    axes: FloatArray
+    _places: FloatArray
+    _points: Geometry
+    _middles: Geometry
+    laws: tuple[DirectorLaw, ...] = ()
+
+    @classmethod
+    def build(
+        cls,
+        nodes: IndexArray,
+        frames: FloatArray,
+        directors: FloatArray,
+        stiffness: FloatArray,
+        shear: FloatArray,
+        sections: IndexArray | None = None,
+        directions: FloatArray | None = None,
+        damping: FloatArray | None = None,
+        laws: Sequence[DirectorLaw] = (),
+    ) -> Self:
+        """Triangles free of stress at the given frames.
+
+        Args:
+            nodes: corners, then midside nodes of the opposite edges, (m, 6); or with the nodes that
+                turn the directors, (m, 9).
+            frames: of the nodes at the start, (n, 12).
+            directors: unit vectors at the start, inertial axes, (m, 3, 3).
+            stiffness: matrices (6, 6) or (s, 6, 6).
+            shear: matrices (2, 2) or (s, 2, 2).
+            sections: number of the stiffness of each triangle (m,); None for the first.
+            directions: whose projection e1 is, (m, 3); None for the direction of edge 2.
+            damping: stiffness-proportional damping, s, (m,); None for none.
+            laws: of the user.
+
+        Raises:
+            ValueError: A direction is normal to its triangle.
+        """
+        nodes = nodes if nodes.shape[1] == 9 else np.concatenate([nodes, nodes[:, 3:]], 1)
+        places, stiffness = frames[nodes[:, :6], :3], stiffness.reshape(-1, 6, 6)
+        turns = frames[nodes[:, 6:], 3:].reshape(-1, 3, 3, 3)
+        own = np.einsum("mkba,mkb->mka", turns, directors)
+        starts = np.empty((len(nodes), 24))
+        strains_into(frames, nodes, own, starts)
+        points, middles = (Geometry.at(at, places, directions) for at in (POINTS, MIDDLES))
+        numbers = np.zeros(len(nodes), np.int64) if sections is None else sections.astype(np.int64)
+        D, across = stiffness[numbers], shear.reshape(-1, 2, 2)[numbers]
+        times = np.zeros(len(nodes)) if damping is None else damping
+        mean = Geometry.at(np.full((3, 2), 1 / 3), places, directions).axes[:, 0]
+        data = TriangleData(
+            nodes=_numbers(nodes), directors=own,
+            shears=shear_stiffness(middles, D, across), damping=times,
+        )  # fmt: skip
+        return cls(
+            data, starts, numbers, stiffness, shear.reshape(-1, 2, 2), plane_stiffness(points, D),
+            points.areas.sum(1), mean, places, points, middles, tuple(laws),
+        )  # fmt: skip
+
+    def renumbered(self, nodes: IndexArray) -> Self:
+        """The same triangles with other numbers (m, 9) of their nodes."""
+        own = self.data
+        data = TriangleData(
+            nodes=_numbers(nodes), directors=own.directors, shears=own.shears, damping=own.damping
+        )
+        return replace(self, data=data)
+
+    @property
+    def nodes(self) -> IntArray:
+        """Nodes (m, 9) of the triangles, see ``TriangleData``."""
+        return self.data.nodes
+
+    @property
+    def directors(self) -> FloatArray:
+        """Directors (m, 3, 3) at the start in the axes of the frames that turn them."""
+        return self.data.directors
+
+    @property
+    def shears(self) -> FloatArray:
+        """Stiffness (m, 6, 6) of covariant shear strains times areas, relaxed."""
+        return self.data.shears
+
+    @property
+    def damping(self) -> FloatArray:
+        """Stiffness-proportional damping (m,), s."""
+        return self.data.damping
+
+    def strains(self, frames: FloatArray) -> FloatArray:
+        """Mean strains (m, 8) of the triangles."""
+        at_points, at_middles = self._strains(frames)
+        return np.concatenate([at_points.mean(1), at_middles.mean(1)], 1)
+
+    def facing(self, frames: FloatArray) -> FloatArray:
+        """Areas (m, 3) seen along the directors amid the edges, relative to those at the start."""
+        base = np.einsum("pan,mnc->mpac", slopes(MIDDLES), frames[self.nodes[:, :6], :3])
+        turns = frames[self.nodes[:, 6:], 3:].reshape(-1, 3, 3, 3)
+        directors = np.einsum("mkab,mkb->mka", turns, self.directors)
+        seen = np.einsum("mkc,mkc->mk", np.cross(base[:, :, 0], base[:, :, 1]), directors)
+        found: FloatArray = seen / (6.0 * self._middles.areas)
+        return found
+
+    def stresses(self, strains: FloatArray) -> FloatArray:
+        """Forces n_11, n_22, n_12 (N/m), moments m_11, m_22, m_12 (N), shear forces (N/m).
+
+        Shape (m, 8), for strains (m, 8).
+        """
+        plane = np.einsum("mij,mj->mi", self.stiffness[self.sections], strains[:, :6])
+        for law in self.laws:
+            own = np.ascontiguousarray(strains[law.rows, :6])
+            plane[law.rows] = law.values.at(own, np.zeros_like(own), law.sections)[:, 1:7]
+        across = np.einsum("mij,mj->mi", self.shear[self.sections], strains[:, 6:])
+        return np.concatenate([plane, across], 1)
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """Strain energies of membrane, bending, shear and all together, J, (m, 4)."""
+        changes = self.changes(frames)
+        plane, shear = changes[:, :18].reshape(-1, 3, 6), changes[:, 18:]
+        membrane, bending = plane.copy(), plane.copy()
+        membrane[..., 3:], bending[..., :3] = 0.0, 0.0
+        sheared = np.einsum("mi,mij,mj->m", shear, self.shears, shear) / 2
+        both = self._plane_energies(plane)
+        parts = [self._plane_energies(membrane), self._plane_energies(bending)]
+        return np.stack([*parts, sheared, both + sheared], 1)
+
+    def total_energies(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m,) of membrane, bending and shear together, J."""
+        changes = self.changes(frames)
+        shear = changes[:, 18:]
+        sheared: FloatArray = np.einsum("mi,mij,mj->m", shear, self.shears, shear) / 2
+        return sheared + self._plane_energies(changes[:, :18].reshape(-1, 3, 6))
+
+    def _plane_energies(self, strains: FloatArray) -> FloatArray:
+        """Strain energies (m,) of membrane and bending for covariant strains (m, 3, 6), J."""
+        energies: FloatArray = 0.5 * np.einsum(
+            "mpi,mpij,mpj->m", strains, self.planes, strains, optimize=True
+        )
+        law_energies(self.laws, self._points, strains, energies)
+        return energies
+
+    def changes(self, frames: FloatArray) -> FloatArray:
+        """Changes (m, 24) of the covariant strains since the start."""
+        strains = np.empty_like(self.starts)
+        strains_into(frames, self.nodes, self.directors, strains)
+        strains -= self.starts
+        return strains
+
+    def rates(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
+        """Derivatives (m, 24) of the covariant strains along local twists (n, 6) of the nodes."""
+        rates = np.empty_like(self.starts)
+        strain_rates_into(frames, steps, self.nodes, self.directors, rates)
+        return rates
+
+    @property
+    def viscous(self) -> bool:
+        """True if strain rates count."""
+        return bool(self.damping.any()) or any(law.values.viscous for law in self.laws)
+
+    def viscous_stresses(self, frames: FloatArray, rates: FloatArray) -> FloatArray:
+        """Stresses (m, 24) that rates (m, 24) of the strains make, times areas, all covariant."""
+        damped = self.damping[:, None] * rates
+        plane = np.einsum("mpij,mpj->mpi", self.planes, damped[:, :18].reshape(-1, 3, 6))
+        strains = self.changes(frames)[:, :18].reshape(-1, 3, 6)
+        law_viscosity(self.laws, self._points, strains, rates[:, :18].reshape(-1, 3, 6), plane)
+        shear = np.einsum("mij,mj->mi", self.shears, damped[:, 18:])
+        return np.concatenate([plane.reshape(-1, 18), shear], 1)
+
+    def response(
+        self,
+        frames: FloatArray,
+        starts: FloatArray | None = None,
+        rates: FloatArray | None = None,
+        rate: float = 0.0,
+    ) -> Response:
+        """Stresses and stiffness of the present strains.
+
+        Args:
+            frames: present frames (n, 12).
+            starts: as of :meth:`add_forces`.
+            rates: of the strains, (m, 24); None where they do not count.
+            rate: change of strain rates with strains, 1/s, that the stiffness of a law of the user
+                takes in.
+        """
+        if not self.laws:
+            return Response(self.planes, _NO_STRESSES)
+        strains = self.changes(frames)
+        if starts is not None:
+            strains += self.starts - starts
+        moving = None if rates is None else rates[:, :18].reshape(-1, 3, 6)
+        plane = strains[:, :18].reshape(-1, 3, 6)
+        return law_response(self.laws, self._points, self.planes, plane, moving, rate)
+
+    def add_forces(
+        self,
+        frames: FloatArray,
+        residual: FloatArray,
+        scale: float = 1.0,
+        starts: FloatArray | None = None,
+        response: Response | None = None,
+    ) -> None:
+        """Add ``scale`` times the internal forces and moments, N and N m, to the residual (n, 6).
+
+        They are in the axes of the nodes. Corners get no moments. ``starts`` (m, 24) are taken in
+        place of :attr:`starts`, less what rates or assumptions add to the strains. ``response`` is
+        what :meth:`response` returns; without it, that of the same ``starts`` without rates.
+        """
+        present = self._present(frames, starts, response)
+        add_forces(frames, self.data.memory, *present, scale, residual)
+
+    def tangents_into(
+        self,
+        frames: FloatArray,
+        tangents: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0),
+        starts: FloatArray | None = None,
+        first: int = 0,
+        response: Response | None = None,
+    ) -> None:
+        """Write derivatives of the internal forces, (r, 27, 27).
+
+        They are those by local twists of the nodes times the first of the factors, plus those by
+        local velocities times the second, but for how strain rates change as triangles turn, of the
+        r triangles from ``first`` on. Rows and columns are the translations of the six nodes, then
+        the turns of the three with directors.
+        """
+        present = self._present(frames, starts, response)
+        tangents_into(frames, self.data.memory, *present, np.array(factors), first, tangents)
+
+    def add_action(
+        self,
+        frames: FloatArray,
+        steps: FloatArray,
+        residual: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0),
+        starts: FloatArray | None = None,
+        response: Response | None = None,
+    ) -> None:
+        """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 6) both."""
+        present = self._present(frames, starts, response)
+        add_action(frames, steps, self.data.memory, *present, np.array(factors), residual)
+
+    def masses(self, density: FloatArray) -> FloatArray:
+        """Consistent masses (m, 6, 6), kg, constant with translations in inertial axes.
+
+        Args:
+            density: mass per area of each triangle, kg/m^2, (m,).
+        """
+        return consistent_masses(self._places, density)
+
+    def lumped_masses(self, density: FloatArray) -> FloatArray:
+        """Diagonal masses (m, 6, 6), kg, in the proportions of the consistent diagonal.
+
+        Hinton, Rock, Zienkiewicz, Earthq. Eng. Struct. Dyn. 4 (1976) 245-249.
+        """
+        consistent = self.masses(density)
+        diagonal = np.einsum("mii->mi", consistent).copy()
+        diagonal *= (consistent.sum((1, 2)) / diagonal.sum(1))[:, None]
+        lumped: FloatArray = diagonal[:, :, None] * np.eye(6)
+        return lumped
+
+    def rods(self, inertia: FloatArray) -> FloatArray:
+        """Inertia of the directors (m, 3, 3, 3), kg m^2, in the axes of their frames.
+
+        Linear functions that are one in the middle of an edge and zero in the others' are
+        orthogonal: a third of each triangle turns with each of its directors, as a rigid rod.
+
+        Args:
+            inertia: of each triangle, density times thickness^3 / 12, kg, (m,).
+        """
+        across = np.eye(3) - np.einsum("mka,mkb->mkab", self.directors, self.directors)
+        rods: FloatArray = (inertia * self.areas / 3.0)[:, None, None, None] * across
+        return rods
+
+    def _strains(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Strains (m, 3, 6) at the points, (m, 3, 2) at the middles, along e1, e2."""
+        changes = self.changes(frames)
+        plane = changes[:, :18].reshape(-1, 3, 2, 3)
+        turned = np.einsum("mpij,mpsj->mpsi", self._points.strain_maps, plane)
+        sheared = np.einsum("mpij,mpj->mpi", self._middles.maps, changes[:, 18:].reshape(-1, 3, 2))
+        return turned.reshape(-1, 3, 6), sheared
+
+    def _present(
+        self, frames: FloatArray, starts: FloatArray | None, response: Response | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Strains at the start, stiffness and stresses, as the compiled loops take them."""
+        own = self.response(frames, starts) if response is None else response
+        return self.starts if starts is None else starts, own.planes, own.stresses
+
+
+def _numbers(nodes: IndexArray) -> IntArray:
+    """Numbers of nodes as compiled loops take them."""
+    return np.ascontiguousarray(nodes, dtype=np.int64)

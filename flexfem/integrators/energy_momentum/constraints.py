@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Rows of this rank in the energy-momentum scheme.
+
+Rigid rows hold at the end of the step. A spring pulls with ``k`` times the mean of its values at
+both ends, which is the change of its energy divided by that of its value; dampers see the mean
+rate, and applied forces are means as well.
+"""
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.constraints.batch import Constraints
+from flexfem.constraints.rows.kernels import marker_poses
+from flexfem.core.row import LawKind, RowKind
+from flexfem.integrators.energy_momentum.rows import StepTerms, add_step_hessians, evaluate_step
+
+__all__ = ["StepRows"]
+
+_SUPPORTED = (LawKind.RIGID, LawKind.SPRING)
+
+
+class StepRows:
+    """Rows between two states; they fill the arrays of :class:`Constraints` at every evaluation."""
+
+    def __init__(self, rows: Constraints, chi: float) -> None:
+        """Prepare the work space; ``chi`` is the numerical dissipation (collective).
+
+        Raises:
+            InputError: a row has a law without an energy; the joint is named on all ranks.
+        """
+        _check_laws(rows)
+        self._rows, self._chi = rows, chi
+        markers, terms = len(rows.marker_node), len(rows.kinds)
+        frames, poses = rows.interface.frames, rows.poses
+        self._step = StepTerms(
+            frames0=np.zeros_like(frames), frames=frames, poses0=np.zeros((markers, 12)),
+            poses=poses, values0=np.zeros(terms), values=np.zeros(terms),
+            gradient=np.zeros((terms, 2, 6)),
+        )  # fmt: skip
+        # the derivative at the end is the discrete one of no step at all
+        self._end = StepTerms(
+            frames0=frames, frames=frames, poses0=poses, poses=poses, values0=np.zeros(terms),
+            values=np.zeros(terms), gradient=rows.step_jacobian,
+        )  # fmt: skip
+        self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)
+        self._applied0 = rows.elastic[:, 3].copy()
+        self._values0, self._values = np.zeros(rows.size), np.zeros(rows.size)
+        self._h = self._weight = self._memory = 1.0
+
+    def begin(self, h: float, weight: float, last_h: float) -> None:
+        """Start a step of size ``h`` after one of ``last_h`` (s, infinite for none).
+
+        ``weight`` scales the multipliers.
+        """
+        rows, face = self._rows, self._rows.interface
+        self._h, self._weight = h, weight
+        self._step.frames0[:] = face.frames
+        marker_poses(rows.own.memory, self._step.frames0, self._step.poses0)
+        self._memory = min(1.0, h / last_h)
+        if not np.isfinite(last_h):
+            self.evaluate()
+            self._last[:], self._memory = h * rows.rates(), 1.0
+
+    def accept(self) -> None:
+        """Remember what the next step needs of the trial state."""
+        self.evaluate()
+        self._last[:] = self._values - self._values0
+        self._targets0[:] = self._rows.targets
+        self._applied0[:] = self._rows.elastic[:, 3]
+
+    def state(self) -> dict[str, FloatArray]:
+        """State carried from one step to the next, (r,) each."""
+        return {
+            "last_changes": self._last,
+            "last_targets": self._targets0,
+            "last_applied": self._applied0,
+        }
+
+    def _sums(self, terms: FloatArray) -> FloatArray:
+        rows = self._rows
+        return np.bincount(rows.row_of_term, rows.factors * terms, minlength=rows.size)
+
+    def evaluate(self) -> None:
+        """Values, gradients and compliances of all rows at the interface's state."""
+        rows, step = self._rows, self._step
+        factors = rows.factors[:, np.newaxis, np.newaxis]
+        marker_poses(rows.own.memory, step.frames, step.poses)
+        evaluate_step(rows.own.memory, self._end.memory)
+        rows.step_jacobian *= factors
+        evaluate_step(rows.own.memory, step.memory)
+        np.multiply(step.gradient, factors, out=rows.force_jacobian)
+        self._values0, self._values = self._sums(step.values0), self._sums(step.values)
+        rows.values[:] = self._values - rows.targets - rows.relaxation * rows.multipliers
+        rows.compliance[:] = rows.relaxation
+        rows.coupling[:] = 0.0
+        if not rows.rigid.all():
+            self._forces()
+
+    def _forces(self) -> None:
+        """Equations ``scale (F - L / weight) = 0`` of rows with laws, or without any force."""
+        rows, chi, h = self._rows, self._chi, self._h
+        k, c = rows.elastic[:, 1], rows.elastic[:, 2]
+        change = self._values - self._values0
+        mean = 0.5 * (self._values + self._values0 - rows.targets - self._targets0)
+        force = k * (mean + 0.5 * chi * (change - self._memory * self._last)) + c * change / h
+        force += 0.5 * (self._applied0 + rows.elastic[:, 3])
+        slope = 0.5 * (1.0 + chi) * k + c / h
+        scale = 1.0 / (1.0 / self._weight + slope)
+        scale, slope, force = (
+            np.where(rows.active, one, free)
+            for one, free in ((scale, self._weight), (slope, 0.0), (force, 0.0))
+        )
+        free = ~rows.rigid
+        rows.values[free] = (scale * (force - rows.multipliers / self._weight))[free]
+        rows.compliance[free] = scale[free] / self._weight
+        rows.step_jacobian *= np.where(free, scale * slope, 1.0)[rows.row_of_term, None, None]
+
+    def hessians(self, factor: FloatArray) -> FloatArray:
+        """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""
+        rows = self._rows
+        out = np.zeros((len(rows.pair_nodes), 12, 12))
+        add_step_hessians(
+            rows.own.memory, self._step.memory, factor[rows.row_of_term] * rows.factors, out
+        )
+        return out
+
+
+def _check_laws(rows: Constraints) -> None:
+    laws = np.unique(rows.joint_of_row[~np.isin(rows.elastic[:, 0], _SUPPORTED)]).tolist()
+    found = [(i, "friction, stops and functions of forces") for i in laws]
+    functions = np.unique(rows.joint_of_row[rows.row_of_term[rows.kinds >= RowKind.FUNCTION]])
+    found += [(i, "functions as constraints") for i in functions.tolist()]
+    found += [(i, "sliding along beams") for i in rows.lines.joints]
+    named = [(rows.joints[i].index, rows.joints[i].joint.owner, what) for i, what in found]
+    everywhere = min((one for part in rows.comm.allgather(named) for one in part), default=None)
+    if everywhere is not None:
+        _, owner, what = everywhere
+        raise InputError(f"{owner}: the integrator energy_momentum does not support {what}")

@@ -1,0 +1,353 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Energy-momentum equations of a step, whose forces do exactly the work by which energies change.
+
+The residuals are momentum balances over the step multiplied by ``h (1 + chi)/2 h``, so that the
+iteration matrix is that of Newmark's method, ``M + h^2 (1 + chi)^2/4 K``; multipliers are scaled
+alike. Scheme and proofs: :class:`flexfem.integrators.energy_momentum.scheme.EnergyMomentum`.
+"""
+
+from collections.abc import Mapping
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray, IntArray
+from flexfem.bodies.step_forces import add_step_forces, step_force_tangent
+from flexfem.bodies.step_inertia import (
+    add_step_inertia,
+    lump,
+    moved_lumps,
+    step_inertia_tangent,
+)
+from flexfem.core.nodes.prediction import Misses, Prediction
+from flexfem.core.nodes.step_kernels import StepNodes, correct, mean_acceleration, start
+from flexfem.core.state import State
+from flexfem.families.beam_se3.elements import SE3Beams
+from flexfem.families.beam_se3.energy_momentum import EnergyBeams
+from flexfem.integrators.energy_momentum.constraints import StepRows
+from flexfem.layout.tangent_request import TangentRequest
+from flexfem.lie import se3
+from flexfem.system.mechanics import Mechanics
+from flexfem.system.system import BlockPart, PartStrains, Shifts, System
+
+__all__ = ["StepMechanics"]
+
+
+class _Part:
+    """State of one block over the step.
+
+    Attributes:
+        state: both ends of the step.
+        twists0, last_change: (m, 6) relative twists at the start, their change over the last step.
+        before: (n, 12) frames at the start of the last step.
+        lumps: (k, 13) mass, first moment and rotary inertia about the centres of the nodes;
+            nodes: (k,).
+    """
+
+    def __init__(self, system: System, part: BlockPart, chi: float) -> None:
+        block, masses = part.block, part.masses
+        count = len(block.frames)
+        self.block, self.chi = block, chi
+        self.beams = None
+        if isinstance(part.elements, SE3Beams):
+            self.beams = EnergyBeams(system.comm, part.elements.linear, count)
+        centres = np.zeros((count, 3))
+        self.nodes, self.lumps = masses.nodes, lump(masses.matrices)
+        self.entries: IntArray = np.arange(len(masses.nodes))
+        if part.elements is None:
+            self._centre(masses.matrices, centres)
+        elif self.beams is not None:
+            centres = self.beams.centres
+            self.lumps = moved_lumps(self.lumps, centres[self.nodes])
+        self.offset = bool(np.any(self.lumps[:, 1:4])) or (
+            self.beams is not None and self.beams.offset
+        )
+        self.twists0 = self.last_change = np.zeros((0, 6))
+        self.before = block.frames0.copy()
+        self._memory = 1.0
+        self.state = StepNodes(
+            frames0=block.frames0, frames=block.frames, increments=block.increment,
+            rates0=np.zeros((count, 6)), rates=np.zeros((count, 6)), centres=centres,
+            jumps=np.zeros((count, 6)), base=np.zeros((count, 6)), velocity=block.velocity,
+            step=block.step, residual=block.residual, gravity=system.gravity, law=np.zeros(3),
+        )  # fmt: skip
+
+    def _centre(self, matrices: FloatArray, centres: FloatArray) -> None:
+        """Refer the masses of every rigid body to their common centre, written to ``centres``."""
+        nodes, self.entries, inverse = np.unique(self.nodes, return_index=True, return_inverse=True)
+        total = np.zeros((len(nodes), 6, 6))
+        np.add.at(total, inverse, matrices)
+        lumps = lump(total)
+        centre = lumps[:, 1:4] / lumps[:, :1]
+        centres[nodes] = centre
+        self.nodes, self.lumps = nodes, moved_lumps(lumps, centre)
+        self.lumps[:, 1:4] = 0.0  # but for rounding
+
+    def set_law(self, h: float) -> None:
+        """Set the law of the rates over a step of this size, s."""
+        self.state.law[:] = 0.5 * self.chi, 1.0 / h, 2.0 / (h * (1.0 + self.chi))
+
+    def begin(self, h: float, memory: float) -> None:
+        """Rates and their last change from the accepted state.
+
+        A part ``memory`` of this change counts in the dissipation.
+        """
+        block, state, c = self.block, self.state, self.state.centres
+        R = block.frames0[:, 3:].reshape(-1, 3, 3)
+        v, omega = block.velocity[:, :3], block.velocity[:, 3:]
+        w, spin = block.acceleration[:, :3], block.acceleration[:, 3:]
+        local = v + np.cross(omega, c)
+        state.rates0[:, :3] = np.einsum("nij,nj->ni", R, local)
+        state.rates0[:, 3:] = omega
+        local = w + np.cross(omega, local) + np.cross(spin, c)
+        state.jumps[:, :3] = h * np.einsum("nij,nj->ni", R, local)
+        state.jumps[:, 3:] = h * spin
+        self.set_law(h)
+        self._memory = memory
+
+    def predict(self, h: float, prediction: Prediction) -> None:
+        """Increments from nothing, from the rates, or from their last change too."""
+        chi = self.chi
+        law = np.array([
+            h * (prediction >= Prediction.VELOCITY),
+            0.5 * h * (prediction >= Prediction.ACCELERATION),
+            (chi - 1.0) / (1.0 + chi), self._memory * chi / (1.0 + chi),
+        ])  # fmt: skip
+        start(self.state.memory, law)
+
+    def third(self) -> float:
+        """Largest change of the rates' change over a step."""
+        owned, state = slice(0, self.block.owned), self.state
+        change = (state.rates - state.rates0 - state.jumps)[owned]
+        return float(np.abs(change).max(initial=0.0))
+
+    def correct(self, sign: float) -> float:
+        """Move by the local twists ``sign * step``."""
+        self.block.spread_step()
+        largest: float = correct(self.state.memory, sign)
+        return largest
+
+    def accept(self, h: float) -> Misses:
+        """Take the trial state; how far the predictions were off."""
+        state, block = self.state, self.block
+        owned = slice(0, block.owned)
+        path = (state.rates - state.base)[owned] / state.law[2]
+        plain = path - h * state.rates0[owned]
+        curved = plain - 0.5 * h * state.jumps[owned]
+        whole, first, second = (float(np.abs(x).max(initial=0.0)) for x in (path, plain, curved))
+        mean_acceleration(state.memory, h, block.acceleration)
+        self.before[:] = state.frames0
+        block.take()
+        return whole, first, second
+
+
+class StepMechanics(Mechanics):
+    """Equations of a step between two states; see :class:`flexfem.system.mechanics.Mechanics`.
+
+    Attributes:
+        chi: numerical dissipation, 0 for none.
+    """
+
+    def __init__(self, system: System, chi: float) -> None:
+        """Prepare the data of all blocks (collective).
+
+        Raises:
+            InputError: a part of the model has no such equations; named on all ranks.
+        """
+        self.chi, self.h, self._last_h = chi, 0.0, np.inf
+        _check_parts(system)
+        self._parts = {id(p): _Part(system, p, chi) for p in system.parts}
+        self._check_offsets(system)
+        self._rows = StepRows(system.constraints, chi)
+        self._factors = system.factors.copy()
+        self._cells: FloatArray | None = None
+
+    def _check_offsets(self, system: System) -> None:
+        beams = [part for part in self._parts.values() if part.beams is not None]
+        offset = any(part.offset for part in beams)
+        if system.comm.size > 1:
+            offset = bool(system.comm.allreduce(int(offset)))
+        if offset and self.chi > 0.0:
+            raise InputError(
+                "EnergyMomentum: a mass on a beam off the mass centres of its sections, and a beam "
+                "with a corner and mass centres off its axis, need rho_inf 1 (no dissipation), got "
+                f"chi = {self.chi:.6g}"
+            )
+
+    @property
+    def weight(self) -> float:
+        """Factor of mean forces and of multipliers, s^2."""
+        return 0.5 * self.h * self.h * (1.0 + self.chi)
+
+    def begin(self, system: System, h: float, factors: FloatArray) -> None:
+        """Start a step of size ``h`` (s) from the accepted state with load factors ``factors``."""
+        first, self.h = not np.isfinite(self._last_h), h
+        self._factors = factors
+        system.interface.update()
+        for part in self._parts.values():
+            part.begin(h, min(1.0, self._last_h / h))
+            if part.beams is None:
+                continue
+            part.twists0 = part.beams.twists(part.state.frames0)
+            if first:
+                part.before[:] = se3.retract(part.state.frames0, -h * part.block.velocity)
+                part.last_change = part.twists0 - part.beams.twists(part.before)
+            part.beams.last_change[:] = self._part_of_last() * part.last_change
+        self._rows.begin(h, self.weight, self._last_h)
+
+    def _part_of_last(self) -> float:
+        """Part of the last changes of strains that counts in a step of this size."""
+        return min(1.0, self.h / self._last_h) if np.isfinite(self._last_h) else 1.0
+
+    def state(self, system: System) -> State:
+        """State carried from one step to the next."""
+        blocks = {p.block.name: {"before": self._parts[id(p)].before} for p in system.parts}
+        return State({"last_h": np.array([self._last_h])}, {**blocks, "rows": self._rows.state()})
+
+    def restore(self, system: System, state: State) -> None:
+        """Take back what :meth:`state` returned, blocks and rows being restored."""
+        self._last_h = float(state.values["last_h"][0])
+        for name, values in self._rows.state().items():
+            values[:] = state.rows["rows"][name]
+        for part in self._parts.values():
+            part.before[:] = state.rows[part.block.name]["before"]
+            if part.beams is not None:
+                twists = part.beams.twists(part.block.frames0)
+                part.last_change = twists - part.beams.twists(part.before)
+
+    def predict(self, prediction: Prediction) -> None:
+        """Trial state from the accepted one."""
+        for part in self._parts.values():
+            part.predict(self.h, prediction)
+
+    def error(self, system: System) -> float:
+        """Estimated error of the trial state's increments, m or rad (collective)."""
+        largest = max((part.third() for part in self._parts.values()), default=0.0)
+        if system.comm.size > 1:
+            largest = system.comm.allreduce(largest, op=MPI.MAX)
+        return (1.0 / 12.0 + 0.5 * self.chi) * self.h * largest
+
+    def accept(self, system: System) -> None:
+        """Take the trial state (collective)."""
+        misses = []
+        for part in self._parts.values():
+            if part.beams is not None:
+                twists = part.beams.twists(part.state.frames)
+                part.last_change = twists - part.twists0
+            misses.append(part.accept(self.h))
+        system.choose_prediction(misses)
+        system.interface.update()
+        self._rows.accept()
+        system.constraints.accept()
+        self._last_h = self.h
+
+    def compute_residuals(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        self._cells = None
+        for part in system.parts:
+            mine, block, forces = self._parts[id(part)], part.block, part.forces
+            state = mine.state
+            block.residual[:] = 0.0
+            if mine.beams is not None:
+                mine.beams.add_force(state, self.weight)
+                block.add_ghosts()
+            if len(mine.nodes):
+                add_step_inertia(mine.nodes, mine.lumps, state.memory, self.h, self.weight)
+            if len(forces.nodes):
+                add_step_forces(
+                    forces.nodes, forces.wrenches.memory, state.memory, self._factors, self.weight
+                )
+        system.interface.update()
+        self._rows.evaluate()
+
+    def correct(self, system: System, sign: float) -> float:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        moves = [self._parts[id(part)].correct(sign) for part in system.parts]
+        return float(np.max(moves, initial=0.0))
+
+    def cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
+    ) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
+        mine = self._parts[id(part)]
+        assert mine.beams is not None
+        return mine.beams.tangent(mine.state, self.weight).ravel()
+
+    def add_cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest,
+        factor: float,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
+        assert part.elements is not None
+        if self._cells is None:
+            self._cells = self.cells(system, part, shifts, request)
+        ((nodes, _),) = part.elements.couplings
+        steps = part.block.step[nodes].reshape(-1, 12, 1)
+        action = factor * (self._cells.reshape(-1, 12, 12) @ steps)
+        np.add.at(part.block.residual, nodes, action.reshape(-1, 2, 6))
+
+    def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        mine = self._parts[id(part)]
+        out, own = np.zeros((len(part.masses.nodes), 6, 6)), np.zeros((len(mine.nodes), 6, 6))
+        step_inertia_tangent(mine.nodes, mine.lumps, mine.state.memory, self.h, self.weight, own)
+        out[mine.entries] = own
+        return out
+
+    def forces(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        state, forces = self._parts[id(part)].state, part.forces
+        out = np.zeros((len(forces.nodes), 6, 6))
+        step_force_tangent(
+            forces.nodes, forces.wrenches.memory, state.memory, self._factors, self.weight, out
+        )
+        return out
+
+    def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        mine = self._parts[id(part)]
+        names = ("frames0", "frames", "increments", "rates0", "rates")
+        nodes = {"before": mine.before, **{name: getattr(mine.state, name) for name in names}}
+        return nodes, np.array([self.h, self._last_h, *self._factors])
+
+    def recall(
+        self, system: System, part: BlockPart, nodes: Mapping[str, FloatArray], numbers: FloatArray
+    ) -> None:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        mine = self._parts[id(part)]
+        for name, values in self.origin(system, part)[0].items():
+            values[:] = nodes[name]
+        self.h, self._last_h, self._factors = float(numbers[0]), float(numbers[1]), numbers[2:]
+        mine.set_law(self.h)
+        if mine.beams is not None:
+            change = mine.beams.twists(mine.state.frames0) - mine.beams.twists(mine.before)
+            mine.beams.last_change[:] = self._part_of_last() * change
+
+    def hessians(self, system: System, factor: FloatArray) -> FloatArray:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        return self._rows.hessians(factor)
+
+
+def _check_parts(system: System) -> None:
+    """Raise on all ranks for what has no discrete derivatives along a step.
+
+    The guide's page on limits says why. Families tell by ``Family.energy_momentum``; of rows
+    :mod:`flexfem.integrators.energy_momentum.constraints` decides.
+    """
+    for contacts in system.contacts:
+        name = contacts.groups[0].surfaces.contact.name
+        raise InputError(
+            f'Contact "{name}": the integrator energy_momentum does not support contact'
+        )
+    for part in system.parts:
+        if not part.family.energy_momentum:
+            raise InputError(
+                f"{part.owner}: the integrator energy_momentum is for beams of the formulation "
+                '"se3" and rigid bodies'
+            )
+        if part.elements is not None and part.elements.law_owner is not None:
+            raise InputError(
+                f"{part.elements.law_owner}: the integrator energy_momentum needs a linear section"
+            )

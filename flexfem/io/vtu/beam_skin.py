@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Surfaces of beams: the boundaries of their sections swept along the cells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexfem.io.vtu.beam_fields import BeamFields
+from flexfem.io.vtu.polygons import between, cut
+from flexfem.materials.section_wall import SectionWall
+
+__all__ = ["BeamSkin", "SkinSection"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class SkinSection:
+    """One section as surfaces show it.
+
+    Attributes:
+        counts: Vertices of each boundary; none of a section that is not shown.
+        points: Vertices of all boundaries (k, 2), m.
+        stress: See `SectionWall`, for all of them (k, 2, 6); NaN where it is not known.
+        faces: Quadrilaterals of the end that e1 points out of (m, 4).
+    """
+
+    def __init__(self, walls: Sequence[SectionWall]) -> None:
+        """Put the boundaries together: the outer one, and none or one inner of as many vertices."""
+        self.counts = tuple(len(wall.points) for wall in walls)
+        self.points = np.concatenate([np.zeros((0, 2)), *(wall.points for wall in walls)])
+        unknown = [np.full((len(wall.points), 2, 6), np.nan) for wall in walls]
+        known = [wall.stress for wall in walls]
+        values = [u if s is None else s for u, s in zip(unknown, known, strict=True)]
+        self.stress = np.concatenate([np.zeros((0, 2, 6)), *values])
+        self.faces = np.zeros((0, 4), dtype=np.int64)
+        if len(walls) == 1:
+            self.faces = cut(walls[0].points)
+        elif walls:
+            self.faces = between(self.counts[0])
+
+    @property
+    def kind(self) -> tuple[tuple[int, ...], bytes]:
+        """Key of sections that can be swept together."""
+        return self.counts, self.faces.tobytes()
+
+    def sides(self) -> IntArray:
+        """Quadrilaterals between the vertices at both ends of a cell, outward (k, 4)."""
+        found, start, other = [np.zeros((0, 4), dtype=np.int64)], 0, len(self.points)
+        for number, k in enumerate(self.counts):
+            j = start + np.arange(k)
+            nxt = start + (np.arange(k) + 1) % k
+            quads = np.stack([j, nxt, other + nxt, other + j], axis=1)
+            found.append(quads[:, ::-1] if number else quads)
+            start += k
+        return np.concatenate(found)
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Cells whose sections are swept together, and the first of their points in the surface."""
+
+    cells: IntArray
+    stress: FloatArray
+    section: IntArray  # of each cell, in the order of ``stress``
+
+
+class BeamSkin:
+    """Topology of the surfaces of some cells.
+
+    Every cell has its own points: resultants and the stresses from them jump from cell to cell, and
+    so do section axes where beams meet at an angle.
+
+    Attributes:
+        node, cell: Node and cell of every point (p,).
+        quads: Quadrilaterals (q, 4).
+        owner: Cell of every quadrilateral (q,).
+    """
+
+    def __init__(
+        self, beams: BeamFields, sections: Sequence[SkinSection], *, caps: bool = True
+    ) -> None:
+        """Sweep the sections.
+
+        Args:
+            beams: The cells.
+            sections: By the numbers of ``beams.section``.
+            caps: Whether the ends of the beams are closed.
+        """
+        self._key = (beams.cells.copy(), beams.section.copy())
+        self._groups: list[_Group] = []
+        node, cell = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        arm, start = [np.zeros((0, 3))], 0
+        quads, owner = [np.zeros((0, 4), np.int64)], [np.zeros(0, np.int64)]
+        free = _free_ends(beams, len(sections))
+        kinds: dict[object, list[int]] = {}
+        for number in np.unique(beams.section).tolist():
+            if sections[number].counts:
+                kinds.setdefault(sections[number].kind, []).append(number)
+        for numbers in kinds.values():
+            one, table = sections[numbers[0]], np.stack([sections[n].points for n in numbers])
+            cells = np.flatnonzero(np.isin(beams.section, numbers))
+            of = np.searchsorted(numbers, beams.section[cells])
+            stress = np.stack([sections[n].stress for n in numbers])
+            self._groups.append(_Group(cells, stress, of))
+            k, m = len(one.points), len(cells)
+            node.append(np.repeat(beams.cells[cells].reshape(-1), k))
+            cell.append(np.repeat(cells, 2 * k))
+            # section axes are turned against those of the node, for good
+            turn = beams.turn[cells, :, :, 1:]
+            arm.append(np.einsum("meij,mkj->meki", turn, table[of]).reshape(-1, 3))
+            first = start + 2 * k * np.arange(m)
+            parts = [(one.sides(), cells, first)]
+            if caps:
+                at = free[cells]
+                parts += [
+                    (one.faces[:, ::-1], cells[at[:, 0]], first[at[:, 0]]),
+                    (one.faces + k, cells[at[:, 1]], first[at[:, 1]]),
+                ]
+            for faces, whose, base in parts:
+                quads.append((base[:, None, None] + faces).reshape(-1, 4))
+                owner.append(np.repeat(whose, len(faces)))
+            start += 2 * k * m
+        self.node, self.cell = np.concatenate(node), np.concatenate(cell)
+        self.quads, self.owner = np.concatenate(quads), np.concatenate(owner)
+        self._arm = np.concatenate(arm)
+        self._turned = bool(np.any(self._arm[:, 0]))
+
+    def fits(self, beams: BeamFields) -> bool:
+        """Return True if the topology belongs to these cells."""
+        cells, section = self._key
+        return np.array_equal(cells, beams.cells) and np.array_equal(section, beams.section)
+
+    def points(self, beams: BeamFields) -> FloatArray:
+        """Positions of all points (p, 3) in the deformed state, m."""
+        x: FloatArray = beams.position.take(self.node, axis=0)
+        for i in range(0 if self._turned else 1, 3):
+            axis = beams.rotation[:, :, i].take(self.node, axis=0)
+            axis *= self._arm[:, i : i + 1]
+            x += axis
+        return x
+
+    def stresses(self, beams: BeamFields) -> FloatArray:
+        """Axial stress and shear stress (p, 2) at all points, Pa; NaN where not known."""
+        found = [np.zeros((0, 2))]
+        for group in self._groups:
+            values = np.einsum(
+                "mkij,mj->mki", group.stress[group.section], beams.resultant[group.cells]
+            )
+            found.append(np.repeat(values[:, None], 2, axis=1).reshape(-1, 2))  # both ends
+        return np.concatenate(found)
+
+
+def _free_ends(beams: BeamFields, sections: int) -> NDArray[np.bool_]:
+    """Return flags (m, 2): first and last nodes where no cell of the same section goes on."""
+    key = beams.cells * sections + beams.section[:, None]
+    _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
+    free: NDArray[np.bool_] = (counts[inverse] == 1).reshape(-1, 2)
+    return free

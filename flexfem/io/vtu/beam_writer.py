@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Beams as lines and as solid-looking surfaces for ParaView."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexfem.io.vtu.beam_fields import BeamFields
+from flexfem.io.vtu.beam_skin import BeamSkin, SkinSection
+from flexfem.io.vtu.polygons import anticlockwise
+from flexfem.io.vtu.series import VtuSeries
+from flexfem.materials.section_wall import SectionWall
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+__all__ = ["BeamWriter"]
+
+STRAINS = ("gamma1", "gamma2", "gamma3", "kappa1", "kappa2", "kappa3")
+RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
+COMPONENTS = {"strain": STRAINS, "resultant": RESULTANTS}
+
+
+class BeamWriter:
+    """Series ``beams`` (lines) and ``beam_surfaces`` (sections swept along the deformed beams).
+
+    Where the stresses in sections are known, points of surfaces have ``axial_stress``,
+    ``shear_stress`` (of torsion, along the boundary of the section) and ``von_mises``, Pa.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        comm: MPI.Comm,
+        outlines: Sequence[ArrayLike | Sequence[SectionWall] | None],
+        *,
+        caps: bool = True,
+        resume: float | None = None,
+    ) -> None:
+        """Declare the two series; nothing is written yet.
+
+        Args:
+            folder: Result folder.
+            comm: Communicator; `write` and `close` are collective.
+            outlines: Closed polygon (k, 2) of each section in the (e2, e3) plane in m, or its
+                walls; None, or no walls, for a section that is shown as a line only.
+            caps: Whether the ends of the swept surfaces are closed.
+            resume: Keep the instants of an earlier run up to this time (s).
+        """
+        walls = [_walls(outline, i) for i, outline in enumerate(outlines)]
+        self._sections, self._caps = [SkinSection(one) for one in walls], caps
+        self._stressed = any(wall.stress is not None for one in walls for wall in one)
+        self._lines = VtuSeries(folder, "beams", comm, components=COMPONENTS, resume=resume)
+        self._skins = VtuSeries(folder, "beam_surfaces", comm, components=COMPONENTS, resume=resume)
+        self._skin: BeamSkin | None = None
+
+    def write(self, time: float, step: int, beams: BeamFields) -> None:
+        """Write both series at one instant; collective.
+
+        Args:
+            time: Time in s.
+            step: Step number.
+            beams: This rank's part.
+        """
+        # Single precision now: the surfaces repeat these values for every corner of an outline.
+        single = np.float32
+        cell_data = {
+            "body": beams.body.astype(np.int32),
+            "strain": beams.strain.astype(single),
+            "resultant": beams.resultant.astype(single),
+            "bending_moment": np.hypot(*beams.resultant[:, 4:].T).astype(single),
+        }
+        point_data: dict[str, NDArray[Any]] = {
+            "displacement": beams.displacement.astype(single),
+            "velocity": beams.velocity.astype(single),
+            "angular_velocity": beams.angular_velocity.astype(single),
+        }
+        frames: dict[str, NDArray[Any]] = {f"e{i + 1}": beams.rotation[:, :, i] for i in range(3)}
+        self._lines.write(
+            time, step, beams.position, beams.cells, "line", point_data | frames, cell_data
+        )
+        if self._skin is None or not self._skin.fits(beams):
+            self._skin = BeamSkin(beams, self._sections, caps=self._caps)
+        skin = self._skin
+        on_skin = {k: point_data[k].take(skin.node, axis=0) for k in ("displacement", "velocity")}
+        if self._stressed:
+            axial, shear = skin.stresses(beams).T
+            on_skin |= {"axial_stress": axial, "shear_stress": shear}
+            on_skin["von_mises"] = np.sqrt(axial**2 + 3.0 * shear**2)
+        self._skins.write(
+            time,
+            step,
+            skin.points(beams),
+            skin.quads,
+            "quad",
+            on_skin,
+            {k: v.take(skin.owner, axis=0) for k, v in cell_data.items() if k != "strain"},
+        )
+
+    def close(self) -> None:
+        """End both series; collective."""
+        self._lines.close()
+        self._skins.close()
+
+
+def _walls(
+    outline: ArrayLike | Sequence[SectionWall] | None, number: int
+) -> tuple[SectionWall, ...]:
+    """Walls of a section, of which there may be none."""
+    if outline is None:
+        return ()
+    if isinstance(outline, Sequence) and all(isinstance(wall, SectionWall) for wall in outline):
+        walls = [wall for wall in outline if isinstance(wall, SectionWall)]
+    else:
+        walls = [SectionWall(np.asarray(outline, dtype=np.float64))]
+    who = f"BeamWriter: outline {number}"
+    turned = [anticlockwise(wall.points, who) for wall in walls]
+    # stresses belong to the vertices as they are: such walls are anticlockwise already
+    return tuple(
+        wall if wall.stress is not None else SectionWall(points)
+        for wall, points in zip(walls, turned, strict=True)
+    )

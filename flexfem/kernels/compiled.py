@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Decorators of all compiled loops of the package."""
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+from numba.core import types
+from numba.core.dispatcher import Dispatcher
+
+from flexfem.kernels.caching import install
+from flexfem.kernels.compile_once import compile_once
+from flexfem.kernels.compiler import LoopCompiler, SubroutineCompiler
+
+__all__ = ["fused", "inlined", "inlined_fused", "kernel", "subroutine"]
+
+install()
+
+
+class _Decorator:
+    """Compiles a loop once for all constants that other loops pass, and for no C callbacks.
+
+    Numba's own would compile a function anew for every constant argument, which gains nothing:
+    where the function is inlined, the constant reaches all of it in any case.
+    """
+
+    def __init__(
+        self, compiler: type[LoopCompiler | SubroutineCompiler] = LoopCompiler, **options: Any
+    ) -> None:
+        """Set what is chosen besides.
+
+        Args:
+            compiler: the one of subroutines for what only other loops call.
+            options: of numba.
+        """
+        options |= {"error_model": "numpy", "no_cfunc_wrapper": True}
+        self._compiler = compiler
+        self._decorate: Any = njit(**options, pipeline_class=compiler)
+
+    def __call__[Loop: Callable[..., object]](self, function: Loop) -> "Dispatcher[Loop]":
+        """The compiled function."""
+        loop = self._decorate(function)
+        if isinstance(loop, Dispatcher):  # not so with NUMBA_DISABLE_JIT
+            template = loop.get_call_template
+
+            def without_constants(args: Any, kws: Any) -> Any:
+                named = {name: types.unliteral(kind) for name, kind in kws.items()}
+                return template(tuple(types.unliteral(kind) for kind in args), named)
+
+            loop.get_call_template = without_constants  # type: ignore[method-assign]
+            self._compiler.keep(loop)
+            compile_once(loop)
+        compiled: Dispatcher[Loop] = loop
+        return compiled
+
+
+#: cached on disk; division by zero gives inf or NaN as in NumPy, and no test in the loop
+kernel = _Decorator()
+
+#: For what other loops call and Python does not: see ``flexfem.kernels.compiler``.
+subroutine = _Decorator(SubroutineCompiler)
+
+#: Parts that are inlined by force, since a call with array arguments costs more than the arithmetic
+#: of most of them.
+inlined = _Decorator(SubroutineCompiler, forceinline=True)
+
+#: The same with products and sums fused to one operation each, for loops of arithmetic alone.
+fused = _Decorator(fastmath={"contract"})
+
+#: Pieces of those.
+inlined_fused = _Decorator(SubroutineCompiler, fastmath={"contract"}, forceinline=True)

@@ -1,0 +1,404 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Driver of cell kernels: the loops that gather the data of cells, call a kernel and scatter.
+
+A kernel is called by address with FFCx's signature: it adds to a tensor what it makes of the packed
+coefficients of one cell, or of ``LANES`` cells side by side. :class:`CellKernel` says where each
+nodal array, the data of the cell and the data of its section go among the coefficients, and
+:class:`Cells` holds them. :func:`add_forces` adds the results to nodes (residuals, actions of a
+tangent), :func:`evaluate` keeps them by cell, and :func:`evaluate_tangents` combines derivatives by
+configuration, velocity and acceleration to one matrix a cell.
+"""
+
+from collections.abc import Iterable, Mapping
+from enum import IntEnum
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.kernels.compiled import inlined, kernel, subroutine
+from flexfem.kernels.ffcx import Kernel, tabulate
+from flexfem.kernels.records import (
+    Bool1D,
+    Float2D,
+    Float3D,
+    Index2D,
+    Int1D,
+    Int2D,
+    Memory,
+    Record,
+    array_at,
+    unpack,
+)
+
+__all__ = [
+    "LINE",
+    "NO_NODES",
+    "CellKernel",
+    "Cells",
+    "Nodal",
+    "add_forces",
+    "cell_kernel",
+    "evaluate",
+    "evaluate_tangents",
+    "plain_cells",
+]
+
+#: Corners of the reference interval, for forms that do not depend on the size of the cell.
+LINE = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+#: Record of the nodes for kernels without nodal data.
+NO_NODES: Memory = np.empty(0, dtype=np.int64)
+
+
+class Nodal(IntEnum):
+    """Kinds of nodal data: they say what changes with axes of the cell's own at the node."""
+
+    #: Three components of a frame in inertial axes: its position.
+    POSITION = 0
+    #: The rotation of a frame, row by row, times that of the cell's axes.
+    ROTATION = 1
+    #: Translation and rotation of a twist, or of its change, in the axes of the node.
+    TWIST = 2
+
+
+_POSITION, _ROTATION = int(Nodal.POSITION), int(Nodal.ROTATION)
+#: First column of each kind in its array, and number of columns.
+_COLUMNS = {Nodal.POSITION: (0, 3), Nodal.ROTATION: (3, 9), Nodal.TWIST: (0, 6)}
+
+
+class CellKernel(Record):
+    """A kernel, and where data go among its coefficients.
+
+    Attributes:
+        address: of the function.
+        lanes: cells that one call treats.
+        coefficients: number of coefficients of a cell.
+        size: number of results of a cell.
+        nodal: (g, 3) kind of nodal data, word of their array in the record of the nodes, and first
+            coefficient.
+        own: (o, 3) first column in ``Cells.own``, number of columns, first coefficient.
+        section: (s, 3) likewise of ``Cells.sections``.
+    """
+
+    address: int
+    lanes: int
+    coefficients: int
+    size: int
+    nodal: Int2D
+    own: Int2D
+    section: Int2D
+
+
+class Cells(Record):
+    """Constant data of cells.
+
+    Attributes:
+        nodes: (m, k) nodes.
+        turned: (m,) cells whose own axes at nodes differ from the axes of the nodes.
+        turns: (m, k, 9) rotations from the cells' axes to those of the nodes; one row where none
+            is turned.
+        own: (m, p) data of each cell.
+        section: (m,) number of its section.
+        sections: (s, q) data of each section.
+        corners: (m, 3 j) coordinates that kernels are given, or one row for all.
+    """
+
+    nodes: Index2D
+    turned: Bool1D
+    turns: Float3D
+    own: Float2D
+    section: Int1D
+    sections: Float2D
+    corners: Float2D
+
+
+def plain_cells(
+    own: Float2D,
+    nodes: Index2D | None = None,
+    corners: Float2D = LINE,
+    section: Int1D | None = None,
+    sections: Float2D | None = None,
+) -> Cells:
+    """Cells whose axes are those of their nodes; without nodes and sections unless given."""
+    count = len(own)
+    nodes = np.empty((count, 0), dtype=np.int32) if nodes is None else nodes
+    return Cells(
+        nodes=nodes, turned=np.zeros(count, dtype=np.bool_),
+        turns=np.zeros((1, nodes.shape[1], 9)), own=own, corners=corners,
+        section=np.zeros(count, dtype=np.int64) if section is None else section,
+        sections=np.empty((1, 0)) if sections is None else sections,
+    )  # fmt: skip
+
+
+def cell_kernel(
+    kernel: Kernel,
+    size: int,
+    names: Iterable[str],
+    nodal: Mapping[str, tuple[Nodal, int]],
+    own: Mapping[str, tuple[int, int]],
+    section: Mapping[str, tuple[int, int]] | None = None,
+) -> CellKernel:
+    """The kernel with places for its data; those that it does not use are left out.
+
+    Args:
+        kernel: compiled kernel.
+        size: number of results of a cell.
+        names: names of its coefficients in the order of its offsets.
+        nodal: kind of the coefficients with nodal values, and word of their array in the record of
+            the nodes, ``Kind.word(name)``.
+        own: first column in ``Cells.own`` and number of columns of those of cells.
+        section: the same in ``Cells.sections``.
+    """
+    offset = dict(zip(names, kernel.offsets.tolist(), strict=False))
+
+    def table(rows: list[tuple[int, int, int]]) -> Int2D:
+        return np.array([row for row in rows if row[2] >= 0], dtype=np.int64).reshape(-1, 3)
+
+    return CellKernel(
+        address=kernel.address, lanes=kernel.lanes, coefficients=max(int(kernel.offsets[-1]), 1),
+        size=size,
+        nodal=table([(kind, word, offset[name]) for name, (kind, word) in nodal.items()]),
+        own=table([(*columns, offset[name]) for name, columns in own.items()]),
+        section=table([(*columns, offset[name]) for name, columns in (section or {}).items()]),
+    )  # fmt: skip
+
+
+@inlined
+def _put_position(data: FloatArray, at: int, lane: int, values: FloatArray) -> None:
+    for i in range(3):
+        data[at + i, lane] = values[i]
+
+
+@inlined
+def _put_rotation(
+    data: FloatArray, at: int, lane: int, frame: FloatArray, turned: bool, Q: FloatArray
+) -> None:
+    """Write the rotation of a frame, times ``Q`` (9,) if need be."""
+    for i in range(3):
+        k = 3 + 3 * i
+        for j in range(3):
+            if turned:
+                data[at + 3 * i + j, lane] = (
+                    frame[k] * Q[j] + frame[k + 1] * Q[3 + j] + frame[k + 2] * Q[6 + j]
+                )
+            else:
+                data[at + 3 * i + j, lane] = frame[k + j]
+
+
+@inlined
+def _put_twist(
+    data: FloatArray, at: int, lane: int, twist: FloatArray, turned: bool, Q: FloatArray
+) -> None:
+    """Write a nodal twist in the axes of the cell."""
+    for half in range(0, 6, 3):
+        for i in range(3):
+            if turned:
+                data[at + half + i, lane] = (
+                    Q[i] * twist[half] + Q[i + 3] * twist[half + 1] + Q[i + 6] * twist[half + 2]
+                )
+            else:
+                data[at + half + i, lane] = twist[half + i]
+
+
+@inlined
+def _gather(
+    kernel: CellKernel, cells: Cells, nodes: Memory, c: int, lane: int, data: FloatArray
+) -> None:
+    """Write the nodal data and the own data of a cell."""
+    turned, turn = cells.turned[c], c * cells.turned[c]
+    for g in range(kernel.nodal.shape[0]):
+        kind, at = kernel.nodal[g, 0], kernel.nodal[g, 2]
+        values = array_at(nodes, kernel.nodal[g, 1])
+        for j in range(cells.nodes.shape[1]):
+            node = cells.nodes[c, j]
+            if kind == _POSITION:
+                _put_position(data, at + 3 * j, lane, values[node])
+            elif kind == _ROTATION:
+                _put_rotation(data, at + 9 * j, lane, values[node], turned, cells.turns[turn, j])
+            else:
+                _put_twist(data, at + 6 * j, lane, values[node], turned, cells.turns[turn, j])
+    for o in range(kernel.own.shape[0]):
+        first, count, at = kernel.own[o, 0], kernel.own[o, 1], kernel.own[o, 2]
+        for i in range(count):
+            data[at + i, lane] = cells.own[c, first + i]
+
+
+@inlined
+def _put_section(
+    kernel: CellKernel, cells: Cells, section: int, lane: int, data: FloatArray
+) -> None:
+    """Write the data of a section: they stay while the section does."""
+    for s in range(kernel.section.shape[0]):
+        first, count, at = kernel.section[s, 0], kernel.section[s, 1], kernel.section[s, 2]
+        for i in range(count):
+            data[at + i, lane] = cells.sections[section, first + i]
+
+
+@inlined
+def _gather_batch(
+    kernel: CellKernel, cells: Cells, nodes: Memory, first: int, held: IntArray, data: FloatArray
+) -> None:
+    """Write the data of the cells of one call; ``held`` are the sections that ``data`` has."""
+    last = cells.nodes.shape[0] - 1
+    for lane in range(kernel.lanes):
+        c = min(first + lane, last)  # the last cell fills the last batch
+        _gather(kernel, cells, nodes, c, lane, data)
+        if cells.section[c] != held[lane]:
+            held[lane] = cells.section[c]
+            _put_section(kernel, cells, held[lane], lane, data)
+
+
+@inlined
+def _corners(cells: Cells, c: int) -> FloatArray:
+    """Coordinates of the corners of a cell."""
+    corners: FloatArray = cells.corners[c if cells.corners.shape[0] > 1 else 0]
+    return corners
+
+
+@inlined
+def _add_to_nodes(
+    cells: Cells, c: int, results: FloatArray, lane: int, scale: float, target: FloatArray
+) -> None:
+    """Add the results of a cell to its nodes; those of twists in the axes of the nodes."""
+    turned, turn = cells.turned[c], c * cells.turned[c]
+    width = target.shape[1]
+    for j in range(cells.nodes.shape[1]):
+        node = cells.nodes[c, j]
+        for half in range(0, width, 3):
+            at = width * j + half
+            for i in range(3):
+                value = results[at + i, lane]
+                if turned:
+                    Q = cells.turns[turn, j]
+                    value = (
+                        Q[3 * i] * results[at, lane]
+                        + Q[3 * i + 1] * results[at + 1, lane]
+                        + Q[3 * i + 2] * results[at + 2, lane]
+                    )
+                target[node, half + i] += scale * value
+
+
+@kernel
+def add_forces(
+    kernel: Memory, cells: Memory, nodes: Memory, constants: FloatArray, scale: float,
+    target: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``scale`` times the results of all cells to their nodes.
+
+    Args:
+        kernel: a :class:`CellKernel` with 3 or 6 results a node.
+        cells: :class:`Cells`.
+        nodes: record of the nodes.
+        constants: of the kernel.
+        scale: factor of the results.
+        target: (n, 3) or (n, 6); columns of the latter are those of twists.
+    """
+    call, own = unpack(CellKernel, kernel), unpack(Cells, cells)
+    width, count = call.lanes, own.nodes.shape[0]
+    data, results = np.empty((call.coefficients, width)), np.empty((call.size, width))
+    held = np.full(width, -1)
+    for first in range(0, count, width):
+        _gather_batch(call, own, nodes, first, held, data)
+        results[:] = 0.0
+        tabulate(call.address, results, data, constants, _corners(own, first))  # type: ignore[call-arg]
+        for lane in range(min(width, count - first)):
+            _add_to_nodes(own, first + lane, results, lane, scale, target)
+
+
+@kernel
+def evaluate(
+    kernel: Memory, cells: Memory, nodes: Memory, constants: FloatArray, values: FloatArray
+) -> None:
+    """Write the results of all cells.
+
+    Args:
+        kernel: a :class:`CellKernel`.
+        cells: :class:`Cells`.
+        nodes: record of the nodes.
+        constants: of the kernel.
+        values: (m, s) results.
+    """
+    call, own = unpack(CellKernel, kernel), unpack(Cells, cells)
+    width, count = call.lanes, own.nodes.shape[0]
+    data, results = np.empty((call.coefficients, width)), np.empty((call.size, width))
+    held = np.full(width, -1)
+    for first in range(0, count, width):
+        _gather_batch(call, own, nodes, first, held, data)
+        results[:] = 0.0
+        tabulate(call.address, results, data, constants, _corners(own, first))  # type: ignore[call-arg]
+        for lane in range(min(width, count - first)):
+            for i in range(call.size):
+                values[first + lane, i] = results[i, lane]
+
+
+@subroutine
+def _turn_matrix(cells: Cells, c: int, K: FloatArray, work: FloatArray) -> None:
+    """``K <- P K P^T`` with the block diagonal P of the turns of both halves of all nodes."""
+    width = 6 * cells.nodes.shape[1]
+    for block in range(width // 3):
+        Q = cells.turns[c, block // 2]
+        for j in range(width):
+            for i in range(3):
+                work[i] = 0.0
+                for k in range(3):
+                    work[i] += Q[3 * i + k] * K[(3 * block + k) * width + j]
+            for i in range(3):
+                K[(3 * block + i) * width + j] = work[i]
+    for block in range(width // 3):
+        Q = cells.turns[c, block // 2]
+        for i in range(width):
+            for j in range(3):
+                work[j] = 0.0
+                for k in range(3):
+                    work[j] += K[i * width + 3 * block + k] * Q[3 * j + k]
+            for j in range(3):
+                K[i * width + 3 * block + j] = work[j]
+
+
+@kernel
+def evaluate_tangents(
+    stiffness: Memory, inertia: Memory, cells: Memory, nodes: Memory, constants: FloatArray,
+    rates: FloatArray, factors: FloatArray, values: FloatArray,
+) -> None:  # fmt: skip
+    """Write ``s (k K + C dv + M dw)`` of all cells, whose nodes have twists.
+
+    Args:
+        stiffness: a :class:`CellKernel` of the matrices K.
+        inertia: one that takes two constants, the factors of C and M, whose sum it is.
+        cells: :class:`Cells`.
+        nodes: record of the nodes.
+        constants: of the stiffness.
+        rates: (n, 2, 36) changes dv and dw of each node along its local twist, row by row.
+        factors: (2,) k and s.
+        values: (m, (6 k)^2).
+    """
+    for_K, for_CM = unpack(CellKernel, stiffness), unpack(CellKernel, inertia)
+    own = unpack(Cells, cells)
+    k_data, m_data = np.empty((for_K.coefficients, 1)), np.empty((for_CM.coefficients, 1))
+    size, count = for_K.size, own.nodes.shape[1]
+    K, C, M, work = np.empty(size), np.empty(size), np.empty(size), np.empty(3)
+    only_v, only_w, held = np.array([1.0, 0.0]), np.array([0.0, 1.0]), -1
+    for c in range(own.nodes.shape[0]):
+        _gather(for_K, own, nodes, c, 0, k_data)
+        _gather(for_CM, own, nodes, c, 0, m_data)
+        if own.section[c] != held:
+            held = own.section[c]
+            _put_section(for_K, own, held, 0, k_data)
+            _put_section(for_CM, own, held, 0, m_data)
+        K[:], C[:], M[:] = 0.0, 0.0, 0.0
+        corners = _corners(own, c)
+        tabulate(for_K.address, K, k_data, constants, corners)  # type: ignore[call-arg]
+        tabulate(for_CM.address, C, m_data, only_v, corners)
+        tabulate(for_CM.address, M, m_data, only_w, corners)
+        if own.turned[c]:
+            _turn_matrix(own, c, K, work)
+            _turn_matrix(own, c, C, work)
+            _turn_matrix(own, c, M, work)
+        for i in range(6 * count):
+            for node in range(count):
+                at, by = 6 * (i * count + node), rates[own.nodes[c, node]]
+                for j in range(6):
+                    total = factors[0] * K[at + j]
+                    for k in range(6):
+                        total += C[at + k] * by[0, 6 * k + j]
+                        total += M[at + k] * by[1, 6 * k + j]
+                    values[c, at + j] = factors[1] * total

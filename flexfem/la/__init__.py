@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Linear algebra on PETSc: nests of blocks, kept factors, small matrices held whole."""

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Interface of a family of flexible elements to the system."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
+
+if TYPE_CHECKING:
+    from flexfem.core.nodes.frame_block import FrameBlock
+
+__all__ = ["ElementFamily"]
+
+
+class ElementFamily(Protocol):
+    """Residual, tangent and stress resultants of all elements of one formulation on this rank.
+
+    They may come in groups; "all cells" are those of one group after the other.
+
+    Attributes:
+        law_owner: what messages call the first section with a law of the user, None without one.
+        chained: nodes follow one another along lines, on which elements join neighbours only.
+        thin: they bend so much more easily than they stretch that steps of motion iterate with
+            continued stresses, see :meth:`continued_strains`.
+        stressed: the tangent has parts from stresses, which those of :meth:`unstressed` leave out.
+    """
+
+    law_owner: str | None
+    chained: bool
+    thin: bool
+    stressed: bool
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """Local nodes (m, j) of rows and (m, k) of columns of the matrices in :meth:`values`."""
+        ...
+
+    @property
+    def body(self) -> IntArray:
+        """(m,) number of the body in the model, among its kind, that each cell belongs to."""
+        ...
+
+    @property
+    def viscous(self) -> bool:
+        """True if any material is viscous: it resists the rate of strain."""
+        ...
+
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times internal, inertia and gravity forces to the block's residual.
+
+        Of the request only its strains count.
+        """
+        ...
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> FloatArray:  # fmt: skip
+        """Entries of the matrices ``scale (k K + C dv + M dw)`` of all cells, flat, row by row.
+
+        ``shifts`` = (dv/dn, dw/dn, k).
+        """
+        ...
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times the same tangent applied to the block's step to its residual."""
+        ...
+
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
+        """Strains at ``frames`` (n, 12), continued linearly along local twists ``steps`` (n, 6).
+
+        None where the family's stresses are not continued: the present ones are taken.
+        """
+        ...
+
+    def unstressed(self) -> Strains | None:
+        """Strains without stresses: no geometric stiffness, laws at rest.
+
+        None where stresses have no part of their own in the tangent.
+        """
+        ...
+
+    def accept(self, block: FrameBlock) -> None:
+        """Take note of the state that the block has accepted (collective)."""
+        ...
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Strains and stress resultants (m, 6) in section axes, of all or the ``chosen`` cells.
+
+        They are those in the middle of the cells.
+        """
+        ...
+
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """Least size (m,) of each cell relative to that at the start, where it can change its sign.
+
+        Of beams the length along the sections' normal, of shells with directors the area across
+        these, of bodies distances of interfaces. Elements whose value is not positive are inverted:
+        they may solve the equations with linear laws, but no body moves there. Shells without
+        directors measure lengths, which cannot: ones.
+        """
+        ...
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """Strain energies (m,) of all cells, J."""
+        ...
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Viscous stress resultants and strain rates (j, 6) at the points of :attr:`viscous_at`."""
+        ...
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """Cell (j,) of each point of :meth:`viscosity`, and the size (j,) it stands for.
+
+        It is a length in beams, m, and an area in shells, m^2.
+        """
+        ...
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
+        ...

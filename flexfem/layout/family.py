@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Families of bodies: what the system asks of every kind of body, and the list of the kinds.
+
+A family is a class derived from :class:`Family`; those of the package are in ``flexfem.families``.
+A body of the model names its family in the attribute ``family``, as the class or, so that models
+are built without DOLFINx and PETSc, as "module:class". Nothing else in the package tells kinds of
+bodies from one another.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from flexfem.core.marker import Carrier, Marker
+    from flexfem.core.nodes.frame_block import FrameBlock
+    from flexfem.layout.elements import ElementFamily
+    from flexfem.layout.inner_forces import InnerForces
+    from flexfem.layout.lines import Line
+    from flexfem.layout.node_loads import Force
+    from flexfem.layout.surface_places import SurfacePlace
+    from flexfem.model.contact import Contact
+    from flexfem.model.model import Model
+    from flexfem.model.probes.base import AnyProbe
+    from flexfem.model.structure.place import Place
+
+__all__ = ["BUILT_IN", "ContactSurface", "Family", "Sensor", "registry"]
+
+#: Families of the package in the order of the nest; those of users follow.
+BUILT_IN = (
+    "flexfem.families.beam_se3.family:SE3BeamFamily",
+    "flexfem.families.beam_nurbs.family:NurbsBeamFamily",
+    "flexfem.families.shells.family:ShellFamily",
+    "flexfem.families.rigid.family:RigidBodyFamily",
+    "flexfem.families.floating.family:FloatingBodyFamily",
+    "flexfem.families.ufl_body.family:UFLBodyFamily",
+)
+
+
+class Sensor(Protocol):
+    """Measures the accepted state: the share of this rank in the columns of a probe."""
+
+    def update(self) -> FloatArray:
+        """Take in the accepted state and return this rank's share of the columns."""
+
+
+@dataclass(frozen=True)
+class ContactSurface:
+    """Triangles of the bodies of a family that touch.
+
+    Attributes:
+        bodies: the bodies.
+        nodes: (n,) numbers of nodes in the family; start: (n, 3) their places at the start, m.
+        owner: (n,) number of the body of each node in ``bodies``.
+        held: (n, width) unknowns of the nodes that stay as they are.
+        triangles: (m, 3) numbers of nodes in the family.
+        radius: (m,) distance from the triangle at which it touches, m: half of the thickness.
+        body: (m,) number of the body of each triangle; element: (m,) its element in the family.
+    """
+
+    bodies: Sequence[Any]
+    nodes: IntArray
+    start: FloatArray
+    owner: IntArray
+    held: BoolArray
+    triangles: IntArray
+    radius: FloatArray
+    body: IntArray
+    element: IntArray
+
+
+class Family:
+    """All bodies of one kind in a model, the same on every rank.
+
+    Numbers of nodes count the family's nodes; numbers of bodies count :attr:`bodies`.
+
+    Attributes:
+        kind: number of the family, its row in the nest.
+        serial: serial data of the model, an ``NumberedModel``.
+        energy_momentum: True if the integrator ``energy_momentum`` supports the family.
+        bodies_have_places: whether every node is a place on a body; some hold amplitudes of shapes.
+        axes: whether nodes have axes, on which moments and following forces of markers act.
+        series: class of the series for ParaView, or its name as "module:class", see
+            ``flexfem.io.paraview.family_series``; families may share one.
+        follows: bodies without elements, which go to the rank of what they are joined to.
+    """
+
+    energy_momentum: ClassVar[bool] = False
+    follows: ClassVar[bool] = False
+    axes: ClassVar[bool] = True
+    series: ClassVar[Any]
+    bodies_have_places: ClassVar[bool] = True
+
+    def __init__(self, serial: Any, kind: int) -> None:
+        """Number the nodes of the model's bodies of the kind and place them at the start.
+
+        Raises:
+            ValueError: a mistake in the model, in one line.
+        """
+        self.serial, self.kind = serial, kind
+
+    @classmethod
+    def members(cls, model: Model) -> Sequence[Any]:
+        """Bodies of a model that belong to the family, in its order."""
+        return [body for body in model.other_bodies if _loaded(body.family) is cls]
+
+    # -- Layout: the same on every rank ---------------------------------------------------------
+
+    @property
+    def bodies(self) -> Sequence[Any]:
+        """Bodies of the model by which :attr:`body_of_node` counts."""
+        return self.members(self.serial.model)
+
+    @property
+    def own(self) -> Sequence[Any]:
+        """Bodies of this family in the order of the model."""
+        return self.members(self.serial.model)
+
+    @property
+    def frames(self) -> FloatArray:
+        """Frames (n, 12) of all nodes at the start, m."""
+        raise NotImplementedError
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Local twists (n, 6) of all nodes at the start, m/s and rad/s."""
+        raise NotImplementedError
+
+    @property
+    def held(self) -> BoolArray:
+        """(n, width) unknowns of all nodes that stay as they are."""
+        return np.zeros((len(self.frames), 6), dtype=np.bool_)
+
+    @property
+    def placed(self) -> BoolArray:
+        """(n,) nodes that have a place in space; the others hold amplitudes of shapes."""
+        return np.ones(len(self.frames), dtype=np.bool_)
+
+    @property
+    def body_of_node(self) -> IntArray:
+        """(n,) number of the body that each node belongs to."""
+        raise NotImplementedError
+
+    @property
+    def cluster_of_node(self) -> IntArray:
+        """(n,) number of the cluster of each node: bodies that share nodes are one matrix."""
+        return self.body_of_node
+
+    def supports(self) -> tuple[IntArray, FloatArray]:
+        """Nodes (k,) that are held, and local twists (k, 6) that they do not have."""
+        nothing = np.zeros(0, dtype=np.int64)
+        return nothing, np.zeros((0, 6))
+
+    @property
+    def owner(self) -> str:
+        """Name of the first body in messages."""
+        return f'{type(self.own[0]).__name__} "{self.own[0].name}"'
+
+    def fingerprint(self) -> Mapping[str, Any]:
+        """Further data that decide whether a checkpoint belongs to a model, by what they are."""
+        return {}
+
+    # -- Markers --------------------------------------------------------------------------------
+
+    def node(self, marker: Marker, place: Place | None) -> int:
+        """Number of the node that carries a marker, which the model has found to be at a place."""
+        raise NotImplementedError
+
+    def surface_place(self, marker: Marker) -> SurfacePlace | None:
+        """Place of a marker on nodes without axes of their own; None where nodes have axes."""
+        return None
+
+    def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
+        """The same place on three nodes whose triangle gives it axes.
+
+        Raises:
+            ValueError: there are no such nodes.
+        """
+        raise NotImplementedError
+
+    def line(self, carrier: Carrier) -> Line:
+        """Line of a carrier, which sliders move along.
+
+        Raises:
+            ValueError: the body has no line.
+        """
+        raise NotImplementedError
+
+    # -- Distribution over ranks ----------------------------------------------------------------
+
+    def costs(self) -> Mapping[str, tuple[int, int]]:
+        """Number of elements of each body by name, and the cost of one in elements of a beam."""
+        raise NotImplementedError
+
+    def links(self) -> Mapping[tuple[str, str], int]:
+        """Unknowns that two bodies share, by their names."""
+        return {}
+
+    def share(
+        self, ranks: Mapping[str, IntArray]
+    ) -> tuple[IntArray, Mapping[str, tuple[int, ...]]]:
+        """Ranks of all elements of the family, and those that hold nodes of each body.
+
+        Args:
+            ranks: rank of each element of every body of the family by name, ascending.
+        """
+        of_bodies = {body.name: tuple(np.unique(ranks[body.name]).tolist()) for body in self.own}
+        return np.concatenate([ranks[body.name] for body in self.own]), of_bodies
+
+    def block(
+        self, comm: MPI.Intracomm, ranks: IntArray
+    ) -> tuple[FrameBlock, ElementFamily | None]:
+        """Nodes and elements of this rank (collective).
+
+        Args:
+            comm: communicator.
+            ranks: rank of each element, of :meth:`share`.
+        """
+        raise NotImplementedError
+
+    # -- Contact --------------------------------------------------------------------------------
+
+    def contact_surface(self) -> ContactSurface | None:
+        """Triangles of all bodies of the family, None for bodies without surface."""
+        return None
+
+    def contact_chain(self, name: str) -> IntArray | None:
+        """Nodes (m, 2) of the two-node elements of a body of lines, None for other bodies."""
+        return None
+
+    def contact_numbers(self, body: Any, contact: Contact) -> tuple[float, float]:
+        """Stiffness through the thickness of a body, N/m^3, and its mass per area, kg/m^2.
+
+        Raises:
+            ValueError: the body does not tell, and the contact gives no stiffness.
+        """
+        raise NotImplementedError
+
+    # -- Forces and measures --------------------------------------------------------------------
+
+    def forces(
+        self, block: FrameBlock, elements: ElementFamily | None, node_body: IntArray
+    ) -> tuple[list[Force], list[InnerForces]]:
+        """Loads at the owned nodes and inside the elements of this rank (collective).
+
+        Those of markers at nodes are not among them.
+
+        Args:
+            block: of :meth:`block`.
+            elements: of :meth:`block`.
+            node_body: (n,) bodies of the block's nodes.
+        """
+        return [], []
+
+    def masses(self, block: FrameBlock) -> tuple[list[int], list[FloatArray]]:
+        """Owned nodes that are bodies, and their inertia matrices (6, 6) in the nodes' axes."""
+        return [], []
+
+    def sensor(self, probe: AnyProbe, part: Any) -> Sensor | None:
+        """Sensor of a probe that the family measures, None for other probes (collective).
+
+        Args:
+            probe: of the model.
+            part: the family's ``BlockPart``.
+        """
+        old = getattr(self, "gauge", None)  # of a family written for version 0.1
+        if old is None:
+            return None
+        warnings.warn(
+            f"{type(self).__name__}.gauge is sensor now", DeprecationWarning, stacklevel=2
+        )
+        made: Sensor | None = old(probe, part)
+        return made
+
+
+def registry(model: Model) -> list[type[Family]]:
+    """Families by kind: those of the package, then those of the model's other bodies."""
+    others = [body.family for body in model.other_bodies]
+    return list(dict.fromkeys(map(_loaded, [*BUILT_IN, *others])))
+
+
+def _loaded(family: str | type[Family]) -> type[Family]:
+    """The class of a family that is given as "module:class" or as itself."""
+    if not isinstance(family, str):
+        return family
+    module, _, name = family.partition(":")
+    found: type[Family] = getattr(import_module(module), name)
+    return found

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Masses and forces at the nodes of one block, as arrays for the compiled loops."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.bodies.node_forces import Wrenches, add_forces, force_states, force_tangent
+from flexfem.bodies.node_inertia import add_inertia, add_mass_motion, inertia_tangent
+from flexfem.core.nodes.frame_block import FrameBlock
+
+__all__ = ["Force", "NodeForces", "NodeMasses", "Wrench", "wrenches"]
+
+
+class NodeMasses:
+    """Inertia matrices fixed to nodes: rigid bodies, point masses.
+
+    Attributes:
+        nodes: (k,) local node of each; matrices: (k, 6, 6) about the node in its axes.
+    """
+
+    def __init__(self, nodes: Sequence[int], matrices: Sequence[FloatArray]) -> None:
+        """Store the masses."""
+        self.nodes: IntArray = np.array(nodes, dtype=np.int64)
+        self.matrices = np.array(matrices, dtype=np.float64).reshape(-1, 6, 6)
+
+    def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
+        """Add ``scale`` times inertia and gravity forces to the block's residual."""
+        add_inertia(self.nodes, self.matrices, block.nodes.memory, gravity, scale)
+
+    def tangent(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        local: bool = False,
+    ) -> FloatArray:  # fmt: skip
+        """(k, 6, 6) of ``scale (k K + C dv + M dw)``, ``shifts`` = (dv/dn, dw/dn, k).
+
+        With ``local`` the derivative K is that at fixed local velocities and accelerations.
+        """
+        out = np.empty_like(self.matrices)
+        inertia_tangent(
+            self.nodes, self.matrices, block.nodes.memory, gravity, block.inertial and not local,
+            shifts, scale, out,
+        )  # fmt: skip
+        return out
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """Add energy and momenta of the chosen (k,) masses, see ``flexfem.core.nodes.motion``."""
+        add_mass_motion(self.nodes, self.matrices, chosen, block.frames, block.velocity, motion)
+
+
+class Wrench(Protocol):
+    """Force and moment at a point, see :class:`Wrenches`."""
+
+    @property
+    def offset(self) -> FloatArray:
+        """(12,) frame of the point relative to what carries it."""
+
+    @property
+    def force(self) -> FloatArray:
+        """(3,) N."""
+
+    @property
+    def moment(self) -> FloatArray:
+        """(3,) N m."""
+
+    @property
+    def follower(self) -> bool:
+        """Both are in the axes of the point."""
+
+    @property
+    def load(self) -> int:
+        """Number of the load whose amplitude scales them."""
+
+
+def wrenches(given: Sequence[Wrench]) -> Wrenches:
+    """Some wrenches as compiled loops take them."""
+    return Wrenches(
+        offsets=np.array([w.offset for w in given], dtype=np.float64).reshape(-1, 12),
+        forces=np.array([w.force for w in given], dtype=np.float64).reshape(-1, 3),
+        moments=np.array([w.moment for w in given], dtype=np.float64).reshape(-1, 3),
+        follower=np.array([w.follower for w in given], dtype=np.bool_),
+        load=np.array([w.load for w in given], dtype=np.int64),
+    )
+
+
+@dataclass(frozen=True)
+class Force:
+    """One wrench at a node: components inertial (dead) or in the axes of ``offset`` (follower)."""
+
+    node: int
+    offset: FloatArray
+    force: FloatArray
+    moment: FloatArray
+    follower: bool
+    load: int
+
+
+class NodeForces:
+    """Wrenches at nodes, each with the number of the load whose amplitude scales it.
+
+    Attributes:
+        nodes: (k,) local node of each.
+        wrenches: at points fixed to these, as compiled loops take them.
+    """
+
+    def __init__(self, forces: Sequence[Force]) -> None:
+        """Store the wrenches."""
+        self.nodes: IntArray = np.array([f.node for f in forces], dtype=np.int64)
+        self.wrenches = wrenches(forces)
+
+    def add_residual(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
+        """Subtract ``scale`` times the forces from the block's residual."""
+        add_forces(self.nodes, self.wrenches.memory, block.nodes.memory, factors, scale)
+
+    def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
+        """(k, 6, 6) derivative of the residual along local twists."""
+        out = np.empty((len(self.nodes), 6, 6))
+        force_tangent(self.nodes, self.wrenches.memory, block.nodes.memory, factors, scale, out)
+        return out
+
+    def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
+        """(k, 12) force, moment, place and angular velocity of each wrench, inertial axes."""
+        out = np.empty((len(self.nodes), 12))
+        force_states(self.nodes, self.wrenches.memory, block.nodes.memory, factors, out)
+        return out

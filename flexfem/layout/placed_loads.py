@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Loads of a model as forces at the nodes and places of this rank."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.load import Load
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.places.line_points import arc_length
+from flexfem.layout.element_places import holds
+from flexfem.layout.line_loads import LineForce
+from flexfem.layout.lines import ElementPlace, Line
+from flexfem.layout.node_loads import Force
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.lie import se3
+from flexfem.loads.line_load import LineLoad
+from flexfem.model.bodies.basic import Beam
+
+__all__ = [
+    "acts_at_nodes",
+    "line_forces",
+    "load_at_points",
+    "loads_along",
+    "marker_forces",
+    "spread_load",
+]
+
+#: Gauss points of an element for loads that vary, at least; as many as nodes if these are more.
+_GAUSS = 3
+
+
+def marker_forces(
+    serial: NumberedModel, kind: int, block: FrameBlock, turning: bool = True
+) -> Iterator[Force]:
+    """Loads of markers on the nodes of a block that this rank owns.
+
+    ``turning`` says whether those that follow markers and moments act on nodes.
+    """
+    for number, load in enumerate(serial.model.loads):
+        if not turning and (load.follower or load.has_moment):
+            continue
+        for marker in load.markers:
+            force, moment = load.wrench
+            local = serial.local_node(marker, kind, block)
+            if local >= 0:
+                frame = serial.marker_frame(marker)
+                yield Force(local, frame, force, moment, load.follower, number)
+
+
+def loads_along(serial: NumberedModel, beams: Sequence[Beam]) -> Iterator[tuple[int, Load, str]]:
+    """Loads along some beams with their numbers and the beams' names."""
+    names = {beam.name for beam in beams}
+    for number, load in enumerate(serial.model.loads):
+        for name in load.beams:
+            if name in names:
+                yield number, load, name
+
+
+def spread_load(
+    shares: Iterable[tuple[int, FloatArray, float]], load: Load, number: int
+) -> Iterator[Force]:
+    """A load along a beam at nodes, each with the length that it carries."""
+    force, moment = load.wrench
+    for node, frame, part in shares:
+        yield Force(node, frame, part * force, part * moment, load.follower, number)
+
+
+def acts_at_nodes(load: Load, formulation: str) -> bool:
+    """Return True if a load along a beam acts at nodes: uniform forces, on NURBS dead ones only.
+
+    Control points have no rotation that a load could follow.
+    """
+    turns = load.follower and formulation == "nurbs"
+    return load.uniform and not turns and not load.has_moment
+
+
+def line_forces(
+    serial: NumberedModel, kind: int, beams: Sequence[Beam], block: FrameBlock
+) -> list[LineForce]:
+    """Loads inside those elements of the beams of a kind that this rank holds."""
+    forces, names = [], {beam.name for beam in beams}
+    for number, load in enumerate(serial.model.loads):
+        for marker in load.markers:
+            force, moment = load.wrench
+            place = serial.place(marker)
+            if place is not None and place.kind == kind and holds(block, place):
+                offset = serial.marker_frame(marker)
+                forces.append(LineForce(place, offset, force, moment, load.follower, number))
+        for name in load.beams:
+            formulation = serial.model[name].formulation
+            if name not in names or acts_at_nodes(load, formulation):
+                continue
+            if load.uniform and formulation == "nurbs":
+                forces += _points(serial, name, block, load, number)
+            else:
+                assert isinstance(load, LineLoad)
+                forces += _pieces(serial, block, load, number)
+    return forces
+
+
+def _points(
+    serial: NumberedModel, name: str, block: FrameBlock, load: Load, number: int
+) -> Iterator[LineForce]:
+    """A load along a beam at the Gauss points of those of its elements that this rank holds."""
+    curves = serial.curves
+    assert curves is not None
+    (force, moment), line = load.wrench, serial.line(name)
+    xi, lengths = curves.gauss(curves.index(name))
+    offset = se3.frame(np.zeros(3), np.eye(3))
+    for e in range(len(line.nodes)):
+        if holds(block, ElementPlace.on(line, e, 0.0)):
+            for at, ds in zip(xi, lengths[e], strict=True):
+                place = ElementPlace.on(line, e, float(at))
+                yield LineForce(place, offset, ds * force, ds * moment, load.follower, number)
+
+
+def _pieces(
+    serial: NumberedModel, block: FrameBlock, load: LineLoad, number: int
+) -> Iterator[LineForce]:
+    """A load along a beam at the Gauss points of pieces of those elements that this rank holds."""
+    line = serial.line(load.body)
+    offset = se3.frame(np.zeros(3), np.eye(3))
+    for e in range(len(line.nodes)):
+        if holds(block, ElementPlace.on(line, e, 0.0)):
+            for xi, force, moment in load_at_points(line, load, e):
+                place = ElementPlace.on(line, e, xi)
+                yield LineForce(place, offset, force, moment, load.follower, number)
+
+
+def load_at_points(
+    line: Line, load: LineLoad, element: int, parts: int = 1
+) -> Iterator[tuple[float, FloatArray, FloatArray]]:
+    """Coordinate, force (N) and moment (N m) of each Gauss point of an element under a load.
+
+    Args:
+        line: the beam's elements.
+        load: varies along the beam.
+        element: its number along the line.
+        parts: that each piece between the load's breakpoints is divided into.
+    """
+    unit = line.length if load.coordinate == "fraction" else 1.0
+    at, weights = np.polynomial.legendre.leggauss(max(line.nodes.shape[1], _GAUSS))
+    for start, end in pairwise(line.cuts(element, unit * load.breakpoints)):
+        for low, high in pairwise(np.linspace(start, end, parts + 1)):
+            for x, w in zip(at, weights, strict=True):
+                xi = float(low + 0.5 * (1.0 + x) * (high - low))
+                s, speed, _ = arc_length(line.arc[element], xi)
+                ds = 0.5 * w * (high - low) * speed
+                force, moment = load.at((line.starts[element] + s) / unit)
+                yield xi, ds * force, ds * moment

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Base class of the bodies of further families, which users may define outside the package."""
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+from flexfem._types import FloatArray
+from flexfem.core.marker import Marker
+from flexfem.core.pose import Pose
+from flexfem.mesh.surface_mesh import SurfaceMesh
+
+__all__ = ["Body"]
+
+
+class Body(ABC):
+    """Body of a family that a model knows by this class only.
+
+    Attributes:
+        name: Unique name in the model.
+        family: The family, a class derived from `flexfem.layout.family.Family`, or its name as
+            "module:class", so that models are built without DOLFINx and PETSc.
+        velocity: Initial velocity of the point of the (extended) body at the inertial origin,
+            inertial axes, shape (3,), m/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s.
+        width: Unknowns of a node, 3 (positions) or 6 (positions and rotations).
+        touches: Whether contacts may name it.
+    """
+
+    family: ClassVar[Any]
+
+    name: str
+    velocity: FloatArray
+    angular_velocity: FloatArray
+    width: ClassVar[int] = 3
+    touches: bool = False
+
+    @property
+    def surface(self) -> SurfaceMesh | None:
+        """Triangles with one body of this name, on which pressures act; None without any."""
+        return None
+
+    @property
+    @abstractmethod
+    def points(self) -> FloatArray:
+        """(n, 3) places of the nodes at the start, m."""
+
+    @property
+    @abstractmethod
+    def elements(self) -> int:
+        """Number of finite elements."""
+
+    @property
+    def holds(self) -> int:
+        """How many unknowns stay as they are."""
+        return 0
+
+    @property
+    @abstractmethod
+    def masses(self) -> tuple[FloatArray, FloatArray]:
+        """Points (q, 3) at the start, m, and masses (q,), kg, with the inertia of the body."""
+
+    @property
+    @abstractmethod
+    def details(self) -> str:
+        """The most telling values, for the table of the model."""
+
+    @abstractmethod
+    def node(self, marker: Marker) -> int:
+        """Return the number of the node of a marker.
+
+        Raises:
+            ValueError: There is no such node.
+        """
+
+    @abstractmethod
+    def moved(self, motion: Pose) -> "Body":
+        """Return the body moved rigidly, ``x`` to ``R x + p``, with its initial velocities.
+
+        Raises:
+            ValueError: It cannot be moved so.
+        """

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bodies: beams, rigid bodies and point masses."""
+
+from dataclasses import KW_ONLY, InitVar
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._fields import (
+    ZERO,
+    Array,
+    ArrayOrNone,
+    Given,
+    checked,
+    declared,
+    direction,
+    instance,
+    number,
+    rotation,
+    settled,
+    vector,
+)
+from flexfem._types import FloatArray
+from flexfem.core.marker import Marker
+from flexfem.materials.section import Section
+from flexfem.mesh.geometry.frames import Orientation
+from flexfem.mesh.nurbs.curve import NurbsCurve
+from flexfem.model.bodies.shapes import SHAPES, Shape
+
+# Relative to the largest principal moment: plates satisfy the triangle inequality as an equality
+_TRIANGLE_TOLERANCE = 1e-9
+_SINGULAR = 1e-12
+
+#: Formulations of beams.
+FORMULATIONS = ("se3", "nurbs")
+#: Rotations as NURBS elements interpolate them.
+INTERPOLATIONS = ("quaternions", "relative_rotation_vectors")
+#: Degree of curves through the nodes of a mesh.
+_DEGREE = 3
+
+
+@declared
+class Beam:
+    """Beam along a named group of line cells, or along a NURBS curve.
+
+    Attributes:
+        name: Unique name in the model.
+        section: Stiffness and inertia.
+        group: Line group of the model's mesh; None for that of the beam's name, or with a curve.
+        curve: Curve of a beam that needs no mesh; its elements are its knot spans.
+        degree: Degree of the curve through the nodes of the group with the formulation "nurbs", 3
+            when None; None for others.
+        formulation: Element formulation: "se3" for geometrically exact two-node elements on the
+            cells of the group, "nurbs" for isogeometric elements. None for "nurbs" where a curve is
+            given, else "se3".
+        interpolation: Rotations as isogeometric elements interpolate them: by the unit
+            "quaternions" of the control points, also when None, or their
+            "relative_rotation_vectors" to one control point of each element (Crisfield, Jelenic
+            1999); None for others. Both are objective. With the vectors, sections jump a little
+            between elements that share more than an end.
+        orientation: Approximate direction of e2 in inertial axes: a vector, a function of points
+            (n, 3) that returns vectors (n, 3), or None for rotation-minimising frames.
+        damping: Stiffness-proportional damping, seconds.
+        velocity: Initial velocity of the point of the (extended) body at the inertial origin,
+            inertial axes, shape (3,), m/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
+            starts with `velocity + angular_velocity x x`.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: A wrong shape, NaN, a zero orientation, negative damping, or arguments that
+            exclude one another.
+    """
+
+    name: str
+    section: Section = instance(Section)
+    _: KW_ONLY
+    group: str | None = None
+    curve: NurbsCurve | None = None
+    degree: int | None = None
+    formulation: Given[str | None, str] = settled(default=None)
+    interpolation: str | None = None
+    orientation: Orientation = direction(default=None)
+    damping: float = number(default=0.0, nonnegative=True)
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Array = vector(default=ZERO)
+
+    def __post_init__(self) -> None:
+        """Settle what depends on whether there is a curve."""
+        owner = _checks.named(self, self.name)
+        formulation, degree = _formulation(
+            owner, self.group, self.curve, self.degree, self.formulation
+        )
+        _checks.assign(
+            self,
+            group=self.name if self.curve is None and self.group is None else self.group,
+            degree=degree,
+            formulation=formulation,
+            interpolation=_interpolation(owner, formulation, self.interpolation),
+        )
+
+    @property
+    def vectors(self) -> bool:
+        """True if its elements interpolate relative rotation vectors."""
+        return self.interpolation == INTERPOLATIONS[1]
+
+
+@declared
+class RigidBody:
+    """Rigid body.
+
+    Attributes:
+        name: Unique name in the model.
+        mass: Mass, kg.
+        inertia: Inertia tensor about the centre of mass in body axes, shape (3, 3), kg m^2; its
+            diagonal (3,) will do.
+        position: Initial position of the reference point, inertial axes, shape (3,), metres.
+        rotation: Initial orientation of the body axes in inertial axes, shape (3, 3), None for
+            none.
+        centre: Centre of mass relative to the reference point, body axes, shape (3,), metres.
+        velocity: Initial velocity of the reference point, inertial axes, shape (3,), m/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s. It may be
+            given in body axes instead, as ``local_angular_velocity``.
+        shape: Looks of the body in pictures, None for a small default.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: A wrong shape, NaN, both angular velocities, a mass that is not positive, or an
+            inertia tensor that no body has (not symmetric, not positive definite, triangle
+            inequality violated).
+    """
+
+    name: str
+    mass: float = number(positive=True)
+    inertia: Array = checked(lambda owner, what, value: _inertia_tensor(owner, value))
+    _: KW_ONLY
+    position: Array = vector(default=ZERO)
+    rotation: ArrayOrNone = rotation(default=None)
+    centre: Array = vector(default=ZERO)
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: ArrayOrNone = settled(default=None)
+    local_angular_velocity: InitVar[npt.ArrayLike | None] = None
+    shape: Shape | None = instance(SHAPES, default=None)
+
+    def __post_init__(self, local: npt.ArrayLike | None) -> None:
+        """Take the angular velocity in the axes in which it is given."""
+        set_spin(self, local)
+
+    @property
+    def twist(self) -> FloatArray:
+        """Initial velocity of the reference point and angular velocity, (6,), body axes."""
+        back = self.rotation.T
+        return np.concatenate([back @ self.velocity, back @ self.angular_velocity])
+
+    @property
+    def inertia_matrix(self) -> FloatArray:
+        """Inertia matrix (6, 6) about the reference point in body axes, translation first."""
+        c = self.centre
+        about_point = self.inertia + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
+        return inertia_matrix(self.mass, self.mass * c, about_point)
+
+
+def inertia_matrix(mass: float, moment: FloatArray, inertia: FloatArray) -> FloatArray:
+    """Inertia matrix (6, 6), translation first, from what is known about one point.
+
+    Args:
+        mass: kg.
+        moment: First moment of mass, (3,), kg m.
+        inertia: Inertia tensor, (3, 3), kg m^2.
+    """
+    x, y, z = moment.tolist()
+    first = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[mass * np.eye(3), -first], [first, inertia]])
+
+
+@declared(eq=True)
+class PointMass:
+    """Mass without rotary inertia, fixed to a marker.
+
+    Attributes:
+        name: Unique name in the model.
+        mass: Mass, kg.
+        marker: Where it sits.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: The mass is not positive.
+    """
+
+    name: str
+    mass: float = number(positive=True, as_given=True)
+    marker: Marker = instance(Marker)
+
+
+def _formulation(
+    owner: str, group: str | None, curve: object, degree: int | None, formulation: str | None
+) -> tuple[str, int | None]:
+    """Return the checked formulation of a beam and the degree of the curve through its group."""
+    if group is not None:
+        _checks.text(owner, "group", group)
+    if formulation is None:
+        formulation = "se3" if curve is None else "nurbs"
+    _checks.word(owner, "formulation", formulation, FORMULATIONS)
+    if degree is not None:
+        if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)):
+            raise TypeError(f"{owner}: degree must be a whole number, got {_checks.show(degree)}")
+        if degree < 1:
+            raise ValueError(f"{owner}: degree must be at least 1, got {degree}")
+    if formulation == "se3":
+        for what, value in (("curve", curve), ("degree", degree)):
+            if value is not None:
+                raise ValueError(
+                    f'{owner}: formulation "se3" has no {what}, got {_checks.show(value)}'
+                )
+        return formulation, None
+    if curve is None:
+        return formulation, _DEGREE if degree is None else int(degree)
+    _checks.instance(owner, "curve", curve, NurbsCurve)
+    if group is not None:
+        raise ValueError(f'{owner}: give a curve or a group, got group "{group}" as well')
+    if degree is not None:
+        raise ValueError(
+            f"{owner}: the degree is that of the curve (NurbsCurve.elevate raises it), got {degree}"
+        )
+    return formulation, None
+
+
+def _interpolation(owner: str, formulation: str, given: str | None) -> str | None:
+    """Return the checked interpolation of a beam's rotations, None unless it is isogeometric."""
+    if formulation != "nurbs":
+        if given is not None:
+            raise ValueError(
+                f'{owner}: formulation "{formulation}" has no interpolation, got '
+                f"{_checks.show(given)}"
+            )
+        return None
+    if given is None:
+        return INTERPOLATIONS[0]
+    return _checks.word(owner, "interpolation", given, INTERPOLATIONS)
+
+
+def _inertia_tensor(owner: str, value: npt.ArrayLike) -> FloatArray:
+    """Return the checked inertia tensor of a body, from a matrix or its diagonal."""
+    tensor = np.diag(_checks.vector(owner, "inertia", value)) if _is_diagonal(value) else value
+    tensor = _checks.array(owner, "inertia", tensor, (3, 3))
+    size = float(np.abs(tensor).max())
+    if np.abs(tensor - tensor.T).max() > 1e-10 * size:
+        raise ValueError(f"{owner}: inertia must be symmetric, got {_checks.show(tensor.tolist())}")
+    smallest, middle, largest = np.linalg.eigvalsh(tensor)
+    moments = f"principal moments {smallest:.6g}, {middle:.6g}, {largest:.6g}"
+    if smallest <= _SINGULAR * size:
+        raise ValueError(f"{owner}: inertia must be positive definite, got {moments}")
+    if largest > (smallest + middle) * (1.0 + _TRIANGLE_TOLERANCE):
+        raise ValueError(
+            f"{owner}: inertia must satisfy the triangle inequality (no moment above the sum of "
+            f"the other two), got {moments}"
+        )
+    return tensor
+
+
+def _is_diagonal(value: npt.ArrayLike) -> bool:
+    """Return True if the argument has the shape of a diagonal."""
+    try:
+        return np.shape(value) == (3,)
+    except ValueError:  # ragged: reported as a matrix
+        return False
+
+
+def set_spin(body: Any, local: npt.ArrayLike | None) -> None:
+    """Set the angular velocity of a body at the start, inertial axes, shape (3,).
+
+    Args:
+        body: The body, with its axes at the start, and what is given in inertial axes, or None.
+        local: Given in body axes, or None.
+
+    Raises:
+        TypeError: One does not hold numbers.
+        ValueError: Both are given, or one has another shape.
+    """
+    owner, given = _checks.named(body, body.name), body.angular_velocity
+    if local is None:
+        spin = _checks.vector(owner, "angular_velocity", ZERO if given is None else given)
+    elif given is None:
+        own = _checks.vector(owner, "local_angular_velocity", local)
+        spin = _checks.freeze(body.rotation @ own)
+    else:
+        raise ValueError(
+            f"{owner}: give angular_velocity (inertial axes) or local_angular_velocity (body axes)"
+        )
+    _checks.assign(body, angular_velocity=spin)

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Controllers of a run: measure, compute, hold.
+
+All ranks measure the same numbers. Sampled laws are called on the first rank alone, once per
+sample and only at accepted states, and the others receive what they return: a law may have side
+effects, and a step that is repeated does not repeat its sample. Continuous laws are functions of
+the time and of measurements at accepted states, so that nothing has to be taken back after a step
+in vain.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy, deepcopy
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._checks import InputError
+from flexfem._faults import FAILURES, FunctionError, ReturnError, noted
+from flexfem._types import FloatArray, IntArray
+from flexfem.control.law import SampledLaw
+from flexfem.core.load import Load
+from flexfem.core.state import counts
+from flexfem.joints.actuator import Actuator
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.model.controller import Controller
+from flexfem.model.model import Model
+from flexfem.simulation.control.measurements import Measurements
+from flexfem.system.system import System
+
+__all__ = ["Controls", "Outputs", "driven_model"]
+
+#: Values of all outputs of a model at a time (s), one after the other.
+Outputs = Callable[[float], FloatArray]
+
+#: A sample time may miss a multiple of the step, and a sample its instant, by this part of it.
+_ROUND_OFF = 1e-6
+#: Slopes are taken over no less than this part of a time step: behind an event lies round-off.
+_SHORT = 0.05
+
+
+def driven_model(model: Model, outputs: Outputs | None = None) -> Model:
+    """The model with its controllers' outputs as functions of time, by default zero.
+
+    The model itself stays as it is, and may be run again.
+    """
+    names = [output for controller in model.controllers for output in controller.outputs]
+    if not names:
+        return model
+    driven = copy(model)
+    driven.joints = [
+        _driven_joint(joint, names.index(joint.name), outputs)
+        if isinstance(joint, Actuator) and joint.name in names
+        else joint
+        for joint in model.joints
+    ]
+    driven.loads = [
+        _driven_load(load, names.index(load.name), outputs) if load.name in names else load
+        for load in model.loads
+    ]
+    return driven
+
+
+def _driven_joint(actuator: Actuator, number: int, outputs: Outputs | None) -> Actuator:
+    own, changed = actuator.force, copy(actuator)
+    if outputs is not None:
+        _checks.assign(changed, force=lambda t: float(own(t)) + float(outputs(t)[number]))
+    return changed
+
+
+def _driven_load(load: Load, number: int, outputs: Outputs | None) -> Load:
+    changed = copy(load)
+    _checks.assign(
+        changed, amplitude=lambda t: 0.0 if outputs is None else float(outputs(t)[number])
+    )
+    return changed
+
+
+class _Loop:
+    """One controller while it runs."""
+
+    def __init__(self, controller: Controller) -> None:
+        self.controller = controller
+        self.owner = f'{type(controller).__name__} "{controller.name}"'
+        self.count = len(controller.outputs)
+
+    def checked(self, t: float, outputs: object) -> FloatArray:
+        """Outputs as an array (count,).
+
+        Raises:
+            ReturnError: the law has returned something else.
+        """
+        try:
+            values = np.atleast_1d(_checks.numbers(outputs))
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if values.shape != (self.count,):
+            noun = "number" if self.count == 1 else "numbers"
+            raise ReturnError(
+                f"law must return {self.count} {noun}, got {_checks.show(outputs)} at t = {t:.6g} s"
+            )
+        return values
+
+
+class _Continuous(_Loop):
+    """A function of the time and of extrapolated measurements."""
+
+    def __init__(self, controller: Controller, step: float) -> None:
+        super().__init__(controller)
+        self._least = _SHORT * step
+        # time and measurements at the last accepted state, and at one before
+        self._last = self._before = np.empty(0)
+        self._at, self._outputs = np.nan, np.zeros(self.count)
+
+    def note(self, t: float, y: FloatArray, jumped: bool) -> None:
+        if jumped or not len(self._last):
+            self._before = np.empty(0)
+        elif t - self._last[0] >= self._least:
+            self._before = self._last
+        self._last, self._at = np.concatenate([[t], y]), np.nan
+
+    def outputs(self, t: float) -> FloatArray:
+        if not len(self._last):
+            return self._outputs
+        if t != self._at:
+            y = self._last[1:]
+            if len(self._before) and t != self._last[0]:
+                change = self._last - self._before
+                y = y + (t - self._last[0]) / change[0] * change[1:]
+            assert callable(self.controller.law)
+            try:
+                self._outputs = self.checked(t, self.controller.law(t, y.copy()))
+            except FAILURES as error:
+                noted(self.owner, self.controller.law, error)
+                self._outputs = np.full(self.count, np.nan)
+            self._at = t
+        return self._outputs
+
+    def state(self) -> dict[str, FloatArray]:
+        return {"last": self._last, "before": self._before}
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        self._last, self._before, self._at = state["last"], state["before"], np.nan
+
+
+class _Sampled(_Loop):
+    """A law called once per sample on the first rank, with outputs that are held."""
+
+    def __init__(self, controller: Controller, step: float) -> None:
+        super().__init__(controller)
+        self._span = controller.sample_time or step
+        ratio = self._span / step
+        if abs(ratio - round(ratio)) > _ROUND_OFF * ratio or round(ratio) < 1:
+            raise InputError(
+                f"{self.owner}: sample_time must be a multiple of the time step {step:.9g} s, got "
+                f"{self._span:.9g}"
+            )
+        try:
+            self._law = deepcopy(controller.law)
+        except Exception as error:
+            raise InputError(f"{self.owner}: law cannot be copied for the run: {error}") from error
+        self._next, self.held = 0, np.zeros(self.count)
+
+    def due(self, t: float) -> bool:
+        """Return True if an accepted state is a sample."""
+        return t >= (self._next - _ROUND_OFF) * self._span
+
+    def take(self, t: float, held: FloatArray) -> None:
+        """Hold the outputs of a sample; the next one is another."""
+        self._next, self.held = int(t / self._span + _ROUND_OFF) + 1, held
+
+    def sampled(self, t: float, y: FloatArray) -> FloatArray:
+        """Call the law."""
+        law = self._law
+        outputs = law.update(t, y) if isinstance(law, SampledLaw) else law(t, y)
+        return self.checked(t, outputs)
+
+    def memory(self) -> FloatArray:
+        """A copy of what the law remembers."""
+        return np.array(self._law.state if isinstance(self._law, SampledLaw) else ())
+
+    def recall(self, memory: FloatArray) -> None:
+        """Take back what :meth:`memory` returned."""
+        if isinstance(self._law, SampledLaw):
+            self._law.state = memory
+
+    def outputs(self, t: float) -> FloatArray:
+        return self.held
+
+    def state(self) -> dict[str, FloatArray]:
+        memory = np.empty(0)
+        if isinstance(self._law, SampledLaw):
+            memory = np.asarray(self._law.state, dtype=np.float64)
+        return {"next": np.array([self._next]), "held": self.held, "law": memory}
+
+    def restore(self, state: Mapping[str, FloatArray], first: bool) -> None:
+        (self._next,), self.held = counts("next", state["next"]), state["held"]
+        if first and isinstance(self._law, SampledLaw):
+            self._law.state = state["law"]
+
+
+class Controls:
+    """All controllers of a model while it moves.
+
+    Attributes:
+        columns: names of all outputs in the history.
+    """
+
+    def __init__(self, model: Model, step: float) -> None:
+        """Make copies of the laws; ``step`` (s) is that of the run's grid.
+
+        Raises:
+            InputError: a sample time is no multiple of the step, or a law cannot be copied.
+        """
+        self._loops = [
+            (_Sampled if controller.sampled else _Continuous)(controller, step)
+            for controller in model.controllers
+        ]
+        self.columns = [c for controller in model.controllers for c in controller.columns]
+        self._nothing = np.empty(0)
+
+    def __len__(self) -> int:
+        """Number of controllers."""
+        return len(self._loops)
+
+    def outputs(self, t: float) -> FloatArray:
+        """All outputs that act at time ``t`` (s), one after the other."""
+        if not self._loops:
+            return self._nothing
+        return np.concatenate([loop.outputs(t) for loop in self._loops])
+
+    def attach(self, system: System, serial: NumberedModel) -> None:
+        """Find what is measured (collective)."""
+        self._system = system
+        measured = [loop.controller.measured(serial.model) for loop in self._loops]
+        probes = {probe.name: probe for part in measured for probe, _ in part}
+        often = [
+            probe.name
+            for loop, part in zip(self._loops, measured, strict=True)
+            if isinstance(loop, _Continuous)
+            for probe, _ in part
+        ]
+        self._measurements = Measurements(system, serial, list(probes.values()), often)
+        columns = self._measurements.columns
+        self._inputs: list[IntArray] = [
+            np.array([columns.index(probe.columns[k]) for probe, k in part], dtype=np.int64)
+            for part in measured
+        ]
+
+    def start(self) -> None:
+        """Measure at the start and compute the first outputs (collective).
+
+        Raises:
+            InputError: a law or a probe fails, or a law does not return a number per output.
+        """
+        try:
+            self._measurements.begin()
+            self.accepted(jumped=True)
+            self.outputs(self._system.time)
+            self.sample()
+        except (ValueError, TypeError, FunctionError) as error:
+            raise InputError(str(error)) from error
+
+    def started(self) -> None:
+        """The forces at the start are those of the outputs now: work counts from here."""
+        self._measurements.begin()
+
+    def accepted(self, jumped: bool = False) -> None:
+        """Measure at an accepted state (collective); ``jumped``: velocities may have changed."""
+        if not self._loops:
+            return
+        self._measurements.accepted()
+        for loop, inputs in zip(self._loops, self._inputs, strict=True):
+            if isinstance(loop, _Continuous):
+                loop.note(self._system.time, self._measurements.values[inputs], jumped)
+
+    def sample(self) -> None:
+        """Call the laws whose sample is due at the accepted state (collective).
+
+        Outputs stay as they are where a law fails, and the sample stays due: the run ends here.
+        """
+        t, comm = self._system.time, self._system.comm
+        due = [
+            (loop, inputs)
+            for loop, inputs in zip(self._loops, self._inputs, strict=True)
+            if isinstance(loop, _Sampled) and loop.due(t)
+        ]
+        if not due:
+            return
+        self._measurements.complete()
+        found = self._called(due, t) if comm.rank == 0 else []
+        if comm.size > 1:
+            found = comm.bcast(found)
+        if found:
+            for (loop, _), held in zip(due, found, strict=True):
+                loop.take(t, held)
+
+    def _called(self, due: Sequence[tuple[_Sampled, IntArray]], t: float) -> list[FloatArray]:
+        """Outputs of laws; nothing where one fails, and all remember what they did before."""
+        found, before = [], [loop.memory() for loop, _ in due]
+        for loop, inputs in due:
+            try:
+                found.append(loop.sampled(t, self._measurements.values[inputs]))
+            except FAILURES as error:  # all ranks hear of it when they next agree
+                noted(loop.owner, loop.controller.law, error)
+                for (one, _), memory in zip(due, before, strict=True):
+                    one.recall(memory)
+                return []
+        return found
+
+    def not_finite(self, t: float) -> str | None:
+        """The first controller whose outputs are not numbers."""
+        for loop in self._loops:
+            if not np.isfinite(loop.outputs(t)).all():
+                return f"{loop.owner}: the output is not finite"
+        return None
+
+    def state(self) -> dict[str, FloatArray]:
+        """Return the memory of all controllers (collective)."""
+        own = self._measurements.state() if self._loops else {}
+        for k, loop in enumerate(self._loops):
+            own |= {f"controls_{k}_{name}": value for name, value in loop.state().items()}
+        return own
+
+    def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Take back outputs and memories of what :meth:`state` returned."""
+        for k, loop in enumerate(self._loops):
+            own = {name: state[f"controls_{k}_{name}"] for name in loop.state()}
+            if isinstance(loop, _Sampled):
+                loop.restore(own, self._system.comm.rank == 0)
+            else:
+                loop.restore(own)
+
+    def resume(self, state: Mapping[str, FloatArray]) -> None:
+        """Take back the measurements, once the system is where it was (collective)."""
+        if self._loops:
+            self._measurements.restore(state["controls_angles"], state["controls_sums"])
+            self.sample()  # one that failed is still due

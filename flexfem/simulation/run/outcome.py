@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Outcome of an analysis."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from mpi4py import MPI
+
+from flexfem._faults import FAILURES, FunctionError, current, noted
+from flexfem._types import FloatArray
+from flexfem.io.summary import write_summary
+from flexfem.options import Settings
+from flexfem.simulation.run.guard import agreed, folder_is_lost
+from flexfem.system.system import System
+
+__all__ = ["Outcome", "Results", "conclude", "summary_of"]
+
+#: Headline results from the columns of the history.
+Results = Callable[[Mapping[str, FloatArray]], Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of a run.
+
+    Attributes:
+        status: "ok" or the reason of failure.
+        summary: what ``summary.json`` holds.
+        history: columns of the history, angles unwrapped; empty on other ranks than the first.
+    """
+
+    status: str
+    summary: Mapping[str, Any]
+    history: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Status and sizes in one line, for interactive work."""
+        rows = len(next(iter(self.history.values()), ()))
+        steps = self.summary.get("steps", 0)
+        return (
+            f"{type(self).__name__}({self.status!r}, {steps} steps, history of {rows} rows: "
+            f"{', '.join(self.history)})"
+        )
+
+
+def conclude(
+    summary: dict[str, Any], history: Mapping[str, FloatArray], results: Results | None,
+    options: Settings, comm: MPI.Intracomm,
+) -> Outcome:  # fmt: skip
+    """Add the headline results to a summary and write it, if there is a folder (collective).
+
+    The history is empty on other ranks than the first. What went wrong since the run has ended is
+    its status, if that was well until then.
+    """
+    faults = current()
+    if history and results is not None:
+        try:
+            summary["results"] = dict(results(history))
+        except FAILURES as error:
+            noted(f"results of case '{summary['case']}'", results, error)
+    _tell(summary, comm)
+    if options.output is not None and not folder_is_lost(comm):
+        with faults.files():
+            write_summary(options.output / "summary.json", summary, comm)
+    _tell(summary, comm)
+    outcome = Outcome(summary["status"], summary, history)
+    faults.outcome = outcome
+    return outcome
+
+
+def _tell(summary: dict[str, Any], comm: MPI.Intracomm) -> None:
+    """Let the status say what went wrong on a rank (collective)."""
+    error = agreed(current(), comm)
+    later = summary["status"] == "ok" or isinstance(error, FunctionError)
+    if error is not None and later and str(error) not in summary["status"]:
+        summary["status"] = str(error)
+
+
+def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
+    """Return the part of ``summary.json`` common to all analyses: sizes, counts and status."""
+    counters = system.counters
+    return {
+        "case": case,
+        "ranks": system.comm.size,
+        "unknowns": system.unknowns,
+        "multipliers": system.multipliers,
+        "shared_multipliers": system.constraints.shared_size,
+        "steps": 0,
+        "rejected_steps": 0,
+        "newton_iterations": counters.newton_iterations,
+        "factorizations": counters.factorizations,
+        "residual_evaluations": counters.residual_evaluations,
+        "status": reason,
+        "results": {},
+    }

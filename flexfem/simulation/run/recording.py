@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Results of a run: history, ParaView fields, progress."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Protocol
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._faults import current
+from flexfem._types import FloatArray
+from flexfem.core.state import State
+from flexfem.io.atomic import raise_together
+from flexfem.io.paraview.field_output import FieldOutput
+from flexfem.io.progress import Progress
+from flexfem.io.summary import remove_summary
+from flexfem.io.tables.history import AngleColumns, FolderLostError, HistoryWriter
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.options import Settings
+from flexfem.simulation.run.guard import agreed, refuse
+from flexfem.simulation.run.monitor import Monitor
+from flexfem.system.measure.probes import ProbeRecorder
+from flexfem.system.system import System
+
+__all__ = ["Recorder", "Records", "closing_table", "last_record"]
+
+#: Relative difference of times that are the same.
+_SAME = 1e-9
+
+
+def last_record(state: State, columns: int) -> FloatArray:
+    """Time and columns of the last record before a checkpoint.
+
+    Raises:
+        InputError: the checkpoint does not hold them.
+    """
+    row = state.values.get("history")
+    if row is None or row.shape != (1 + columns,) or not 0.0 <= row[0] < np.inf:
+        raise InputError(f"checkpoint: the last time and {columns} columns are missing")
+    return row
+
+
+class Records(Protocol):
+    """History, fields and progress of a run, as the run loop knows them."""
+
+    @property
+    def due(self) -> bool:
+        """This rank shows progress, and it is time for :meth:`show`."""
+
+    def show(self) -> None:
+        """Show progress with what is known of the accepted state (collective)."""
+
+    def state(self) -> State:
+        """Return the state the records go on from; the table is on disk first (collective).
+
+        Raises:
+            OSError: on all ranks; the disk does not take it.
+        """
+
+    def close(self) -> None:
+        """Write what is left (collective)."""
+
+    def history(self) -> dict[str, FloatArray]:
+        """Columns recorded so far, on the first rank."""
+
+    def release(self) -> None:
+        """Close the table with what it has, on this rank alone, after an unexpected error."""
+
+
+@contextmanager
+def closing_table(recorder: Records) -> Iterator[None]:
+    """Close the table of a run whatever ends it; other ranks may not know, so nobody is asked."""
+    try:
+        yield
+    finally:
+        recorder.release()
+
+
+class Recorder:
+    """History, fields and progress of one run."""
+
+    def __init__(
+        self, system: System, serial: NumberedModel, settings: Settings, every: int, end: float,
+        *, resume: State | None = None, unit: str = "s", measures: Sequence[str] = (),
+        varies: bool = False,
+    ) -> None:  # fmt: skip
+        """Open the files (collective).
+
+        Args:
+            system: whose accepted states are recorded.
+            serial: serial data of its model.
+            settings: where to write, and whether to show progress.
+            every: fields are written every that many steps.
+            end: time (s) or load factor at the end.
+            resume: what :meth:`state` returned where an earlier run is continued: its records up
+                to there are kept. None begins anew.
+            unit: of ``end``; empty for a load factor.
+            measures: columns that come with each record, before those of the probes.
+            varies: the size of the steps, which is shown then.
+
+        Raises:
+            InputError: a probe has a column of these names, or fails, or what the earlier run left
+                cannot be continued; it is left as it was.
+        """
+        self._system, self._every = system, every
+        self._probes = ProbeRecorder(system, serial)
+        self._columns = [*measures, *self._probes.columns]
+        taken = [name for name in measures if name in self._probes.columns]
+        if taken:
+            raise InputError(f"column '{taken[0]}' of a probe: the analysis has one of this name")
+        self._measures: list[FloatArray] = []  # of the records not yet flushed
+        self._angles = AngleColumns(self._columns, self._probes.unwrap)
+        self._rows: list[FloatArray] = []
+        self._time, self._h, self._varies = 0.0, 0.0, varies  # of the last record
+        self._unseen = True  # nothing was shown yet
+        self._measured, self._first_measure = np.empty(0), (*measures, "")[0]
+        self._faults = current()
+        self._probes.check(system.time)
+        refuse(self._faults, system.comm)
+        self._monitor = Monitor(system, serial.model, self._probes, moving=unit == "s")
+        self._table: HistoryWriter | None = None
+        self._fields: FieldOutput | None = None
+        self._broken = False  # the table lacks rows
+        row = np.zeros(1) if resume is None else last_record(resume, len(self._columns))
+        if resume is not None:
+            self._probes.restore(resume.values.get("sums", np.empty(0)))
+        start = None if resume is None else float(row[0])
+        if settings.output is not None:
+            # an InputError leaves everything as it was: the table is cut last
+            self._fields = FieldOutput(settings.output, system, serial, start)
+            self._table = HistoryWriter(
+                settings.output / "history.csv", self._columns, system.comm, resume=start
+            )
+        if resume is not None:
+            self._continue(row)
+        if settings.output is not None:
+            remove_summary(settings.output / "summary.json", system.comm)
+        quiet = settings.quiet or system.comm.rank != 0
+        self._progress = Progress(
+            end, not quiet, t_start=start or 0.0, unit=unit, how=settings.progress
+        )
+
+    def _continue(self, row: FloatArray) -> None:
+        """Go on after the rows of an earlier run, or begin with the state it left."""
+        self._time, self._angles.previous = float(row[0]), row[1:].copy()
+        comm, error = self._system.comm, None
+        if comm.rank == 0 and self._table is not None:
+            kept = self._table.kept
+            if len(kept) and kept[-1, 0] < row[0] * (1.0 - _SAME):
+                error = InputError(
+                    f"history of the output folder ends at t = {kept[-1, 0]:g} s, before the "
+                    f"checkpoint at t = {row[0]:g} s: it is that of another run"
+                )
+                self._table.close()
+            self._rows = list(kept)
+            if not len(kept):
+                self._table.write(row[0], row[1:])
+        if comm.rank == 0 and not self._rows:
+            self._rows = [row]
+        raise_together(comm, error)
+
+    def record(self, step: int, last: bool = False, measures: FloatArray | None = None) -> None:
+        """Note the accepted state of a step, and the measures that come with it."""
+        self._keep(measures)
+        due = step % self._every == 0 or last
+        if due or self._probes.full:  # the table is never behind the fields
+            self._flush()
+        if due:
+            self._write_fields(step)
+
+    def _write_fields(self, step: int) -> None:
+        """Write the accepted state, unless something has failed (collective)."""
+        if self._fields is not None and agreed(self._faults, self._system.comm) is None:
+            with self._faults.files():
+                self._fields.write(self._system.time, step)
+
+    @property
+    def due(self) -> bool:
+        """This rank shows progress, and it is time for :meth:`show`."""
+        return self._progress.due
+
+    def show(self) -> None:
+        """Show progress with what is known of the accepted state (collective)."""
+        begin, first = time.perf_counter(), self._unseen
+        words, self._unseen = self._monitor.words(), False
+        # the first time loads compiled code
+        self._show(words, 0.0 if first else time.perf_counter() - begin)
+
+    def _show(self, words: Sequence[str], cost: float = 0.0) -> None:
+        counters, own = self._system.counters, []
+        if self._varies and self._h:
+            own.append(f"step {self._h:.3g}")
+        if len(self._measured):
+            own.append(f"{self._first_measure} {self._measured[0]:.3g}")
+        self._progress.update(
+            self._time, counters.newton_iterations, counters.factorizations, [*own, *words], cost
+        )
+
+    def record_values(self, step: int, values: FloatArray) -> None:
+        """Note columns, given on the first rank, and the fields of the trial state."""
+        self._flush()
+        system = self._system
+        self._h, self._time = system.time - self._time, system.time
+        if system.comm.rank == 0:
+            row = self._angles.unwrap(values)
+            self._rows.append(np.concatenate([[system.time], row]))
+            if self._table is not None:
+                self._table.write(system.time, row)
+        if self._fields is not None:
+            self._fields.write(system.time, step)
+
+    def record_between(self, measures: FloatArray | None = None) -> None:
+        """Note the accepted state of a part of a step in the history."""
+        self._keep(measures)
+        if self._probes.full:
+            self._flush()
+
+    @property
+    def balances(self) -> bool:
+        """True if a probe records the balance of all energies."""
+        return self._probes.energies is not None
+
+    def follow(self) -> None:
+        """Take in the work up to an accepted state that is not recorded."""
+        self._probes.follow()
+
+    def record_last(self, step: int, measures: FloatArray | None = None) -> None:
+        """Note the state reached before a step that failed, which may lie within the step."""
+        system = self._system
+        system.reset()
+        system.interface.update()
+        system.constraints.accept()
+        if system.time > self._time:
+            self.record(step, last=True, measures=measures)
+        else:
+            self._write_fields(step - 1)
+
+    def state(self) -> State:
+        """Return the state the records go on from; the table is on disk first (collective).
+
+        No checkpoint is ever ahead of the table. Time and probes of the last record, angles
+        continued, are known to the first rank.
+
+        Raises:
+            OSError: on all ranks; the disk does not take it.
+        """
+        error: Exception | None = None
+        try:
+            self._flush()
+            if self._table is not None:
+                self._table.sync()
+        except OSError as exc:
+            error = exc
+        if self._broken:
+            error = self._faults.error
+        raise_together(self._system.comm, error)
+        row = self._rows[-1] if self._rows else np.empty(0)
+        return State({"history": row, "sums": self._probes.state()})
+
+    def _keep(self, measures: FloatArray | None) -> None:
+        now = self._system.time
+        self._h, self._time = now - self._time, now
+        self._measured = np.empty(0) if measures is None else measures
+        self._probes.record(self._system.time)
+        self._measures.append(self._measured)
+
+    def _flush(self) -> None:
+        own, self._measures = self._measures, []
+        for (t, values), measures in zip(self._probes.flush(), own, strict=False):
+            row = self._angles.unwrap(np.concatenate([measures, values]))
+            self._rows.append(np.concatenate([[t], row]))
+            self._write(t, row)
+        if self._table is not None and self._table.lost:
+            self._recover(self._table)
+
+    def _write(self, t: float, row: FloatArray) -> None:
+        """Append a row to the table, as long as the disk takes them."""
+        try:
+            if self._table is not None:
+                self._table.write(t, row)
+        except OSError as error:
+            self._faults.note(error)
+            self._broken = True
+            self._drop_table()
+
+    def _drop_table(self) -> None:
+        """Close the table, which gets no more rows; what the disk did not take is lost."""
+        table, self._table = self._table, None
+        with suppress(OSError):
+            if table is not None:
+                table.close()
+
+    def _recover(self, table: HistoryWriter) -> None:
+        """Write the table anew where it was removed; the run ends then."""
+        replaced = table.path.exists()
+        self._faults.note(FolderLostError(table.path.parent, replaced))
+        if replaced:
+            self._broken = True
+            self._drop_table()
+            return
+        with self._faults.files():
+            table.write_anew(self._rows)
+
+    def release(self) -> None:
+        """Close the table with what it has, on this rank alone, after an unexpected error."""
+        self._progress.close()
+        self._drop_table()
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._flush()
+        self._show(())
+        self._progress.close()
+        with self._faults.files():
+            if self._table is not None:
+                self._table.close()
+        with self._faults.files():
+            if self._fields is not None:
+                self._fields.close()
+
+    def history(self) -> dict[str, FloatArray]:
+        """Columns recorded so far, on the first rank."""
+        if not self._rows:
+            return {}
+        table = np.array(self._rows)
+        return dict(zip(["t", *self._columns], table.T.copy(), strict=True))

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Set-up of a run: the system of a model, with faults of the model as input errors."""
+
+from collections.abc import Callable
+
+from mpi4py import MPI
+
+from flexfem._checks import InputError
+from flexfem._faults import watched
+from flexfem.la.dropped import destroy_dropped
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.model.model import Model
+from flexfem.simulation.control.controls import Outputs, driven_model
+from flexfem.simulation.run.guard import refuse
+from flexfem.system.agreement import agreed
+from flexfem.system.build import build
+from flexfem.system.compile_beside import compile_beside
+from flexfem.system.memory import check_memory
+from flexfem.system.system import System
+
+__all__ = ["set_up"]
+
+
+def set_up(
+    model: Model, comm: MPI.Intracomm | None, split_above: int,
+    check: Callable[[NumberedModel], None] | None = None, outputs: Outputs | None = None,
+    kernels: str = "fast",
+) -> tuple[NumberedModel, System]:  # fmt: skip
+    """Serial data and system of a model (collective).
+
+    Args:
+        model: the model, the same on every rank.
+        comm: communicator, all ranks by default.
+        split_above: elements above which one beam may be split over ranks.
+        check: raises a ValueError for serial data that will not do.
+        outputs: of the model's controllers at a time (s); zero by default.
+        kernels: "fast" or "ufl", see ``flexfem.analyses.analysis.KERNELS``.
+
+    Raises:
+        InputError: a mistake in the model, or it differs between ranks (a ValueError).
+    """
+    comm = comm or MPI.COMM_WORLD
+    check_memory(model, comm)
+
+    def make() -> NumberedModel:
+        model.validate()
+        return NumberedModel(driven_model(model, outputs), kernels)
+
+    try:
+        serial = agreed(comm, make)
+        _check_functions(model, comm)
+        if check is not None:
+            check(serial)
+        destroy_dropped(comm)  # models that were built before
+        if comm.rank == 0:
+            compile_beside(comm.size)
+        return serial, build(serial, comm, split_above)
+    except ValueError as error:  # on every rank
+        raise InputError(str(error)) from error
+
+
+def _check_functions(model: Model, comm: MPI.Intracomm) -> None:
+    """Call the functions of loads once: where one fails, nothing is built yet (collective).
+
+    Raises:
+        InputError: names load and function; those of joints are called where these are made.
+    """
+    with watched() as faults:
+        for load in model.loads:
+            load.factor(0.0)
+    refuse(faults, comm)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Detection of spurious energy: growth of the energy balance, a sign of too large steps."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.model.model import Model
+from flexfem.model.probes.measured import EnergyProbe
+
+__all__ = ["energy_drift"]
+
+#: Part of the largest energy above which growth is reported. Sound runs stay below a quarter of
+#: this; what impacts and jumps make of coarse steps is some times as much.
+_PART = 0.02
+#: Energies, J, that are round-off.
+_NOTHING = 1e-12
+_ENERGIES = ("kinetic", "strain", "gravity", "work")
+
+
+def energy_drift(model: Model, history: Mapping[str, FloatArray]) -> list[str]:
+    """A line for each energy probe of the whole model whose balance has grown.
+
+    Args:
+        model: the model.
+        history: columns of the motion.
+    """
+    return list(_found(model, history)) if history else []
+
+
+def _found(model: Model, history: Mapping[str, FloatArray]) -> Iterator[str]:
+    for probe in model.probes:
+        if not isinstance(probe, EnergyProbe) or probe.bodies is not None:
+            continue
+        balance = history[f"{probe.name}_balance"]
+        largest = max(float(np.abs(history[f"{probe.name}_{e}"]).max()) for e in _ENERGIES)
+        gained = float(balance.max())
+        if not gained > max(_PART * largest, _NOTHING) or len(balance) < 2:
+            continue
+        jump = int(np.argmax(np.diff(balance))) + 1
+        yield (
+            f"spurious energy: the balance has grown by {gained:.3g} J ({probe.name}_balance) with "
+            f"energies of at most {largest:.3g} J, most of it at t = {history['t'][jump]:.4g} s; "
+            "reduce dt, or use smoother initial velocities, drives and contacts"
+        )

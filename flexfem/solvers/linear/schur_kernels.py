@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Compiled parts of the frozen solver: compliances, interface products, Schur complement entries.
+
+A body touches the interface through columns, one for each active component of each of its interface
+nodes. ``Z = A^-1 J^T`` holds the body's response to unit forces there, ``C = J Z`` its compliance.
+"""
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.constraints.rows.data import RowArrays
+from flexfem.kernels.compiled import kernel
+from flexfem.kernels.records import Float1D, Float2D, Int1D, Int2D, Memory, Record, unpack
+
+__all__ = [
+    "BodyColumns",
+    "interface_response",
+    "largest_entry",
+    "multiply_blocks",
+    "rigid_responses",
+    "row_products",
+    "schur",
+]
+
+
+class BodyColumns(Record):
+    """Bodies of one part with their columns, one body after the other.
+
+    Attributes:
+        width: unknowns of a node.
+        nodes: local nodes of the bodies.
+        node_start: (bodies + 1,) first of them of each body; likewise the other starts.
+        right: (n, 6) right-hand side of the nodes of the block, with the constraint forces.
+        columns: (c, 2) interface node and component of each column.
+        column_start: (bodies + 1,).
+        node_column: (nodes,) first column of each interface node within its body.
+        node_active: (nodes,) number of columns of each interface node.
+        sides: (k, 3) term, side and interface node of what acts on the bodies, equal interface
+            nodes side by side.
+        side_start: (bodies + 1,).
+        ranges: (j, 2) columns (first, end) that are acted on; a slider visits the others later.
+        range_start: (bodies + 1,).
+        responses: rows of ``A^-T J^T`` of all bodies, or nothing where another solve with the
+            factors costs less than they do.
+        response_start: (bodies + 1,).
+        compliances: matrices ``J A^-1 J^T``.
+        compliance_start: (bodies + 1,).
+        entries: of the Schur complement, pairs in the order (body, second side, first side).
+    """
+
+    width: int
+    nodes: Int1D
+    node_start: Int1D
+    right: Float2D
+    columns: Int2D
+    column_start: Int1D
+    node_column: Int1D
+    node_active: Int1D
+    sides: Int2D
+    side_start: Int1D
+    ranges: Int2D
+    range_start: Int1D
+    responses: Float1D
+    response_start: Int1D
+    compliances: Float1D
+    compliance_start: Int1D
+    entries: Float1D
+
+
+@kernel
+def interface_response(memory: Memory, y: FloatArray) -> None:
+    """``y = J A^-1 r`` of every body into nodes and components (n, 6) of the columns in use."""
+    own = unpack(BodyColumns, memory)
+    columns, ranges, responses = own.columns, own.ranges, own.responses
+    column_start, node_start = own.column_start, own.node_start
+    for b in range(node_start.size - 1):
+        first, count = column_start[b], column_start[b + 1] - column_start[b]
+        if count == 0:
+            continue
+        total = np.zeros(count)
+        at, begin, end = own.response_start[b], own.range_start[b], own.range_start[b + 1]
+        for n in range(node_start[b], node_start[b + 1]):
+            node = own.nodes[n]
+            for i in range(own.width):
+                force = own.right[node, i]
+                for k in range(begin, end):
+                    for c in range(ranges[k, 0], ranges[k, 1]):
+                        total[c] += force * responses[at + c]
+                at += count
+        for k in range(begin, end):
+            for c in range(ranges[k, 0], ranges[k, 1]):
+                y[columns[first + c, 0], columns[first + c, 1]] = total[c]
+
+
+@kernel
+def schur(memory: Memory, rows: Memory) -> None:
+    """Entries of ``G~ C G^T``: for every body, all pairs of the sides of terms that act on it.
+
+    G are the ``force_jacobian``, G~ the ``step_jacobian`` of ``RowArrays``.
+    """
+    own, terms = unpack(BodyColumns, memory), unpack(RowArrays, rows)
+    force_jacobian, step_jacobian = terms.force_jacobian, terms.step_jacobian
+    sides, side_start, column_start = own.sides, own.side_start, own.column_start
+    node_column, node_active = own.node_column, own.node_active
+    compliances, values = own.compliances, own.entries
+    at, most = 0, 0
+    for b in range(side_start.size - 1):
+        most = max(most, side_start[b + 1] - side_start[b])
+    steps, c = np.empty((6, most)), np.empty(6)
+    for b in range(side_start.size - 1):
+        begin, end = side_start[b], side_start[b + 1]
+        count, C = column_start[b + 1] - column_start[b], own.compliance_start[b]
+        for i in range(begin, end):
+            for k in range(6):
+                steps[k, i - begin] = step_jacobian[sides[i, 0], sides[i, 1], k]
+        for j in range(begin, end):
+            force = force_jacobian[sides[j, 0], sides[j, 1]]
+            first, active = node_column[sides[j, 2]], node_active[sides[j, 2]]
+            i = begin
+            while i < end:  # sides on one interface node after the other
+                node, run = sides[i, 2], i
+                while i < end and sides[i, 2] == node:
+                    i += 1
+                for k in range(6):
+                    c[k] = 0.0
+                    if k < node_active[node]:
+                        row = C + (node_column[node] + k) * count + first
+                        for m in range(active):
+                            c[k] += compliances[row + m] * force[m]
+                x, y, z, u, v, w = c
+                for n in range(run - begin, i - begin):
+                    values[at] = (
+                        steps[0, n] * x + steps[1, n] * y + steps[2, n] * z
+                        + steps[3, n] * u + steps[4, n] * v + steps[5, n] * w
+                    )  # fmt: skip
+                    at += 1
+
+
+@kernel
+def row_products(
+    rows: Memory, local_node: BoolArray, y: FloatArray, owned: FloatArray, row_values: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """``owned * row_values - G~ y`` of ``RowArrays`` over the nodes that this rank's bodies own."""
+    own = unpack(RowArrays, rows)
+    nodes, row_of_term, jacobian = own.term_nodes, own.row_of_term, own.step_jacobian
+    for r in range(out.size):
+        out[r] = owned[r] * row_values[r]
+    for t in range(row_of_term.size):
+        for side in range(2):
+            node = nodes[t, side]
+            if node >= 0 and local_node[node]:
+                total = 0.0
+                for k in range(6):
+                    total += jacobian[t, side, k] * y[node, k]
+                out[row_of_term[t]] -= total
+
+
+@kernel
+def multiply_blocks(inverses: FloatArray, residual: FloatArray, step: FloatArray) -> None:
+    """``step[i] = inverses[i] residual[i]`` for the first nodes of a block."""
+    for k in range(inverses.shape[0]):
+        for i in range(6):
+            total = 0.0
+            for j in range(6):
+                total += inverses[k, i, j] * residual[k, j]
+            step[k, i] = total
+
+
+@kernel
+def rigid_responses(memory: Memory, inverses: FloatArray) -> None:
+    """Responses and compliances of bodies with one node each."""
+    own = unpack(BodyColumns, memory)
+    columns, column_start = own.columns, own.column_start
+    responses, compliances = own.responses, own.compliances
+    for b in range(inverses.shape[0]):
+        first, count = column_start[b], column_start[b + 1] - column_start[b]
+        A, response, compliance = inverses[b], own.response_start[b], own.compliance_start[b]
+        for c in range(count):
+            component = columns[first + c, 1]
+            for i in range(6):
+                responses[response + i * count + c] = A[component, i]
+            for d in range(count):
+                compliances[compliance + c * count + d] = A[component, columns[first + d, 1]]
+
+
+@kernel
+def largest_entry(x: FloatArray) -> float:
+    """Largest absolute value, 0 if there is none; NaN stays."""
+    largest = 0.0
+    for value in x:
+        size = abs(value)
+        if size > largest or size != size:
+            largest = size
+    return largest

@@ -1,0 +1,375 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The consistent tangent as a block matrix (MATNEST), solved directly.
+
+``[[s (K + c C + m M) + H(L), G^T], [G, -compliance]]`` with H the derivative of the constraint
+forces; all blocks keep their pattern, so that only numbers are set in an iteration.
+"""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.la.direct import DirectSolver
+from flexfem.la.dropped import destroy_dropped
+from flexfem.la.nest import (
+    CoordinateMatrix,
+    block_indices,
+    create_nest_matrix,
+    create_nest_vector,
+)
+from flexfem.layout.tangent_request import TangentRequest
+from flexfem.system.mechanics import END_POINT, Mechanics
+from flexfem.system.system import BlockPart, PartStrains, Shifts, System
+
+__all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with_contacts"]
+
+
+#: Stiffness of unknowns that are held, with a mass of 1 kg: their frequency is above all others.
+_STIFF = 1e20
+
+
+class TangentSolver:
+    """Newton steps with a fresh matrix and a fresh factorisation each.
+
+    Attributes:
+        matrix: the nest of all blocks.
+        multiplier_step: (r,) multipliers' part of the last solution, for all rows of this rank.
+    """
+
+    def __init__(self, system: System) -> None:
+        """Create patterns of all blocks (collective)."""
+        self.system = system
+        sliding = system.constraints.lines.sliding
+        self._totals: list[PETSc.Mat] = []  # blocks with contacts
+        self._sliding: bool = system.comm.allreduce(sliding, op=MPI.LOR)
+        self._create()
+
+    def _create(self) -> None:
+        """Create patterns of all blocks for the nodes that joints act on now (collective)."""
+        system = self.system
+        comm, rows = system.comm, system.constraints
+        destroy_dropped(comm)  # older patterns
+        parts = system.parts
+        self._version = rows.lines.version
+        sizes = [p.block.sizes for p in parts]
+        if rows.size_global:
+            sizes.append((rows.owned_count, rows.size_global))
+        self._couplings = JointPattern(system)
+        self._grid = self._create_grid(sizes)
+        self.matrix = create_nest_matrix(
+            [[entry.mat for entry in line] for line in self._grid], comm
+        )
+        self._solver = DirectSolver(self.matrix, "tangent_")
+        self._rhs, self._solution = (create_nest_vector(sizes, comm) for _ in range(2))
+        # all rows of this rank from their owners
+        self._multipliers = PETSc.Vec().createSeq(rows.size)
+        if rows.size_global:
+            index = PETSc.IS().createGeneral(
+                rows.numbers.astype(PETSc.IntType), comm=PETSc.COMM_SELF
+            )
+            last = self._rhs.getNestSubVecs()[-1]
+            self._scatter = PETSc.Scatter().create(last, index, self._multipliers, None)
+
+    def _create_grid(self, sizes: list[tuple[int, int]]) -> list[list[CoordinateMatrix]]:
+        """Matrices of all blocks; ``sizes`` (local, global) of the parts, then of multipliers."""
+        comm, rows, parts = self.system.comm, self.system.constraints, self.system.parts
+        grid: list[list[CoordinateMatrix]] = []
+        for i, part in enumerate(parts):
+            line = []
+            for j in range(len(parts)):
+                row, column = self._couplings.pattern(i, j)
+                if i == j:
+                    own = part_pattern(part)
+                    row, column = np.concatenate([own[0], row]), np.concatenate([own[1], column])
+                line.append(CoordinateMatrix(comm, sizes[i], sizes[j], row, column))
+            grid.append(line)
+        if rows.size_global:
+            last, bottom = sizes[-1], []
+            for i, line in enumerate(grid):
+                unknown, multiplier = self._couplings.gradient(i)
+                line.append(CoordinateMatrix(comm, sizes[i], last, unknown, multiplier))
+                bottom.append(CoordinateMatrix(comm, last, sizes[i], multiplier, unknown))
+            held, pairs = rows.numbers[rows.owned_rows], rows.numbers[rows.coupled[self._coupled()]]
+            corners = np.concatenate([np.stack([held, held], axis=1), pairs])
+            corner = CoordinateMatrix(comm, last, last, corners[:, 0], corners[:, 1])
+            grid.append([*bottom, corner])
+        return grid
+
+    def _coupled(self) -> BoolArray:
+        """Return flags of the couplings between multipliers that this rank sets."""
+        rows = self.system.constraints
+        return rows.owned[rows.coupled[:, 0]] > 0.0
+
+    def assemble(
+        self, shifts: Shifts, strains: PartStrains | None = None, mechanics: Mechanics = END_POINT
+    ) -> None:
+        """Set the numbers of all blocks at the trial state (collective).
+
+        Args:
+            shifts: factors of the scheme.
+            strains: of each part, whose stresses count; None for the present ones.
+            mechanics: the equations.
+        """
+        system, rows = self.system, self.system.constraints
+        if self._sliding and system.comm.allreduce(self._version != rows.lines.version, op=MPI.LOR):
+            self._create()
+        owned = rows.owned
+        factor = owned * rows.multipliers * shifts.stiffness
+        hessians = mechanics.hessians(system, factor)
+        count, strains = len(system.parts), strains or system.present
+        for i, part in enumerate(system.parts):
+            for j in range(count):
+                values = [self._couplings.values(i, j, hessians)]
+                if i == j:
+                    request = shifts.request(strains[i])
+                    values.insert(0, part_values(system, part, shifts, request, mechanics))
+                self._grid[i][j].assemble(np.concatenate(values))
+            if rows.size_global:
+                forces = self._couplings.side_values(i, rows.force_jacobian)
+                steps = rows.step_jacobian if shifts.stiffness else rows.rigid_jacobian()
+                self._grid[i][count].assemble(forces)
+                self._grid[count][i].assemble(self._couplings.side_values(i, steps))
+        if rows.size_global:
+            own = rows.compliance[rows.owned_rows], rows.coupling[self._coupled()]
+            self._grid[count][count].assemble(-np.concatenate(own))
+        if system.contacts:
+            self._add_contacts(shifts)
+        self.matrix.assemble()
+
+    def _add_contacts(self, shifts: Shifts) -> None:
+        """Make the nest anew with the present contacts, whose pattern changes (collective)."""
+        parts = self.system.parts
+        entries = self.system.contacts[0].entries(shifts.scale * shifts.stiffness)
+        closed = any(len(values) for *_, values in entries.values())
+        touching = []
+        if self.system.comm.allreduce(closed, op=MPI.LOR):
+            touching = [i for i, part in enumerate(parts) if part.contacts is not None]
+        elif not self._totals:
+            return  # the nest may stay, and with it the order of elimination
+        mats = [[entry.mat for entry in line] for line in self._grid]
+        self._solver.reset()
+        self.matrix.destroy()
+        for old in self._totals:
+            old.destroy()
+        self._totals = []
+        for i in touching:
+            for j in touching:
+                mats[i][j] = with_contacts(parts[i], mats[i][j], shifts, parts[j])
+                self._totals.append(mats[i][j])
+        self.matrix = create_nest_matrix(mats, self.system.comm)
+
+    def diagonals(self) -> list[FloatArray]:
+        """(n_owned, width) diagonals of the blocks' own matrices as assembled last."""
+        return [
+            self._grid[i][i].mat.getDiagonal().getArray().reshape(-1, part.block.width)
+            for i, part in enumerate(self.system.parts)
+        ]
+
+    def row_sums(self) -> list[FloatArray]:
+        """(n_owned, width) sums of the sizes of the entries in each row, multipliers left out.
+
+        They are zero where unknowns are held.
+        """
+        every = []
+        for i, part in enumerate(self.system.parts):
+            total = np.zeros(part.block.sizes[0])
+            for j in range(len(self.system.parts)):
+                start, _, values = self.matrix.getNestSubMatrix(i, j).getValuesCSR()
+                row = np.repeat(np.arange(len(total)), np.diff(start))
+                total += np.bincount(row, np.abs(values), minlength=len(total))
+            every.append(part.block.hold(total.reshape(-1, part.block.width)))
+        return every
+
+    def add_at_nodes(self, values: list[FloatArray]) -> None:
+        """Add (n_owned, width, width) at the nodes of each block until it is assembled again."""
+        for i, (part, value) in enumerate(zip(self.system.parts, values, strict=True)):
+            nodes = np.arange(part.block.offset, part.block.offset + part.block.owned)
+            width = part.block.width
+            places = (width * nodes[:, np.newaxis] + np.arange(width)).astype(PETSc.IntType)
+            mat = self.matrix.getNestSubMatrix(i, i)  # with its contacts
+            mat.setValuesRCV(places, places, value, PETSc.InsertMode.ADD)
+            mat.assemble()
+        self.matrix.assemble()
+
+    def factor(self) -> bool:
+        """Factorise the assembled matrix; False when it is singular."""
+        return self._solver.factor(self.matrix)
+
+    def solve(self, residuals: list[FloatArray], values: FloatArray) -> bool:
+        """Solve ``matrix (dq, dL) = (residuals, values)`` into the blocks' steps.
+
+        Args:
+            residuals: (n_owned, width) right-hand side of each block.
+            values: (r,) right-hand side of this rank's rows (owned ones are used).
+
+        Returns:
+            True if the solution is finite; the multipliers' part is in :attr:`multiplier_step`.
+        """
+        rows, parts = self.system.constraints, self.system.parts
+        pieces = [p.block.hold(r).ravel() for p, r in zip(parts, residuals, strict=True)]
+        if rows.size_global:
+            pieces.append(values[rows.owned_rows])
+        for vec, piece in zip(self._rhs.getNestSubVecs(), pieces, strict=True):
+            vec.setArray(piece)
+        success = self._solver.solve(self._rhs, self._solution)
+        solutions = self._solution.getNestSubVecs()
+        for part, vec in zip(parts, solutions, strict=False):
+            part.block.owned_step[:] = vec.getArray(readonly=True).reshape(-1, part.block.width)
+        if rows.size_global:
+            self._scatter.scatter(solutions[-1], self._multipliers)
+        self.multiplier_step = np.array(self._multipliers.getArray(readonly=True))
+        return success
+
+    def step(
+        self, shifts: Shifts, strains: PartStrains | None = None, mechanics: Mechanics = END_POINT
+    ) -> tuple[bool, FloatArray]:
+        """One Newton step from the evaluated residuals: blocks' steps (to be subtracted).
+
+        Args:
+            shifts: factors of the scheme.
+            strains: as in :meth:`assemble`.
+            mechanics: the equations.
+
+        Returns:
+            Success, and the step of the multipliers (r,), to be subtracted.
+        """
+        self.assemble(shifts, strains, mechanics)
+        self.system.counters.factorizations += 1
+        if not self.factor():
+            return False, np.zeros(self.system.constraints.size)
+        blocks = [p.block.owned_residual for p in self.system.parts]
+        success = self.solve(blocks, self.system.constraints.values)
+        return success, self.multiplier_step
+
+    def again(self, values: FloatArray) -> bool:
+        """Blocks' steps for their residuals and given row values (r,), with the last factors."""
+        return self.solve([p.block.owned_residual for p in self.system.parts], values)
+
+
+def with_contacts(
+    part: BlockPart, matrix: PETSc.Mat, shifts: Shifts, other: BlockPart | None = None
+) -> PETSc.Mat:
+    """A part's own matrix with its contacts at the state evaluated last (collective).
+
+    With another part, the block of the part's rows and that one's columns.
+    """
+    assert part.contacts is not None
+    second = part if other is None else other
+    scale = shifts.scale * shifts.stiffness
+    rows, columns, values = part.contacts.entries(scale, second.kind)
+    block = part.block
+    own = CoordinateMatrix(block.comm, block.sizes, second.block.sizes, rows, columns)
+    own.assemble(values)
+    total = matrix.copy()
+    total.axpy(1.0, own.mat, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    own.mat.destroy()
+    return total
+
+
+def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
+    """Entries of a block's own matrix: cells, masses, forces."""
+    numbers, widths = part.block.global_ids, (part.block.width, part.block.width)
+    own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)
+    single = numbers[own][:, np.newaxis]
+    entries = [block_indices(single, single, widths)]
+    entries[:0] = [block_indices(numbers[i], numbers[j], widths) for i, j in part.couplings()]
+    if part.block.dirichlet is not None:
+        entries.append(2 * (_held_unknowns(part.block),))
+    return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
+
+
+def part_values(
+    system: System, part: BlockPart, shifts: Shifts, request: TangentRequest | None = None,
+    mechanics: Mechanics = END_POINT,
+) -> FloatArray:  # fmt: skip
+    """Values of the entries of ``part_pattern``.
+
+    Held unknowns have rows and columns of their own.
+
+    Args:
+        system: at the trial state.
+        part: whose matrix it is.
+        shifts: factors of the scheme.
+        request: of its elements, None for that of ``shifts`` at the present stresses.
+        mechanics: the equations.
+    """
+    width = part.block.width
+    at_nodes = mechanics.masses(system, part, shifts), mechanics.forces(system, part, shifts)
+    values = [matrices[:, :width, :width].ravel() for matrices in at_nodes]
+    if part.elements is not None:
+        values.insert(0, mechanics.cells(system, part, shifts, request or shifts.request()))
+    if part.block.dirichlet is None:
+        return np.concatenate(values)
+    every = np.concatenate(values)
+    every[part.dirichlet_entries] = 0.0
+    own = shifts.scale * (shifts.acceleration + _STIFF * shifts.stiffness)
+    return np.append(every, np.full(len(_held_unknowns(part.block)), own))
+
+
+def _held_unknowns(block: FrameBlock) -> IntArray:
+    """Global numbers of the held unknowns that this rank owns."""
+    assert block.dirichlet is not None
+    return block.width * block.offset + np.flatnonzero(block.dirichlet[: block.owned])
+
+
+class JointPattern:
+    """Places of the constraints' derivatives in the nest; owners of multipliers set them."""
+
+    def __init__(self, system: System) -> None:
+        """Find parts and numbers of all joints' nodes."""
+        rows, face = system.constraints, system.interface
+        self._widths = [part.block.width for part in system.parts]
+        padded = np.append(system.part_of_node, -1)  # interface node -1 is the ground
+        number = np.append(face.number, 0)
+        self._pair_owned = rows.pair_owned
+        self._pair_part, self._pair_number = padded[rows.pair_nodes], number[rows.pair_nodes]
+        self._term_owned = rows.owned[rows.row_of_term] > 0.0
+        self._term_part, self._term_number = padded[rows.term_nodes], number[rows.term_nodes]
+        self._term_multiplier = rows.numbers[rows.row_of_term]
+
+    def _pairs(self, i: int, j: int) -> list[tuple[int, int, IntArray]]:
+        """Sides (a, b) and pairs of markers with the node of a in part i, that of b in part j."""
+        return [
+            (a, b, np.flatnonzero(
+                self._pair_owned & (self._pair_part[:, a] == i) & (self._pair_part[:, b] == j)
+            ))
+            for a in range(2)
+            for b in range(2)
+        ]  # fmt: skip
+
+    def pattern(self, i: int, j: int) -> tuple[IntArray, IntArray]:
+        """Entries of block (i, j)."""
+        number, widths = self._pair_number, (self._widths[i], self._widths[j])
+        entries = [
+            block_indices(number[k, a][:, np.newaxis], number[k, b][:, np.newaxis], widths)
+            for a, b, k in self._pairs(i, j)
+        ]
+        return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
+
+    def values(self, i: int, j: int, hessians: FloatArray) -> FloatArray:
+        """Values of block (i, j) from the pairs' second derivatives (n_pairs, 12, 12)."""
+        blocks = hessians.reshape(-1, 2, 6, 2, 6)[:, :, : self._widths[i], :, : self._widths[j]]
+        return np.concatenate([blocks[k, a, :, b, :].ravel() for a, b, k in self._pairs(i, j)])
+
+    def _sides(self, i: int) -> list[tuple[int, IntArray]]:
+        return [
+            (side, np.flatnonzero(self._term_owned & (self._term_part[:, side] == i)))
+            for side in range(2)
+        ]
+
+    def gradient(self, i: int) -> tuple[IntArray, IntArray]:
+        """Entries (unknown, multiplier) of ``G^T`` in part i."""
+        unknowns, numbers, width = [], [], self._widths[i]
+        for side, t in self._sides(i):
+            first = width * self._term_number[t, side][:, np.newaxis]
+            unknowns.append((first + np.arange(width)).ravel())
+            numbers.append(np.repeat(self._term_multiplier[t], width))
+        return np.concatenate(unknowns), np.concatenate(numbers)
+
+    def side_values(self, i: int, jacobian: FloatArray) -> FloatArray:
+        """Values of ``gradient(i)`` from gradients (t, 2, 6) of the terms."""
+        width = self._widths[i]
+        return np.concatenate([jacobian[t, side, :width].ravel() for side, t in self._sides(i)])

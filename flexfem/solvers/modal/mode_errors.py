@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Error bounds of eigenpairs: their residuals, and round-off."""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.solvers.modal.pencil import Pencil
+from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
+
+__all__ = ["ZERO", "ComplexArray", "Solution", "square_errors", "square_noise"]
+
+ComplexArray = npt.NDArray[np.complex128]
+
+#: Residuals may be this much larger than the iteration's own estimates.
+_LOOSE = 10.0
+#: Errors up to so many estimates of the round-off are round-off, but not above this residual.
+_ROUNDED, _ROUGH = 10.0, 1e-5
+#: Eigenvalues below so many estimates of the round-off of their own stiffness are zero.
+ZERO = 1e3
+#: Residual of zeros, relative to the largest eigenvalue, that is always too large.
+_NEAR_ZERO = 1e-6
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Eigenpairs as they were found, nearest first.
+
+    Attributes:
+        values: (k,) lambda in the upper half plane or real, 1/s. Of undamped problems ``i omega``,
+            or real where ``omega^2`` is negative.
+        vectors: (k, n) of this rank's nodes.
+        zero: (k,) those that are zero for all that rounding lets one know.
+        errors: (k,) of ``lambda^2``, to first order, by the residuals, 1/s^2.
+        noise: (k,) estimate of the round-off in ``lambda^2``, 1/s^2.
+        missing: modes among those found that were not found; None where they cannot be counted.
+        uncounted: why they cannot, empty where they are counted.
+        shift: where the problem was inverted, 1/s.
+    """
+
+    values: ComplexArray
+    vectors: ComplexArray
+    zero: BoolArray
+    errors: FloatArray
+    noise: FloatArray
+    missing: int | None
+    uncounted: str
+    shift: complex
+
+    @property
+    def residuals(self) -> FloatArray:
+        """(k,) errors relative to the eigenvalues, those of zeros to the largest of all.
+
+        Infinite where nothing but zeros was found that have errors above round-off.
+        """
+        squares = np.abs(self.values) ** 2
+        scale = float(squares.max(initial=0.0, where=~self.zero))
+        size = np.where(self.zero, scale, squares)
+        known = size > 0.0
+        unknown = np.where(self.errors <= ZERO * self.noise, 0.0, np.inf)
+        return np.where(known, 0.5 * self.errors / np.where(known, size, 1.0), unknown)
+
+    def doubtful(self, accuracy: float) -> BoolArray:
+        """(k,) those whose errors are neither as small as asked for nor round-off."""
+        squares = np.abs(self.values) ** 2
+        softest = float(squares.min(initial=np.inf, where=~self.zero))
+        ratio = np.maximum(squares / softest, 1.0)
+        # one shift for all keeps so many digits; what is inverted has the noise of the softest
+        size = np.where(self.zero | (squares == 0.0), 1.0, squares)
+        rounded = _ROUNDED * (
+            np.finfo(float).eps * ratio.max(initial=1.0) + self.noise * ratio / size
+        )
+        asked = _LOOSE * np.where(self.zero, min(accuracy, _NEAR_ZERO), accuracy)
+        enough = np.maximum(asked, np.minimum(rounded, _ROUGH))
+        nothing = self.zero & (self.errors <= ZERO * self.noise)
+        found: BoolArray = (self.residuals > enough) & ~nothing
+        return found
+
+    @property
+    def zero_below(self) -> float:
+        """Eigenvalues below this modulus count as zero, 1/s."""
+        return float(np.sqrt((ZERO * self.noise + self.errors).max(initial=0.0)))
+
+    def scale(self, doubtful: BoolArray) -> float:
+        """Geometric mean of the first ones that are not zero, 1/s; zero if there are none.
+
+        Of the doubtful ones if there are any.
+        """
+        first = slice(len(doubtful))
+        chosen = (doubtful | ~doubtful.any()) & ~self.zero[first]
+        sizes = np.abs(self.values[first])[chosen]
+        return float(np.exp(np.log(sizes).mean())) if len(sizes) else 0.0
+
+
+def square_errors(
+    inverse: ShiftedInverse, values: ComplexArray, vectors: ComplexArray
+) -> FloatArray:
+    """Errors (k,) of ``lambda^2`` to first order, 1/s^2 (collective).
+
+    The residual of the problem itself, ``P(lambda) u``, is measured by the motion that it would
+    make at the shift, ``r = P(sigma)^-1 P(lambda) u``, in the norm of the mass: that of an error d
+    of an undamped eigenvalue is ``2 |lambda d| / |lambda^2 - sigma^2|``. Measured as a force, the
+    stiffest motions would hide those that bend softly.
+
+    Args:
+        inverse: at the shift.
+        values: (k,) lambda, 1/s.
+        vectors: (k, n) on this rank's nodes.
+    """
+    pencil, sigma = inverse.pencil, inverse.shift
+    M, C = pencil.matrices.mass, pencil.matrices.damping
+    rows, whole = [], []
+    for value, u in zip(values, vectors, strict=True):
+        if pencil.quadratic:
+            force = (value**2 - sigma**2) * inverse.times(M, u)
+            force += (value - sigma) * inverse.times(C, u)
+            rest = u + inverse.solve(force)
+        else:
+            rest = u.real + inverse.solve((value**2 - sigma**2).real * inverse.times(M, u.real))
+        rows.append(rest)
+        whole.append(u)
+    length = _mass_norms(pencil, np.array(rows, dtype=np.complex128).reshape(vectors.shape))
+    size = _mass_norms(pencil, vectors)
+    share = length / np.where(size > 0.0, size, 1.0)
+    found: FloatArray = np.where(size > 0.0, share, np.inf)
+    return found * np.abs(values - sigma) * (np.abs(values) + abs(sigma))
+
+
+def _mass_norms(pencil: Pencil, vectors: ComplexArray) -> FloatArray:
+    """(k,) square roots of ``u^H M u`` (collective)."""
+    moved = pencil.linearization.multiply(pencil.matrices.mass, vectors)
+    squares = pencil.linearization.total(np.einsum("ki,ki->k", vectors.conj(), moved))
+    found: FloatArray = np.sqrt(np.maximum(squares.real, 0.0))
+    return found
+
+
+def square_noise(pencil: Pencil, vectors: ComplexArray) -> FloatArray:
+    """Round-off (k,) in ``|lambda|^2``: that of sums in ``u^H K u``, over ``u^H M u``, 1/s^2."""
+    lin, K = pencil.linearization, pencil.matrices.stiffness
+    start, index, values = K.getValuesCSR()
+    sizes = PETSc.Mat().createAIJ(
+        (lin.sizes, lin.sizes), csr=(start, index, np.abs(values)), comm=lin.system.comm
+    )
+    absolute = np.abs(vectors).astype(np.complex128)
+    forces = lin.multiply(sizes, absolute, laws=sizes)
+    energy = lin.total(np.einsum("ki,ki->k", absolute, forces)).real
+    mass = _mass_norms(pencil, vectors) ** 2
+    noise: FloatArray = np.finfo(float).eps * energy / np.where(mass > 0.0, mass, 1.0)
+    return noise

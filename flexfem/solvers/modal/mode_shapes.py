@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""From eigenpairs to modes: zero frequencies, a basis that is unique, masses, comparison."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.lie import se3
+from flexfem.solvers.modal.linearization import Linearization
+from flexfem.solvers.modal.mode_errors import ComplexArray, Solution, square_errors
+from flexfem.solvers.modal.modes import solve_pencil
+from flexfem.solvers.modal.pencil import Pencil
+from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
+
+__all__ = ["Modes", "find"]
+
+#: Eigenvalues that agree to this are one with several vectors.
+_EQUAL = 1e-7
+#: Size of a real or imaginary part, of vectors of size one, that is round-off.
+_PART = 1e-3
+#: Share of the largest Gram eigenvalue below which vectors are dependent; vectors of a double zero
+#: come in nearly equal pairs, whose difference is the root of round-off.
+_DEPENDENT, _DEPENDENT_AT_ZERO = 1e-8, 1e-4
+#: Polynomial weights of the motions that order the vectors of one eigenvalue.
+_POWERS = 4
+#: The first motion with at least this share of the largest projection is taken.
+_LEADING = 0.5
+#: Eigenvalues computed beyond those asked for, so that the last one is complete.
+_MORE = 3
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Modes of a system about one state.
+
+    Attributes:
+        linearization: numbering of the unknowns.
+        eigenvalues: (k,) lambda in 1/s, Im >= 0; zero for rigid motions; by modulus.
+        shapes: (k, n) complex local twists of this rank's nodes (rigid bodies and beams in the
+            order of the parts; n counts numbers), ``u^H M u = 1``.
+        momenta: (k, n) M times the shapes.
+        masses: (k, 3) effective masses along the inertial axes, kg.
+        residuals: (k,) of the eigenvalues, relative, to first order what they are off by; those of
+            rigid motions relative to the largest eigenvalue.
+        doubtful: (k,) those whose residuals are neither as small as asked for nor round-off.
+        missing: number of modes nearer than the last that were not found, of rotating models
+            without those that are zero; None where they cannot be counted.
+        uncounted: why they cannot: damping, or a stiffness that is not symmetric or, under
+            rotation, not positive; empty where they are counted.
+        zero_below: angular frequencies below this count as zero, rad/s.
+        state_error: largest residual, of those that are neither zero nor doubtful, where the
+            equilibrium is one step of Newton's method more accurate; None unless it was looked at.
+        unsettled: it is neither as small as asked for nor round-off.
+    """
+
+    linearization: Linearization
+    eigenvalues: ComplexArray
+    shapes: ComplexArray
+    momenta: ComplexArray
+    masses: FloatArray
+    residuals: FloatArray
+    doubtful: BoolArray
+    missing: int | None
+    uncounted: str
+    zero_below: float
+    state_error: float | None = None
+    unsettled: bool = False
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """(k,) damped natural frequencies, Hz; zero where nothing oscillates."""
+        found: FloatArray = np.abs(self.eigenvalues.imag) / (2.0 * np.pi)
+        return found
+
+    @property
+    def damping(self) -> FloatArray:
+        """(k,) damping ratios ``-Re lambda / |lambda|``; zero for rigid motions."""
+        size = np.abs(self.eigenvalues)
+        ratio: FloatArray = 0.0 - self.eigenvalues.real / np.where(size > 0.0, size, 1.0)
+        return ratio
+
+    def __len__(self) -> int:
+        """Number of modes."""
+        return len(self.eigenvalues)
+
+    def first(self, count: int) -> "Modes":
+        """The first modes."""
+        return replace(
+            self, eigenvalues=self.eigenvalues[:count], shapes=self.shapes[:count],
+            momenta=self.momenta[:count], masses=self.masses[:count],
+            residuals=self.residuals[:count], doubtful=self.doubtful[:count],
+        )  # fmt: skip
+
+    def conjugate(self) -> "Modes":
+        """The conjugate solutions."""
+        return replace(
+            self, eigenvalues=self.eigenvalues.conj(), shapes=self.shapes.conj(),
+            momenta=self.momenta.conj(),
+        )  # fmt: skip
+
+    def correlation(self, other: "Modes") -> FloatArray:
+        """Mass-weighted modal assurance criterion (k, m) with modes of another state (collective).
+
+        ``|u^H M w|^2`` of normalised shapes (Allemang, Brown 1982): 1 where they are the same.
+        """
+        product = self.linearization.total(self.shapes.conj() @ other.momenta.T)
+        value: FloatArray = np.abs(product) ** 2
+        return value
+
+
+def find(
+    linearization: Linearization, count: int, target: float, accuracy: float,
+    improve: Callable[[], bool] | None = None,
+) -> Modes:  # fmt: skip
+    """Modes nearest to a frequency about the state of the last evaluation (collective).
+
+    Args:
+        linearization: evaluated at the state.
+        count: number of modes.
+        target: rad/s.
+        accuracy: relative residual of the eigenvalues.
+        improve: moves the system to a state that is nearer to its equilibrium, False if it cannot;
+            None looks at no other state.
+
+    Returns:
+        At most ``count`` modes; fewer if the iteration has found fewer.
+    """
+    pencil = Pencil.of(linearization)
+    solution = solve_pencil(pencil, count, _MORE, target, accuracy)
+    motions = _motions(linearization)
+    moved = _times(pencil, motions)
+    found: list[complex] = []
+    sources: list[int] = []
+    shapes: list[ComplexArray] = []
+    for value, members in _groups(solution):
+        real = not pencil.quadratic or value == 0.0
+        limit = _DEPENDENT_AT_ZERO if value == 0.0 else _DEPENDENT
+        basis = _canonical(pencil, solution.vectors[members], moved, real, limit)
+        shapes += list(basis)
+        found += [value] * len(basis)
+        sources += [int(members[np.argmax(solution.residuals[members])])] * len(basis)
+    order = np.argsort(np.abs(np.array(found) - 1j * target), kind="stable")[:count]
+    order = order[np.argsort(np.abs(np.array(found)[order]), kind="stable")]
+    kept = np.array(shapes, dtype=np.complex128).reshape(len(shapes), linearization.unknowns)[order]
+    worst = np.array(sources, dtype=np.int64)[order]  # of the members of each eigenvalue
+    part = linearization.total(kept.conj() @ moved[:3].T)
+    modes = Modes(
+        linearization, np.array(found)[order], kept, _times(pencil, kept), np.abs(part) ** 2,
+        solution.residuals[worst], solution.doubtful(accuracy)[worst], solution.missing,
+        solution.uncounted, solution.zero_below,
+    )  # fmt: skip
+    if improve is None:
+        return modes
+    settled = ~solution.zero[:count] & ~solution.doubtful(accuracy)[:count]
+    later = _later(linearization, solution, np.flatnonzero(settled), improve)
+    if later is None:
+        return replace(modes, state_error=np.inf, unsettled=True)
+    error = float(later.residuals.max(initial=0.0))
+    return replace(modes, state_error=error, unsettled=bool(later.doubtful(accuracy).any()))
+
+
+def _later(
+    linearization: Linearization, solution: Solution, used: IntArray, improve: Callable[[], bool]
+) -> Solution | None:
+    """Some of the eigenpairs with their errors in a better state (collective)."""
+    if not improve():
+        return None
+    values, vectors = solution.values[used], solution.vectors[used]
+    inverse = ShiftedInverse(Pencil.of(linearization), solution.shift)
+    return replace(
+        solution, values=values, vectors=vectors, zero=solution.zero[used],
+        errors=square_errors(inverse, values, vectors), noise=solution.noise[used],
+    )  # fmt: skip
+
+
+def _times(pencil: Pencil, shapes: ComplexArray) -> ComplexArray:
+    return pencil.linearization.multiply(pencil.matrices.mass, shapes)
+
+
+def _groups(solution: Solution) -> list[tuple[complex, IntArray]]:
+    """Equal eigenvalues, all zeros first, with the numbers of all their vectors."""
+    values, zero = solution.values, np.flatnonzero(solution.zero)
+    groups = [(0.0 + 0.0j, zero)] if len(zero) else []
+    left = np.flatnonzero(~solution.zero)
+    while len(left):
+        same = np.abs(values[left] - values[left[0]]) <= _EQUAL * np.abs(values[left[0]])
+        groups.append((complex(np.mean(values[left[same]])), left[same]))
+        left = left[~same]
+    return groups
+
+
+def _canonical(
+    pencil: Pencil, members: ComplexArray, moved: ComplexArray, real: bool, limit: float
+) -> ComplexArray:
+    """The basis of a span that is the same however the span was given.
+
+    The projections of fixed motions of the model onto the span, made orthonormal in the mass; they
+    fix order, sign and phase.
+    """
+    lin = pencil.linearization
+    if real:  # each as large as it is a part of its vector, of which one may be round-off
+        whole = lin.total(np.einsum("ki,ki->k", members.conj(), _times(pencil, members))).real
+        members = members[whole > 0.0] / np.sqrt(whole[whole > 0.0])[:, np.newaxis]
+        members = np.concatenate([members.real, members.imag]).astype(np.complex128)
+    gram = lin.total(members.conj() @ _times(pencil, members).T)
+    sizes = np.sqrt(np.abs(np.diag(gram)))
+    used = sizes > (_PART if real else 0.0)
+    members = members[used] / sizes[used, np.newaxis]
+    gram = gram[np.ix_(used, used)] / np.outer(sizes[used], sizes[used])
+    weights, turn = np.linalg.eigh(0.5 * (gram + gram.conj().T))
+    kept = weights > limit * weights.max(initial=0.0)
+    basis = (turn[:, kept] / np.sqrt(weights[kept])).T @ members
+    coefficients = lin.total(basis.conj() @ moved.T)
+    rows = []
+    for _ in range(len(basis)):
+        lengths = np.linalg.norm(coefficients, axis=0)
+        chosen = int(np.argmax(lengths >= _LEADING * lengths.max()))
+        direction = coefficients[:, chosen] / lengths[chosen]
+        rows.append(direction @ basis)
+        coefficients = coefficients - np.outer(direction, direction.conj() @ coefficients)
+    return np.array(rows)
+
+
+def _motions(linearization: Linearization) -> ComplexArray:
+    """Fixed motions (24, n): translations and rotations along the axes, weighted over space."""
+    system = linearization.system
+    blocks = [part.block for part in system.parts]
+    points = np.concatenate([se3.position(b.frames[: b.owned]) for b in blocks])
+    count = system.comm.allreduce(len(points))
+    centre = system.comm.allreduce(points.sum(axis=0)) / count
+    reach = float(np.max(np.linalg.norm(points - centre, axis=1), initial=0.0))
+    length = system.comm.allreduce(reach, op=MPI.MAX) or 1.0
+    place = (points - centre) @ np.array([1.0, 0.8, 0.6]) / length
+    motions = []
+    for power in range(_POWERS):
+        for axis in np.eye(6):
+            xi = np.concatenate([axis[:3] - np.cross(axis[3:], centre), axis[3:]])
+            local = [
+                (se3.adjoint(se3.inverse(b.frames[: b.owned])) @ xi)[:, : b.width] for b in blocks
+            ]
+            # a little of the next power: no weight is even or odd
+            weight = place**power + 0.3 * place ** (power + 1) if power else np.ones(len(place))
+            ends = np.cumsum([len(motion) for motion in local])[:-1]
+            motions.append(np.concatenate([
+                (share[:, np.newaxis] * motion).ravel()
+                for share, motion in zip(np.split(weight, ends), local, strict=True)
+            ]))  # fmt: skip
+    return np.array(motions, dtype=np.complex128)

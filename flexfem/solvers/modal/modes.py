@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Modes: solutions ``exp(lambda t) u`` of the linearised equations of motion.
+
+See :class:`~flexfem.solvers.modal.pencil.Pencil` for the problem. Without C it is linear in
+``lambda^2``. Multipliers make infinite eigenvalues, which the shift-and-invert transformation maps
+to zero, the end of the spectrum that is never looked at (Meerbergen, Spence 1997). Small problems
+are solved densely.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+from petsc4py import PETSc
+from slepc4py import SLEPc
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.la.dense import gather_rows
+from flexfem.solvers.modal.mode_count import missing_modes
+from flexfem.solvers.modal.mode_errors import (
+    ZERO,
+    ComplexArray,
+    Solution,
+    square_errors,
+    square_noise,
+)
+from flexfem.solvers.modal.pencil import Pencil
+from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
+
+__all__ = ["solve_pencil"]
+
+type _Found = tuple[ShiftedInverse, ComplexArray, ComplexArray]
+
+#: Unknowns and multipliers up to which every rank solves the problem densely: always, or when more
+#: than a quarter of all modes is asked for.
+_DENSE, _DENSE_FOR_MANY = 100, 400
+#: Least first shift of dense problems relative to the largest frequency, without a quadratic term.
+_DENSE_SHIFT = 1e-3
+#: Restarts of the iteration at the last shift that is tried, and at those before.
+_ITERATIONS, _FIRST = 500, 50
+#: Inverted eigenvalues of dense problems, times the largest frequency squared, that are not zero.
+_FINITE = 3e-3
+#: Shifts that are tried, and how the tolerance of the iteration falls from one to the next.
+_PASSES, _TIGHTER, _FINEST = 4, 1e-2, 1e-15
+#: The next shift where nothing but zeros is found.
+_LOWER = 1e-2
+#: Double zeros relative to the square of the shift.
+_DOUBLE = 1e-12
+#: Squares of vectors relative to the largest that are zero.
+_CONJUGATE = 1e-12
+
+
+def solve_pencil(
+    pencil: Pencil, count: int, more: int, target: float, accuracy: float
+) -> Solution:  # fmt: skip
+    """Eigenpairs nearest to a frequency, with their errors (collective).
+
+    Where residuals of the first ``count`` are too large, the problem is inverted anew at a distance
+    from zero that is that of these eigenvalues: what is far below the shift drowns in it. Where
+    modes are missing among those found, more are looked for.
+
+    Args:
+        pencil: the problem.
+        count: number of eigenvalues, conjugate pairs counted once, whose residuals matter.
+        more: number of eigenvalues beyond them.
+        target: rad/s.
+        accuracy: relative residual of the eigenvalues.
+    """
+    size = pencil.linearization.sizes[1]
+    dense = size <= _DENSE or (size <= _DENSE_FOR_MANY and 4 * (count + more) > size)
+    shift, tolerance = _first_shift(pencil, target, dense), accuracy
+    found: list[tuple[int, int, Solution]] = []
+    for k in range(_PASSES):
+        limits = tolerance, _FIRST if k < _PASSES - 1 else _ITERATIONS
+        solution = _solve(pencil, count + more, shift, limits, dense)
+        doubtful, lacking = solution.doubtful(accuracy)[:count], count - len(solution.values)
+        if not dense and lacking <= 0 and not doubtful.any():
+            missing, uncounted = missing_modes(pencil, solution, count, target)
+            solution = replace(solution, missing=missing, uncounted=uncounted)
+        bad = int(doubtful.sum()) + max(lacking, 0) + (solution.missing or 0)
+        found.append((bad, len(found), solution))
+        if bad == 0:
+            break
+        more += 2 * (solution.missing or 0)
+        if lacking <= 0:
+            tolerance = max(_TIGHTER * tolerance, _FINEST)
+        if target == 0.0 and (doubtful.any() or lacking > 0):
+            shift = complex(solution.scale(doubtful) or _LOWER * shift.real)
+    return min(found)[2]
+
+
+def _first_shift(pencil: Pencil, target: float, dense: bool) -> complex:
+    """Return the first shift: a little off the target, which may be an eigenvalue."""
+    if target > 0.0:
+        return 1j * target * (1.0 + 1e-7)
+    return complex(max(pencil.shift, _DENSE_SHIFT * pencil.fastest if dense else 0.0))
+
+
+def _solve(
+    pencil: Pencil, count: int, shift: complex, limits: tuple[float, int], dense: bool
+) -> Solution:  # fmt: skip
+    """Eigenpairs by one factorisation (collective)."""
+    if dense:
+        inverse, values, vectors = _solve_densely(pencil, abs(shift))
+    elif pencil.quadratic:
+        inverse, values, vectors = _solve_quadratic(pencil, 2 * count, shift, limits)
+    else:
+        inverse, values, vectors = _solve_linear(pencil, count, shift, limits)
+    keep = np.flatnonzero(values.imag >= 0.0)
+    distance = np.abs(values[keep] - 1j * shift.imag)
+    order = keep[np.argsort(distance, kind="stable")][:count]
+    values, vectors = values[order], vectors[order]
+    errors = square_errors(inverse, values, vectors)
+    noise, squares = square_noise(pencil, vectors), np.abs(values) ** 2
+    # double zeros are roots of round-off at the shift
+    zero = squares <= ZERO * noise + errors + _DOUBLE * abs(shift) ** 2
+    missing, uncounted = (0, "") if dense else (None, "not all modes are as accurate as asked for")
+    return Solution(values, vectors, zero, errors, noise, missing, uncounted, inverse.shift)
+
+
+def _roots(squares: npt.NDArray[Any]) -> ComplexArray:
+    """Upper half plane roots of ``lambda^2``, the growing one of two real roots."""
+    roots = np.sqrt(squares.astype(np.complex128) + 0.0)
+    return np.where(roots.imag < 0.0, -roots, roots)
+
+
+def _spectral(transformation: SLEPc.ST, inverse: ShiftedInverse) -> None:
+    """Shift-and-invert by what is factorised."""
+    transformation.setType(SLEPc.ST.Type.SINVERT)
+    transformation.setMatMode(SLEPc.ST.MatMode.SHELL)
+    ksp = transformation.getKSP()
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.PYTHON)
+    pc.setPythonContext(inverse)
+
+
+def _solve_linear(pencil: Pencil, count: int, shift: complex, limits: tuple[float, int]) -> _Found:
+    """Krylov-Schur in ``lambda^2``."""
+    inverse = ShiftedInverse(pencil, shift)
+    K, M = pencil.matrices.stiffness, pencil.matrices.mass
+    eps = SLEPc.EPS().create(comm=pencil.linearization.system.comm)
+    eps.setOptionsPrefix("modes_")
+    eps.setOperators(K, M)
+    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+    eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setTarget(-(shift**2).real)  # K u = omega^2 M u
+    eps.setDimensions(count, PETSc.DECIDE, PETSc.DECIDE)
+    eps.setTolerances(*limits)
+    _spectral(eps.getST(), inverse)
+    eps.setFromOptions()
+    eps.solve()
+    real, imaginary = K.createVecs()
+    values, vectors = [], []
+    for i in range(eps.getConverged()):
+        square = complex(eps.getEigenpair(i, real, imaginary))
+        values.append(-square.real)
+        vectors.append(real.getArray()[: pencil.linearization.unknowns].astype(np.complex128))
+    shape = len(values), pencil.linearization.unknowns  # some ranks have no unknowns
+    found = np.array(vectors, dtype=np.complex128).reshape(shape)
+    return inverse, _roots(np.array(values)), found
+
+
+class _Companion:
+    """``(A - B)^-1 B`` of ``A z = lambda B z``, ``z = (u, lambda u)``, time in units of the shift.
+
+    The multipliers are solved for and left out of z. Both halves of the result satisfy the
+    constraints if both halves of the argument do, so that infinite eigenvalues never show. (In a
+    companion form that keeps the multipliers in z they spoil the digits of the finite ones.)
+    Complex vectors have their real parts first, then their imaginary ones; every eigenvalue has its
+    conjugate then, of which :meth:`mode` tells one from the other.
+    """
+
+    def __init__(self, inverse: ShiftedInverse) -> None:
+        """Take the inverse at the shift."""
+        self.inverse, self.unit = inverse, abs(inverse.shift)
+        self.paired = inverse.shift.imag != 0.0
+        self.shift = inverse.shift / self.unit if self.paired else 1.0
+        self._count = inverse.pencil.linearization.unknowns
+
+    @property
+    def size(self) -> int:
+        """Numbers of this rank in a vector."""
+        return (4 if self.paired else 2) * self._count
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Apply it (collective)."""
+        given = self._split(x.getArray(readonly=True))
+        u, w = given[: self._count], given[self._count :]
+        matrices = self.inverse.pencil.matrices
+        rhs = self.unit * self.inverse.times(matrices.damping, u)
+        rhs += self.unit**2 * self.inverse.times(matrices.mass, self.shift * u + w)
+        found = -self.inverse.solve(rhs)
+        result = np.concatenate([found, u + self.shift * found])
+        y.setArray(np.concatenate([result.real, result.imag]) if self.paired else result)
+
+    def _split(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        if not self.paired:
+            return values
+        half = len(values) // 2
+        return values[:half] + 1j * values[half:]
+
+    def value(self, found: complex) -> complex:
+        """Lambda (1/s) of an eigenvalue of this operator."""
+        return self.unit * (self.shift + 1.0 / found)
+
+    def mode(self, vector: ComplexArray) -> ComplexArray:
+        """(n,) u of an eigenvector; zero if the eigenvalue is the conjugate of one."""
+        return np.asarray(self._split(vector)[: self._count], dtype=np.complex128)
+
+
+def _solve_quadratic(
+    pencil: Pencil, count: int, shift: complex, limits: tuple[float, int]
+) -> _Found:
+    """Krylov-Schur in ``1/(lambda - shift)``; conjugates are counted singly."""
+    lin, companion = pencil.linearization, _Companion(ShiftedInverse(pencil, shift))
+    everywhere = lin.system.comm.allreduce(companion.size)
+    operator = PETSc.Mat().createPython(
+        ((companion.size, everywhere), (companion.size, everywhere)),
+        companion,
+        comm=lin.system.comm,
+    )
+    operator.setUp()
+    eps = SLEPc.EPS().create(comm=lin.system.comm)
+    eps.setOptionsPrefix("modes_")
+    eps.setOperators(operator)
+    eps.setProblemType(SLEPc.EPS.ProblemType.NHEP)
+    eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+    eps.setDimensions(min(count, everywhere), PETSc.DECIDE, PETSc.DECIDE)
+    eps.setTolerances(*limits)
+    eps.setInitialSpace(_start(operator, companion, lin.system.comm.rank))
+    eps.setFromOptions()
+    eps.solve()
+    real, imaginary = operator.createVecs()
+    values, vectors = [], []
+    for i in range(eps.getConverged()):
+        found = complex(eps.getEigenpair(i, real, imaginary))
+        whole = real.getArray().astype(np.complex128)
+        if found.imag != 0.0:
+            whole += 1j * imaginary.getArray()
+        values.append(companion.value(found))
+        vectors.append(companion.mode(whole))
+    return companion.inverse, *_proper(pencil, values, vectors)
+
+
+def _start(operator: PETSc.Mat, companion: _Companion, rank: int) -> PETSc.Vec:
+    """Any vector that satisfies the constraints."""
+    start = operator.createVecRight()
+    start.setArray(np.random.default_rng(rank).normal(size=companion.size))
+    image = start.duplicate()
+    for _ in range(2):
+        operator.mult(start, image)
+        start, image = image, start
+    return start
+
+
+def _proper(
+    pencil: Pencil, values: list[complex], vectors: list[ComplexArray]
+) -> tuple[ComplexArray, ComplexArray]:
+    """Leave out conjugates of eigenvalues, whose vectors are zero."""
+    shape = len(values), pencil.linearization.unknowns
+    found = np.array(vectors, dtype=np.complex128).reshape(shape)
+    sizes = pencil.linearization.total(np.einsum("ki,ki->k", found.conj(), found)).real
+    own = sizes > _CONJUGATE * sizes.max(initial=0.0)
+    return np.array(values, dtype=np.complex128)[own], found[own]
+
+
+def _solve_densely(pencil: Pencil, shift: float) -> _Found:
+    """All finite eigenvalues by the same inverses, alike on every rank."""
+    lin = pencil.linearization
+    K, C, M = (
+        gather_rows(mat)
+        for mat in (pencil.matrices.stiffness, pencil.matrices.damping, pencil.matrices.mass)
+    )
+    kinds = np.zeros(lin.size, dtype=np.int64)
+    kinds[lin.unknowns :] = 1
+    nodal = np.concatenate(lin.system.comm.allgather(kinds)) == 0
+    if pencil.quadratic:
+        values, reduced = _dense_quadratic(K, C, M, nodal, shift, pencil.fastest)
+    else:
+        values, reduced = _dense_linear(K, M, nodal, shift, pencil.fastest)
+    first = lin.system.comm.scan(lin.unknowns) - lin.unknowns
+    vectors = reduced.T[:, first : first + lin.unknowns].copy()
+    return ShiftedInverse(pencil, complex(shift)), values, vectors
+
+
+def _dense_linear(
+    K: FloatArray, M: FloatArray, nodal: BoolArray, shift: float, fastest: float
+) -> tuple[ComplexArray, ComplexArray]:
+    """Finite eigenvalues and vectors (n, k) of ``lambda^2 M + K``, both symmetric.
+
+    Inverted, since the lowest frequencies would drown in the round-off of the highest; the shift is
+    larger than elsewhere, since the inverse of rigid motions hides that of the others.
+    """
+    inverse = np.linalg.inv(K + shift**2 * M)[np.ix_(nodal, nodal)]
+    weights, turn = np.linalg.eigh(M[np.ix_(nodal, nodal)])
+    root = turn * np.sqrt(np.maximum(weights, 0.0))
+    half = root.T @ inverse @ root
+    found, vectors = np.linalg.eigh(0.5 * (half + half.T))
+    finite = np.abs(found) * fastest**2 > _FINITE
+    columns = inverse @ (root @ vectors[:, finite])
+    return _roots(shift**2 - 1.0 / found[finite]), columns.astype(np.complex128)
+
+
+def _dense_quadratic(
+    K: FloatArray, C: FloatArray, M: FloatArray, nodal: BoolArray, unit: float, fastest: float
+) -> tuple[ComplexArray, ComplexArray]:
+    """Finite eigenvalues and vectors (n, k) of the quadratic problem, see :class:`_Inverse`."""
+    n = int(nodal.sum())
+    mass, first = unit * unit * M, unit * C + unit * unit * M
+    inverse = np.linalg.inv(K + first)[nodal]
+    by_u, by_w = -inverse @ first[:, nodal], -inverse @ mass[:, nodal]
+    found, vectors = np.linalg.eig(np.block([[by_u, by_w], [by_u + np.eye(n), by_w]]))
+    # eigenvalues of constraints come in defective pairs, which round-off moves by its root
+    finite = np.abs(found) * fastest > 1e-3 * unit
+    values = (unit * (1.0 + 1.0 / found[finite])).astype(np.complex128)
+    return values, vectors[:n, finite].astype(np.complex128)

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Quadratic eigenvalue problem of the linearised equations of motion.
+
+``(lambda^2 M + lambda C + K) u + G^T mu = 0, G u = 0`` with the matrices of ``linearization``.
+"""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.solvers.modal.linearization import Linearization, Matrices
+
+__all__ = ["Pencil"]
+
+#: The first shift relative to the largest frequency: far above round-off.
+_SHIFT = 1e-6
+#: The same for quadratic problems, whose double zeros are roots of round-off.
+_QUADRATIC_SHIFT = 1e-5
+#: Asymmetry of the stiffness, relative, that is round-off.
+_ASYMMETRY = 1e-12
+#: The same of a symmetric part beside a skew one.
+_DISSIPATION = 1e-12
+
+
+@dataclass(frozen=True)
+class Pencil:
+    """Properties of an eigenproblem that are known before it is solved.
+
+    Attributes:
+        linearization: numbering of the unknowns.
+        matrices: at the state.
+        damped: there is a term in lambda: the problem is quadratic.
+        symmetric: the stiffness is symmetric.
+        gyroscopic: the term in lambda is skew: it does no work.
+        fastest: estimate of the largest frequency, rad/s.
+    """
+
+    linearization: Linearization
+    matrices: Matrices
+    damped: bool
+    symmetric: bool
+    gyroscopic: bool
+    fastest: float
+
+    @classmethod
+    def of(cls, linearization: Linearization) -> "Pencil":
+        """The problem at the state of the last evaluation (collective)."""
+        matrices = linearization.matrices()
+        K, C, M = matrices.stiffness, matrices.damping, matrices.mass
+        _hold(linearization, matrices)
+        damped = C.norm(PETSc.NormType.FROBENIUS) > 0.0
+        symmetric = _turned(K, -1.0) <= _ASYMMETRY
+        gyroscopic = damped and _turned(C, 1.0) <= _DISSIPATION
+        count = linearization.unknowns
+        k, m = (mat.getDiagonal().getArray()[:count] for mat in (K, M))
+        k = np.abs(k) + _spring_diagonal(linearization, K)
+        held = m > 0.0
+        own = float(np.max(k[held] / m[held], initial=0.0))
+        fastest = max(linearization.system.comm.allgather(own)) ** 0.5
+        return cls(linearization, matrices, damped, symmetric, gyroscopic, fastest or 1.0)
+
+    @property
+    def shift(self) -> float:
+        """Distance from zero at which the problem is inverted first, 1/s."""
+        return self.fastest * (_QUADRATIC_SHIFT if self.quadratic else _SHIFT)
+
+    @property
+    def quadratic(self) -> bool:
+        """It is not linear in ``lambda^2`` with symmetric matrices."""
+        return self.damped or not self.symmetric
+
+
+def _turned(matrix: PETSc.Mat, sign: float) -> float:
+    """Norm of ``A^T + sign A`` relative to that of A (collective)."""
+    turned = matrix.copy()
+    turned.transpose()
+    turned.axpy(sign, matrix)
+    size = matrix.norm(PETSc.NormType.FROBENIUS)
+    return float(turned.norm(PETSc.NormType.FROBENIUS) / size) if size > 0.0 else 0.0
+
+
+def _hold(linearization: Linearization, matrices: Matrices) -> None:
+    """Give unknowns that are held no mass: their frequencies are infinite, as those of rows."""
+    masks = [
+        np.zeros(p.block.sizes[0], dtype=np.bool_)
+        if p.block.dirichlet is None
+        else p.block.dirichlet[: p.block.owned].ravel()
+        for p in linearization.system.parts
+    ]
+    if all(p.block.dirichlet is None for p in linearization.system.parts):
+        return
+    held = np.concatenate([np.empty(0, dtype=np.bool_), *masks])
+    for matrix, value in (
+        (matrices.stiffness, 1.0),
+        (matrices.damping, 0.0),
+        (matrices.mass, 0.0),
+    ):
+        diagonal = matrix.getDiagonal()
+        diagonal.getArray()[: len(held)][held] = value
+        matrix.setDiagonal(diagonal)
+
+
+def _spring_diagonal(linearization: Linearization, K: PETSc.Mat) -> FloatArray:
+    """Diagonal of what rows with force laws add to the stiffness of this rank's nodes."""
+    start, index, values = K.getValuesCSR()
+    squares = PETSc.Mat().createAIJ(
+        (linearization.sizes, linearization.sizes), csr=(start, index, values**2), comm=K.comm
+    )
+    soft = linearization.softness()
+    x, y = linearization.vector(), linearization.vector()
+    x.setArray(np.where(soft > 0.0, 1.0 / np.where(soft > 0.0, soft, 1.0), 0.0))
+    squares.mult(x, y)
+    found: FloatArray = y.getArray()[: linearization.unknowns].copy()
+    return found

@@ -1,0 +1,373 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Equilibria at rest and in steady rotation about a fixed axis.
+
+A body that rotates steadily has a constant twist ``xi`` in inertial axes; its nodes have the local
+twists ``v = Ad(H^-1) xi``, which do not change with time, so that ``w = 0`` and the configuration
+solves ``r(H, v(H), 0) + G^T lambda = 0`` with the tangent ``K + C ad_v`` (relative equilibrium;
+Simo, Lewis, Marsden 1991). Rest is the rotation of speed zero.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.la.direct import DirectSolver
+from flexfem.lie import se3, so3
+from flexfem.model.model import Model
+from flexfem.solvers.modal.linearization import Linearization, Matrices
+from flexfem.system.system import System
+
+__all__ = [
+    "Rotation",
+    "check_steadiness",
+    "constraint_solver",
+    "find_equilibrium",
+    "hold",
+    "improve_equilibrium",
+    "set_spin",
+]
+
+#: Largest step (m, rad) after which the iteration has converged; quadratic convergence makes the
+#: error far smaller.
+_CONVERGED = 1e-8
+#: Steps below this that no longer shrink are round-off.
+_STAGNANT = 1e-5
+_ITERATIONS = 30
+_HALVINGS = 8
+#: Change of a joint's coordinate (m, rad) under a turn that says that the joint forbids it.
+_TURNED = 1e-6
+#: Turns at which joints are looked at, rad: no fraction of a symmetry.
+_TURNS = (0.7, 1.9)
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """A steady rotation.
+
+    Attributes:
+        spin: rad/s.
+        axis: unit vector, inertial axes.
+        centre: a point on the axis, m.
+    """
+
+    spin: float
+    axis: FloatArray
+    centre: FloatArray
+
+    @property
+    def unit_twist(self) -> FloatArray:
+        """Twist (6,) in inertial axes of the rotation with 1 rad/s."""
+        return np.concatenate([np.cross(self.centre, self.axis), self.axis])
+
+    def at(self, fraction: float) -> "Rotation":
+        """The same with a fraction of the spin."""
+        return Rotation(fraction * self.spin, self.axis, self.centre)
+
+
+def set_spin(system: System, rotation: Rotation) -> None:
+    """Give every node the local twist of the rotation, without acceleration."""
+    for part in system.parts:
+        back = se3.adjoint(se3.inverse(part.block.frames))
+        part.block.velocity[:] = rotation.spin * (back @ rotation.unit_twist)
+        part.block.acceleration[:] = 0.0
+
+
+def hold(linearization: Linearization) -> bool:
+    """Find the multipliers at the present state (collective); False if the matrix is singular.
+
+    ``[[M, G^T], [G, 0]] (w, dlambda) = -(r, 0)``: in an equilibrium w is zero and these are the
+    joint forces; elsewhere they are those at the beginning of the motion.
+    """
+    system = linearization.system
+    residual = linearization.evaluate(np.zeros(system.constraints.size))
+    matrices = linearization.matrices()
+    residual[linearization.unknowns :] = 0.0
+    solution = constraint_solver(linearization, matrices, matrices.mass)(residual)
+    if solution is None:
+        return False
+    linearization.evaluate(-linearization.rows_of(solution))
+    return True
+
+
+def constraint_solver(
+    linearization: Linearization, matrices: Matrices, weight: PETSc.Mat | None
+) -> Callable[[FloatArray], PETSc.Vec | None]:
+    """Solver of ``[[W, G^T], [G, 0]] x = b``, which returns None if it is singular (collective).
+
+    Args:
+        linearization: numbering of the unknowns.
+        matrices: whose stiffness has G.
+        weight: W, None for the unit matrix.
+    """
+    nodes, rows, others = (linearization.vector() for _ in range(3))
+    held = linearization.held()
+    index = np.zeros(linearization.size)
+    index[: linearization.unknowns] = 1.0
+    rows.setArray(held)
+    nodes.setArray(index)
+    others.setArray(1.0 - index - held)  # rows with force laws stay out
+    matrix, upper = matrices.stiffness.copy(), matrices.stiffness.copy()
+    matrix.diagonalScale(rows, None)
+    upper.diagonalScale(nodes, rows)
+    matrix.axpy(1.0, upper)
+    matrix.setDiagonal(others, PETSc.InsertMode.ADD)
+    if weight is None:
+        matrix.setDiagonal(nodes, PETSc.InsertMode.ADD)
+    else:
+        matrix.axpy(1.0, weight)
+    return _solver(linearization, matrix)
+
+
+def _solver(
+    linearization: Linearization, matrix: PETSc.Mat
+) -> Callable[[FloatArray], PETSc.Vec | None]:
+    """Factorise once; what is returned solves, or returns None if the matrix is singular."""
+    solver = DirectSolver(matrix, "equilibrium_")
+    regular = solver.factor(matrix)
+
+    def solve(rhs: FloatArray) -> PETSc.Vec | None:
+        if not regular:
+            return None
+        b, x = linearization.vector(), linearization.vector()
+        b.setArray(rhs)
+        return x if solver.solve(b, x) and np.isfinite(x.norm()) else None
+
+    return solve
+
+
+def find_equilibrium(
+    linearization: Linearization, rotation: Rotation, upright: Callable[[], bool]
+) -> Status:
+    """Move the system from its present state to the equilibrium (collective).
+
+    Starts from the present configuration with all loads and the whole spin; where Newton's method
+    fails, or finds what no body can be, loads and spin grow in steps, each half as large as the
+    last failed one.
+
+    Args:
+        linearization: of the system.
+        rotation: the spin, zero at rest.
+        upright: returns True if no element is inverted in the present state (collective).
+    """
+    system = linearization.system
+    frames = [part.block.frames.copy() for part in system.parts]
+    gravity, factors = system.gravity.copy(), system.factors.copy()
+    multipliers: FloatArray | None = None
+    reached, step = 0.0, 1.0
+    status = Status.OK
+    while reached < 1.0:
+        goal = min(1.0, reached + step)
+        system.gravity[:], system.factors[:] = goal * gravity, goal * factors
+        status, found = _newton(linearization, rotation.at(goal), multipliers)
+        if status is Status.OK and not upright():
+            status = Status.INSIDE_OUT
+        if status is Status.OK:
+            reached, multipliers = goal, found
+            frames = [part.block.frames.copy() for part in system.parts]
+            continue
+        step *= 0.5
+        for part, kept in zip(system.parts, frames, strict=True):
+            part.block.frames[:] = kept
+        if step < 0.5**_HALVINGS:
+            break
+    system.gravity[:], system.factors[:] = gravity, factors
+    _accept(
+        linearization, rotation,
+        np.zeros(system.constraints.size) if multipliers is None else multipliers,
+    )  # fmt: skip
+    return status
+
+
+def improve_equilibrium(linearization: Linearization, rotation: Rotation) -> bool:
+    """Take one more step of Newton's method from an equilibrium that was found (collective).
+
+    Returns:
+        Whether it could be taken: the matrix is regular and the step finite.
+    """
+    largest, multipliers = _step(linearization, rotation, linearization.multipliers)
+    if largest is None or not np.isfinite(largest):
+        return False
+    _accept(linearization, rotation, multipliers)
+    return True
+
+
+def _accept(linearization: Linearization, rotation: Rotation, multipliers: FloatArray) -> None:
+    """Evaluate the state that was reached, and remember it (collective)."""
+    system = linearization.system
+    set_spin(system, rotation)
+    linearization.evaluate(multipliers)
+    for part in system.parts:
+        part.block.frames0[:] = part.block.frames
+    system.constraints.accept()
+    system.constraints.forces[:] = linearization.multipliers
+
+
+def _newton(
+    linearization: Linearization, rotation: Rotation, multipliers: FloatArray | None
+) -> tuple[Status, FloatArray | None]:
+    """Newton's method from the present configuration; status and multipliers."""
+    system = linearization.system
+    previous = np.inf
+    if multipliers is None:  # mechanisms are held by the forces in their joints alone
+        set_spin(system, rotation)
+        if not hold(linearization):
+            return Status.SINGULAR, None
+        multipliers = linearization.multipliers
+    for _ in range(_ITERATIONS):
+        largest, multipliers = _step(linearization, rotation, multipliers)
+        if largest is None:
+            return Status.SINGULAR, multipliers
+        if not np.isfinite(largest):
+            return Status.DIVERGED, multipliers
+        if largest <= _CONVERGED or (largest <= _STAGNANT and largest > 0.5 * previous):
+            return Status.OK, multipliers
+        previous = largest
+    return Status.NOT_CONVERGED, multipliers
+
+
+def _step(
+    linearization: Linearization, rotation: Rotation, multipliers: FloatArray
+) -> tuple[float | None, FloatArray]:
+    """One step of Newton's method: its size (m, rad), None if singular, and new multipliers."""
+    set_spin(linearization.system, rotation)
+    residual = linearization.evaluate(multipliers)
+    matrices = linearization.matrices()
+    solution = _solver(linearization, _fixed(linearization, matrices, rotation))(residual)
+    if solution is None:
+        return None, multipliers
+    steps = [-s for s in linearization.split(solution.getArray())]
+    mine = max((float(np.abs(s).max(initial=0.0)) for s in steps), default=0.0)
+    largest = float(linearization.system.comm.allreduce(mine, op=MPI.MAX))
+    if not np.isfinite(largest):
+        return largest, multipliers
+    linearization.move([_limited(s, largest) for s in steps])
+    return largest, multipliers - linearization.rows_of(solution)
+
+
+def _limited(step: FloatArray, largest: float) -> FloatArray:
+    """A step shortened so that no node turns by more than about a radian."""
+    return step if largest <= 1.0 else step / largest
+
+
+def _fixed(
+    linearization: Linearization, matrices: Matrices, rotation: Rotation
+) -> PETSc.Mat:  # fmt: skip
+    """The stiffness, made regular where the model may turn about the axis or slide along it.
+
+    Such a motion changes no force, so that a spring against it on one node, unstretched in the
+    present state, picks one of the equal solutions and leaves the others' forces at zero.
+    """
+    matrix = matrices.stiffness
+    slide = np.concatenate([rotation.axis, np.zeros(3)])
+    motions = [rotation.unit_twist, slide] if rotation.spin != 0.0 else []
+    free = [xi for xi in motions if _is_free(linearization, xi)]
+    if not free:
+        return matrix
+    matrix = matrix.copy()
+    diagonal = matrix.getDiagonal()
+    size = diagonal.norm(PETSc.NormType.NORM_INFINITY) or 1.0
+    if linearization.system.comm.rank == _first_rank(linearization):
+        block = linearization.system.parts[0].block
+        for xi in free:
+            # the node farthest from the axis is turned the most
+            t = (se3.adjoint(se3.inverse(block.frames[: block.owned])) @ xi)[:, : block.width]
+            node = int(np.argmax(np.linalg.norm(t[:, :3], axis=1)))
+            n = t[node] / np.linalg.norm(t[node])
+            at = matrix.getOwnershipRange()[0] + block.width * node + np.arange(block.width)
+            matrix.setValues(
+                at.astype(PETSc.IntType), at.astype(PETSc.IntType), size * np.outer(n, n),
+                PETSc.InsertMode.ADD,
+            )  # fmt: skip
+    matrix.assemble()
+    return matrix
+
+
+def _first_rank(linearization: Linearization) -> int:
+    """The first rank that has nodes of the first part."""
+    comm = linearization.system.comm
+    mine = comm.rank if linearization.system.parts[0].block.owned else comm.size
+    first: int = comm.allreduce(mine, op=MPI.MIN)
+    return first
+
+
+def _is_free(linearization: Linearization, xi: FloatArray) -> bool:
+    """No row of a joint and no load stands against a rigid motion of the whole model."""
+    system, rows = linearization.system, linearization.system.constraints
+    rates = rows.changes(se3.adjoint(se3.inverse(system.interface.frames)) @ xi)
+    largest = float(np.abs(rates).max(initial=0.0))
+    return bool(system.comm.allreduce(largest, op=MPI.MAX) < _TURNED)
+
+
+def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
+    """Raise where the model cannot rotate steadily about the axis (collective).
+
+    Drives may stand against the rotation: they are taken as turning with it.
+
+    Raises:
+        InputError: gravity, a dead load or a joint to the ground is not the same after a turn.
+    """
+    if model.gravity is not None and _across(model.gravity.acceleration, rotation.axis):
+        raise InputError(f"{model!r}: gravity is not along {_line(rotation)}, no steady rotation")
+    for load, factor in zip(model.loads, system.factors, strict=True):
+        if factor != 0.0 and not load.follower and (
+            not load.uniform or any(_across(vector, rotation.axis) for vector in load.wrench)
+        ):  # fmt: skip
+            owner = f'{type(load).__name__} "{load.name}"'
+            raise InputError(f"{owner}: a dead load across {_line(rotation)}, no steady rotation")
+    found = _standing(system, rotation)
+    if found is not None:
+        owner, change = found
+        raise InputError(
+            f"{owner}: does not let the model turn about {_line(rotation)}, "
+            f"which changes the joint by {change:.3g}"
+        )
+
+
+def _across(vector: FloatArray, axis: FloatArray) -> bool:
+    size = float(np.linalg.norm(vector))
+    return size > 0.0 and float(np.linalg.norm(np.cross(vector, axis))) > 1e-9 * size
+
+
+def _line(rotation: Rotation) -> str:
+    """The axis in words."""
+    axis, centre = (", ".join(f"{x:g}" for x in v) for v in (rotation.axis, rotation.centre))
+    return f"the axis ({axis}) through ({centre})"
+
+
+def _standing(system: System, rotation: Rotation) -> tuple[str, float] | None:
+    """Owner of the first joint whose coordinates change as the whole model turns (collective)."""
+    rows = system.constraints
+    frames = [part.block.frames.copy() for part in system.parts]
+    set_spin(system, rotation.at(0.0))
+    values = []
+    for turn in (0.0, *_TURNS):
+        R = so3.exp(turn * rotation.axis)
+        moved = se3.frame(rotation.centre - R @ rotation.centre, R)
+        for part, kept in zip(system.parts, frames, strict=True):
+            part.block.frames[:] = se3.compose(moved, kept)
+        system.interface.update()
+        rows.evaluate(np.array([1.0, 1.0]))
+        # dampers and friction feel no position
+        values.append(rows.sums() * (rows.rigid | rows.pulling))
+    for part, kept in zip(system.parts, frames, strict=True):
+        part.block.frames[:] = kept
+    change = np.max([np.abs(v - values[0]) for v in values[1:]], axis=0, initial=0.0)
+    worst = {
+        joint.index: float(change[a:b].max(initial=0.0))
+        for joint, a, b in zip(rows.joints, rows.start[:-1], rows.start[1:], strict=True)
+        if not joint.joint.driven
+    }
+    bad = sorted(index for index, size in worst.items() if not size <= _TURNED)
+    first = system.comm.allreduce(bad[0] if bad else np.iinfo(np.int64).max, op=MPI.MIN)
+    if first == np.iinfo(np.int64).max:
+        return None
+    owners = {joint.index: joint.joint.owner for joint in rows.joints}
+    owner = next(one for one in system.comm.allgather(owners.get(first)) if one is not None)
+    return owner, float(system.comm.allreduce(worst.get(first, 0.0), op=MPI.MAX))

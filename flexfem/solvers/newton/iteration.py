@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Newton iteration with a convergence test per block."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Protocol
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.solvers.linear.schur_kernels import largest_entry
+from flexfem.system.mechanics import END_POINT, Mechanics
+from flexfem.system.system import PartStrains, Shifts, System
+
+__all__ = [
+    "Equations",
+    "LinearStep",
+    "NewtonOptions",
+    "Observer",
+    "PositionLevel",
+    "SolveAgain",
+    "iterate",
+]
+
+#: Solves for the steps of blocks (stored there) and multipliers (returned), with success; given
+#: the strains of each part whose stresses the matrix takes.
+LinearStep = Callable[[Shifts, PartStrains], tuple[bool, FloatArray]]
+#: Called after an iteration with its number, size and contraction, and the strains of the next.
+Observer = Callable[[int, float, float, PartStrains], None]
+#: Solves with the matrix of the last step, given the blocks' residuals (stored there) and rows.
+SolveAgain = Callable[[FloatArray], bool]
+
+#: Steps growing by more than this beyond both before them mean divergence: one may be small because
+#: it was not solved for accurately.
+_DIVERGENCE = 2.0
+#: Below this multiple of the tolerance growing steps are round-off.
+_NOISE = 10.0
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Stopping criteria of Newton's iteration.
+
+    Attributes:
+        tolerance: largest entry of a step of displacements (m), rotations (rad) and of multipliers
+            times ``beta h^2`` at which the iteration stops; each block must meet it.
+        max_iterations: iterations before a step counts as failed.
+    """
+
+    tolerance: float = 1e-6
+    max_iterations: int = 25
+
+
+class Equations(Protocol):
+    """The equations at the end of a step."""
+
+    def evaluate(self, system: System, shifts: Shifts) -> None:
+        """Residuals of blocks and constraints at the trial state (collective)."""
+        ...
+
+    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
+        """Subtract the blocks' steps: success, and the largest entry on this rank (collective)."""
+        ...
+
+
+class PositionLevel:
+    """Dynamics, and the constraints on positions: index 3."""
+
+    def __init__(self, mechanics: Mechanics = END_POINT) -> None:
+        """Take the equations of the blocks."""
+        self._mechanics = mechanics
+
+    def evaluate(self, system: System, shifts: Shifts) -> None:
+        """See :class:`Equations`."""
+        self._mechanics.evaluate(system, shifts)
+
+    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
+        """See :class:`Equations`."""
+        return True, self._mechanics.correct(system, -1.0)
+
+
+_POSITIONS = PositionLevel()
+
+
+def iterate(
+    system: System,
+    shifts: Shifts,
+    linear_step: LinearStep,
+    options: NewtonOptions,
+    observe: Observer | None = None,
+    equations: Equations = _POSITIONS,
+    again: SolveAgain | None = None,
+    *,
+    thin: bool = True,
+) -> Status:
+    """Iterate from the predicted state until every block's step is below the tolerance.
+
+    Args:
+        system: at the predicted trial state; left at the solution.
+        shifts: of the time integrator.
+        linear_step: solver of the linearised equations.
+        options: tolerances.
+        observe: called after every iteration; it may refresh the matrix.
+        equations: what is solved.
+        again: second solver for equations that need one.
+        thin: begin with the stresses of the accepted state and continue them in thin elements only;
+            the others have the present ones.
+    """
+    rows, strains = system.constraints, system.accepted_strains(thin=thin)
+    previous, before = inf, inf
+    for iteration in range(1, options.max_iterations + 1):
+        equations.evaluate(system, shifts)
+        system.counters.newton_iterations += 1
+        success, change = linear_step(shifts, strains)
+        strains = system.continued_strains(thin=thin)
+        projected, largest = equations.correct(system, again)
+        rows.multipliers -= change
+        sizes = _largest(system.comm, largest, change, success and projected)
+        if sizes[2] > 0.0:
+            return Status.SINGULAR
+        if not (isfinite(sizes[0]) and isfinite(sizes[1])):
+            return Status.DIVERGED
+        size = max(sizes[0], sizes[1])
+        converged = size <= options.tolerance
+        contraction = size / previous if previous > 0.0 else 0.0
+        if observe is not None:
+            observe(iteration, size, contraction, strains)
+        if converged:
+            return Status.OK
+        if size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance):
+            return Status.DIVERGED
+        previous, before = size, previous
+    return Status.NOT_CONVERGED
+
+
+def _largest(
+    comm: MPI.Intracomm, largest: float, change: FloatArray, success: bool
+) -> tuple[float, float, float]:
+    """Largest steps of blocks and multipliers over all ranks, and whether a rank failed."""
+    values = (largest, largest_entry(change), 0.0 if success else 1.0)
+    if comm.size == 1:
+        return values
+    # MPI's maximum does not order NaN
+    buffer = np.nan_to_num(np.array(values), nan=np.inf)
+    comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
+    return float(buffer[0]), float(buffer[1]), float(buffer[2])

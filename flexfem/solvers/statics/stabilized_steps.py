@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Regularised (shifted) Newton method towards stable equilibria.
+
+The blocks' matrices get a multiple of their initial diagonals added, which leaves the equilibrium
+as it is: a step of Newton's method for a body in a viscous fluid. Where contacts close within a
+step, it is shortened to where they balance what drives it, and no longer than they can follow.
+"""
+
+from math import isfinite
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.solvers.linear.schur_kernels import largest_entry
+from flexfem.solvers.statics.equilibrium import Equilibrium
+from flexfem.system.mechanics import END_POINT
+
+__all__ = ["HeldEquilibrium"]
+
+#: Stabilisation relative to the initial diagonal: smallest and largest, and how it changes.
+_SMALLEST, _LARGEST, _GROWTH, _DECAY = 1e-12, 1e6, 10.0, 0.1
+#: Force that the stabilisation may carry at the end, relative to the loads, and relative to the
+#: size of the model, which is round-off.
+_HIDDEN, _NOTHING = 1e-6, 1e-16
+#: Work of the forces at the end of a step over that at its start, below which the step went too
+#: far; the first part of it that is tried instead, and how often.
+_TOO_FAR, _SHORTER, _TRIALS = -0.5, 0.9, 60
+
+
+class HeldEquilibrium(Equilibrium):
+    """Equilibrium found by steps with as much stabilisation as keeps them downhill and short."""
+
+    _hold = _used = _SMALLEST
+    _load = 0.0
+
+    @property
+    def memory(self) -> FloatArray:
+        """(2,) what the next load step begins with: hardly any stabilisation at first."""
+        return np.array([self._hold, self._used])
+
+    @memory.setter
+    def memory(self, values: FloatArray) -> None:
+        self._hold, self._used = values.tolist()
+
+    def solve(self, t: float, fraction: float = 1.0) -> Status:
+        """See :class:`Equilibrium`."""
+        self.loading.set(t, fraction)
+        self._load = self._largest_load()
+        return self.iterate(self._held_step)
+
+    def _largest_load(self) -> float:
+        """Largest force of the loads that act now (collective)."""
+        system, scale, largest = self.system, self.shifts.scale, 0.0
+        for part in system.parts:
+            part.add_residual(system.gravity, system.factors, scale)
+            force = part.block.owned_residual.copy()
+            part.add_residual(np.zeros(3), np.zeros_like(system.factors), scale)
+            force -= part.block.owned_residual
+            largest = max(largest, largest_entry(force[:, :3].ravel()))
+        return self.largest(largest)
+
+    def _held_step(self) -> tuple[bool, FloatArray, float]:
+        """Step from the evaluated residuals; see ``LinearStep`` (collective)."""
+        system, tangent, weights = self.system, self.tangent, self.weights
+        rows = system.constraints
+        blocks = [p.block.owned_residual for p in system.parts]
+        longest = min([1.0, *(c.longest_step / self.size for c in system.contacts)])
+        self.assemble()
+        tangent.add_at_nodes(self.turning())
+        added = 0.0
+        while self._hold < _LARGEST:
+            more, added = self._hold - added, self._hold
+            tangent.add_at_nodes([more * w[:, np.newaxis] * np.eye(w.shape[1]) for w in weights])
+            system.counters.factorizations += 1
+            if self.inertia.unstable() == 0 and tangent.factor():
+                success = tangent.solve(blocks, rows.values)
+                size, turn, failed = self.measure(tangent.multiplier_step, success)
+                short = turn <= self.limits.turn and size <= longest
+                if isfinite(size) and not failed and short:
+                    self._used = self._hold
+                    self._hold = max(_DECAY * self._hold, _SMALLEST)
+                    return True, tangent.multiplier_step, 0.0
+            self._hold *= _GROWTH
+        self._hold = _SMALLEST
+        return False, np.zeros(rows.size), 0.0
+
+    def _balanced(self) -> bool:
+        """Return True if the shift carried no part of the loads in the last step (collective)."""
+        force = max(
+            largest_entry((w[:, :3] * p.block.owned_step[:, :3]).ravel())
+            for w, p in zip(self.weights, self.system.parts, strict=True)
+        )
+        limit = max(_HIDDEN * self._load, _NOTHING * self.size)
+        return not self._used * self.largest(force) > limit
+
+    def _advance(self, change: FloatArray, load: float) -> None:
+        """Move by the blocks' steps, shortened where contacts close, and the multipliers' step.
+
+        The work that the forces do on the step is followed along it. A contact that pushes back is
+        as good as linear in what goes too far, so that secants lead to where it holds the balance.
+        """
+        system = self.system
+        if not system.contacts:
+            self.move(-1.0, change, load)
+            return
+        steps = [part.block.owned_step.copy() for part in system.parts]
+        start = self.keep()
+        before = self._work(steps)
+        points: list[tuple[float, float]] = []  # factors that go too far, and works
+        factor = 1.0
+        for _ in range(_TRIALS):
+            self.move(-factor, change, 0.0)
+            END_POINT.evaluate(system, self.shifts)
+            work = self._work(steps)
+            if not work < _TOO_FAR * abs(before):
+                break
+            points.append((factor, work))
+            self.put_back(start)
+            for part, step in zip(system.parts, steps, strict=True):
+                part.block.owned_step[:] = step
+            factor = _secant(points)
+        for contacts in system.contacts:
+            contacts.update()
+
+    def _work(self, steps: list[FloatArray]) -> float:
+        """Work of the residuals on steps, over all ranks."""
+        parts = self.system.parts
+        local = sum(
+            float((s * p.block.owned_residual).sum()) for s, p in zip(steps, parts, strict=True)
+        )
+        return float(self.system.comm.allreduce(local))
+
+
+def _secant(points: list[tuple[float, float]]) -> float:
+    """Next factor from those that went too far, and their works."""
+    last, work = points[-1]
+    if len(points) == 1:
+        return _SHORTER * last
+    other, more = points[-2]
+    root = last - work * (other - last) / (more - work) if more != work else 0.0
+    return root if 0.0 < root < last else 0.5 * last

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Changes of drives from step to step: their work, its uncertainty, and jumps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.constraints.batch import Constraints
+from flexfem.core.row import LawKind, RowKind
+from flexfem.kernels.compiled import kernel, subroutine
+
+__all__ = ["DriveChanges", "isolated"]
+
+#: A change is a jump if it is so many times those before and after it.
+_TIMES = 5.0
+#: Jump of a rate relative to the largest one that is worth a word: what is prescribed point by
+#: point bends less in each of them.
+_PART = 0.5
+#: Rows of the history of a row: its last sum, and the changes of the last four steps.
+_WIDTH = 5
+#: What is known of a jump: 1 of the value or 2 of the rate, its size and the step's end.
+_KIND, _SIZE, _TIME = range(3)
+
+
+@subroutine
+def isolated(before: float, middle: float, after: float) -> bool:
+    """Return True if a change is much larger than its neighbours."""
+    return abs(middle) > _TIMES * max(abs(before), abs(after))
+
+
+@kernel
+def _work(
+    rows: IntArray, forces: FloatArray, sums: FloatArray, mean: bool, last: FloatArray,
+    work: FloatArray,
+) -> None:  # fmt: skip
+    """Add the work that rows do on bodies; ``last`` (2, k) forces and sums, brought up to date."""
+    for k in range(rows.size):
+        r = rows[k]
+        way, change = sums[r] - last[1, k], 0.5 * (forces[r] - last[0, k])
+        work[0] -= (forces[r] if mean else forces[r] - change) * way
+        work[1] += abs(change * way)
+        last[0, k], last[1, k] = forces[r], sums[r]
+
+
+@kernel
+def _notice(
+    sums: FloatArray, least: FloatArray, t: float, h: float, steps: int,
+    past: FloatArray, largest: FloatArray, jumps: FloatArray,
+) -> None:  # fmt: skip
+    """Shift in the change of the last step, and note a jump that it lets us see."""
+    for k in range(sums.size):
+        d = past[k]
+        d[1], d[2], d[3] = d[2], d[3], d[4]
+        d[4] = sums[k] - d[0]
+        d[0] = sums[k]
+        largest[k] = max(largest[k], abs(d[4]) / h)
+        if steps >= 4 and isolated(d[2], d[3], d[4]) and abs(d[3]) > least[k]:
+            if jumps[k, _KIND] != 1.0:
+                jumps[k, _KIND], jumps[k, _SIZE], jumps[k, _TIME] = 1.0, d[3], t - h
+        elif steps >= 5 and jumps[k, _KIND] != 1.0:
+            bend = (d[3] - d[2]) / h
+            alone = isolated((d[2] - d[1]) / h, bend, (d[4] - d[3]) / h)
+            if alone and abs(bend) > max(least[k], abs(jumps[k, _SIZE])):
+                jumps[k, _KIND], jumps[k, _SIZE], jumps[k, _TIME] = 2.0, bend, t - h
+
+
+class DriveChanges:
+    """The driven rows that this rank owns.
+
+    Attributes:
+        work: (2,) what they have done on bodies so far, J, and half of what it would differ by with
+            the forces at the ends of the steps in place of those at their starts, taken as absolute
+            values: as much may be missing where forces swing from step to step.
+        rows: (k,) their numbers; a drive that turns directions instead of moving targets is not
+            among them.
+        complete: whether all driven rows are.
+    """
+
+    def __init__(self, rows: Constraints, size: float) -> None:
+        """Read the accepted state.
+
+        Args:
+            rows: of all joints.
+            size: of the model, m.
+        """
+        self._table = rows
+        driven = rows.working & (rows.owned > 0.0)
+        turning = np.zeros(rows.size, dtype=np.bool_)
+        turning[rows.row_of_term[rows.kinds == RowKind.AXES]] = True
+        self.complete = not bool((driven & turning).any())
+        self.rows: IntArray = np.flatnonzero(driven & ~turning).astype(np.int64)
+        angles = np.zeros(rows.size, dtype=np.bool_)
+        angles[rows.row_of_term[rows.kinds == RowKind.ANGLE]] = True
+        # what moves the model by less than a ten-thousandth is no jump
+        self._least: FloatArray = 1e-4 * np.where(angles[self.rows], 1.0, size)
+        self._held: BoolArray = rows.elastic[self.rows, 0] == LawKind.RIGID
+        # what is held takes its target; forces act whatever the value
+        self._all_held = bool(self._held.all())
+        self._angles = angles
+        values = self._values()[self.rows]
+        self._last = np.array([rows.forces[self.rows], values])
+        self._past = np.zeros((len(self.rows), _WIDTH))
+        self._past[:, 0] = values
+        self._largest, self._jumps = np.zeros(len(self.rows)), np.zeros((len(self.rows), 3))
+        self._steps = 0
+        self.work = np.zeros(2)
+
+    def _values(self) -> FloatArray:
+        """(r,) sums of the rows, right for the driven ones."""
+        return self._table.targets if self._all_held else self._table.sums()
+
+    def follow(self) -> None:
+        """Add the work since the last call to that so far."""
+        rows = self._table
+        _work(self.rows, rows.forces, self._values(), rows.mean_forces, self._last, self.work)
+
+    def forget(self) -> None:
+        """Do not compare with steps before: an event may have changed what is held."""
+        self._steps = 0
+
+    def notice(self, t: float, h: float) -> None:
+        """Look for jumps after a whole step of size ``h`` (s) that ended at ``t`` (s)."""
+        self._steps += 1
+        _notice(
+            self._last[1], self._least, t, h, self._steps, self._past, self._largest, self._jumps
+        )  # fmt: skip
+
+    def jumps(self) -> list[tuple[int, str]]:
+        """Number of the joint and words on its jump, of all that have jumped on this rank."""
+        found = []
+        for k in np.flatnonzero(self._held & (self._jumps[:, _KIND] > 0.0)):
+            kind, size, t = self._jumps[k].tolist()
+            if kind == 2.0 and abs(size) < _PART * self._largest[k]:
+                continue
+            row = int(self.rows[k])
+            joint = self._table.joints[self._table.joint_of_row[row]]
+            unit = "rad" if self._angles[row] else "m"
+            what = "its drive jumps" if kind == 1.0 else "the rate of its drive jumps"
+            per = "" if kind == 1.0 else "/s"
+            text = f"{joint.joint.owner}: {what} by {abs(size):.4g} {unit}{per}"
+            found.append((joint.index, f"{text} in the step to t = {t:.6g} s"))
+        return found

@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Recording of the model's probes.
+
+Each rank keeps for some steps the motion of its own probe markers, and its share of what its
+sensors measure; then the first rank receives all at once and evaluates the columns. What is sent is
+a few numbers per probe, not the model.
+"""
+
+from collections.abc import Iterator
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.marker import Ground, Observed
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.kernels.compiled import kernel
+from flexfem.layout.element_places import places_on_rank
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.lie import se3
+from flexfem.lie.se3 import compose_into
+from flexfem.model.probes.base import MarkerState, Probe
+from flexfem.system.measure.energies import EnergyMeter
+from flexfem.system.measure.marker_states import without_spin
+from flexfem.system.measure.sensors import create_sensor
+from flexfem.system.measure.sliders import Sliders
+from flexfem.system.system import BlockPart, System
+
+__all__ = ["ProbeRecorder"]
+
+_WIDTH = 26  # frame, velocities, arc length of a slider and its rate, accelerations
+
+
+@kernel
+def _record(
+    frames: FloatArray, velocity: FloatArray, acceleration: FloatArray, nodes: IntArray,
+    offsets: FloatArray, places: IntArray, out: FloatArray,
+) -> None:  # fmt: skip
+    """States of markers on the nodes of one block into the rows ``places`` of ``out``."""
+    for k in range(nodes.size):
+        H, v, o, row = frames[nodes[k]], velocity[nodes[k]], offsets[k], out[places[k]]
+        w = acceleration[nodes[k]]
+        compose_into(H, o, row)
+        # velocity of the marker in the node's axes, then inertial
+        p0 = v[0] + v[4] * o[2] - v[5] * o[1]
+        p1 = v[1] + v[5] * o[0] - v[3] * o[2]
+        p2 = v[2] + v[3] * o[1] - v[4] * o[0]
+        # its rate there, and what comes from the turning axes
+        a0 = w[0] + w[4] * o[2] - w[5] * o[1] + v[4] * p2 - v[5] * p1
+        a1 = w[1] + w[5] * o[0] - w[3] * o[2] + v[5] * p0 - v[3] * p2
+        a2 = w[2] + w[3] * o[1] - w[4] * o[0] + v[3] * p1 - v[4] * p0
+        for i in range(3):
+            r0, r1, r2 = H[3 + 3 * i], H[4 + 3 * i], H[5 + 3 * i]
+            row[12 + i] = r0 * p0 + r1 * p1 + r2 * p2
+            row[15 + i] = r0 * v[3] + r1 * v[4] + r2 * v[5]
+            row[20 + i] = r0 * a0 + r1 * a1 + r2 * a2
+            row[23 + i] = r0 * w[3] + r1 * w[4] + r2 * w[5]
+
+
+class ProbeRecorder:
+    """Buffer of the probes' markers and measurements.
+
+    Attributes:
+        columns: names of all columns; unwrap: those that are angles.
+    """
+
+    def __init__(self, system: System, serial: NumberedModel, depth: int = 64) -> None:
+        """Find the markers on this rank and start the sensors (collective).
+
+        Args:
+            system: the system.
+            serial: serial data of its model.
+            depth: number of steps after which the buffer is full.
+        """
+        self._probes = serial.model.probes
+        self.columns = [c for p in self._probes for c in p.columns]
+        self.unwrap = [c for p in self._probes for c in p.unwrap]
+        markers = [m for p in self._probes for m in p.markers]
+        self._comm = system.comm
+        offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
+        self._start = [serial.marker_pose(m).rotation for m in markers]
+        self._bare = without_spin(serial, markers)
+        self._ground = np.zeros((len(markers), _WIDTH))
+        self._ground_places = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
+        self._ground[self._ground_places, :12] = offsets[self._ground_places]
+        self._sources = [self._source(part, serial, markers, offsets) for part in system.parts]
+        self._inside = [
+            (part.block, points, offsets[places], places)
+            for part in system.parts
+            for points, places in places_on_rank(serial, part.kind, part.block, markers)
+        ]
+        self._sliders = Sliders(system, markers)
+        mine = [places for *_, places in (*self._sources, *self._inside)]
+        mine.append(self._sliders.places)
+        self._places = np.concatenate([np.empty(0, dtype=np.int64), *mine])
+        self._buffer = np.zeros((depth, len(markers), _WIDTH))
+        sensors = [create_sensor(probe, system, serial) for probe in self._probes]
+        self._sensors = [sensor for sensor in sensors if sensor is not None]
+        self._meters = [sensor for sensor in sensors if isinstance(sensor, EnergyMeter)]
+        width = sum(
+            len(p.columns) for p, g in zip(self._probes, sensors, strict=True) if g is not None
+        )
+        self._shares = np.zeros((depth, width))
+        self._times: list[float] = []
+
+    @staticmethod
+    def _source(
+        part: BlockPart, serial: NumberedModel, markers: list[Observed], offsets: FloatArray
+    ) -> tuple[FrameBlock, IntArray, FloatArray, IntArray]:
+        """Block, nodes, offsets and places of the markers that this rank owns in a part."""
+        block = part.block
+        local = [serial.local_node(marker, part.kind, block) for marker in markers]
+        places = np.array([k for k, node in enumerate(local) if node >= 0], dtype=np.int64)
+        nodes = np.array([local[k] for k in places], dtype=np.int64)
+        return block, nodes, offsets[places], places
+
+    def state(self) -> FloatArray:
+        """Return the sums of energies so far, over all ranks (collective)."""
+        shares = [m.state() for m in self._meters]
+        total = np.concatenate([np.empty(0), *shares])
+        self._comm.Allreduce(MPI.IN_PLACE, total)
+        return total
+
+    def restore(self, state: FloatArray) -> None:
+        """Take back what :meth:`state` returned.
+
+        Raises:
+            InputError: it is not what the probes of this model remember.
+        """
+        count = len(self._meters) * EnergyMeter.SHARES
+        if state.shape != (count,) or not np.isfinite(state).all():
+            raise InputError(f'checkpoint: "sums" does not hold {count} finite numbers')
+        shares = state.reshape(len(self._meters), EnergyMeter.SHARES) * float(self._comm.rank == 0)
+        for meter, share in zip(self._meters, shares, strict=True):
+            meter.restore(share)
+
+    @property
+    def energies(self) -> EnergyMeter | None:
+        """Energies of the whole model, if a probe records them."""
+        return next((meter for meter in self._meters if meter.whole), None)
+
+    @property
+    def full(self) -> bool:
+        """The buffer must be emptied before the next record."""
+        return len(self._times) == len(self._buffer)
+
+    def follow(self) -> None:
+        """Let energies take in the work up to an accepted state that is not recorded."""
+        for meter in self._meters:
+            meter.update()
+
+    def record(self, t: float) -> None:
+        """Keep the accepted state at time ``t``."""
+        row = self._buffer[len(self._times)]
+        self._record_markers(row)
+        if self._sensors:
+            self._shares[len(self._times)] = np.concatenate([g.update() for g in self._sensors])
+        self._times.append(t)
+
+    def _record_markers(self, row: FloatArray) -> None:
+        """Motion of this rank's markers."""
+        for block, nodes, offsets, places in self._sources:
+            if len(nodes):
+                _record(
+                    block.frames, block.velocity, block.acceleration, nodes, offsets, places, row
+                )  # fmt: skip
+        for block, points, offsets, places in self._inside:
+            frames, twists = points.motion(block)
+            rates = points.twist_rates(block)
+            _record(frames, twists, rates, np.arange(len(places)), offsets, places, row)
+        if len(self._sliders.places):
+            self._record_sliders(row)
+
+    def _record_sliders(self, row: FloatArray) -> None:
+        """Sections where sliders are, their arc lengths and rates."""
+        motion, places = self._sliders.motion(), self._sliders.places
+        unmoved = np.tile(se3.frame(np.zeros(3), np.eye(3)), (len(places), 1))
+        frames, twists = motion[:, :12].copy(), motion[:, 12:18].copy()
+        unknown = np.full_like(twists, np.nan)
+        _record(frames, twists, unknown, np.arange(len(places)), unmoved, places, row)
+        row[places, 18:20] = motion[:, 18:]
+
+    def check(self, t: float) -> None:
+        """Call the functions of all probes at the accepted state, time ``t`` (collective)."""
+        self._record_markers(self._buffer[0])
+        for row in self._gathered(1)[0]:
+            self._evaluate(t, row, np.zeros(self._shares.shape[1]))
+
+    def flush(self) -> Iterator[tuple[float, FloatArray]]:
+        """Empty the buffer (collective): times and column values on the first rank."""
+        times, self._times = self._times, []
+        rows = zip(times, *self._gathered(len(times)), strict=False)
+        return iter([(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows])
+
+    def _gathered(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Markers and measurements of records, none but on the first rank (collective)."""
+        mine = self._places, self._buffer[:count, self._places], self._shares[:count]
+        parts = self._comm.gather(mine) if self._comm.size > 1 else [mine]
+        if parts is None:
+            return self._buffer[:0], self._shares[:0]
+        every = self._buffer[:count].copy()
+        every[:, self._ground_places] = self._ground[self._ground_places]
+        measured = np.zeros((count, self._shares.shape[1]))
+        for places, values, shares in parts:
+            every[:, places] = values
+            measured += shares
+        for rates in (every[..., 15:18], every[..., 23:]):
+            rates[:, self._bare] = np.nan
+        return every, measured
+
+    def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
+        states = [
+            MarkerState(
+                r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18], *arc, start, r[20:23], r[23:]
+            )
+            for r, arc, start in zip(row, map(_arc, row), self._start, strict=True)
+        ]
+        values, at, read = [np.empty(0)], 0, 0
+        for probe in self._probes:
+            if isinstance(probe, Probe):
+                count = len(probe.markers)
+                values.append(probe.evaluate(t, states[at : at + count]))
+                at += count
+            else:
+                count = len(probe.columns)
+                values.append(measured[read : read + count])
+                read += count
+        return np.concatenate(values)
+
+
+def _arc(row: FloatArray) -> tuple[float, float]:
+    """Arc length of a slider and its rate."""
+    return float(row[18]), float(row[19])

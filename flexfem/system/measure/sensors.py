@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Sensors of probes that are not functions of markers.
+
+Probes of single families have theirs. A sensor gives the share of this rank in the columns of its
+probe; the shares of all ranks add up.
+"""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.layout.family import Sensor
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.lie import se3
+from flexfem.model.contact import ContactProbe
+from flexfem.model.probes.base import AnyProbe
+from flexfem.model.probes.measured import EnergyProbe, MomentumProbe, ReactionProbe
+from flexfem.system.measure.energies import EnergyMeter, refresh_rows
+from flexfem.system.measure.momenta import MomentumMeter
+from flexfem.system.system import System
+
+__all__ = ["create_sensor"]
+
+
+class _ReactionSensor:
+    """Force and moment of a joint on the body of its marker b, on the rank that owns the joint.
+
+    Of the parts of a joint of lines it is the resultant, about the first part's marker there: a
+    node of the line, or the marker of a body.
+    """
+
+    def __init__(self, system: System, probe: ReactionProbe) -> None:
+        self._system, self._axes = system, probe.axes
+        rows = system.constraints
+        mine = [k for k, j in enumerate(rows.joints) if j.joint.name == probe.joint and j.owned]
+        self._first = rows.marker_start[mine]
+        second = np.array([rows.joints[k].joint.second for k in mine], dtype=np.int64)
+        self._markers = self._first + second
+
+    def update(self) -> FloatArray:
+        forces = self._system.reported_forces()  # on all ranks
+        if not len(self._markers):
+            return np.zeros(6)
+        refresh_rows(self._system)
+        rows = self._system.constraints
+        at, wrenches = rows.poses[self._markers, :3], rows.reactions(forces)[self._markers]
+        arms = np.cross(at - at[0], wrenches[:, :3])
+        force, moment = wrenches[:, :3].sum(axis=0), (wrenches[:, 3:] + arms).sum(axis=0)
+        if self._axes == "inertial":
+            return np.concatenate([force, moment])
+        R = se3.rotation(rows.poses[self._first[0] if self._axes == "a" else self._markers[0]])
+        return np.concatenate([force @ R, moment @ R])
+
+
+class _ContactSensor:
+    """Penetration and forces of a contact."""
+
+    def __init__(self, system: System, probe: ContactProbe) -> None:
+        self._system, self._name = system, probe.contact
+
+    def update(self) -> FloatArray:
+        return self._system.contacts[0].measure(self._name)
+
+
+def create_sensor(probe: AnyProbe, system: System, serial: NumberedModel) -> Sensor | None:
+    """Sensor of a probe (collective), None for functions of markers."""
+    match probe:
+        case ContactProbe():
+            return _ContactSensor(system, probe)
+        case EnergyProbe():
+            return EnergyMeter(system, serial.model, probe.bodies)
+        case MomentumProbe():
+            return MomentumMeter(system, serial.model, probe.bodies)
+        case ReactionProbe():
+            return _ReactionSensor(system, probe)
+    sensors = (part.family.sensor(probe, part) for part in system.parts)
+    return next((sensor for sensor in sensors if sensor is not None), None)
