@@ -95,7 +95,7 @@ class DirectorShells:
         rows, at = self._pairs.rows, self._index[:, :6, :6].ravel()
         self._pair_masses = PairMasses(
             rows=rows, columns=self._pairs.columns, diagonal=self._pairs.diagonal,
-            masses=np.bincount(at, self._masses.ravel(), len(rows)),
+            masses=np.bincount(at, self._masses.ravel(), len(rows)).astype(np.float64),
         )  # fmt: skip
         self._axes = CorotatingAxes(block)
 
