@@ -32,7 +32,8 @@ class Example:
     """A joint to be tested.
 
     Attributes:
-        cls: its class; arguments: all but name and markers, of which there are ``markers``.
+        cls: its class; arguments: all but name and markers, of which there are ``markers``, one
+            after the other; ``make``: what makes it where it takes something else.
         rows: number of its constraints.
         gap: vector from marker a to marker b at the start, inertial axes.
         driven: local motion of b relative to a (in a's axes) at time t that satisfies a drive.
@@ -50,7 +51,7 @@ class Example:
     def joint(self) -> Joint:
         if self.make is not None:
             return self.make()
-        return self.cls("joint", ff.Ground(), ff.Ground(), **self.arguments)
+        return self.cls("joint", *_ground(self.markers), **self.arguments)
 
 
 def _vector(t: float) -> np.ndarray:
@@ -130,23 +131,19 @@ EXAMPLES |= {
     "Distance": Example(ff.Distance, 1, {}, APART),
     "RevoluteSpherical": Example(ff.RevoluteSpherical, 2, {"axis": AXIS}, 0.8 * ACROSS),
     "Gear": Example(
-        ff.Gear, 1, {}, APART, markers=4,
-        make=lambda: ff.Gear(
-            "joint", *_ground(4), axis=AXIS, second_axis=(1.0, 2.0, -0.5), ratio=-1.7
-        ),
+        ff.Gear, 1, {"axis": AXIS, "second_axis": (1.0, 2.0, -0.5), "ratio": -1.7}, APART,
+        markers=4,
     ),
     "Coupling-rack": Example(
-        ff.Coupling, 1, {}, APART, markers=4,
-        make=lambda: ff.Coupling(
-            "joint", *_ground(4), axis=AXIS, second_axis=(1.0, 2.0, -0.5), ratio=0.3,
-            motions=("rotation", "translation"),
-        ),
+        ff.Coupling, 1,
+        {"axis": AXIS, "second_axis": (1.0, 2.0, -0.5), "ratio": 0.3,
+         "motions": ("rotation", "translation")},
+        APART, markers=4,
     ),
     "Coupling-slides": Example(
-        ff.Coupling, 1, {}, APART, markers=4,
-        make=lambda: ff.Coupling(
-            "joint", *_ground(4), axis=AXIS, ratio=-1.0, motions=("translation", "translation")
-        ),
+        ff.Coupling, 1,
+        {"axis": AXIS, "ratio": -1.0, "motions": ("translation", "translation")},
+        APART, markers=4,
     ),
     "RigidNodes": Example(
         ff.RigidNodes, 12, {}, APART, markers=3,
