@@ -222,15 +222,15 @@ def unit(vector: Sequence[float] | FloatArray) -> FloatArray:
     return np.asarray(array / np.linalg.norm(array))
 
 
-def distance(owner: str, poses: Sequence[Pose]) -> float:
-    """Distance of the first two markers at the start, m.
+def distance(owner: str, poses: Sequence[Pose], names: str = "a and b") -> float:
+    """Distance of the first two markers at the start, m; ``names`` says which these are.
 
     Raises:
         ValueError: it is zero, so that its direction is unknown.
     """
     length = float(np.linalg.norm(poses[1].position - poses[0].position))
     if length == 0.0:
-        raise ValueError(f"{owner}: the markers coincide at the start, no direction")
+        raise ValueError(f"{owner}: the markers {names} coincide at the start, no direction")
     return length
 
 

@@ -169,13 +169,13 @@ IN_MODEL = {
     "unknown body": (
         [ff.Gear("j", A, B, A, ff.Marker("three"))], 'Gear "j": Marker on "three": .* no such'
     ),
-    "rod without length": ([ff.Distance("j", A, B)], 'Distance "j": the markers coincide'),
+    "rod without length": ([ff.Distance("j", A, B)], 'Distance "j": the markers a and b coincide'),
     "drive without length": (
-        [ff.PrescribedDistance("j", A, B)], 'PrescribedDistance "j": the markers coincide'
+        [ff.PrescribedDistance("j", A, B)], 'PrescribedDistance "j": the markers a and b coincide'
     ),
     "stop without length": (
         [ff.LimitStop("j", A, B, motion="distance", upper=1.0, stiffness=1.0)],
-        'LimitStop "j": the markers coincide',
+        'LimitStop "j": the markers a and b coincide',
     ),
     "same node twice": (
         [ff.RigidNodes("j", A, [B, ff.Marker("one")])], 'RigidNodes "j": 6 of 12 .* redundant'
