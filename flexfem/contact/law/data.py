@@ -35,7 +35,8 @@ __all__ = [
 
 #: Gap, m, negative where something touches.
 GAP = 0
-#: Force, its slope and potential, all over the stiffness; see ``stiffening``.
+#: Force (negative as the gap is), its slope by the gap and potential (positive), all over the
+#: stiffness; see ``stiffening``.
 FORCE, SLOPE, POTENTIAL = 1, 2, 3
 #: Unit normal from the surface to the slave, and two directions across it, 3 numbers each.
 NORMAL, FIRST, SECOND = 4, 7, 10

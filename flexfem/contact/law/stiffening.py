@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A normal force that grows faster than the penetration.
+"""Elastic normal force of all contacts, and how it grows faster than the penetration.
 
 Impacts that last a step or two need a soft contact, which few nodes that carry much load sink into
 by more than the thickness. So the slope of the force grows from k at contact to ``m k``,
@@ -26,9 +26,9 @@ _DEPTH = 0.1
 
 @kernel
 def stiffen(found: Memory, most: float) -> None:
-    """Write force, slope and potential of contacts over k from their gaps.
+    """Write force, slope and potential of contacts over k from their gaps, which are negative.
 
-    ``most`` is m, at least 1.
+    ``most`` is m, at least 1; with 1 the force is the gap, and nothing stiffens.
     """
     own = unpack(Found, found)
     contacts = own.numbers
