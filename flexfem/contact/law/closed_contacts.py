@@ -19,7 +19,7 @@ MOST_HELD = 4
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """Friction and damping law of contacts: all but their elastic normal force.
+    """Friction and damping law of contacts; ``stiffening`` has their elastic normal force.
 
     Attributes:
         friction: Coulomb's coefficient.
