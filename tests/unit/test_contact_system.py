@@ -10,6 +10,7 @@ import flexfem as ff
 from flexfem.core.status import Status
 from flexfem.solvers.linear import tangent
 from tests.unit.contact_motion import check_tangents, moved, same_on_ranks, sheet
+from tests.unit.refusals import assert_on_page
 
 THICK = 1e-3
 SECTION = ff.ShellSection.isotropic(THICK, ff.Material(2e8, 0.3, 1000.0))
@@ -171,5 +172,6 @@ def test_restart_goes_on_as_before():
     ],
 )
 def test_bad_input(options, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as raised:
         moved(impact(**options), 0)
+    assert_on_page(str(raised.value))
