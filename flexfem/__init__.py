@@ -156,6 +156,7 @@ _MODULES = {
     "Planar": "joints.planar",
     "Gear": "joints.gear",
     "Coupling": "joints.coupling",
+    "Pulley": "joints.pulley",
     "CustomJoint": "joints.custom_joint",
     "CustomForce": "joints.custom_force",
     "Distance": "joints.distance",

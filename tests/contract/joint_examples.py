@@ -145,6 +145,7 @@ EXAMPLES |= {
         {"axis": AXIS, "ratio": -1.0, "motions": ("translation", "translation")},
         APART, markers=4,
     ),
+    "Pulley": Example(ff.Pulley, 1, {"ratio": 1.7}, APART, markers=4),
     "RigidNodes": Example(
         ff.RigidNodes, 12, {}, APART, markers=3,
         make=lambda: ff.RigidNodes("joint", *_ground(1), nodes=_ground(2)),

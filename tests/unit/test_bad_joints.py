@@ -46,6 +46,8 @@ ALONE = {
         lambda: ff.Coupling("j", A, B, A, C, motions=("rotation", "screw")),
         r"motions must be two of rotation and translation, got \('rotation', 'screw'\)",
     ),
+    "Pulley ratio": (lambda: ff.Pulley("j", A, B, A, C, ratio=0), "ratio must be positive, got 0"),
+    "Pulley marker": (lambda: ff.Pulley("j", A, B, A, "two"), "d must be a Marker or Ground"),
     "Generic type": (lambda: ff.Generic("j", A, B, free="rz"), "free must be a list or tuple"),
     "Generic limits type": (
         lambda: ff.Generic("j", A, B, free=["x"], limits=[1.0]), "limits must be a Mapping, got"
@@ -170,6 +172,9 @@ IN_MODEL = {
         [ff.Gear("j", A, B, A, ff.Marker("three"))], 'Gear "j": Marker on "three": .* no such'
     ),
     "rod without length": ([ff.Distance("j", A, B)], 'Distance "j": the markers a and b coincide'),
+    "rope without length": (
+        [ff.Pulley("j", ff.Ground((0, 0, 1)), B, A, C)], 'Pulley "j": the markers c and d coincide'
+    ),
     "drive without length": (
         [ff.PrescribedDistance("j", A, B)], 'PrescribedDistance "j": the markers a and b coincide'
     ),

@@ -232,6 +232,10 @@ def _mechanism(kind: str) -> ff.Model:
             ff.Gear("joint", ground, ff.Marker("a"), c=ground, d=ff.Marker("b"), axis=axis,
                     ratio=2.0),
         )  # fmt: skip
+    elif kind == "Pulley":
+        far, end = ff.Marker("a", offset=(-0.2, 0.4, 0.3)), ff.Marker("b", offset=(0.2, -0.5, 0.4))
+        model.add(ff.Pulley("joint", a, ff.Marker("b", offset=(-0.1, 0.5, 0.1)), far, end,
+                            ratio=1.5))  # fmt: skip
     elif kind == "Distance":
         model.add(ff.Distance("joint", a, ff.Marker("b", offset=(-0.1, 0.5, 0.1))))
     elif kind == "Screw":
@@ -246,8 +250,8 @@ def _mechanism(kind: str) -> ff.Model:
 
 
 KINDS = ("Spherical", "Rigid", "Revolute", "Cylindrical", "Prismatic", "PointOnLine",
-         "PointOnPlane", "Universal", "Screw", "Distance", "Planar", "Gear", "SpringDamper",
-         "TorsionalSpringDamper")  # fmt: skip
+         "PointOnPlane", "Universal", "Screw", "Distance", "Planar", "Gear", "Pulley",
+         "SpringDamper", "TorsionalSpringDamper")  # fmt: skip
 
 
 @pytest.mark.serial

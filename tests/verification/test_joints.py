@@ -152,6 +152,29 @@ def test_gear_keeps_its_ratio():
     assert np.exp(1j * angles[1]) == pytest.approx(np.exp(1j * ratio * angles[0]), abs=1e-8)
 
 
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("ratio", [1.0, 2.0])
+def test_pulley_shares_the_tension_by_its_ratio(ratio):
+    """Two equal weights, the second on so many parts of the rope (Atwood's machine)."""
+    g, mass = 9.81, 2.0
+    run = Run(
+        body("one", -Z), body("two", X - 2.0 * Z),
+        ff.Pulley("rope", ff.Ground(), ff.Marker("one"), ff.Ground(X), ff.Marker("two"),
+                  ratio=ratio),
+        ff.Gravity((0.0, 0.0, -g)), dt=1e-2,
+    )  # fmt: skip
+    rise = g * (ratio - 1.0) / (1.0 + ratio**2)
+    run.go(0.3)
+    x, v = run.states()
+    # the inverse ratio would pull the second one down
+    expected = [[0, 0, -ratio * rise * 0.3], [0, 0, rise * 0.3]]
+    np.testing.assert_allclose(v[:, :3], expected, atol=1e-8)
+    assert abs(x[0, 2]) + ratio * abs(x[1, 2]) == pytest.approx(1.0 + 2.0 * ratio, abs=1e-9)
+    tension = mass * (g - ratio * rise)
+    for marker, force in ((1, tension), (3, ratio * tension), (0, -tension)):
+        assert run.wrench("rope", marker)[2] == pytest.approx(force, abs=1e-7)
+
+
 def _block(slope: float, speed: float, options: dict, **arguments: object) -> Run:
     """A block on a plane inclined by ``slope`` that it rubs on, moving uphill."""
     up = np.array([np.cos(slope), 0.0, np.sin(slope)])
