@@ -338,7 +338,9 @@ def test_lock_holds_until_it_is_released(policy):
     rows.lock("brake")
     (held,) = {float(t) for t in rows.targets[rows.switchable]} or {fall}
     assert held == pytest.approx(fall, abs=1e-14)
-    with pytest.raises(ValueError, match='joint "slider": no such joint can be locked and released'):
+    with pytest.raises(
+        ValueError, match='joint "slider": no such joint can be locked and released'
+    ):
         rows.lock("slider")
 
 
