@@ -46,6 +46,9 @@ BUILT_IN = (
     "flexfem.families.ufl_body.family:UFLBodyFamily",
 )
 
+#: What every family defines; the rest is for what its bodies can do.
+_NEEDED = ("frames", "velocities", "body_of_node", "node", "costs", "block")
+
 
 class Sensor(Protocol):
     """Measures the accepted state: the share of this rank in the columns of a probe."""
@@ -284,9 +287,32 @@ class Family:
 
 
 def registry(model: Model) -> list[type[Family]]:
-    """Families by kind: those of the package, then those of the model's other bodies."""
-    others = [body.family for body in model.other_bodies]
-    return list(dict.fromkeys(map(_loaded, [*BUILT_IN, *others])))
+    """Families by kind: those of the package, then those of the model's other bodies.
+
+    Raises:
+        ValueError: the family of a body is none, in one line.
+    """
+    others = map(_family_of, model.other_bodies)
+    return list(dict.fromkeys([*map(_loaded, BUILT_IN), *others]))
+
+
+def _family_of(body: Any) -> type[Family]:
+    """The class of the family of a body.
+
+    Raises:
+        ValueError: it is no such class, or leaves out what every family has.
+    """
+    owner = f'{type(body).__name__} "{body.name}"'
+    try:
+        found = _loaded(body.family)
+    except (AttributeError, ImportError, ValueError) as error:
+        raise ValueError(f"{owner}: its family cannot be loaded: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, Family)):
+        raise ValueError(f"{owner}: family must be a class derived from Family, got {found!r}")
+    missing = [name for name in _NEEDED if getattr(found, name) is getattr(Family, name)]
+    if missing:
+        raise ValueError(f"{owner}: its family {found.__name__} must define {', '.join(missing)}")
+    return found
 
 
 def _loaded(family: str | type[Family]) -> type[Family]:
