@@ -94,14 +94,14 @@ class Family:
         bodies_have_places: whether every node is a place on a body; some hold amplitudes of shapes.
         axes: whether nodes have axes, on which moments and following forces of markers act.
         series: class of the series for ParaView, or its name as "module:class", see
-            ``flexfem.io.paraview.family_series``; families may share one.
+            ``flexfem.io.paraview.family_series``; families may share one. None: no pictures.
         follows: bodies without elements, which go to the rank of what they are joined to.
     """
 
     energy_momentum: ClassVar[bool] = False
     follows: ClassVar[bool] = False
     axes: ClassVar[bool] = True
-    series: ClassVar[Any]
+    series: ClassVar[Any] = None
     bodies_have_places: ClassVar[bool] = True
 
     def __init__(self, serial: Any, kind: int) -> None:

@@ -44,7 +44,8 @@ class FieldOutput:
         self._system, self._folder, self._opened = system, folder, False
         comm = system.comm
         self._bodies: list[Series] = []
-        for name in dict.fromkeys(family.series for family in registry(serial.model)):
+        named = dict.fromkeys(family.series for family in registry(serial.model))
+        for name in filter(None, named):
             parts = [part for part in system.parts if part.family.series == name]
             self._bodies.append(_series(name)(folder, comm, parts, serial, resume))
         self._obstacles = ContactSurfaceWriter(folder, system, serial, resume)
