@@ -42,5 +42,5 @@ def _found(model: Model, history: Mapping[str, FloatArray]) -> Iterator[str]:
         yield (
             f"spurious energy: the balance has grown by {gained:.3g} J ({probe.name}_balance) with "
             f"energies of at most {largest:.3g} J, most of it at t = {history['t'][jump]:.4g} s; "
-            "reduce dt, or use smoother initial velocities, drives and contacts"
+            "reduce dt or tolerance, or use smoother initial velocities, drives and contacts"
         )

@@ -36,7 +36,7 @@ _LOSS = 0.75
 _TURN = 0.5
 #: Energy, J, that is round-off.
 _NOTHING = 1e-12
-_SMALLER = "reduce dt, or use smoother initial velocities, drives and contacts"
+_SMALLER = "reduce dt or tolerance, or use smoother initial velocities, drives and contacts"
 _DAMPED = "set rho_inf below 1 to damp what the steps do not resolve, or "
 
 
