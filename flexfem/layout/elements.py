@@ -17,7 +17,9 @@ __all__ = ["ElementFamily"]
 class ElementFamily(Protocol):
     """Residual, tangent and stress resultants of all elements of one formulation on this rank.
 
-    They may come in groups; "all cells" are those of one group after the other.
+    They may come in groups; "all cells" are those of one group after the other. Residuals are inner
+    forces and inertia less gravity, in the axes of the nodes: of a block whose nodes keep the axes
+    of space, (n, 6) arrays hold inertial components in their first three columns.
 
     Attributes:
         law_owner: what messages call the first section with a law of the user, None without one.
@@ -63,7 +65,8 @@ class ElementFamily(Protocol):
     ) -> FloatArray:  # fmt: skip
         """Entries of the matrices ``scale (k K + C dv + M dw)`` of all cells, flat, row by row.
 
-        ``shifts`` = (dv/dn, dw/dn, k).
+        ``shifts`` = (dv/dn, dw/dn, k). Rows and columns of a matrix are ``width`` unknowns of each
+        node of :attr:`couplings`, node after node; what falls on the same place is added.
         """
         ...
 

@@ -141,7 +141,7 @@ class Family:
 
     @property
     def held(self) -> BoolArray:
-        """(n, width) unknowns of all nodes that stay as they are."""
+        """(n, width) unknowns of all nodes that stay as they are; :meth:`block` holds them."""
         return np.zeros((len(self.frames), 6), dtype=np.bool_)
 
     @property
@@ -176,7 +176,11 @@ class Family:
     # -- Markers --------------------------------------------------------------------------------
 
     def node(self, marker: Marker, place: Place | None) -> int:
-        """Number of the node that carries a marker, which the model has found to be at a place."""
+        """Number of the node that carries a marker, which the model has found to be at a place.
+
+        Of a body derived from ``flexfem.Body`` ``place.node`` is what its ``node`` returns, a
+        number in the body.
+        """
         raise NotImplementedError
 
     def surface_place(self, marker: Marker) -> SurfacePlace | None:
