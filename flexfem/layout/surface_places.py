@@ -22,11 +22,11 @@ _DIGITS = 9
 
 @dataclass(frozen=True)
 class SurfacePlace:
-    """Place on a shell.
+    """Place on nodes without axes, such as those of shells.
 
     Attributes:
-        kind: block of the nodes.
-        nodes: (k,) one node, two of an edge or three of a triangle, numbers in the mesh.
+        kind: block of the nodes, that of their family.
+        nodes: (k,) one node, two of an edge or three of a triangle, numbers in the family.
         weights: (k,) their parts in the position.
     """
 
