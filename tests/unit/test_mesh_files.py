@@ -147,7 +147,23 @@ def test_nastran(file) -> None:
     assert len(both.triangles) == 3  # 21 THRU 30 where there are 21 and 22
 
 
-def test_nastran_coordinate_systems(file) -> None:
+def test_nastran_sets_with_numbers_that_are_not_there(file) -> None:
+    """They are no sets of what is left."""
+    text = """SET1,1,1,2
+SET1,2,2,9
+GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.
+GRID,3,,2.,0.,0.
+GRID,4,,3.,0.,0.
+CROD,1,1,1,2
+CROD,2,1,2,3
+CROD,3,1,3,4
+"""
+    path = file("sets.bdf", text)
+    ff.read_mesh(path, points=["set_1"], lines=["set_1"])  # both nodes and both rods
+    with pytest.raises(ValueError, match=r"set_2.*its numbers are not all those of nodes"):
+        ff.read_mesh(path, points=["set_2"])
+
     """Points by hand: a cylinder about the x axis at z = 10, a sphere in it, a system of points."""
     text = """CORD2C,3,0,0.,0.,10.,1.,0.,10.,+
 +,0.,1.,10.

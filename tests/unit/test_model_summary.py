@@ -9,6 +9,7 @@ import pytest
 
 import flexfem as ff
 from flexfem._checks import InputError
+from flexfem.lie import so3
 
 pytestmark = pytest.mark.serial
 
@@ -226,6 +227,17 @@ def test_sheets_are_held_by_their_edges() -> None:
         counts = ff.describe(model).mobility
         left[rule] = (counts.motions, counts.supports, counts.held)
     assert left == {"clamped": (0, 6, 9), "hinged": (1, 5, 9), "symmetric x": (3, 3, 3)}
+
+
+def test_plane_of_symmetry_may_be_oblique() -> None:
+    """Nodes there have axes of their own, in which their supports are told."""
+    R = so3.exp(np.array([0.3, 0.5, -0.7]))  # is not its own inverse
+    mesh = ff.SurfaceMesh.grid("sheet", [0.0, 0.5, 1.0], [0.0, 0.5, 1.0], lambda p: p @ R[:2])
+    model = ff.Model(surface=mesh)
+    model.add(ff.Shell("sheet", SKIN, edges={"sheet_left": "symmetric"}))
+    counts = ff.describe(model).mobility
+    # (2, 4, 3) where axes are turned the wrong way
+    assert (counts.motions, counts.supports, counts.held) == (3, 3, 3)
 
 
 def test_matrix_entries_are_those_of_the_tangent() -> None:
