@@ -175,8 +175,7 @@ ALONE = """
 import sys
 import flexfem as ff
 from flexfem._checks import InputError
-from flexfem.simulation.motion import setup
-from flexfem.simulation.run import guard as run_guard
+from flexfem.simulation.run import guard as run_guard, setup
 run_guard._PATIENCE = 1.0
 build = setup.build
 def fails(*given, **named):
