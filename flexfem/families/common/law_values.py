@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.forms.beam_law import LawExpressions, law_form
-from flexfem.kernels.driver import NO_NODES, CellKernel, cell_kernel, evaluate, plain_cells
+from flexfem.kernels.driver import NO_NODES, CellKernel, Cells, cell_kernel, evaluate, plain_cells
 from flexfem.kernels.ffcx import compile_kernel
 from flexfem.materials.matrices import check_definite
 from flexfem.materials.section_law import SectionLaw
@@ -18,6 +18,8 @@ __all__ = ["LawValues"]
 
 #: Viscous stress at rest that still counts as round-off, relative to the viscosity.
 _AT_REST = 1e-12
+#: Constants of kernels that have none.
+_NOTHING = np.zeros(1)
 
 
 class LawValues:
@@ -46,6 +48,7 @@ class LawValues:
         self.parameters = np.array([list(p.parameters.values()) for p in laws])
         self.viscous = law.dissipation is not None
         self._kernel = _compile(comm, law, f"{owners[0]}: {laws[0].owner}")
+        self._cells = self._room(0)
         rest = np.zeros((len(laws), 6))
         values = self.at(rest, rest, np.arange(len(laws)))
         for one, owner, row in zip(laws, owners, values, strict=True):
@@ -56,12 +59,18 @@ class LawValues:
 
     def at(self, strain: FloatArray, rate: FloatArray, sections: IntArray) -> FloatArray:
         """Values (m, k) of ``forms.beam_law.LawForm`` at strains and their rates (m, 6)."""
-        values = np.empty((len(strain), self._kernel.size))
-        cells = plain_cells(
-            np.concatenate([strain, rate], axis=1), section=sections, sections=self.parameters
-        )
-        evaluate(self._kernel.memory, cells.memory, NO_NODES, np.zeros(1), values)
+        count = len(strain)
+        if len(self._cells.own) != count:  # mostly that of the last call: a record takes its time
+            self._cells = self._room(count)
+        cells, values = self._cells, np.empty((count, self._kernel.size))
+        cells.own[:, :6], cells.own[:, 6:], cells.section[:] = strain, rate, sections
+        evaluate(self._kernel.memory, cells.memory, NO_NODES, _NOTHING, values)
         return values
+
+    def _room(self, count: int) -> Cells:
+        """Cells for so many strains and their rates."""
+        section = np.zeros(count, dtype=np.int64)
+        return plain_cells(np.empty((count, 12)), section=section, sections=self.parameters)
 
 
 def _compile(comm: MPI.Intracomm, law: LawExpressions, owner: str) -> CellKernel:
