@@ -234,10 +234,18 @@ def _put_section(
 
 
 @inlined
-def _gather_batch(
-    kernel: CellKernel, cells: Cells, nodes: Memory, first: int, held: IntArray, data: FloatArray
-) -> None:
-    """Write the data of the cells of one call; ``held`` are the sections that ``data`` has."""
+def _corners(cells: Cells, c: int) -> FloatArray:
+    """Coordinates of the corners of a cell."""
+    corners: FloatArray = cells.corners[c if cells.corners.shape[0] > 1 else 0]
+    return corners
+
+
+@inlined
+def _evaluate_batch(
+    kernel: CellKernel, cells: Cells, nodes: Memory, first: int, held: IntArray,
+    data: FloatArray, constants: FloatArray, results: FloatArray,
+) -> None:  # fmt: skip
+    """Write the results of the cells of one call; ``held`` are the sections that ``data`` has."""
     last = cells.nodes.shape[0] - 1
     for lane in range(kernel.lanes):
         c = min(first + lane, last)  # the last cell fills the last batch
@@ -245,13 +253,8 @@ def _gather_batch(
         if cells.section[c] != held[lane]:
             held[lane] = cells.section[c]
             _put_section(kernel, cells, held[lane], lane, data)
-
-
-@inlined
-def _corners(cells: Cells, c: int) -> FloatArray:
-    """Coordinates of the corners of a cell."""
-    corners: FloatArray = cells.corners[c if cells.corners.shape[0] > 1 else 0]
-    return corners
+    results[:] = 0.0
+    tabulate(kernel.address, results, data, constants, _corners(cells, first))  # type: ignore[call-arg]
 
 
 @inlined
@@ -297,9 +300,7 @@ def add_forces(
     data, results = np.empty((call.coefficients, width)), np.empty((call.size, width))
     held = np.full(width, -1)
     for first in range(0, count, width):
-        _gather_batch(call, own, nodes, first, held, data)
-        results[:] = 0.0
-        tabulate(call.address, results, data, constants, _corners(own, first))  # type: ignore[call-arg]
+        _evaluate_batch(call, own, nodes, first, held, data, constants, results)
         for lane in range(min(width, count - first)):
             _add_to_nodes(own, first + lane, results, lane, scale, target)
 
@@ -322,9 +323,7 @@ def evaluate(
     data, results = np.empty((call.coefficients, width)), np.empty((call.size, width))
     held = np.full(width, -1)
     for first in range(0, count, width):
-        _gather_batch(call, own, nodes, first, held, data)
-        results[:] = 0.0
-        tabulate(call.address, results, data, constants, _corners(own, first))  # type: ignore[call-arg]
+        _evaluate_batch(call, own, nodes, first, held, data, constants, results)
         for lane in range(min(width, count - first)):
             for i in range(call.size):
                 values[first + lane, i] = results[i, lane]

@@ -38,8 +38,9 @@ _NODAL = {
     "velocity_change": (Nodal.TWIST, Nodes.word("velocity_change")),
     "acceleration_change": (Nodal.TWIST, Nodes.word("acceleration_change")),
 }
-#: First column and number of columns of their data of cells.
+#: Column of the damping in the data of cells.
 _DAMPING = 7
+#: First column and number of columns of each of these data.
 _OWN = {"relative_twist": (0, 6), "length": (6, 1), "damping": (_DAMPING, 1)}
 
 
@@ -234,9 +235,8 @@ class BeamGroup:
         rate = np.empty_like(twists)
         cell_rates(self.cells.memory, twists, block.nodes.memory, rate)
         rate /= self.lengths[:, np.newaxis]
-        data = self.data
         damping = self.cells.own[:, _DAMPING]
-        return self._material.viscous_stress(strain, rate, data.section, damping), rate
+        return self._material.viscous_stress(strain, rate, self.data.section, damping), rate
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
