@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.contact.law import penalty
 from flexfem.contact.law.closed_contacts import ContactLaw, HeldContacts
-from flexfem.contact.law.data import FORCE, GAP, NORMAL, PLACE, RIGID_FIELDS, Found, Slaves
+from flexfem.contact.law.data import FORCE, NORMAL, PLACE, RIGID_FIELDS, Found, Slaves
 from flexfem.contact.law.stiffening import stiffen
 from flexfem.contact.obstacles import shapes as rigid
+from flexfem.contact.obstacles.contacts import ObstacleContacts
 
 __all__ = ["RigidContact", "Shape"]
 
@@ -30,7 +30,7 @@ class Shape:
     length: float = np.inf
 
 
-class RigidContact:
+class RigidContact(ObstacleContacts):
     """Contacts of slaves with a rigid surface at the trial state.
 
     Attributes:
@@ -99,32 +99,6 @@ class RigidContact:
     @property
     def _rotation(self) -> FloatArray:
         return self._surface.frame[3:].reshape(3, 3)
-
-    @property
-    def count(self) -> int:
-        """Number of contacts at the trial state."""
-        return int(self.found.closed[0])
-
-    @property
-    def ends(self) -> IntArray:
-        """Slave of each contact, shape (count, 1)."""
-        return self.found.ends[: self.count]
-
-    @property
-    def contacts(self) -> FloatArray:
-        """Numbers of each contact, see ``data``, shape (count, RIGID_FIELDS)."""
-        return self.found.numbers[: self.count]
-
-    @property
-    def energy(self) -> float:
-        """Energy stored, J."""
-        value: float = penalty.energy(self.slaves.memory, self.found.memory)
-        return value
-
-    @property
-    def deepest(self) -> float:
-        """Largest penetration, m."""
-        return float(-self.contacts[:, GAP].min(initial=0.0))
 
     @property
     def forces(self) -> FloatArray:

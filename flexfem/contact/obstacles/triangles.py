@@ -17,7 +17,6 @@ from flexfem.contact.law.data import (
     AREAS,
     FIELDS,
     FORCE,
-    GAP,
     NORMAL,
     Candidates,
     Found,
@@ -25,6 +24,7 @@ from flexfem.contact.law.data import (
     Slaves,
 )
 from flexfem.contact.law.stiffening import stiffen
+from flexfem.contact.obstacles.contacts import ObstacleContacts
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Memory, unpack
 
@@ -34,7 +34,7 @@ __all__ = ["TriangleContact"]
 _THROUGH = 4
 
 
-class TriangleContact:
+class TriangleContact(ObstacleContacts):
     """Contacts of slaves with master triangles at the trial state.
 
     Attributes:
@@ -195,32 +195,6 @@ class TriangleContact:
         self._held_nodes = np.column_stack([nodes, extra[:, :3].astype(np.int64)])
         self._held_weights = np.column_stack([np.ones(len(nodes)), extra[:, 3:]])
         self._start = points.copy()
-
-    @property
-    def count(self) -> int:
-        """Number of contacts at the trial state."""
-        return int(self.found.closed[0])
-
-    @property
-    def ends(self) -> IntArray:
-        """Slave and triangle of each contact, shape (count, 2)."""
-        return self.found.ends[: self.count]
-
-    @property
-    def contacts(self) -> FloatArray:
-        """Numbers of each contact, see ``data``, shape (count, FIELDS)."""
-        return self.found.numbers[: self.count]
-
-    @property
-    def energy(self) -> float:
-        """Energy stored, J."""
-        value: float = penalty.energy(self.slaves.memory, self.found.memory)
-        return value
-
-    @property
-    def deepest(self) -> float:
-        """Largest penetration, m."""
-        return float(-self.contacts[:, GAP].min(initial=0.0))
 
     @property
     def forces(self) -> FloatArray:
