@@ -285,9 +285,10 @@ class Constraints(NumberedRows):
     def evaluate(self, dynamics: FloatArray) -> None:
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
         face = self.interface
-        self.lines.evaluate(face.frames, self.poses, self.force_jacobian)
+        if self.lines.joints:
+            self.lines.evaluate(face.frames, self.poses, self.force_jacobian)
         evaluate_rows(self.own.memory, face.interface_nodes.memory, dynamics)
-        if self._functions:
+        if self._functions.places:
             self._functions.watch(self)
         if self._damped:
             add_dampers(

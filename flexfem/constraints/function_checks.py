@@ -89,26 +89,26 @@ class _Place:
 
 
 class Functions:
-    """The users' functions in the rows of a rank; false where there are none."""
+    """The users' functions in the rows of a rank.
+
+    Attributes:
+        places: where they are used.
+    """
 
     def __init__(self, table: NumberedRows) -> None:
         """Find them."""
-        self._places = []
+        self.places: list[_Place] = []
         for i, placed in enumerate(table.joints):
             for r, row in enumerate(placed.rows(0.0), start=int(table.start[i])):
                 for k, term in enumerate(row.terms):
                     if term.function is not None:
                         t = -1 if placed.on_lines else int(table.term_start[r]) + k
-                        self._places.append(_Place(term.function, r, t))
+                        self.places.append(_Place(term.function, r, t))
                 if row.law is not None and row.law.function is not None:
-                    self._places.append(_Place(row.law.function, r, -1))
-        self._rows = np.array([place.row for place in self._places], dtype=np.int64)
+                    self.places.append(_Place(row.law.function, r, -1))
+        self._rows = np.array([place.row for place in self.places], dtype=np.int64)
         inside = np.isin(table.row_of_term, self._rows)
         self._terms = np.flatnonzero(inside)
-
-    def __bool__(self) -> bool:
-        """There are some."""
-        return bool(self._places)
 
     def watch(self, rows: Any) -> None:
         """Note a function that has given no finite numbers at the last evaluation of ``rows``.
@@ -121,7 +121,7 @@ class Functions:
         velocities, sums, rates = rows.interface.velocities, rows.sums(), rows.rates()
         if not (np.isfinite(rows.poses).all() and np.isfinite(velocities).all()):
             return  # the motion was lost before
-        for place in self._places:
+        for place in self.places:
             arguments = self._arguments(place, rows, sums, rates)
             bad = ~np.isfinite(rows.values[place.row])
             bad |= not np.isfinite(rows.force_jacobian[self._terms]).all()

@@ -23,8 +23,8 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.status import Status
-from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
-from flexfem.solvers.newton.iteration import Equations, PositionLevel
+from flexfem.integrators.integrator import Integrator, discard, predictions
+from flexfem.solvers.newton.iteration import Equations
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import Shifts, System
@@ -117,20 +117,19 @@ class GeneralizedAlpha(Integrator):
 
     def _equations(self, h: float) -> Equations:
         """Return the equations solved at the end of a step of size ``h`` (s)."""
-        return PositionLevel()
+        return END_POINT
 
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
         laws, start = step_laws(self.rho_inf, h), system.time
         equations = self._equations(h)
         system.set_time(start + h)
-        status = solve_from_predictions(
-            system,
-            partial(_predict, system, laws),
-            lambda restart: policy.solve(laws.shifts, restart, equations),
-        )
-        if status is not Status.OK:
-            discard(system, start)
+        status = Status.DIVERGED
+        for restart in predictions(system, partial(_predict, system, laws)):
+            status = policy.solve(laws.shifts, restart, equations)
+            if status is Status.OK:
+                return status
+        discard(system, start)
         return status
 
     def error(self, system: System, policy: Policy, h: float) -> float:

@@ -24,7 +24,7 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, step_laws
-from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
+from flexfem.integrators.integrator import Integrator, discard, predictions
 from flexfem.integrators.start import drives, second_rates
 from flexfem.solvers.independent_motions import IndependentMotions
 from flexfem.solvers.newton.policy import Policy
@@ -110,9 +110,12 @@ class IndependentCoordinates(Integrator):
             rows = system.constraints
             rows.multipliers[:] = laws.shifts.scale * rows.forces
 
-        status = solve_from_predictions(system, predict, lambda _: step.solve())
-        if status is not Status.OK:
-            discard(system, start)
+        status = Status.DIVERGED
+        for _ in predictions(system, predict):
+            status = step.solve()
+            if status is Status.OK:
+                return status
+        discard(system, start)
         return status
 
     def error(self, system: System, policy: Policy, h: float) -> float:
@@ -191,7 +194,7 @@ class _Step:
                 return Status.DIVERGED
             renew = size > _SLOW * previous and size > self._tolerance
             motions.to_steps(-step)
-            END_POINT.correct(system, 1.0)
+            END_POINT.move(system, 1.0)
             rows.multipliers -= motions.to_rows(laws)
         return Status.NOT_CONVERGED
 
@@ -210,7 +213,7 @@ class _Step:
                 return gap <= self._tolerance
             before = gap
             motions.to_steps(-motions.follow(gaps))
-            END_POINT.correct(system, 1.0)
+            END_POINT.move(system, 1.0)
         return gap <= self._tolerance
 
     def _rates(self) -> bool:

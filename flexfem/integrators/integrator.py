@@ -7,7 +7,7 @@ A new scheme is a new file and its line in ``flexfem.analyses.dynamics.INTEGRATO
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from importlib import import_module
 from math import inf
@@ -22,7 +22,7 @@ from flexfem.solvers.newton.policy import Policy
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Integrator", "create_integrator", "discard", "solve_from_predictions"]
+__all__ = ["Integrator", "create_integrator", "discard", "predictions"]
 
 
 class Integrator(Protocol):
@@ -123,26 +123,22 @@ def create_integrator(name: str, rho_inf: float) -> Integrator:
     return integrator
 
 
-def solve_from_predictions(
-    system: System,
-    predict: Callable[[Prediction], None],
-    solve: Callable[[Callable[[], None]], Status],
-) -> Status:
-    """Solve from the prediction that was the best for the last step, after a failure from rest.
+def predictions(
+    system: System, predict: Callable[[Prediction], None]
+) -> Iterator[Callable[[], None]]:
+    """Predicted trial states to solve from, until one does: the best for the last step, then rest.
 
     Args:
         system: in its accepted state.
         predict: makes a trial state.
-        solve: iterates from it; gets what makes it again.
+
+    Yields:
+        What makes the present trial state again.
     """
-    status = Status.DIVERGED
     for prediction in dict.fromkeys((system.prediction, Prediction.REST)):
         restart = partial(predict, prediction)
         restart()
-        status = solve(restart)
-        if status is Status.OK:
-            break
-    return status
+        yield restart
 
 
 def discard(system: System, start: float) -> None:

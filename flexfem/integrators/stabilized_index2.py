@@ -70,7 +70,7 @@ class _PositionsAndRates:
     def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
         """See :class:`Equations`."""
         assert again is not None
-        largest = END_POINT.correct(system, -1.0)
+        largest = END_POINT.move(system, -1.0)
         system.interface.update_steps()
         rows = system.constraints
         gaps = self._gaps - rows.rigid * rows.changes(system.interface.steps)

@@ -2,6 +2,7 @@
 """Factors of a distributed matrix that are kept over many solves."""
 
 from collections.abc import Callable
+from functools import partial
 
 from petsc4py import PETSc
 
@@ -58,7 +59,6 @@ class Factor:
         self._pc.setOperators(self._matrix)
         self._pc.setUp()
         self._factor = self._pc.getFactorMatrix()
-        self._arrays: dict[int, tuple[PETSc.Vec, FloatArray]] = {}
 
     @property
     def entries(self) -> int:
@@ -67,31 +67,42 @@ class Factor:
             return int(self._factor.getMumpsInfog(29)) if self._comm.rank == 0 else 0
         return int(self._factor.getInfo()["nz_used"])
 
-    def solve(self, rhs: FloatArray, solution: FloatArray) -> None:
-        """Solve for contiguous arrays of this rank's rows (collective unless local).
+    def solver(
+        self, rhs: FloatArray, solution: FloatArray, *, transposed: bool = False
+    ) -> Callable[[], None]:
+        """Solve from one array to another, to be called again and again.
 
-        Arrays are kept as long as the factors: pass the same ones again.
+        A call is collective unless the factors are local.
+
+        Args:
+            rhs: contiguous, of this rank's rows; read in every call.
+            solution: likewise, written in every call.
+            transposed: solve with the transposed matrix.
         """
-        self._apply(self._factor.solve, rhs, solution)
-
-    def solve_transpose(self, rhs: FloatArray, solution: FloatArray) -> None:
-        """Solve with the transposed matrix; arguments as for :meth:`solve`."""
-        self._apply(self._factor.solveTranspose, rhs, solution)
-
-    def _apply(
-        self, solve: Callable[[PETSc.Vec, PETSc.Vec], None], rhs: FloatArray, solution: FloatArray
-    ) -> None:
+        solve = self._factor.solveTranspose if transposed else self._factor.solve
         if self._whole is not None:
-            solution.ravel()[: self.size] = self._whole.solve(solve, rhs.ravel()[: self.size])
-        elif self.size or self._comm.size > 1:
-            solve(self._vec(rhs), self._vec(solution))
+            return partial(_solve_whole, self._whole, solve, self._rows(rhs), self._rows(solution))
+        if self.size == 0 and self._comm.size == 1:
+            return _nothing
+        vectors = (
+            PETSc.Vec().createWithArray(self._rows(x), comm=self._comm) for x in (rhs, solution)
+        )
+        # PETSc's own call, without a frame between: it is one of the most frequent of a run
+        return partial(solve, *vectors)
 
-    def _vec(self, array: FloatArray) -> PETSc.Vec:
-        """PETSc vector over the memory of an array."""
-        key = id(array)  # its own as long as the array is kept
-        if key not in self._arrays:
-            flat = array.ravel()[: self.size]
-            assert np.shares_memory(flat, array) or self.size == 0
-            vec = PETSc.Vec().createWithArray(flat, comm=self._comm)
-            self._arrays[key] = (vec, array)
-        return self._arrays[key][0]
+    def _rows(self, array: FloatArray) -> FloatArray:
+        """The numbers of an array in one row, in its own memory."""
+        flat = array.reshape(-1)[: self.size]
+        assert np.shares_memory(flat, array) or self.size == 0
+        return flat
+
+
+def _solve_whole(
+    whole: WholeMatrix, solve: Callable[[PETSc.Vec, PETSc.Vec], None], rhs: FloatArray,
+    solution: FloatArray,
+) -> None:  # fmt: skip
+    solution[:] = whole.solve(solve, rhs)
+
+
+def _nothing() -> None:
+    """Solve without rows."""

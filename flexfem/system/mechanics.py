@@ -6,7 +6,7 @@ its own derives a class from :class:`Mechanics`; solvers and policies are told w
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -19,8 +19,12 @@ __all__ = ["END_POINT", "EndPoint", "Mechanics"]
 
 
 class Mechanics(ABC):
-    """Residuals of blocks and rows at the trial state, and their derivatives along local twists."""
+    """Residuals of blocks and rows at the trial state, and their derivatives along local twists.
 
+    They are ``solvers.newton.iteration.Equations``: dynamics with constraints on positions.
+    """
+
+    @abstractmethod
     def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
         """Residuals of blocks, with constraint forces, and of rows (collective).
 
@@ -29,11 +33,12 @@ class Mechanics(ABC):
             shifts: factors of the scheme.
             strains: of each part, whose stresses count; None for the present ones.
         """
-        system.counters.residual_evaluations += 1
-        for contacts in system.contacts:
-            contacts.prepare(shifts.acceleration)
-        self.compute_residuals(system, shifts, strains or system.present)
-        system.add_constraint_forces(system.constraints.multipliers)
+
+    def correct(
+        self, system: System, again: Callable[[FloatArray], bool] | None
+    ) -> tuple[bool, float]:
+        """Subtract the blocks' steps: success, and the largest entry on this rank (collective)."""
+        return True, self.move(system, -1.0)
 
     def subtract_tangent(
         self, system: System, shifts: Shifts, hessians: FloatArray,
@@ -83,12 +88,8 @@ class Mechanics(ABC):
                 part.contacts.add_action(factor * shifts.scale * shifts.stiffness)
 
     @abstractmethod
-    def compute_residuals(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
-        """Residuals of blocks, without constraint forces, and rows (collective)."""
-
-    @abstractmethod
-    def correct(self, system: System, sign: float) -> float:
-        """Apply the blocks' steps; largest entry on this rank (collective)."""
+    def move(self, system: System, sign: float) -> float:
+        """Move by ``sign`` times the blocks' steps; largest entry on this rank (collective)."""
 
     @abstractmethod
     def cells(
@@ -132,14 +133,16 @@ class Mechanics(ABC):
 class EndPoint(Mechanics):
     """Equilibrium at the end of the step."""
 
-    def compute_residuals(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
+    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
         """See :class:`Mechanics`."""
-        for part, own in zip(system.parts, strains, strict=True):
+        system.begin_evaluation(shifts.acceleration)
+        for part, own in zip(system.parts, strains or system.present, strict=True):
             part.add_residual(system.gravity, system.factors, shifts.scale, own)
         system.interface.update()
         system.constraints.evaluate(shifts.dynamics)
+        system.add_constraint_forces(system.constraints.multipliers)
 
-    def correct(self, system: System, sign: float) -> float:
+    def move(self, system: System, sign: float) -> float:
         """See :class:`Mechanics`."""
         sizes = [part.block.correct(sign) for part in system.parts]
         # NumPy's maximum keeps a NaN, Python's may drop it

@@ -321,6 +321,16 @@ class System:
         """Strains without stresses."""
         return [None if p.elements is None else p.elements.unstressed() for p in self.parts]
 
+    def begin_evaluation(self, acceleration: float) -> None:
+        """Count an evaluation of the residuals, and find what touches at the trial state.
+
+        Args:
+            acceleration: da/dn of the scheme, 1/s^2.
+        """
+        self.counters.residual_evaluations += 1
+        for contacts in self.contacts:
+            contacts.prepare(acceleration)
+
     def add_constraint_forces(self, multipliers: FloatArray) -> None:
         """Add ``G^T multipliers`` to the residuals of the blocks."""
         for part in self.parts:

@@ -213,10 +213,11 @@ def test_factor_equals_a_dense_solve(local, largest, rng, monkeypatch):
     factor = Factor(matrix.mat, 6, local=local)
     right = rng.normal(size=size)
     rhs, solution = right[rows].reshape(-1, 6).copy(), np.zeros((nodes, 6))
-    for solve, A in ((factor.solve, dense), (factor.solve_transpose, dense.T)):
+    for transposed, A in ((False, dense), (True, dense.T)):
+        solve = factor.solver(rhs, solution, transposed=transposed)
         for scale in (1.0, -3.0):  # the same arrays again, with other numbers
             rhs[:] = scale * right[rows].reshape(-1, 6)
-            solve(rhs, solution)
+            solve()
             expected = scale * np.linalg.solve(A, right)
             # round-off; the transpose in place of the matrix is wrong by order 1
             np.testing.assert_allclose(solution.ravel(), expected[rows], atol=1e-12)

@@ -534,7 +534,7 @@ def test_tangent(make, rho_inf):
     def move(size: float, twists) -> None:
         for part, step in zip(system.parts, twists, strict=True):
             part.block.step[:] = size * step[part.block.node_ids]
-        mechanics.correct(system, 1.0)
+        mechanics.move(system, 1.0)
 
     def twists(size: float):
         return [size * random.normal(size=(p.block.size_global, 6)) for p in system.parts]

@@ -15,6 +15,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_se3.group import BeamCells, BeamGroup
 from flexfem.families.common.section_groups import materials
+from flexfem.kernels.driver import add_forces
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 from flexfem.materials.section import Section
 
@@ -103,8 +104,13 @@ class SE3Beams:
         request: TangentRequest = EXACT,
     ) -> None:  # fmt: skip
         """See :class:`flexfem.layout.elements.ElementFamily`."""
+        strains = request.strains
         for k, (_, group) in enumerate(self.groups):
-            group.add_residual(block, gravity, scale, request.of_group(k))
+            cells = group.cells if strains is None else group.cells_at(block, strains[k])
+            add_forces(
+                group.residual.memory, cells.memory, block.nodes.memory, gravity, scale,
+                block.residual,
+            )  # fmt: skip
 
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,

@@ -64,9 +64,10 @@ class BeamCells:
 
 
 class BeamGroup:
-    """Residual, tangent and stress resultants of the cells of one material on this rank.
+    """Kernels, tangent and stress resultants of the cells of one material on this rank.
 
     Attributes:
+        residual: kernel of internal, inertia and gravity forces.
         data: constant data of the cells; sections count those of the material.
         cells: the same as the driver of the kernels takes them; own data are the twists at the
             start, lengths and damping, those of sections ``Material.data``.
@@ -114,13 +115,16 @@ class BeamGroup:
             own = compile_kernel(comm, form, fields, batched=batched)
             return cell_kernel(own, size, coefficients, _NODAL, _OWN, section)
 
-        self._residual = compiled(forms.residual, 12, batched=True)
+        self.residual = compiled(forms.residual, 12, batched=True)
         self._stiffness = compiled(forms.stiffness, 144)
         self._inertia = compiled(forms.inertia, 144)
         self._action = compiled(forms.action, 12)
 
-    def _cells_at(self, block: FrameBlock, strains: FloatArray | None) -> Cells:
-        """Cells with initial twists from which given changes lead to the present twists."""
+    def cells_at(self, block: FrameBlock, strains: FloatArray | None) -> Cells:
+        """Cells with initial twists from which changes (m, 6) lead to the present twists.
+
+        The changes are those of :meth:`continued_strains`, None for the present ones.
+        """
         cells = self.cells
         if strains is None:
             return cells
@@ -130,24 +134,6 @@ class BeamGroup:
             nodes=cells.nodes, turned=cells.turned, turns=cells.turns, own=own,
             section=cells.section, sections=cells.sections, corners=cells.corners,
         )  # fmt: skip
-
-    def add_residual(
-        self, block: FrameBlock, gravity: FloatArray, scale: float,
-        strains: FloatArray | None = None,
-    ) -> None:  # fmt: skip
-        """Add ``scale`` times internal, inertia and gravity forces to the block's residual.
-
-        ``strains`` (m, 6) are those of :meth:`continued_strains`, None for the present ones.
-        """
-        self._add(self._residual, block, gravity, scale, strains)
-
-    def _add(
-        self, kernel: CellKernel, block: FrameBlock, gravity: FloatArray, scale: float,
-        strains: FloatArray | None,
-    ) -> None:  # fmt: skip
-        cells = self._cells_at(block, strains)
-        memories = kernel.memory, cells.memory, block.nodes.memory
-        add_forces(*memories, gravity, scale, block.residual)
 
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
@@ -160,14 +146,14 @@ class BeamGroup:
             gravity: (3,) m/s^2.
             shifts: see above.
             scale: see above.
-            strains: (m, 6) as in :meth:`add_residual`.
+            strains: (m, 6) as in :meth:`cells_at`.
             local: the derivative K is that at fixed local velocities and accelerations.
         """
         values = np.empty((len(self.data.cells), 144))
         rates = np.empty((len(block.frames), 2, 36))
         step_rates(block.nodes.memory, shifts, block.inertial_rates(shifts) and not local, rates)
         evaluate_tangents(
-            self._stiffness.memory, self._inertia.memory, self._cells_at(block, strains).memory,
+            self._stiffness.memory, self._inertia.memory, self.cells_at(block, strains).memory,
             block.nodes.memory, gravity, rates, np.array([shifts[2], scale]), values,
         )  # fmt: skip
         return values.reshape(-1, 12, 12)
@@ -178,7 +164,10 @@ class BeamGroup:
     ) -> None:  # fmt: skip
         """Add ``scale`` times :meth:`tangent` applied to the block's step to its residual."""
         step_changes(block.nodes.memory, shifts, block.inertial_rates(shifts) and not local)
-        self._add(self._action, block, gravity, scale, strains)
+        add_forces(
+            self._action.memory, self.cells_at(block, strains).memory, block.nodes.memory,
+            gravity, scale, block.residual,
+        )  # fmt: skip
 
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
         """Change (m, 6) of the relative twists, continued along local twists ``steps`` of nodes.

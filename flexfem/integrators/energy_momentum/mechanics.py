@@ -243,8 +243,9 @@ class StepMechanics(Mechanics):
         system.constraints.accept()
         self._last_h = self.h
 
-    def compute_residuals(self, system: System, shifts: Shifts, strains: PartStrains) -> None:
-        """See :class:`flexfem.system.mechanics.Mechanics`."""
+    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
+        """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
+        system.begin_evaluation(shifts.acceleration)
         self._cells = None
         for part in system.parts:
             mine, block, forces = self._parts[id(part)], part.block, part.forces
@@ -261,8 +262,9 @@ class StepMechanics(Mechanics):
                 )
         system.interface.update()
         self._rows.evaluate()
+        system.add_constraint_forces(system.constraints.multipliers)
 
-    def correct(self, system: System, sign: float) -> float:
+    def move(self, system: System, sign: float) -> float:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         moves = [self._parts[id(part)].correct(sign) for part in system.parts]
         return float(np.max(moves, initial=0.0))

@@ -36,7 +36,7 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.energy_momentum.mechanics import StepMechanics
-from flexfem.integrators.integrator import Integrator, discard, solve_from_predictions
+from flexfem.integrators.integrator import Integrator, discard, predictions
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.system import Shifts, System
 
@@ -109,13 +109,12 @@ class EnergyMomentum(Integrator):
         factors = system.factors.copy()
         system.set_time(begin + h)
         mechanics.begin(system, h, factors)
-        status = solve_from_predictions(
-            system,
-            partial(_predict, mechanics, rows),
-            lambda restart: policy.solve(self.shifts(h), restart),
-        )
-        if status is not Status.OK:
-            discard(system, begin)
+        status = Status.DIVERGED
+        for restart in predictions(system, partial(_predict, mechanics, rows)):
+            status = policy.solve(self.shifts(h), restart)
+            if status is Status.OK:
+                return status
+        discard(system, begin)
         return status
 
     def error(self, system: System, policy: Policy, h: float) -> float:

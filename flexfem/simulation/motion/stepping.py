@@ -195,7 +195,14 @@ class Simulation:
         control.begin()
         status, self._limit = Status.OK, len(self.events.fired) + _MOST_EVENTS
         while not control.done and self.events.stopped_by is None:
-            status = self._substep(h * control.part, start + h * control.end)
+            size, end = h * control.part, start + h * control.end
+            if self._behind_jump or self.breakpoints.within(self.time, end):
+                status = self._through_breakpoints(size, end)
+            else:
+                before = self.time
+                self._aim(before + size)
+                status = self._scheme.solve(self.system, self._policy, size)
+                status = self._arrive(before, size, end, status)
             if status is Status.OK:
                 control.accepted(self._error)
                 if control.done and self.events.stopped_by is None:
@@ -218,12 +225,9 @@ class Simulation:
         self.rejected += 1
         return self._control.refused(self._error if status is Status.INACCURATE else None)
 
-    def _substep(self, size: float, end: float) -> Status:
-        """One step of the grid to time ``end``, or in parts through what happens within it."""
-        start = self.time
-        if self._behind_jump or self.breakpoints.within(start, end):
-            return self._through_breakpoints(size, end)
-        status = self._attempt(self._policy, size)
+    def _arrive(self, start: float, size: float, end: float, status: Status) -> Status:
+        """Accept a solved step of the grid to time ``end``, or go through events within it."""
+        status = self._checked(start, size, status, self._policy)
         if status is not Status.OK or not len(self.events):
             return self._accept(start, size, end) if status is Status.OK else status
         values = self.events.evaluate()
@@ -234,11 +238,12 @@ class Simulation:
             return Status.EVENT
         return self._through_events(size, end)
 
-    def _attempt(self, policy: Policy, size: float) -> Status:
-        """Solve for a trial state and check its error; after a failure it is left again."""
-        start = self.time
-        self.system.lead = self.breakpoints.lead(start + size, before=True)
-        status = self._scheme.solve(self.system, policy, size)
+    def _aim(self, end: float) -> None:
+        """Let the next step end just before a jump of loads and drives at time ``end`` (s)."""
+        self.system.lead = self.breakpoints.lead(end, before=True)
+
+    def _checked(self, start: float, size: float, status: Status, policy: Policy) -> Status:
+        """Check the error of a step that was solved; after a failure its trial state is left."""
         self.system.lead = 0.0
         tolerance = self._control.tolerance
         if status is Status.OK and tolerance is not None:
@@ -335,7 +340,11 @@ class Simulation:
 
         def trial(tau: float) -> Status:
             discard(system, start)
-            return self._attempt(self._fresh, tau) if tau > 0.0 else Status.OK
+            if tau <= 0.0:
+                return Status.OK
+            self._aim(start + tau)
+            status = self._scheme.solve(system, self._fresh, tau)
+            return self._checked(start, tau, status, self._fresh)
 
         status = trial(size)
         if status is not Status.OK:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies of the frozen solver: frozen factors and interface responses."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -75,11 +75,12 @@ class Piece:
 class KeptFactor:
     """Factors of the flexible bodies of a part for one step size, one a piece.
 
-    ``nodes`` are the arrays of ``Mechanics.origin`` that they were computed from; ``direct`` tells
-    that there are no responses, see :class:`Bodies`.
+    ``solvers`` solve with them for the steps; ``nodes`` are the arrays of ``Mechanics.origin`` that
+    they were computed from; ``direct`` tells that there are no responses, see :class:`Bodies`.
     """
 
     factors: list[Factor]
+    solvers: list[Callable[[], None]]
     direct: bool
     responses: FloatArray
     compliances: FloatArray
@@ -134,7 +135,6 @@ class FlexibleBodies:
         """Set up the pattern (collective)."""
         self._system, self.group, self._mechanics = system, group, mechanics
         block = group.part.block
-        # always the same view, by which PETSc's vector is found again
         self._right = group.own.right[: block.owned, : block.width]
         self._matrix = CoordinateMatrix(
             system.comm, block.sizes, block.sizes, *part_pattern(group.part)
@@ -143,6 +143,8 @@ class FlexibleBodies:
         self._chained = elements is None or elements.chained
         self.split: bool = block.has_ghosts
         self.pieces = self._divide()
+        # one piece takes right-hand sides and steps where they are
+        self._whole = len(self.pieces) == 1 and block.width == 6
         local = group.part.interface_nodes[group.own.columns[:, 0]]
         self._held = np.flatnonzero(local >= 0)
         self._ends = local[self._held], group.own.columns[self._held, 1]
@@ -196,7 +198,7 @@ class FlexibleBodies:
     def _replace(self, factors: Mapping[int, Factor], origin: Mapping[str, FloatArray]) -> None:
         """Keep new factors of some pieces, and what they were computed from."""
         for k, factor in factors.items():
-            self._kept.factors[k] = factor
+            self._kept.factors[k], self._kept.solvers[k] = factor, self._solver(k, factor)
             for name, values in origin.items():
                 self._kept.nodes[name][self.pieces[k].nodes] = values[self.pieces[k].nodes]
 
@@ -208,7 +210,15 @@ class FlexibleBodies:
         direct = bool(reads[0] > reads[1])
         responses = np.zeros(0 if direct else group.own.response_start[-1])
         nodes = {name: values.copy() for name, values in origin.items()}
-        return KeptFactor(factors, direct, responses, np.zeros(len(group.own.compliances)), nodes)
+        solvers = [self._solver(k, factor) for k, factor in enumerate(factors)]
+        compliances = np.zeros(len(group.own.compliances))
+        return KeptFactor(factors, solvers, direct, responses, compliances, nodes)
+
+    def _solver(self, k: int, factor: Factor) -> Callable[[], None]:
+        """Solve with the factors of piece ``k``, see :meth:`solve`."""
+        if self._whole:
+            return factor.solver(self._right, self.group.part.block.owned_step)
+        return factor.solver(self.pieces[k].right, self.pieces[k].solution)
 
     def _factor(self, piece: Piece) -> Factor:
         """Factors of a piece of the matrix."""
@@ -239,7 +249,7 @@ class FlexibleBodies:
         place[piece.nodes] = np.arange(len(piece.nodes))
         rhs, solution = piece.right, piece.solution
         # columns of the inverse do for compliances, and are solved for faster than its rows
-        solve = factor.solve if self._kept.direct else factor.solve_transpose
+        solve = factor.solver(rhs, solution, transposed=not self._kept.direct)
         for c in range(most):
             bodies = piece.bodies[widths > c]
             columns = group.own.columns[group.own.column_start[bodies] + c]
@@ -249,7 +259,7 @@ class FlexibleBodies:
             rhs[place[local[held]], columns[held, 1]] = 1.0
             if part.block.dirichlet is not None:
                 rhs[part.block.dirichlet[piece.nodes]] = 0.0
-            solve(rhs, solution)
+            solve()
             self._store(bodies, c, solution, place)
 
     def respond(self, y: FloatArray) -> None:
@@ -269,14 +279,14 @@ class FlexibleBodies:
     def solve(self) -> None:
         """Steps of the owned nodes for their right-hand sides (collective)."""
         block = self.group.part.block
-        step = block.owned_step
         right = block.hold(self._right)
-        if len(self.pieces) == 1 and block.width == 6:
-            self._kept.factors[0].solve(right, step)
+        if self._whole:
+            self._kept.solvers[0]()
             return
-        for piece, factor in zip(self.pieces, self._kept.factors, strict=True):
+        step = block.owned_step
+        for piece, solve in zip(self.pieces, self._kept.solvers, strict=True):
             piece.right[:] = right[piece.nodes]
-            factor.solve(piece.right, piece.solution)
+            solve()
             step[piece.nodes] = piece.solution
 
     def use(self, kept: KeptFactor) -> None:

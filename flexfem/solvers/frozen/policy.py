@@ -14,7 +14,6 @@ from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.newton.iteration import (
     Equations,
     NewtonOptions,
-    PositionLevel,
     SolveAgain,
     iterate,
 )
@@ -110,7 +109,7 @@ class FrozenPolicy:
     ) -> None:  # fmt: skip
         """Set up the frozen solver (collective)."""
         self._system, self._options = system, options
-        self._positions = PositionLevel(mechanics)
+        self._mechanics = mechanics
         self._fallback = UpdatedPolicy(system, options, tangent, mechanics)
         self._frozen = FrozenSolver(system, mechanics)
         self._again: SolveAgain = self._frozen.again
@@ -126,7 +125,7 @@ class FrozenPolicy:
         self, shifts: Shifts, restart: Callable[[], None], equations: Equations | None = None
     ) -> Status:
         """See :class:`Policy`."""
-        frozen, equations = self._frozen, equations or self._positions
+        frozen, equations = self._frozen, equations or self._mechanics
         self._again = frozen.again
         if frozen.shifts != shifts:
             frozen.use(shifts, self._system.accepted_strains())

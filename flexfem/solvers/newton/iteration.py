@@ -13,7 +13,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.solvers.linear.schur_kernels import largest_entry
-from flexfem.system.mechanics import END_POINT, Mechanics
+from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = [
@@ -21,7 +21,6 @@ __all__ = [
     "LinearStep",
     "NewtonOptions",
     "Observer",
-    "PositionLevel",
     "SolveAgain",
     "iterate",
 ]
@@ -56,7 +55,7 @@ class NewtonOptions:
 
 
 class Equations(Protocol):
-    """The equations at the end of a step."""
+    """The equations at the end of a step, such as those of a ``Mechanics``."""
 
     def evaluate(self, system: System, shifts: Shifts) -> None:
         """Residuals of blocks and constraints at the trial state (collective)."""
@@ -67,32 +66,13 @@ class Equations(Protocol):
         ...
 
 
-class PositionLevel:
-    """Dynamics, and the constraints on positions: index 3."""
-
-    def __init__(self, mechanics: Mechanics = END_POINT) -> None:
-        """Take the equations of the blocks."""
-        self._mechanics = mechanics
-
-    def evaluate(self, system: System, shifts: Shifts) -> None:
-        """See :class:`Equations`."""
-        self._mechanics.evaluate(system, shifts)
-
-    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
-        """See :class:`Equations`."""
-        return True, self._mechanics.correct(system, -1.0)
-
-
-_POSITIONS = PositionLevel()
-
-
 def iterate(
     system: System,
     shifts: Shifts,
     linear_step: LinearStep,
     options: NewtonOptions,
     observe: Observer | None = None,
-    equations: Equations = _POSITIONS,
+    equations: Equations = END_POINT,
     again: SolveAgain | None = None,
     *,
     thin: bool = True,

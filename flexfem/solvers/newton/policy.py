@@ -9,7 +9,7 @@ from flexfem._types import FloatArray
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.solvers.linear.tangent import TangentSolver
-from flexfem.solvers.newton.iteration import Equations, NewtonOptions, PositionLevel, iterate
+from flexfem.solvers.newton.iteration import Equations, NewtonOptions, iterate
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
@@ -36,7 +36,7 @@ class Policy(Protocol):
         Args:
             shifts: factors of the scheme.
             restart: returns to the predicted state for a second attempt.
-            equations: what is solved; None for the policy's own at the level of positions.
+            equations: what is solved; None for the mechanics that the policy was created with.
         """
         ...
 
@@ -66,7 +66,7 @@ class UpdatedPolicy:
     ) -> None:  # fmt: skip
         """Store what is needed; the iteration matrix is that of ``mechanics``."""
         self._system, self._options, self._tangent = system, options, tangent
-        self._mechanics, self._positions = mechanics, PositionLevel(mechanics)
+        self._mechanics = mechanics
 
     @property
     def tolerance(self) -> float:
@@ -79,7 +79,7 @@ class UpdatedPolicy:
         """See :class:`Policy`."""
         return iterate(
             self._system, shifts, self._fresh_step, self._options, None,
-            equations or self._positions, self._tangent.again, thin=False,
+            equations or self._mechanics, self._tangent.again, thin=False,
         )  # fmt: skip
 
     def _fresh_step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
@@ -129,7 +129,7 @@ class MaterialPolicy(UpdatedPolicy):
             self._unstressed_step,
             self._options,
             None,
-            equations or self._positions,
+            equations or self._mechanics,
             self._tangent.again,
         )
         if status is Status.OK:

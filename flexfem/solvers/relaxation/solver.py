@@ -166,7 +166,10 @@ class Relaxation:
         """Residual at the present positions and sums over it; False if not finite (collective)."""
         system, sums = self.system, self._sums
         system.counters.residual_evaluations += 1
-        END_POINT.compute_residuals(system, REST, system.present)
+        for part in system.parts:
+            part.add_residual(system.gravity, system.factors, REST.scale)
+        system.interface.update()
+        system.constraints.evaluate(REST.dynamics)
         self._projection.add_forces()
         sums[:] = 0.0
         for part, previous, velocity, inverse in zip(
