@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Constraint equations and force laws (rows) of all joints of this rank, as one batch."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from mpi4py import MPI
 
@@ -254,33 +254,45 @@ class Constraints(NumberedRows):
     def _drive(self, i: int, joint: PlacedJoint, t: float) -> None:
         """Rows of a driven joint; they are not finite where its function fails."""
         try:
-            rows = joint.rows(t)
+            self._write_drive(i, joint, t)
         except FAILURES as error:
             noted(joint.joint.owner, next(filter(callable, vars(joint.joint).values())), error)
             self.targets[self.start[i] : self.start[i + 1]] = np.nan
+
+    def _write_drive(self, i: int, joint: PlacedJoint, t: float) -> None:
+        targets = joint.targets(t)
+        if targets is None:
+            self.write(i, joint.rows(t))
         else:
-            self.write(i, rows)
+            self.targets[self.start[i] : self.start[i + 1]] = targets
 
     def set_drives(self, t: float) -> None:
         """Update the rows of driven joints that hold values to time ``t``, no laws of forces."""
+        for i, joint in self._drives():
+            self._write_drive(i, joint, t)
+
+    def drives_at(self, times: Sequence[float]) -> tuple[FloatArray, BoolArray]:
+        """Targets (k, r) of all rows at the times (s), and (r,) rows whose terms differ there."""
+        targets = np.tile(self.targets, (len(times), 1))
+        differing: BoolArray = np.zeros(self.size, dtype=np.bool_)
+        for i, joint in self._drives():
+            own = slice(self.start[i], self.start[i + 1])
+            if joint.targets(times[0]) is not None:
+                targets[:, own] = [joint.targets(t) for t in times]
+                continue
+            seen = [joint.rows(t) for t in times]
+            targets[:, own] = [[row.target for row in rows] for rows in seen]
+            data = np.array([[term.data for row in rows for term in row.terms] for rows in seen])
+            of_row = np.repeat(np.arange(len(seen[0])), [len(row.terms) for row in seen[0]])
+            differing[own][of_row[(data != data[0]).any(axis=(0, 2, 3))]] = True
+        return targets, differing
+
+    def _drives(self) -> Iterator[tuple[int, PlacedJoint]]:
+        """Driven joints that hold values, with their numbers."""
         for i, joint in self._driven:
             start = self.start[i]
             if self.elastic[start, 0] == LawKind.RIGID and not self.held[start]:
-                self.write(i, joint.rows(t))
-
-    def directions_of_drives(self) -> tuple[FloatArray, FloatArray]:
-        """Directions of the terms now, those on lines apart, for :meth:`turned`."""
-        return self.directions.copy(), self.lines.directions.copy()
-
-    def turned(self, seen: Sequence[tuple[FloatArray, FloatArray]]) -> BoolArray:
-        """(r,) rows whose directions are not always the same; of those on lines all driven ones."""
-        own, on_lines = (np.array(one) for one in zip(*seen, strict=True))
-        terms = (own != own[0]).any(axis=(0, 2, 3))
-        rows: BoolArray = np.bincount(self.row_of_term, terms, minlength=self.size) > 0.0
-        if (on_lines != on_lines[0]).any():
-            driven = [j.joint.driven and j.on_lines for j in self.joints]
-            rows |= np.array(driven, dtype=np.bool_)[self.joint_of_row]
-        return rows
+                yield i, joint
 
     def evaluate(self, dynamics: FloatArray) -> None:
         """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""

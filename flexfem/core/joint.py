@@ -149,6 +149,13 @@ class Joint:
         """
         raise NotImplementedError
 
+    def targets(self, poses: Sequence[Pose], t: float) -> Sequence[float] | None:
+        """Targets of the rows at time ``t`` (s), where a drive changes nothing else of them.
+
+        None where it does; :meth:`rows` is asked for them at every step then.
+        """
+        return None
+
 
 @declared
 class AxisJoint(Joint):

@@ -98,13 +98,8 @@ def _sample(rows: Constraints, t: float, times: FloatArray) -> tuple[FloatArray,
 
     Of those that do not turn it is minus their targets, without the rounding of positions.
     """
-    values, targets = np.zeros((2, len(times), rows.size))
-    directions = []
-    for k, time in enumerate(times.tolist()):
-        rows.set_drives(time)
-        targets[k] = rows.targets
-        directions.append(rows.directions_of_drives())
-    turning = rows.turned(directions)
+    targets, turning = rows.drives_at(times.tolist())
+    values = np.zeros_like(targets)
     if turning.any():
         for k, time in enumerate(times.tolist()):
             rows.set_drives(time)
@@ -117,12 +112,18 @@ def _sample(rows: Constraints, t: float, times: FloatArray) -> tuple[FloatArray,
 
 def _shares(values: FloatArray) -> FloatArray:
     """Shares (r, 3) of the stencils for values (7, r)."""
-    second = np.diff(values, 2, axis=0)
-    third = np.diff(second, axis=0)
-    size, jerk, jump = (np.abs(d).max(axis=0) for d in (second, third, np.diff(third, axis=0)))
+    second = _differences(_differences(values))
+    third = _differences(second)
+    size, jerk, jump = (np.abs(d).max(axis=0) for d in (second, third, _differences(third)))
     size[size == 0.0] = 1.0
     kink = jump / np.maximum(jerk, _STRAIGHT * size)
     central = 1.0 / (1.0 + (kink / _KINK) ** _POWER)
     sides = np.maximum(np.abs(third[[0, 3]]) / size, _SMOOTH) ** -_POWER
     behind, ahead = (1.0 - central) * sides / sides.sum(axis=0)
     return np.stack([behind, central, ahead], axis=1)
+
+
+def _differences(values: FloatArray) -> FloatArray:
+    """Differences (k - 1, r) of consecutive values (k, r), without the checks of ``numpy.diff``."""
+    change: FloatArray = values[1:] - values[:-1]
+    return change

@@ -35,5 +35,8 @@ class PrescribedAngle(AxisJoint):
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
         a, b = poses
-        angle = _checks.returned_number("angle", self.angle(t))
-        return (Row((turn_angle(self.direction, a, b),), angle),)
+        return (Row((turn_angle(self.direction, a, b),), *self.targets(poses, t)),)
+
+    def targets(self, poses: Sequence[Pose], t: float) -> tuple[float]:
+        """See :meth:`Joint.targets`."""
+        return (_checks.returned_number("angle", self.angle(t)),)

@@ -32,7 +32,10 @@ class PrescribedDisplacement(AxisJoint):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
+        return (displacement(self.direction, poses[0], *self.targets(poses, t)),)
+
+    def targets(self, poses: Sequence[Pose], t: float) -> tuple[float]:
+        """See :meth:`Joint.targets`."""
         a, b = poses
         start = float(self.direction @ (b.position - a.position))
-        change = _checks.returned_number("displacement", self.displacement(t))
-        return (displacement(self.direction, a, start + change),)
+        return (start + _checks.returned_number("displacement", self.displacement(t)),)

@@ -31,6 +31,9 @@ class PrescribedDistance(Joint):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`; raises ValueError when both markers start at one point."""
+        return (Row((Term(RowKind.DISTANCE),), *self.targets(poses, t)),)
+
+    def targets(self, poses: Sequence[Pose], t: float) -> tuple[float]:
+        """See :meth:`Joint.targets`."""
         start = distance(self.owner, poses)
-        change = _checks.returned_number("elongation", self.elongation(t))
-        return (Row((Term(RowKind.DISTANCE),), start + change),)
+        return (start + _checks.returned_number("elongation", self.elongation(t)),)

@@ -42,5 +42,9 @@ class PrescribedSlide(JointAction):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        zeta = _checks.returned_number("zeta", self.zeta(t))
+        (zeta,) = self.targets(poses, t)
         return tuple(Row((term,), zeta) for term in self.terms(poses))
+
+    def targets(self, poses: Sequence[Pose], t: float) -> tuple[float]:
+        """See :meth:`Joint.targets`."""
+        return (_checks.returned_number("zeta", self.zeta(t)),)

@@ -50,15 +50,22 @@ class PrescribedTranslation(Joint):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
+        pairs = zip(self._directions(poses[0]), self.targets(poses, t), strict=True)
+        return tuple(Row((Term(RowKind.ALONG, u=u),), target) for u, target in pairs)
+
+    def targets(self, poses: Sequence[Pose], t: float) -> tuple[float, ...]:
+        """See :meth:`Joint.targets`."""
         a, b = poses
         start = a.rotation.T @ (b.position - a.position)
-        if self.axis is None:
-            directions = np.eye(3)
-        else:
-            directions = (a.rotation.T @ unit(self.axis))[np.newaxis]
         shape = (3,) if self.axis is None else ()
         values = np.atleast_1d(_checks.returned("displacement", self.displacement(t), shape))
         return tuple(
-            Row((Term(RowKind.ALONG, u=u),), float(u @ start + value))
-            for u, value in zip(directions, values, strict=True)
+            float(u @ start + value) for u, value in zip(self._directions(a), values, strict=True)
         )
+
+    def _directions(self, a: Pose) -> FloatArray:
+        """Driven directions (1 or 3, 3) in the axes of marker a."""
+        if self.axis is None:
+            return np.eye(3)
+        driven: FloatArray = (a.rotation.T @ unit(self.axis))[np.newaxis]
+        return driven

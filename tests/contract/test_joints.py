@@ -166,6 +166,24 @@ def test_driven_joints_follow_their_function(name, rng):
         joint.rows.accept()
 
 
+@EVERY
+def test_targets_are_all_that_a_drive_with_targets_changes(example, rng):
+    """A run asks such a drive for its targets alone: terms and laws have to stay."""
+    joint = Placed(example, rng)
+    own = joint.rows.joints[-1]
+    if own.targets(0.0) is None:
+        return
+    assert example.cls.driven
+    first = own.rows(0.0)
+    for t in (0.2, 0.9):
+        rows = own.rows(t)
+        assert [row.target for row in rows] == list(own.targets(t))
+        for row, start in zip(rows, first, strict=True):
+            assert row.law is start.law is None
+            for term, before in zip(row.terms, start.terms, strict=True):
+                np.testing.assert_array_equal(term.data, before.data)
+
+
 def _force(joint: Placed) -> float:
     """Force or moment of an elastic row from its equation at zero multiplier."""
     joint.rows.multipliers[:] = 0.0

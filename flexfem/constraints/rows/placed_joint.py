@@ -61,6 +61,10 @@ class PlacedJoint:
         """Rows at time t."""
         return self.joint.rows(self.poses, t)
 
+    def targets(self, t: float) -> Sequence[float] | None:
+        """Targets of its rows at time t, see ``Joint.targets``."""
+        return self.joint.targets(self.poses, t)
+
 
 @dataclass(frozen=True)
 class RowLayout:

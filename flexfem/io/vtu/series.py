@@ -12,6 +12,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from os import SEEK_END
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,7 +32,10 @@ if TYPE_CHECKING:
 _CELLS = {
     "vertex": (1, 1), "line": (3, 2), "triangle": (5, 3), "quad": (9, 4), "tetra": (10, 4),
 }  # fmt: skip
-_TYPE_NAMES = {"float64": "Float64", "float32": "Float32", "int32": "Int32", "uint8": "UInt8"}
+_TYPE_NAMES = {
+    np.dtype(np.float64): "Float64", np.dtype(np.float32): "Float32", np.dtype(np.int32): "Int32",
+    np.dtype(np.uint8): "UInt8",
+}  # fmt: skip
 _DOCUMENT_END, _PVD_END = "</VTKFile>\n", "</Collection>"
 _ENDIAN = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
 
@@ -47,14 +51,15 @@ class _Array:
 
     def attributes(self) -> str:
         """XML attributes shared by DataArray and PDataArray."""
-        names = "".join(
-            f" ComponentName{i}={quoteattr(c)}" for i, c in enumerate(self.component_names)
-        )
-        kind = _TYPE_NAMES[self.values.dtype.name]
-        return (
-            f'type="{kind}" Name={quoteattr(self.name)}'
-            f' NumberOfComponents="{self.components}"{names}'
-        )
+        kind = _TYPE_NAMES[self.values.dtype]
+        return _attributes(kind, self.name, self.components, self.component_names)
+
+
+@lru_cache(maxsize=256)
+def _attributes(kind: str, name: str, components: int, component_names: tuple[str, ...]) -> str:
+    """XML attributes of an array; a series asks for the same ones at every instant."""
+    names = "".join(f" ComponentName{i}={quoteattr(c)}" for i, c in enumerate(component_names))
+    return f'type="{kind}" Name={quoteattr(name)} NumberOfComponents="{components}"{names}'
 
 
 @dataclass(frozen=True)
@@ -111,6 +116,7 @@ class VtuSeries:
         self.folder, self.name, self.comm = Path(folder), name, comm
         self._components = {k: tuple(v) for k, v in (components or {}).items()}
         self._instants: dict[int, tuple[float, str]] = {}  # step -> (time, file), rank 0 only
+        self._last: tuple[float, str] | None = None  # of them
         if resume is not None:
             self._recall(resume)
         self._started = self._closed = False
@@ -212,6 +218,7 @@ class VtuSeries:
             try:
                 known = _read_pvd(pvd, self.name)
                 self._instants = {k: v for k, v in known.items() if v[0] <= limit}
+                self._last = max(self._instants.values(), default=None)
             except (OSError, InputError) as exc:
                 error = exc
         raise_together(self.comm, error)
@@ -293,8 +300,9 @@ class VtuSeries:
             sources = [f"{stem}_{r}.vtu" for r, h in enumerate(headers) if h is not None]
             replace_file(self._folder / file, [_pvtu(sources, *arrays).encode()])
         instant = (float(time), f"{self.name}/{file}")
-        later = step not in self._instants and all(i < instant for i in self._instants.values())
+        later = step not in self._instants and (self._last is None or self._last < instant)
         self._instants[step] = instant
+        self._last = instant if later else max(self._instants.values())
         if not (later and self._extend_pvd(instant)):
             self._write_pvd()
 
