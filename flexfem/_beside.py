@@ -29,7 +29,7 @@ _STARTED: list[subprocess.Popen[bytes]] = []
 
 
 def started() -> bool:
-    """Whether this program has started processes."""
+    """Return True if this program has started processes."""
     return bool(_STARTED)
 
 
@@ -77,7 +77,7 @@ def tell(modules: Iterable[str]) -> None:
 
 
 def _end() -> None:
-    """What is not compiled at the end of a run was not needed by it."""
+    """Stop the processes: loops not compiled at the end of a run were not needed by it."""
     for process in _STARTED:
         process.terminate()
     for process in _STARTED:
@@ -85,7 +85,7 @@ def _end() -> None:
 
 
 def _traces() -> bool:
-    """Whether one of the first loops was compiled at any time, as the names of files tell."""
+    """Return True if one of the first loops was ever compiled, by the names of cache files."""
     if folder := os.environ.get("NUMBA_CACHE_DIR"):
         places = [Path(folder)]
     else:

@@ -24,7 +24,7 @@ _SHORTEST, _LONGEST = 1e-150, 1e150
 
 
 class InputError(ValueError):
-    """Wrong input noticed by all ranks alike, before anything is computed or written."""
+    """Wrong input that all ranks notice, before anything is computed or written."""
 
 
 class NumericalError(ArithmeticError):

@@ -2,7 +2,7 @@
 """Fields of model objects: type, default and check of a value, said once.
 
 A class under :func:`declared` is a frozen dataclass. Its fields say how their values are checked
-and turned into what is stored; messages name the object and the value, see ``flexfem._checks``.
+and converted to the stored form; messages name the object and the value, see ``flexfem._checks``.
 What depends on several values is checked in the ``__post_init__`` of the class, which finds all
 fields checked. Units and meaning are in the docstring of the class.
 """
@@ -58,7 +58,7 @@ def checked(
     """Declare a field with any check.
 
     Args:
-        check: what it is checked by, and turned into what is stored.
+        check: function that checks a value and returns the one to store.
         default: value when the argument is left out.
         as_given: the value is stored as it is.
         none: None is allowed; if None, where it is the default.

@@ -35,7 +35,7 @@ def trusted(folder: str | Path, advice: str, program: str | Path | None = None) 
 
     Args:
         folder: where compiled code is kept.
-        advice: what helps besides taking the right to write from others, such as "set X".
+        advice: remedy besides removing the write permission of others, such as "set X".
         program: folder of the program whose code it is; its owner is trusted, too.
     """
     key = (str(folder), str(program))

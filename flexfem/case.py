@@ -39,7 +39,7 @@ _RESERVED = {
     "checkpoint_every",
 }  # fmt: skip
 
-#: What a run takes besides its options: how it is shown, and the files it begins with.
+#: Arguments of a run besides its options: display, and the files to begin with.
 _UNTOLD = ("progress", "restart", "state", "smoke")
 
 

@@ -19,9 +19,9 @@ from flexfem._packages import InstallationError, missing, one_line, require
 
 __all__ = ["DOLFINX", "InstallationError", "check_packages", "load_dolfinx", "require"]
 
-#: The series of DOLFINx, and of Basix, that flexfem is written for; any release of it will do.
+#: The series of DOLFINx, and of Basix, that flexfem is written for; any release of it is accepted.
 DOLFINX = "0.11"
-#: Where DOLFINx comes from, for those who have none or another one.
+#: Sources of DOLFINx, for messages about a missing or another version.
 _SOURCES = (
     'pip install "flexfem[dolfinx]", or fenics-dolfinx=0.11 of conda-forge, or '
     "python3-dolfinx-real of Debian"
@@ -122,7 +122,7 @@ def _check_petsc(petsc: Any) -> None:
 
 
 def _check_mpi(mpi: Any) -> None:
-    """Refuse ranks that do not know of each other: each would compute, and write, all by itself."""
+    """Refuse ranks that MPI does not connect: each would compute, and write, everything."""
     started, seen = launch.ranks_started(), mpi.COMM_WORLD.size
     if started is not None and started > 1 and seen == 1:
         name, numbers = mpi.get_vendor()

@@ -94,8 +94,8 @@ def program(name: str) -> str | None:
     return shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
 
 
-#: What launchers set for the processes they start, and what sets the threads of each: all
-#: libraries look at the first where they have no variable of their own.
+#: Variables set by launchers for their processes, and those for the threads of each: all libraries
+#: look at the first where they have no variable of their own.
 _LAUNCHED = ("PMI", "HYDI_", "MPI_LOCAL", "OMPI_")
 _SETTINGS = "OMPI_MCA_"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -105,7 +105,8 @@ def limit_threads() -> None:
     """One thread of BLAS and OpenMP for this rank, where the environment asks for none.
 
     By themselves they take a thread for each core on every rank, which then wait for one another.
-    Libraries that are loaded already, as NumPy's, are told so; others read it from the environment.
+    In libraries that are loaded already, such as NumPy's, the number is set by a call; others read
+    the environment.
     """
     given = any(os.environ.get(name) for name in _THREADS)
     if not os.environ.get(_THREADS[0]):  # an empty one asks for none either
@@ -141,7 +142,7 @@ LOOK, _FIRST = 1e-3, 0.5
 _PATIENCE = 2.0
 #: Seconds that launchers have to forward what ranks have printed: they drop it when one ends all.
 _FORWARD = 0.1
-#: How lines begin that end a program, by its exit code.
+#: Prefix of the last line of a program, by its exit code.
 _BEGINNINGS = {1: "failed", 2: "error"}
 
 
@@ -150,7 +151,7 @@ class Failure(NamedTuple):
 
     Attributes:
         message: What to say, empty if nothing is wrong.
-        code: The exit code that goes with it.
+        code: The exit code for it.
         trace: Python's traceback where it is asked for, to be printed first.
     """
 
@@ -199,7 +200,7 @@ def first_failure(own: Failure) -> Failure:
 def _hear(comm: Any, others: list[int], said: dict[int, Failure]) -> None:
     """Take what others have said; ends all ranks if one has left without a word."""
     for other in others:
-        left = comm.iprobe(source=other, tag=LEFT)  # asked first: the last word comes before it
+        left = comm.iprobe(source=other, tag=LEFT)  # first: the last message precedes it
         if comm.iprobe(source=other, tag=_SAID):
             said[other] = comm.recv(source=other, tag=_SAID)
         elif left:
@@ -207,7 +208,7 @@ def _hear(comm: Any, others: list[int], said: dict[int, Failure]) -> None:
 
 
 def _end_with(said: dict[int, Failure], own: int) -> None:
-    """End all ranks, of which some do not come; the lowest that knows what is wrong says it."""
+    """End all ranks, of which some do not come; the lowest with an error prints it."""
     failure = said[own]
     if any(other.message for rank, other in said.items() if rank < own):
         time.sleep(_FIRST)
@@ -282,14 +283,14 @@ _SIGNALS, _SAME = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP), 1.0
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run was asked to end and has ended in good order, on all ranks alike.
+    """A run was interrupted and has ended in good order on all ranks.
 
     Attributes:
         number: of the signal.
         code: exit code of a process that ends for this reason.
         reason: where it was interrupted, the first part of the message.
-        checkpoint: what the run can go on from, None without.
-        outcome: what the run came to until then, an ``Outcome``; None if it is not known.
+        checkpoint: checkpoint to resume from, None without.
+        outcome: result of the run until then, an ``Outcome``; None if unknown.
     """
 
     outcome: Any = None

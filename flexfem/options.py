@@ -181,7 +181,7 @@ class TargetsOption(Option):
     """Values of columns, such as "t=0.5,1;tip_z=-0.1"."""
 
     def check(self, value: Any) -> str:
-        """Return the text; see :meth:`Option.check`. A mapping of columns to values will do."""
+        """Return the text, also of a mapping of columns to values; see :meth:`Option.check`."""
         if isinstance(value, Mapping):
             parts = [f"{name}={','.join(map(repr, list(some)))}" for name, some in value.items()]
             value = ";".join(parts) or "none"
@@ -372,7 +372,7 @@ class Settings:
 
     # All options, those that the class itself declares first.
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
-    #: Options that a run that goes on from a checkpoint may not change.
+    #: Options that a restart may not change.
     RESTART_AGREES: ClassVar[tuple[str, ...]] = ()
     # Fields that are paths, or None.
     PATHS: ClassVar[tuple[str, ...]] = ()

@@ -24,7 +24,7 @@ from flexfem.options import PROGRESS, Option, Settings
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
 #: Files that analyses start from.
 _FILES = ("restart", "state")
-#: What concerns the output alone.
+#: Options that concern the output alone.
 _OUTPUT = ("output", "quiet", "progress")
 _OUTPUTS = """\
 Writes history.csv (one row per step), summary.json and ParaView files into the output folder.

@@ -107,7 +107,7 @@ def _run(
 def _with_command(
     stop: launch.Interrupted, options: Settings, prog: str | None, argv: Sequence[str]
 ) -> launch.Interrupted:
-    """The same interruption, which says by what command the run goes on."""
+    """The same interruption, with the command that resumes the run."""
     if stop.checkpoint is not None:
         how = f"go on with: {shown_command(prog, argv, restart=stop.checkpoint)}"
     else:

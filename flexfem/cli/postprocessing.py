@@ -12,7 +12,7 @@ from flexfem.resources import load_module, shipped_folder
 
 __all__ = ["print_files", "script"]
 
-#: What the extra "post" brings.
+#: Packages of the extra "post".
 _EXTRA = ("imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtk", "vtkmodules", "PIL")
 
 

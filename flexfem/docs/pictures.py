@@ -60,7 +60,7 @@ PICTURES = {
 }
 #: Cases that are no files: the page whose first complete script each is.
 PAGES = {"scissor": "guide/walk.md"}
-#: What each script draws, unless told otherwise.
+#: Default picture of each script.
 _DRAWN = {"render": "motion.png", "plot_history": "history.png", "plot_campbell": "campbell.png"}
 
 

@@ -21,7 +21,7 @@ __all__ = ["AnyBody", "BodyFacts", "MassFacts", "body_facts", "total"]
 
 AnyBody = Beam | Shell | RigidBody | FloatingBody | Body | PointMass
 
-#: What the kinds of bodies are called, in the order in which they are told.
+#: Names of the kinds of bodies, in the order of the summary.
 KINDS: dict[type, str] = {
     Beam: "beam",
     Shell: "shell",
@@ -60,7 +60,7 @@ class BodyFacts:
         elements: number of its finite elements.
         nodes: number of its nodes; nodes that shells share count for the first of them.
         unknowns: of these nodes.
-        held: how many of the unknowns stay as they are.
+        held: number of fixed unknowns.
     """
 
     body: AnyBody
@@ -79,7 +79,7 @@ class BodyFacts:
 
     @property
     def freedoms(self) -> int:
-        """Unknowns that are not held."""
+        """Unknowns that are not fixed."""
         return self.unknowns - self.held
 
 

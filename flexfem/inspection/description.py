@@ -28,8 +28,8 @@ class Description(ModelFacts):
         model: the model.
         bodies: mass, inertia, size, elements and unknowns of each body, point masses last.
         total: mass properties of all together.
-        joints: what each joint connects, and its constraints.
-        mobility: freedoms and constraints.
+        joints: markers and constraints of each joint.
+        mobility: degrees of freedom and constraints.
         meshes: elements of each flexible body.
         extent: characteristic length, m.
         entries: of the matrix of a step, about; contact left out.
@@ -75,7 +75,7 @@ class Description(ModelFacts):
 
 
 def describe(model: Model) -> Description:
-    """Sum up a model: bodies, masses, joints, freedoms, sizes; nothing is assembled.
+    """Sum up a model: bodies, masses, joints, degrees of freedom, sizes; nothing is assembled.
 
     Args:
         model: the model.

@@ -20,17 +20,17 @@ _ZERO, _PART = 1e-9, 1e-6
 
 @dataclass(frozen=True)
 class Mobility:
-    """Counts of freedoms and constraints at the start.
+    """Counts of degrees of freedom and constraints at the start.
 
     Attributes:
         unknowns: of all nodes.
-        held: unknowns that stay as they are: edges of shells, and what amplitudes do not have.
+        held: fixed unknowns: edges of shells, and unused components of amplitudes.
         constraints: rows of joints that hold.
         redundant: constraints that follow from the others.
-        bodies: bodies that move as wholes; those with common nodes are one.
-        supports: motions of such bodies that held edges and nodes of shells keep.
+        bodies: rigid-body parts; bodies with common nodes are one.
+        supports: motions of such bodies that fixed edges and nodes of shells prevent.
         whole_constraints: rows of joints between them.
-        motions: of the bodies as wholes that joints and supports leave, by rank.
+        motions: of the rigid-body parts that joints and supports leave, by rank.
     """
 
     unknowns: int
@@ -49,12 +49,12 @@ class Mobility:
 
     @property
     def grubler(self) -> int:
-        """Motions of the bodies as wholes by counting (Gruebler, Kutzbach)."""
+        """Mobility of the rigid-body parts by counting (Gruebler, Kutzbach)."""
         return 6 * self.bodies - self.supports - self.whole_constraints
 
 
 def mobility(inspection: Inspection) -> Mobility:
-    """Count the freedoms of a model at the start."""
+    """Count the degrees of freedom of a model at the start."""
     rows = inspection.rows
     rigid = rows.rows.rigid
     of_nodes = rows.on_nodes(rigid)
@@ -76,7 +76,7 @@ def mobility(inspection: Inspection) -> Mobility:
 
 
 def part_rows(inspection: Inspection, chosen: BoolArray) -> NodeRows:
-    """Chosen rows (r,) of joints and the supports of shells, on the bodies as wholes.
+    """Chosen rows (r,) of joints and the supports of shells, on the rigid-body parts.
 
     Turns count as ways of points one characteristic length away.
     """
@@ -107,9 +107,9 @@ def _between(inspection: Inspection, chosen: BoolArray) -> BoolArray:
 
 
 def free_motions(inspection: Inspection, chosen: BoolArray) -> tuple[int, IntArray]:
-    """Number of motions of the bodies as wholes that rows leave, and the parts that move.
+    """Number of motions of the rigid-body parts that rows leave, and the parts that move.
 
-    Which parts move is told of models with few bodies only, from singular values of all rows.
+    The parts that move are named for models with few bodies only, from singular values of all rows.
     """
     rows, count = part_rows(inspection, chosen), len(inspection.parts)
     total = int(rows.row.max(initial=-1)) + 1

@@ -147,7 +147,7 @@ def _touching(contact: Contact) -> str:
 
 
 def _freedoms(description: ModelFacts) -> list[str]:
-    """Counts of freedoms and constraints."""
+    """Counts of degrees of freedom and constraints."""
     counts = description.mobility
     held = f", {counts.held} of them held" if counts.held else ""
     redundant = f", {counts.redundant} of them redundant" if counts.redundant else ""

@@ -14,7 +14,7 @@ from sphinx.util import logging
 
 _LOGGER = logging.getLogger(__name__)
 
-#: What pages need of MathJax; the whole of it is twenty times as large.
+#: Components of MathJax that the pages need; all of it is twenty times as large.
 _SCRIPT, _FONTS = "tex-chtml.js", "output/chtml/fonts/woff-v2"
 
 

@@ -2,5 +2,6 @@
 """Checks of models, one file each.
 
 A check has a function ``find(inspection)`` that returns or yields findings. It tells what is
-admissible but hardly meant; what cannot be computed is refused by ``flexfem.model.validate``.
+admissible but probably unintended; what cannot be computed is refused by
+``flexfem.model.validate``.
 """

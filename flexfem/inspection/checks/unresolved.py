@@ -77,7 +77,7 @@ def _between(
     """Compare a function within steps with the lines between its values at their ends.
 
     Args:
-        owner: what it belongs to.
+        owner: its owner.
         function: the function.
         times: (n, 3) beginning of a step, a time within it, end of the step.
         share: part of them that may be off.

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["load_reduced_body", "save_reduced_body"]
 
-#: What a body may be said to be made with.
+#: Methods of reduction that a file of a body may name.
 type Parameter = bool | float | str
 _NOTHING: Mapping[str, Parameter] = MappingProxyType({})
 #: Layout of the file; another one is refused.

@@ -34,7 +34,7 @@ class FieldOutput:
 
         Args:
             folder: result folder.
-            system: whose state is written.
+            system: system whose state is written.
             serial: serial data of its model.
             resume: keep the instants of an earlier run up to this time (s).
 

@@ -46,7 +46,7 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "t_section": ("width", "height", "web", "flange"),
     "constants": ("A", "I2", "I3", "J", "k2", "k3"),
 }
-#: Kinds that may have a fillet, and that know their shear centre.
+#: Kinds that may have a fillet, and whose shear centre is known.
 _PROFILES = ("i_section", "channel", "angle", "t_section")
 _CENTRES = ("mass_y", "mass_z", "shear_y", "shear_z")
 
@@ -131,7 +131,7 @@ def _section(row: "_Row", materials: Mapping[str, Material]) -> Section:
     factors = (row.number("k2"), row.number("k3")) if row.fields.get("k2") else None
     mass_y, mass_z, shear_y, shear_z = (row.optional(column) or 0.0 for column in _CENTRES)
     more: dict[str, Any] = {"mass_centre": (mass_y, mass_z), "shear_factor": factors}
-    # profiles know their own shear centre
+    # profiles have a shear centre
     if not profile or row.fields.get("shear_y") or row.fields.get("shear_z"):
         more["shear_centre"] = (shear_y, shear_z)
     if profile:

@@ -218,7 +218,7 @@ class VtuSeries:
 
     def _clean(self) -> None:
         pvd = self.folder / f"{self.name}.pvd"
-        # The index goes first: it must never name a file that is gone.
+        # The index is removed first: it must never name a file that is gone.
         if self._instants:
             self._write_pvd()
         else:
