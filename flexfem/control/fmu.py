@@ -40,7 +40,7 @@ class FmuLaw:
     measurements so far; after a restart the FMU is taken through them again.
 
     Attributes:
-        owner: what messages begin with.
+        owner: prefix of messages.
         file: the FMU.
         inputs, outputs: names of its variables, of type Real or Float64.
         parameters: start values of its parameters by name.

@@ -21,7 +21,7 @@ class Sliding(Joint):
     zeta (m) from the carrier's start in the undeformed state; ``SlideStop``, ``PrescribedSlide``,
     ``JointFriction`` and ``Lock`` with this joint act on zeta. A slider that leaves its carrier
     ends the run as failed, unless a ``SlideStop`` keeps it near the end or an event acts before;
-    ``beyond`` lets it go on, along the continuation of the line's last element.
+    ``beyond`` lets it continue, along the continuation of the line's last element.
 
     The lines of NURBS beams of degree 2 and more are smooth. Those of SE(3) beams turn at a node by
     the difference of the shear strains on both sides, the shear force's jump over GA (1e-3 rad in a

@@ -15,7 +15,7 @@ class PointLoad(Load):
     Attributes:
         name: Unique name in the model.
         marker: Where it acts.
-        follower: True if it turns with the marker.
+        follower: True if it rotates with the marker.
         amplitude: Factor as a function of time, None for the constant 1.
 
     Raises:

@@ -41,7 +41,7 @@ class BodyMesh:
     groups: dict[str, tuple[int, int]]
 
     def facets(self, name: str) -> tuple[Any, int]:
-        """Tags and tag of a group of facets, which is how regions of interfaces are told.
+        """Tags, and the tag of a group of facets: the form of a region of an interface.
 
         Raises:
             ValueError: there is no such group.

@@ -29,7 +29,7 @@ class ElementMesh:
 
     Attributes:
         points: Node positions, shape (n, 3), metres.
-        cells: Node indices, shape (m, k), in the order of Basix: corners, then the middles of the
+        cells: Node indices, shape (m, k), in the order of Basix: corners, then the midpoints of the
             edges opposite to the corners; of a tetrahedron of edges 2-3, 1-3, 1-2, 0-3, 0-2, 0-1.
         cell: "interval", "triangle" or "tetrahedron".
         degree: Degree of the shape functions, 1 or 2; positions at the start have the same ones.

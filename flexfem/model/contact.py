@@ -44,8 +44,8 @@ class Contact:
     """Contact of the nodes of shells with the triangles of shells, and with rigid surfaces.
 
     The normal force per area is the stiffness times the penetration. Mid-surfaces touch at half of
-    the sum of the thicknesses, rigid surfaces at half of the thickness. Of director shells the
-    four triangles between corners and middles of edges touch.
+    the sum of the thicknesses, rigid surfaces at half of the thickness. Of director shells the four
+    triangles between corners and midpoints of edges touch.
 
     Beams may be slaves, SE(3) ones: points along the chords of their elements touch at their
     radius, with the area of their length times their diameter. Forces act at the centre line.
@@ -106,7 +106,7 @@ class Contact:
         """Check the names of shells and beams, and what carries the surfaces.
 
         Raises:
-            ValueError: The model has no such shell or beam, or contact does not know it.
+            ValueError: The model has no such shell or beam, or contact does not support it.
         """
         owner = f'Contact "{self.name}"'
         for name in self.slaves:
@@ -123,7 +123,7 @@ class Contact:
             surface.check(model, owner)
 
     def _check_beam(self, owner: str, beam: Beam) -> None:
-        """Raise for beams that contact does not know."""
+        """Raise for beams that contact does not support."""
         if beam.formulation != "se3":
             raise ValueError(
                 f'{owner}: Beam "{beam.name}": contact needs the formulation se3, got '

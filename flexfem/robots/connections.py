@@ -35,7 +35,7 @@ class Connection:
 
     Attributes:
         name: of the joint in the model.
-        data: what the file says.
+        data: data of the file.
         a: marker on the parent, the joint's frame.
         b: marker on the child, the child link's frame.
         axis: unit vector in inertial axes at the start.

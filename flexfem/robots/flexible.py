@@ -113,7 +113,7 @@ class BeamHost:
 
         Args:
             name: of the body.
-            link: what it is.
+            link: link of the robot.
             end: where it ends, in the link's frame, m.
             start: the link's frame.
 

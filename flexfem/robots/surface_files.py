@@ -100,7 +100,7 @@ def _obj(content: bytes) -> tuple[FloatArray, IntArray]:
     return points, np.frombuffer(triangles, dtype=np.int64).reshape(-1, 3)
 
 
-#: How files are read, by their ending.
+#: Readers of files by suffix.
 FORMATS = {".stl": _stl, ".obj": _obj}
 
 

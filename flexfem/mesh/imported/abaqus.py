@@ -18,7 +18,7 @@ from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
 __all__ = ["read"]
 
-#: What changes or makes nodes and elements in ways that are not read here.
+#: Keywords that change or generate nodes and elements and are not supported.
 _REFUSED = (
     "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "SUBSTRUCTURE GENERATE",
 )  # fmt: skip

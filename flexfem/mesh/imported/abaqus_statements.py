@@ -129,7 +129,7 @@ def _in_file(path: Path, files: TextFiles) -> Iterator[Statement]:
                     yield current
                 current, begin = None, number
             head.append(text)
-            if not text.endswith(","):  # else the keyword goes on in the next line
+            if not text.endswith(","):  # else the keyword continues in the next line
                 current, head = _statement(path, begin, "".join(head)), []
         elif current is None:
             raise ValueError(

@@ -35,7 +35,7 @@ def surface_data(
 ) -> SurfaceData:
     """Return the triangles in named element sets, with lines and nodes on them.
 
-    Quadrilaterals are cut in two. Middle nodes of second order say where the middles of edges
+    Quadrilaterals are cut in two. Middle nodes of second order say where the midpoints of edges
     are.
 
     Raises:
@@ -70,8 +70,8 @@ def surface_data(
 def split_quadrilaterals(points: FloatArray, quads: IntArray) -> IntArray:
     """Return the two triangles of each quadrilateral, as columns of it, shape (m, 2, 3).
 
-    They are cut along the shorter diagonal, from the first to the third node when both are
-    equally long: grids whose cells are numbered alike get parallel diagonals.
+    They are cut along the shorter diagonal, from the first to the third node when both are equally
+    long: grids whose cells are numbered in the same order get parallel diagonals.
     """
     a, b, c, d = (points[quads[:, i]] for i in range(4))
     first, second = np.linalg.norm(c - a, axis=1), np.linalg.norm(d - b, axis=1)
@@ -82,7 +82,7 @@ def split_quadrilaterals(points: FloatArray, quads: IntArray) -> IntArray:
 
 
 def _triangles(file: MeshFile) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return element numbers, corners (m, 3) and middles of edges (m, 3, 3) of all triangles."""
+    """Return element numbers, corners (m, 3) and midpoints of edges (m, 3, 3) of all triangles."""
     elements, corners = [np.empty(0, dtype=np.int64)], [np.empty((0, 3), dtype=np.int64)]
     middles = [np.empty((0, 3, 3))]
     for kind in ("triangle", "triangle6"):
@@ -110,7 +110,7 @@ def _triangles(file: MeshFile) -> tuple[IntArray, IntArray, FloatArray]:
 def _quadrilateral_middles(
     points: FloatArray, kind: str, nodes: IntArray, local: IntArray
 ) -> FloatArray:
-    """Return the middles of the edges opposite to the corners of the halves, shape (2 m, 3, 3)."""
+    """Return midpoints of the edges opposite to the corners of the halves, shape (2 m, 3, 3)."""
     count = 2 * len(nodes)
     if kind == "quad" or count == 0:
         return np.full((count, 3, 3), np.nan)

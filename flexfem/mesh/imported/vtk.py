@@ -16,7 +16,7 @@ from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
 __all__ = ["VtkGrid", "mesh_file"]
 
-# What programs write for themselves
+# Arrays that programs write for their own use
 _OWN = ("vtk", "Global", "ObjectId", "PedigreeIds")
 
 _KINDS = {

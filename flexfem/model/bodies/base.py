@@ -13,7 +13,7 @@ __all__ = ["Body"]
 
 
 class Body(ABC):
-    """Body of a family that a model knows by this class only.
+    """Base class of bodies whose family may be defined outside of the package.
 
     Attributes:
         name: Unique name in the model.
@@ -51,7 +51,7 @@ class Body(ABC):
 
     @property
     def holds(self) -> int:
-        """How many unknowns stay as they are."""
+        """Number of fixed unknowns."""
         return 0
 
     @property

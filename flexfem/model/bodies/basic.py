@@ -115,7 +115,7 @@ class RigidBody:
         name: Unique name in the model.
         mass: Mass, kg.
         inertia: Inertia tensor about the centre of mass in body axes, shape (3, 3), kg m^2; its
-            diagonal (3,) will do.
+            diagonal (3,) is accepted as well.
         position: Initial position of the reference point, inertial axes, shape (3,), metres.
         rotation: Initial orientation of the body axes in inertial axes, shape (3, 3), None for
             none.
@@ -182,7 +182,7 @@ class PointMass:
     Attributes:
         name: Unique name in the model.
         mass: Mass, kg.
-        marker: Where it sits.
+        marker: Marker that carries it.
 
     Raises:
         TypeError: An argument has the wrong type.

@@ -43,7 +43,7 @@ class FloatingBody:
         name: Unique name in the model.
         reduced: Its elastic and inertial data, see ``reduce_body``.
         frame: Name of the interface whose frame is the floating one ("node-fixed"), or "mean_axes"
-            for the frame relative to which the body as a whole neither moves nor turns. None for
+            for the frame relative to which the body as a whole neither moves nor rotates. None for
             that of the first interface, without any the mean axes.
         position: Origin of the body's axes at the start, inertial axes, shape (3,), metres.
         rotation: Body axes at the start in inertial axes, shape (3, 3).

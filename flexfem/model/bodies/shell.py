@@ -76,15 +76,15 @@ class Shell:
         section: Stiffness and mass.
         body: Name of the body in the surface mesh; None for that of the name of the shell.
         element: Formulation: "rotation_free" for triangles with nodal positions alone, "director"
-            for quadratic triangles with directors amid their edges, which shear across their
-            thickness, turn as one where edges are shared, also at kinks, and do on any mesh. All
-            shells of a model have the same.
+            for quadratic triangles with directors at the midpoints of their edges, which shear
+            across their thickness, turn as one where edges are shared, also at kinks, and do on any
+            mesh. All shells of a model have the same.
         edges: Rules along lines of the mesh, by the line's name: "clamped" keeps positions
             and slopes, "hinged" positions only, "symmetric" keeps the positions in the plane of
             the line, and the shell at right angles to it. Others are free. The plane of a straight
             line on a curved shell must be given by its normal: "symmetric x", "symmetric y" or
             "symmetric z".
-        fixed: Directions in which lines or named nodes are held, some of "xyz", by their name.
+        fixed: Directions in which lines or named nodes are fixed, some of "xyz", by their name.
         direction: Approximate direction of the material axis e1 in inertial axes: a vector, or a
             function of points (n, 3) that returns vectors (n, 3); None for that of the first side
             of each triangle, which does for isotropic sections.

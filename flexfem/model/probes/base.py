@@ -19,8 +19,8 @@ from flexfem.model.structure.structure import Structure
 class MarkerState:
     """Motion of a marker at one instant, all in inertial axes.
 
-    Axes at a node of a shell or of a :class:`UFLBody` are turned with the elements around it at the
-    end of each step, of shells with directors not about their normal; ``angular_velocity`` and
+    Axes at a node of a shell or of a :class:`UFLBody` are rotated with the elements around it at
+    the end of each step, of shells with directors not about their normal; ``angular_velocity`` and
     ``angular_acceleration`` are nan there.
 
     Attributes:
@@ -36,7 +36,7 @@ class MarkerState:
         acceleration: Shape (3,), m/s^2, the integrator's own at the time of the row: vibrations
             that steps do not resolve are in it, with ``energy_momentum`` it is a mean over the
             step; zero in statics, nan for a ``SlidingMarker``.
-        angular_acceleration: Shape (3,), rad/s^2, alike.
+        angular_acceleration: Shape (3,), rad/s^2, in the same axes.
     """
 
     position: FloatArray

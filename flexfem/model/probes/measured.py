@@ -101,10 +101,10 @@ class EnergyProbe(_BodiesProbe):
       the joints and springs that connect them with others;
     - dissipation: taken since the start by dampers, contacts and the damping of beams and shells;
     - balance: kinetic + strain + gravity - work + dissipation minus the same at the start. It is
-      what the time integration has lost (negative) or made up (positive), and what impacts, joints
-      that lock and springs that are released by events have taken. Steps end within a tolerance,
-      and the forces that it leaves out of balance do work, too: with thin shells, above all
-      damped ones, that may be as much as the dissipation (take ``tolerance=1e-8`` then).
+      energy that the time integration has dissipated (negative) or generated (positive), and that
+      impacts, joints that lock and springs that are released by events have taken. Steps end within
+      a tolerance, and the forces that it leaves out of balance do work, too: with thin shells,
+      above all damped ones, that may be as much as the dissipation (take ``tolerance=1e-8`` then).
 
     Work and dissipation are integrated from row to row of the history, a mean force times a
     displacement, or a mean force times a mean rate times the step: of second order, and exact for
