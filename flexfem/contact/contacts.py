@@ -109,7 +109,7 @@ class Contacts:
         self._evaluated = False
 
     def _search(self) -> None:
-        """Find candidates anew, those of other ranks' triangles as well (collective)."""
+        """Update the neighbour lists, also those of other ranks' triangles (collective)."""
         passes = self._triangles()
         chosen = [one.chosen for _, one in passes]
         if self._comm.size > 1:
@@ -205,7 +205,7 @@ class Contacts:
     def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
         """Rows, columns and values of ``scale`` times the tangent (collective).
 
-        One entry for each pair of kinds of blocks; kept until contacts are evaluated anew.
+        One entry for each pair of kinds of blocks; kept until contacts are evaluated again.
         """
         if self._entries is None or self._entries[0] != scale:
             found = ContactEntries(self._carriers, self._frames)
@@ -317,7 +317,7 @@ class Contacts:
 class ContactShare:
     """Forces and tangents of a system's contacts on one of its blocks.
 
-    Blocks are asked in their order: the first one evaluates for all.
+    Blocks are evaluated in their order: the first one evaluates for all.
 
     Attributes:
         contacts: of the system.

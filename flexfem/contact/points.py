@@ -40,15 +40,15 @@ class ContactPoints:
         kind: kind of block of each carrier, GROUND for none, (n,).
         node: number of each carrier in its block, (n,).
         arms: places in the axes of the carriers, m, (n, 3).
-        held: which unknowns of the carriers are held, (n, 6).
+        held: fixed unknowns of the carriers, (n, 6).
         start: positions at the start of all points, those between others last, m, (n + d, 3).
-        parents: what the last ones are between, (d, 2); weights: their weights, (d, 2).
+        parents: nodes at both ends of the last ones, (d, 2); weights: their weights, (d, 2).
         masters: all triangles.
         edges: of the triangles, (e, 2).
         joined: pairs of points that joints hold together, near which nothing touches, (k, 2).
         element: number of the element of each triangle in its family, -1 for rigid meshes, (m,).
         body: number of each triangle's body in ``names``, (m,); owner: that of each point, (n + d,)
-        names: what messages call the bodies.
+        names: names of the bodies in messages.
         triangles_of: triangles of shells by name and of rigid meshes by their ``id``.
         points_of: points of beams by name; lengths: of beam that each of them stands for, m.
     """

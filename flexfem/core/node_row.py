@@ -26,7 +26,7 @@ class NodeRow:
         points: (n, 3) their positions, m.
         apexes: (n - 1,) node beside each segment, that of a triangle of the shell.
         stiffness: (n - 1,) moment per length and angle, N, by which these triangles resist being
-            turned about the segments, infinite where they turn with the shell.
+            turned about the segments, infinite where they rotate with the shell.
         damping: stiffness-proportional damping of the shell, s.
         beside: (n - 1, 2, 3) nodes of two triangles whose slopes across a segment are those of the
             shell at ``slopes`` (n - 1, 2), places from 0 to 1 in the segment; where both are the

@@ -99,7 +99,7 @@ def _curve_inertia(serial: NumberedModel, body: Beam, origin: FloatArray) -> Flo
 
 
 def _shell_inertia(serial: NumberedModel, body: Shell, origin: FloatArray) -> FloatArray:
-    """The rule of the edges' middles is exact for what is quadratic in a triangle."""
+    """Midpoint rule of the edges, exact for integrands quadratic in a triangle."""
     surface = serial.surface
     assert surface is not None
     rows = np.flatnonzero(surface.body == serial.model.shells.index(body))
@@ -114,7 +114,7 @@ def _shell_inertia(serial: NumberedModel, body: Shell, origin: FloatArray) -> Fl
 
 
 def _director_inertia(x: FloatArray, section: ShellSection, origin: FloatArray) -> FloatArray:
-    """Curved triangles with corners and middles of the opposite edges x (m, 6, 3)."""
+    """Curved triangles with corners and midpoints of the opposite edges x (m, 6, 3)."""
     r, s = _TRIANGLE[:, :2].T
     t = 1.0 - r - s
     nothing = np.zeros_like(r)

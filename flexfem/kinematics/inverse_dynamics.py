@@ -78,7 +78,7 @@ def inverse_dynamics(
 ) -> InverseDynamics:
     """Forces of actuators that make a mechanism follow a prescribed motion.
 
-    Bodies move as wholes, flexible ones as they are at the start. Joints, gravity, loads at
+    All bodies move rigidly, flexible ones in their shape at the start. Joints, gravity, loads at
     markers, springs and dampers of the model count. The motion follows from the outputs alone,
     positions, velocities and accelerations one after the other; of the equations of motion
     ``r + G^T lambda = B tau`` only those along the motions that the joints leave are needed,
@@ -87,11 +87,11 @@ def inverse_dynamics(
     Args:
         model: the mechanism, its joints satisfied at the start.
         outputs: driven joints that are not in the model: the motion is theirs. They have as many
-            constraints as the mechanism has freedoms.
+            constraints as the mechanism has degrees of freedom.
         actuators: in the model or not; what they do by themselves does not count.
         times: strictly increasing times, s; the first position is found from that of the start.
-        distribution: what is least where there are more actuators than freedoms: ``LeastEffort()``
-            when None, ``LeastPower()``, ``LeastJointForces(markers)``.
+        distribution: objective where there are more actuators than degrees of freedom:
+            ``LeastEffort()`` when None, ``LeastPower()``, ``LeastJointForces(markers)``.
         difference: span between the times from which drives are differentiated to eighth order, s;
             None for 1/500 of the whole time, no more than between samples.
 
@@ -188,7 +188,7 @@ class _Task:
         )[self.mechanism.rows.joint_of_row] & self.held  # fmt: skip
 
     def _check_freedoms(self) -> None:
-        """Raise for outputs that are not as many as there are freedoms at the start."""
+        """Raise unless there are as many outputs as degrees of freedom at the start."""
         mechanism = self.mechanism
         gap = np.abs(mechanism.rows.values * self.passive)
         if not gap.max(initial=0.0) <= 1e-6:
@@ -287,7 +287,7 @@ class _Task:
         needed += mechanism.law_forces(self.acting) - mechanism.load_forces(self.loads, t)
         jacobian = mechanism.jacobian()
         B = jacobian[self.acting]
-        motions = inverse[:, self.driven[self.held]]  # the freedoms in terms of the outputs
+        motions = inverse[:, self.driven[self.held]]  # the motions per output
         A, right = (B @ motions).T, motions.T @ needed.ravel()
         left, sizes, across = np.linalg.svd(A)
         if not sizes.min(initial=np.inf) > _SINGULAR * sizes.max(initial=0.0):

@@ -71,7 +71,7 @@ class RigidMechanism:
     """Parts of a model with joints between them; nothing is distributed over ranks.
 
     Attributes:
-        parts: the bodies as wholes.
+        parts: the rigid-body parts.
         rows: the rows of the joints; they are rows of each joint in the order of ``joints``.
         joints: the joints.
     """
@@ -146,7 +146,7 @@ class RigidMechanism:
             chosen: (r,) rows.
             weights: (6 n, 6 n) matrix that measures the size of a step, the identity when None.
             moving: (n,) parts that may move, all when None.
-            iterations: how many steps at most.
+            iterations: largest number of steps.
 
         Returns:
             The largest gap that is left, m or rad.

@@ -83,7 +83,7 @@ class ElementPlaces:
 def place_arrays(
     places: Sequence[ElementPlace], block: FrameBlock
 ) -> tuple[IntArray, FloatArray, FloatArray, int, FloatArray]:
-    """Local nodes, shape functions, places, kind of element and turns of at least one place."""
+    """Local nodes, shape functions, places, kind of element and rotations of at least one place."""
     return (
         block.local_index(np.array([place.nodes for place in places])),
         np.array([place.shape for place in places]),

@@ -22,7 +22,7 @@ class ElementFamily(Protocol):
     of space, (n, 6) arrays hold inertial components in their first three columns.
 
     Attributes:
-        law_owner: what messages call the first section with a law of the user, None without one.
+        law_owner: name in messages of the first section with a law of the user, None without one.
         chained: nodes follow one another along lines, on which elements join neighbours only.
         thin: they bend so much more easily than they stretch that steps of motion iterate with
             continued stresses, see :meth:`continued_strains`.

@@ -46,7 +46,7 @@ BUILT_IN = (
     "flexfem.families.ufl_body.family:UFLBodyFamily",
 )
 
-#: What every family defines; the rest is for what its bodies can do.
+#: Methods that every family defines; the others depend on the abilities of its bodies.
 _NEEDED = ("frames", "velocities", "body_of_node", "node", "costs", "block")
 
 
@@ -65,7 +65,7 @@ class ContactSurface:
         bodies: the bodies.
         nodes: (n,) numbers of nodes in the family; start: (n, 3) their places at the start, m.
         owner: (n,) number of the body of each node in ``bodies``.
-        held: (n, width) unknowns of the nodes that stay as they are.
+        held: (n, width) fixed unknowns of the nodes.
         triangles: (m, 3) numbers of nodes in the family.
         radius: (m,) distance from the triangle at which it touches, m: half of the thickness.
         body: (m,) number of the body of each triangle; element: (m,) its element in the family.
@@ -141,7 +141,7 @@ class Family:
 
     @property
     def held(self) -> BoolArray:
-        """(n, width) unknowns of all nodes that stay as they are; :meth:`block` holds them."""
+        """(n, width) fixed unknowns of all nodes; :meth:`block` keeps them."""
         return np.zeros((len(self.frames), 6), dtype=np.bool_)
 
     @property
@@ -160,7 +160,7 @@ class Family:
         return self.body_of_node
 
     def supports(self) -> tuple[IntArray, FloatArray]:
-        """Nodes (k,) that are held, and local twists (k, 6) that they do not have."""
+        """Nodes (k,) with supports, and the local twists (k, 6) that these prevent."""
         nothing = np.zeros(0, dtype=np.int64)
         return nothing, np.zeros((0, 6))
 

@@ -32,7 +32,7 @@ from flexfem.model.structure.place import Place
 
 __all__ = ["NumberedModel"]
 
-#: What makes a node at a place inside an element, by the formulation of the beam.
+#: Way to get a node at a place inside an element, by the formulation of the beam.
 _MORE_NODES = {
     "nurbs": "insert a knot of multiplicity p there (NurbsCurve.insert)",
     "se3": "choose elements so that a node is there",

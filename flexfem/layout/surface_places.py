@@ -16,7 +16,7 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 
 __all__ = ["SurfacePlace", "carrier_frame", "turning"]
 
-#: Digits of a triangle's shape that count: equal ones are chosen alike on every machine.
+#: Digits of a triangle's shape that count: ties are broken in the same way on every machine.
 _DIGITS = 9
 
 

@@ -85,7 +85,7 @@ def _way(points: FloatArray, a: int, b: int) -> tuple[float, float, float]:
 
 @inlined
 def _geometry(points: FloatArray, i: int, j: int, k: int, region: int, contact: FloatArray) -> None:
-    """Write directions, turns and curvatures of a contact from its normal and distance."""
+    """Write directions, rotations and curvatures of a contact from its normal and distance."""
     n, e, f = contact[NORMAL : NORMAL + 3], contact[FIRST : FIRST + 3], contact[SECOND : SECOND + 3]
     contact[TURN : TURN + 6] = 0.0
     contact[BEND] = contact[BEND + 1] = 0.0

@@ -108,7 +108,7 @@ class HeldContacts:
     ) -> "HeldContacts":
         """The contacts of the next step, from those that are closed at its start.
 
-        Tangential forces are turned into the new planes; those of contacts that have opened are
+        Tangential forces are rotated into the new planes; those of contacts that have opened are
         lost, with what they have stored.
         """
         sticking = self._sticking()

@@ -49,7 +49,7 @@ REACH = 15
 DISTANCE = 16
 #: With triangles: three area coordinates of the closest point.
 AREAS = 17
-#: With triangles: how the normal turns about the first direction with each node, then about the
+#: With triangles: rotation of the normal about the first direction with each node, then about the
 #: second, 1/m.
 TURN = 20
 #: Numbers of a contact with a triangle.

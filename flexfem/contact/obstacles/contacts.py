@@ -9,7 +9,7 @@ __all__ = ["ObstacleContacts"]
 
 
 class ObstacleContacts:
-    """What slaves have in contact with an obstacle.
+    """Contacts of the slave nodes with an obstacle.
 
     Attributes:
         slaves: What touches.

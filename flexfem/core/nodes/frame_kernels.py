@@ -170,7 +170,7 @@ def step_rates(memory: Memory, shifts: FloatArray, inertial: bool, out: FloatArr
 def step_changes(memory: Memory, shifts: FloatArray, inertial: bool) -> None:
     """Write what changes of the nodes along their steps, for tangents that are applied to them.
 
-    ``shifts`` holds dv/dn, dw/dn and k, the factor of the stiffness and so of the turns.
+    ``shifts`` holds dv/dn, dw/dn and k, the factor of the stiffness and so of the rotations.
     """
     nodes, by_v, by_w = unpack(Nodes, memory), np.empty(36), np.empty(36)
     v, w, step = nodes.velocity, nodes.acceleration, nodes.step

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Kinetic energy, momenta and mass of inertia that sits at a node, for compiled loops.
+"""Kinetic energy, momenta and mass of inertia concentrated at a node, for compiled loops.
 
 They are summed into one array ``motion`` (11,), all components inertial:
 

@@ -9,9 +9,9 @@ in a triangle and those of an interpolation along an edge. What carries it has t
 - none of its own, inertial ones that never turn, where nodes alone say nothing of a rotation.
 
 With the sides ``a = x_1 - x_0 = (l, 0, 0)`` and ``b = x_2 - x_0 = (b_1, b_2, 0)`` in the triangle's
-axes, and changes p and q of these sides in the same axes, the triangle turns by ``theta = ((q_3 -
-b_1 p_3 / l) / b_2, -p_3 / l, p_2 / l) = sum W_I R^T dx_I``. Nodes have frames: ``dx_I = R_I u_I``
-with their local twists (u_I, theta_I), and rotations of nodes move nothing.
+axes, and changes p and q of these sides in the same axes, the triangle rotates by
+``theta = ((q_3 - b_1 p_3 / l) / b_2, -p_3 / l, p_2 / l) = sum W_I R^T dx_I``. Nodes have frames:
+``dx_I = R_I u_I`` with their local twists (u_I, theta_I), and rotations of nodes move nothing.
 """
 
 import numpy as np

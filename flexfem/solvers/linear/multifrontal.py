@@ -43,7 +43,7 @@ class _Tree(NamedTuple):
         at: (f + 1,) where the factors of each front begin.
         entry_start: (f + 1,) where the entries of each front begin.
         entries: entries of the matrix by front.
-        to: where each of them goes in its front.
+        to: position of each of them in its front.
     """
 
     sizes: IntArray
@@ -165,7 +165,7 @@ def _tree(
 
     Args:
         fronts: positions of the rows of each front.
-        pivots: how many it eliminates.
+        pivots: number of eliminated unknowns.
         owner: front of every position.
         places: of the positions in each front.
         position: of every row.

@@ -57,9 +57,9 @@ def solve_pencil(
 ) -> Solution:  # fmt: skip
     """Eigenpairs nearest to a frequency, with their errors (collective).
 
-    Where residuals of the first ``count`` are too large, the problem is inverted anew at a distance
-    from zero that is that of these eigenvalues: what is far below the shift drowns in it. Where
-    modes are missing among those found, more are looked for.
+    Where residuals of the first ``count`` are too large, the problem is inverted again at a
+    distance from zero that is that of these eigenvalues: what is far below the shift drowns in it.
+    Where modes are missing among those found, more are looked for.
 
     Args:
         pencil: the problem.
@@ -270,7 +270,7 @@ def _proper(
 
 
 def _solve_densely(pencil: Pencil, shift: float) -> _Found:
-    """All finite eigenvalues by the same inverses, alike on every rank."""
+    """All finite eigenvalues by the same inverses, the same on every rank."""
     lin = pencil.linearization
     K, C, M = (
         gather_rows(mat)

@@ -83,7 +83,7 @@ def _turned(matrix: PETSc.Mat, sign: float) -> float:
 
 
 def _hold(linearization: Linearization, matrices: Matrices) -> None:
-    """Give unknowns that are held no mass: their frequencies are infinite, as those of rows."""
+    """Give fixed unknowns no mass: their frequencies are infinite, as those of rows."""
     masks = [
         np.zeros(p.block.sizes[0], dtype=np.bool_)
         if p.block.dirichlet is None

@@ -22,7 +22,7 @@ _DEPENDENT = 1e-10
 
 @dataclass(frozen=True)
 class Reduction:
-    """``M q'' + C (q', s') + K (q, s) + N s'' = F a`` with ``u = T q + S s``, alike on all ranks.
+    """``M q'' + C (q', s') + K (q, s) + N s'' = F a``, ``u = T q + S s``, equal on all ranks.
 
     The drives' coordinates s are the changes of the targets of the rows of driven joints, ``G u =
     s``; S is the least solution of this.

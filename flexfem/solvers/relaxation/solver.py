@@ -43,7 +43,7 @@ class Scheme:
         margin: masses relative to the smallest that are stable for sure.
         least: smallest mass of a node relative to its largest, for translations and rotations.
         physical: masses of the model times one factor.
-        renew: iterations after which masses are computed anew.
+        renew: iterations after which masses are computed again.
     """
 
     damping: str = "accelerated"
@@ -74,7 +74,7 @@ class Relaxation:
 
     Attributes:
         iteration: number of steps taken.
-        renewals: how often masses were computed.
+        renewals: number of computations of the masses.
         progress: at the last evaluation.
     """
 

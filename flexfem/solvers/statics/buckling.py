@@ -40,7 +40,7 @@ class LinearBuckling:
         """Load parameters of least distance from the first equilibrium (collective).
 
         Args:
-            count: how many.
+            count: number of modes.
 
         Returns:
             Load parameter and motion, (n_owned, width) of each block; fewer than ``count`` if there

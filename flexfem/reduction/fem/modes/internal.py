@@ -59,9 +59,9 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
 
     Args:
         owner: for messages.
-        pieces: what they are made of.
+        pieces: parts of the modes.
         basis: of BASES.
-        choice: how many modes.
+        choice: number of modes.
 
     Raises:
         ValueError: more modes than there are.
