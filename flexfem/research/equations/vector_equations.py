@@ -25,7 +25,7 @@ from flexfem.core.status import Status
 
 __all__ = ["DRIVER", "Motion", "Picture", "Stepper", "VectorEquations"]
 
-#: What carries out the motion in time of a source of equations.
+#: Module that integrates the motion of a source of equations.
 DRIVER = "flexfem.research.equations.run.simulate:simulate_equations"
 
 

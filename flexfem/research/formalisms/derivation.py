@@ -5,7 +5,7 @@ All coordinates of a cell, elastic ones and those of the frame, are one coeffici
 element; the frame's part is constant over the cell and shared by all cells. So one operator,
 ``ufl.derivative``, serves both: velocities are ``dr/dq [q']``, accelerations one more total time
 derivative, and an equation of motion is the derivative of an energy in the direction of a test
-function of the mixed space, whose components are the rows of nodes and frame alike.
+function of the mixed space, whose components are the rows of both nodes and frame.
 
 Kinetic energy and energy of accelerations are the same quadratic form, of velocities and of
 accelerations: Ec = T(v) and Ea = T(a), T(w) = 1/2 int rho w.w.
@@ -51,7 +51,7 @@ class BodyEnergies:
     """Symbolic energies of bodies of one kind of matter in one kind of frame.
 
     Args:
-        matter: what the bodies are made of; its numbers do not enter the forms.
+        matter: materials of the bodies; the numbers do not enter the forms.
         frame: coordinates of their frames.
     """
 

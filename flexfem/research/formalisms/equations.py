@@ -102,7 +102,7 @@ class MechanismEquations:
         return sum(len(body.entries) for body in self.bodies)
 
     def _set(self, *parts: FloatArray) -> FloatArray:
-        """Fields with a zero for entries that are held."""
+        """Fields with a zero for fixed entries."""
         for row, part in zip(self._fields, parts, strict=False):
             row[:-1] = part
         return self._fields

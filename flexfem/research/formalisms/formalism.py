@@ -72,7 +72,7 @@ def partition(G: FloatArray, preferred: BoolArray) -> Partition:
     """Choose dependent coordinates by pivoting, largest first.
 
     Those of frames are preferred: elastic forces do not depend on them, so that the stiff part of
-    A^T K A stays the same while a body turns, and a matrix can be kept.
+    A^T K A stays the same while a body rotates, and a matrix can be kept.
 
     Args:
         G: constraint Jacobian (m, n).

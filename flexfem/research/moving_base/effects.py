@@ -37,7 +37,7 @@ class Effects:
         torsional_inertia: moment of inertia of sections about the axis.
         rotary_inertia_2, rotary_inertia_3: moments of inertia of sections about a2 and a3.
         eccentricity_2, eccentricity_3: of the mass centre.
-        rotations: how sections are turned, to second order: "sequence", by theta1 about a1, then
+        rotations: rotations of sections, to second order: "sequence", by theta1 about a1, then
             theta2 about a2, then theta3 about a3, axes of the base, as published; "vector", about
             the vector theta; "linear", to first order only. They differ where mass centres are
             eccentric, and in the sections' moments of inertia.

@@ -42,7 +42,7 @@ class EquationRecords:
         comm: MPI.Intracomm,
         resume: State | None,
     ) -> None:
-        """Open the history; with a saved state ``resume`` it goes on after that instant."""
+        """Open the history; with a saved state ``resume`` it continues after that instant."""
         self._simulation, self._equations = simulation, simulation.equations
         self._comm, self._every, equations = comm, options.every, simulation.equations
         self._columns = list(equations.columns)
@@ -111,7 +111,7 @@ class EquationRecords:
                 self._picture(self._folder, step, self._simulation.stepper.motion)
 
     def _look_after_the_table(self) -> None:
-        """Write it anew where it was removed; the run ends then."""
+        """Write the table again where it was removed; the run ends then."""
         table = self._table
         if table is not None and table.lost:
             self._faults.note(FolderLostError(table.path.parent, table.path.exists()))

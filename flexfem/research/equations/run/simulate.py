@@ -31,7 +31,7 @@ from flexfem.simulation.run.time_grid import TimeGrid
 
 __all__ = ["Source", "simulate_equations"]
 
-#: Options of multibody models that equations know nothing of, with the values they must have.
+#: Options of multibody models that do not apply to equations, with the values they must have.
 _FOREIGN = {
     "integrator": "generalized_alpha", "redundant_constraints": "refuse", "start": "given",
     "adaptive": False, "kernels": "fast",
@@ -69,7 +69,7 @@ def simulate_equations(
     """Run equations of motion to the end and write the results (collective).
 
     Args:
-        source: what has the equations, the same on every rank.
+        source: source of the equations, the same on every rank.
         options: step size, end, output folder and so on.
         case: name for the summary.
         results: function of the history's columns that returns the headline results.

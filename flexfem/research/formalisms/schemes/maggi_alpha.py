@@ -7,9 +7,9 @@ of which hold to round-off at the end of every step. The equations are A^T (F - 
 basis of the null space of G, so that no multipliers appear; those that the derivative of A calls
 for in the iteration matrix are recovered from the dependent rows.
 
-The split is made anew when the constraints no longer determine the dependent coordinates well.
-The acceleration-like variable of the scheme is carried for all coordinates, so that a new split
-does not disturb it.
+The split is made again when the constraints no longer determine the dependent coordinates well. The
+acceleration-like variable of the scheme is carried for all coordinates, so that a new split does
+not disturb it.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ __all__ = ["MaggiAlpha"]
 _MOST_CLOSINGS = 12
 #: Relative size of the last correction of dependent coordinates.
 _CLOSED = 1e-12
-#: Entry of A above which the coordinates are split anew.
+#: Entry of A above which the coordinates are split again.
 _LARGEST = 20.0
 
 

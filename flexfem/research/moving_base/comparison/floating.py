@@ -48,9 +48,9 @@ def floating_model(
         properties: the beam, each property a number or piecewise.
         base: its motion with ``position`` and ``rotation``.
         bodies: so many in each segment.
-        modes: of each body, with its ends held.
+        modes: of each body, with its ends fixed.
         elements: about as many along the beam.
-        warping: whether torsion constants include held warping.
+        warping: whether torsion constants include restrained warping.
         stiffening: whether forces and accelerations change the stiffness.
         name: of the model.
 

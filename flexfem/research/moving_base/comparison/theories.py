@@ -97,7 +97,7 @@ def beam_by_theory(
         elements: along the beam.
         bodies: floating ones in each segment.
         body_modes: of each of them.
-        warping: whether torsion includes held warping.
+        warping: whether torsion includes restrained warping.
         assumed: of the assumed-modes theories: "rotations" of sections ("theory": its own),
             "leave_out" (effects joined by +), "damping_ratio" of all functions, "initial_u2",
             "initial_u3" (m) and "initial_theta1" (rad) of the tip at the start, and their rates
