@@ -64,7 +64,7 @@ def _check_crossing(points: ContactPoints, owner: str, each: ContactPass) -> Non
         a, b = own[edge].tolist()
         other = points.names[points.body[each.chosen[triangle]]]
         raise ValueError(
-            f"{owner}: at the start {_body(points, a)} goes through {other} between nodes "
+            f"{owner}: at the start {_body(points, a)} intersects {other} between nodes "
             f"{_number(points, a)} and {_number(points, b)}; {_APART}"
         )
 

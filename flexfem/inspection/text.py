@@ -149,7 +149,7 @@ def _touching(contact: Contact) -> str:
 def _freedoms(description: ModelFacts) -> list[str]:
     """Counts of degrees of freedom and constraints."""
     counts = description.mobility
-    held = f", {counts.held} of them held" if counts.held else ""
+    held = f", {counts.held} of them fixed" if counts.held else ""
     redundant = f", {counts.redundant} of them redundant" if counts.redundant else ""
     supports = f" - {counts.supports}" if counts.supports else ""
     return [
@@ -160,7 +160,7 @@ def _freedoms(description: ModelFacts) -> list[str]:
                 ["constraints", f"{counts.constraints}{redundant}"],
                 ["degrees of freedom left", str(counts.freedoms)],
                 [
-                    "motions of bodies as wholes",
+                    "motions of rigid-body parts",
                     f"{counts.motions} by the rank of their constraints, "
                     f"6 x {counts.bodies}{supports} - {counts.whole_constraints} = "
                     f"{counts.grubler} by counting (Gruebler)",

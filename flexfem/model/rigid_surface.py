@@ -158,7 +158,7 @@ class RigidMesh(RigidSurface):
                 continue
             way = "outwards" if self.inside else "inwards"
             rest = "which inside=True does not allow" if self.inside else (
-                "turn them round, or give inside=True where shells are inside"
+                "reverse them, or give inside=True where shells are inside"
             )  # fmt: skip
             raise ValueError(
                 f"RigidMesh: the normals at triangle {int(np.argmax(own))} point {way} (volume "

@@ -102,7 +102,7 @@ def test_one_command_makes_runs_and_their_picture(
     study = ["sweep", "spin_up", "--smoke", "--quiet", "--vary", "theory=consistent,conventional"]
     folder = ["--output", str(tmp_path / "study")]
     assert command([*study, *folder, "--clip"]) == 2
-    assert "--clip goes with --plot" in capsys.readouterr().err
+    assert "--clip needs --plot" in capsys.readouterr().err
     assert not (tmp_path / "study").exists()
     assert command([*study, *folder, "--plot", "u2,theta1", "--clip"]) == 0
     assert (tmp_path / "study" / "comparison.png").read_bytes()[:4] == b"\x89PNG"

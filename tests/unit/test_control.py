@@ -298,7 +298,7 @@ def _controller(**given: Any) -> ff.Controller:
             "output \"gear\" must be an Actuator or a load .* has 'motor, torque'",
         ),
         ({"outputs": ["hinge"]}, 'output "hinge" must be an Actuator or a load .* is a Revolute'),
-        ({"outputs": ["motor", "motor"]}, 'column "c_motor" is there twice'),
+        ({"outputs": ["motor", "motor"]}, 'column "c_motor" occurs twice'),
         ({"law": 3.0}, r"law must be a function of t and y, or have update\(t, y\) and state"),
         ({"sample_time": -1.0}, "sample_time must be positive, got -1.0"),
         ({"sample_time": 0.003}, "sample_time must be a multiple of the time step 0.002 s, got"),

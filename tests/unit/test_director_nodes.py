@@ -106,5 +106,5 @@ def test_midpoints_that_turn_a_triangle_inside_out_are_refused():
     midpoints = np.array(mesh.midpoints)
     midpoints[:, 1] = midpoints[:, 1].mean(0) + 3.0
     wrong = SurfaceMesh(mesh.points, mesh.triangles, mesh.bodies, midpoints=midpoints)
-    with pytest.raises(ValueError, match="inside out"):
+    with pytest.raises(ValueError, match="invert triangle"):
         nodes_of(wrong)

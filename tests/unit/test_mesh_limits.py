@@ -106,7 +106,7 @@ FILES = {
     "a grid": ("# vtk DataFile Version 3.0\na\nASCII\nDATASET STRUCTURED_POINTS\n"
                "DIMENSIONS 3 1 1\nORIGIN 0 0 0\nSPACING 1 1 1\n", "a.vtk", ""),
     "XML": (vtu("0 1"), "a.vtu", ""),
-    "XML, index -1": (vtu("0 -1"), "a.vtu", "a cell has a node that is none of 0 to 1"),
+    "XML, index -1": (vtu("0 -1"), "a.vtu", "a cell has a node that is not one of 0 to 1"),
     "compressed": (vtu("0 1", packed(10**8)), "a.vtu", 'array "Points" has not the 48 bytes'),
     "entities": ('<!DOCTYPE a [<!ENTITY b "bb">]>' + vtu("0 1"), "a.vtu", "declarations of XML"),
     "blocks": (vtu("0 1", f'format="binary">{base64.b64encode(b"\\xff" * 12).decode()}'), "a.vtu",

@@ -403,7 +403,7 @@ MISTAKES = {
     "more than exist": ({"modes": 4}, {}, "modes must not exceed the 3 degrees of freedom"),
     "gravity": ({"modes": 1, "spin": 1.0}, {"gravity": (0, -9.81, 0)}, "gravity is not along"),
     "joint off the axis": ({"modes": 1, "spin": 1.0}, {"at": (0.5, 0, 0.5)},
-                           'Spherical "tip": does not let the model turn about the axis (0, 0, 1)'),
+                           'Spherical "tip": prevents rotation of the model about the axis (0, 0, 1)'),
 }  # fmt: skip
 
 

@@ -54,7 +54,7 @@ def _fit_together(options: argparse.Namespace) -> None:
     }
     for name, other in _WITH.items():
         if name in given and other not in given:
-            raise UsageError(f"argument --{name}: goes with --{other}")
+            raise UsageError(f"argument --{name}: needs --{other}")
     for name, others in _INSTEAD.items():
         for other in others:
             if name in given and other in given:

@@ -116,7 +116,7 @@ def _sweep(name: str, case: Case, own: Any, given: dict[str, Any], output: Path)
         varied[option] = values
     reduced = [one for text in own.reduce for one in text.split(",")]
     if own.clip and own.plot is None:
-        raise ValueError("--clip goes with --plot")
+        raise ValueError("--clip needs --plot")
     return sweep(
         name, varied, options=given, together=own.zip, reduce=reduced, output=output,
         columns=[] if own.plot is None else own.plot.split(","),

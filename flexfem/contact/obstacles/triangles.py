@@ -182,7 +182,7 @@ class TriangleContact(ObstacleContacts):
         _, extra = HeldContacts.unpacked(self._law, held, self.slaves.stiffness)
         nodes = extra[:, :3]
         good = (nodes >= 0.0) & (nodes < count) & (nodes % 1.0 == 0.0)
-        return "" if good.all() else "a contact is held by a node that is not there"
+        return "" if good.all() else "a contact belongs to a node that does not exist"
 
     def recall(self, points: FloatArray, memory: FloatArray) -> None:
         """Take back what :meth:`memory` returned, at the same positions."""

@@ -187,7 +187,7 @@ class _Table:
             row = _Row(f"{self.owner}, line {line}", self, fields)
             name = row.text("name")
             if name in found:
-                row.fail(f'the name "{name}" is there twice')
+                row.fail(f'the name "{name}" occurs twice')
             row.owner += f' "{name}"'
             try:
                 found[name] = make(row)
@@ -211,7 +211,7 @@ class _Table:
                 f"{', '.join(['name', *sorted(known - {'name'})])}"
             )
         if name in self.columns:
-            raise ValueError(f'{owner}: column "{name}" is there twice')
+            raise ValueError(f'{owner}: column "{name}" occurs twice')
         units = _UNITS[_COLUMNS.get(name, "")]
         if bracket and unit not in units:
             raise ValueError(

@@ -99,7 +99,7 @@ class _Reader:
         if part is None:
             self.fail(statement, f'instance "{name}" is of a part that is not in the file')
         if name.lower() in self.instances:
-            self.fail(statement, f'instance "{name}" is there twice')
+            self.fail(statement, f'instance "{name}" occurs twice')
         try:
             self.move = placement(
                 [self._floats(statement, line, row) for line, row in statement.rows]

@@ -186,7 +186,7 @@ class _Mesh:
         again = np.flatnonzero(np.diff(tags) == 0)
         if (elsewhere := (points[again] != points[again + 1]).any(axis=1)).any():
             number = tags[again[np.argmax(elsewhere)]]
-            raise ValueError(f"{self.owner}: node {number} is there twice, at different places")
+            raise ValueError(f"{self.owner}: node {number} occurs twice, at different places")
         return np.delete(tags, again), np.delete(points, again, axis=0)
 
     def _rows(self, nodes: IntArray) -> IntArray:

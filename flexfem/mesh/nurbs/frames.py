@@ -114,7 +114,7 @@ def control_frames(
 
     Raises:
         TypeError: as for `section_rotations`.
-        ValueError: as for `section_rotations`, or the frames turn too much inside an element.
+        ValueError: as for `section_rotations`, or the frames rotate too much inside an element.
     """
     wanted = control_rotations(curve, orientation)
     rotations = wanted if curve.degree == 1 else _control_points(curve, wanted, vectors)
@@ -198,7 +198,7 @@ def _control_points(curve: "NurbsCurve", wanted: FloatArray, vectors: bool) -> F
             return rotations
         rotations = rotations @ so3.exp(factor.solve(missing))
     raise ValueError(
-        f"{OWNER}: the frames turn too much inside the element at parameter "
+        f"{OWNER}: the frames rotate too much inside the element at parameter "
         f"{curve.elements.spans[index[int(np.argmax(np.abs(missing).max(axis=1)))], 0]:g}, "
         "refine the curve"
     )

@@ -153,7 +153,7 @@ def _edge_normals(surface: SurfaceMesh, rows: IntArray, places: FloatArray) -> F
         row = int(rows[np.argmax((turned <= 0.0).any(1))])
         at = _checks.show(surface.points[surface.triangles[row]].mean(0).tolist())
         raise ValueError(
-            f"SurfaceMesh: the midpoints of its edges turn triangle {row} at {at} inside out"
+            f"SurfaceMesh: the midpoints of its edges invert triangle {row} at {at}"
         )
     unit: FloatArray = normals / np.linalg.norm(normals, axis=2)[..., None]
     return unit

@@ -131,7 +131,7 @@ def line_pairs(name: object, pairs: object, edges: IntArray, nodes: int) -> tupl
     if (counts > 1).any():
         low, high = divmod(int(values[np.argmax(counts > 1)]), nodes)
         raise ValueError(
-            f'{_OWNER}: line "{key}": the edge between nodes {low} and {high} is there twice'
+            f'{_OWNER}: line "{key}": the edge between nodes {low} and {high} occurs twice'
         )
     return key, found
 

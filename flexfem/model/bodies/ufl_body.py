@@ -215,7 +215,7 @@ class UFLBody(Body):
         """
         turn = motion.rotation
         if self.fixed and not np.array_equal(turn, np.eye(3)):
-            raise ValueError(f'UFLBody "{self.name}": held nodes cannot be rotated')
+            raise ValueError(f'UFLBody "{self.name}": fixed nodes cannot be rotated')
         mesh, spin = self.mesh, turn @ self.angular_velocity
         points = motion.apply(mesh.points)
         return UFLBody(

@@ -95,7 +95,7 @@ def check_columns(owner: str, columns: tuple[str, ...], unwrap: tuple[str, ...] 
         if "," in column:
             raise ValueError(f'{owner}: column "{column}" must not contain a comma')
         if columns.count(column) > 1:
-            raise ValueError(f'{owner}: column "{column}" is there twice')
+            raise ValueError(f'{owner}: column "{column}" occurs twice')
     for column in unwrap:
         if column not in columns:
             raise ValueError(f'{owner}: unwrap "{column}" is none of its columns')

@@ -325,7 +325,7 @@ def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
     if found is not None:
         owner, change = found
         raise InputError(
-            f"{owner}: does not let the model turn about {_line(rotation)}, "
+            f"{owner}: prevents rotation of the model about {_line(rotation)}, "
             f"which changes the joint by {change:.3g}"
         )
 

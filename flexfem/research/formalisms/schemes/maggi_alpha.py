@@ -180,5 +180,5 @@ class MaggiAlpha(VectorStepper):
         self._w = np.array(state["motion_w"])
         dependent = np.array(counts("motion_dependent", state["motion_dependent"]), dtype=np.int64)
         if len(np.unique(dependent)) < len(dependent) or dependent.max(initial=0) >= len(self._w):
-            raise ValueError('"motion_dependent" holds coordinates that there are not')
+            raise ValueError('"motion_dependent" names coordinates that do not exist')
         self._split = Partition(dependent, np.setdiff1d(np.arange(len(self._w)), dependent))

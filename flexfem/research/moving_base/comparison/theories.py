@@ -67,7 +67,7 @@ _ASSUMED = (
 
 #: Options of a case that are arguments of :func:`beam_by_theory`.
 THEORY_OPTIONS = (
-    Option("theory", str, "consistent", "what the beam is computed with",
+    Option("theory", str, "consistent", "theory of the beam",
            choices=(*THEORIES, "beam", "floating")),
     Option("assumed_modes", int, 10,
            "modes of the assumed-modes theories, besides two static functions of the stretch",
@@ -75,7 +75,7 @@ THEORY_OPTIONS = (
     Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
     Option("bodies", int, 8, "of theory floating in each segment", minimum=1),
     Option("body_modes", int, 0, "modes of each of these bodies", minimum=0),
-    Option("warping", bool, True, "torsion of the channel with its warping held"),
+    Option("warping", bool, True, "torsion of the channel with restrained warping"),
     *_ASSUMED,
 )  # fmt: skip
 
