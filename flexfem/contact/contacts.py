@@ -297,12 +297,12 @@ class Contacts:
     def energy(self) -> float:
         """Energy stored by the contacts of this rank, J (collective)."""
         self.refresh()
-        return sum(made.energy + made.held.stored for g in self.groups for made in g.every)
+        return sum(made.energy + made.closed.stored for g in self.groups for made in g.every)
 
     @property
     def lost(self) -> float:
         """Energy lost by friction and damping on this rank, J."""
-        return sum(made.held.lost for g in self.groups for made in g.every)
+        return sum(made.closed.lost for g in self.groups for made in g.every)
 
     def measure(self, name: str) -> FloatArray:
         """This rank's share in penetration, forces and number of a contact, (6,) (collective)."""

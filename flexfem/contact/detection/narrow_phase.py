@@ -28,7 +28,7 @@ from flexfem.contact.detection.closest import (
     signed_distance,
 )
 from flexfem.contact.detection.regions import FACE, dot, unit_normal
-from flexfem.contact.law.closed_contacts import MOST_HELD
+from flexfem.contact.law.closed_contacts import MOST_CLOSED
 from flexfem.contact.law.data import (
     AREAS,
     BEND,
@@ -51,7 +51,7 @@ from flexfem.kernels.records import Memory, unpack
 __all__ = ["MOST", "find_contacts", "normals_into"]
 
 #: Contacts of one node with one surface, at most.
-MOST = MOST_HELD
+MOST = MOST_CLOSED
 #: Cosine of the angle of normals beyond which contacts of one node are two.
 _APART = 0.5
 

@@ -16,11 +16,11 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import kernel
 
-__all__ = ["held_forces", "held_losses"]
+__all__ = ["friction_forces", "friction_losses"]
 
 
 @kernel
-def held_forces(
+def friction_forces(
     slips: FloatArray, normals: FloatArray, pushes: FloatArray, pulls: FloatArray,
     stiffness: FloatArray, law: FloatArray, forces: FloatArray, tangents: FloatArray,
 ) -> None:  # fmt: skip
@@ -61,7 +61,7 @@ def held_forces(
 
 
 @kernel
-def held_losses(
+def friction_losses(
     slips: FloatArray, normals: FloatArray, pulls: FloatArray, sticking: FloatArray,
     forces: FloatArray,
 ) -> float:  # fmt: skip
