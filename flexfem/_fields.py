@@ -8,6 +8,7 @@ fields checked. Units and meaning are in the docstring of the class.
 """
 
 import inspect
+import warnings
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, InitVar, dataclass, field, fields
 from typing import Any, dataclass_transform, get_args, get_origin
@@ -18,9 +19,9 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 
 __all__ = [
-    "ZERO", "Array", "ArrayOrNone", "Given", "array", "checked", "choice", "declared", "direction",
-    "flag", "function", "instance", "number", "one_of", "owner_of", "rotation", "settled", "text",
-    "time_function", "vector",
+    "ZERO", "Array", "ArrayOrNone", "Given", "Renamed", "array", "checked", "choice", "declared",
+    "direction", "flag", "function", "instance", "number", "one_of", "owner_of", "rotation",
+    "settled", "text", "time_function", "vector",
 ]  # fmt: skip
 
 #: Takes the object, the field and its value for messages; returns what is stored.
@@ -37,6 +38,29 @@ class Given[Value, Kept]:
     def __set__(self, instance: Any, value: Value) -> None:
         """Take an argument."""
         raise NotImplementedError
+
+
+class Renamed:
+    """Former name of an attribute: reads the attribute under its present name and warns."""
+
+    def __init__(self, present: str) -> None:
+        """Take the present name."""
+        self._present = present
+
+    def __set_name__(self, owner: type, former: str) -> None:
+        """Take the former name, that of this attribute of the class."""
+        self._former = f"{owner.__name__}.{former}"
+
+    def __get__(self, instance: object, owner: Any = None) -> Any:
+        """Read the attribute of an instance.
+
+        Warns:
+            DeprecationWarning: for instances, with both names.
+        """
+        if instance is None:
+            return self
+        warnings.warn(f"{self._former} is {self._present} now", DeprecationWarning, stacklevel=2)
+        return getattr(instance, self._present)
 
 
 #: Anything that makes an array, stored as a read-only one.

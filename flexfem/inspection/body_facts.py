@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from flexfem._fields import Renamed
 from flexfem._types import FloatArray, IntArray
 from flexfem.kinematics.body_inertia import body_inertia
 from flexfem.layout.numbered_model import NumberedModel
@@ -60,7 +61,7 @@ class BodyFacts:
         elements: number of its finite elements.
         nodes: number of its nodes; nodes that shells share count for the first of them.
         unknowns: of these nodes.
-        held: number of fixed unknowns.
+        fixed: number of fixed unknowns.
     """
 
     body: AnyBody
@@ -70,7 +71,7 @@ class BodyFacts:
     elements: int = 0
     nodes: int = 0
     unknowns: int = 0
-    held: int = 0
+    fixed: int = 0
 
     @property
     def name(self) -> str:
@@ -78,9 +79,12 @@ class BodyFacts:
         return self.body.name
 
     @property
-    def freedoms(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Unknowns that are not fixed."""
-        return self.unknowns - self.held
+        return self.unknowns - self.fixed
+
+    freedoms = Renamed("degrees_of_freedom")
+    held = Renamed("fixed")
 
 
 def body_facts(serial: NumberedModel) -> list[BodyFacts]:
@@ -125,11 +129,11 @@ def _flexible(
     serial: NumberedModel, body: Beam | Shell | Body, points: FloatArray, elements: int,
     unknowns: tuple[int, int, int],
 ) -> BodyFacts:  # fmt: skip
-    nodes, width, held = unknowns
+    nodes, width, fixed = unknowns
     masses = _masses(serial, body, points.mean(axis=0))
     size = np.ptp(points, axis=0)
     kind = next(word for kind, word in KINDS.items() if isinstance(body, kind))
-    return BodyFacts(body, kind, masses, size, elements, nodes, nodes * width, held)
+    return BodyFacts(body, kind, masses, size, elements, nodes, nodes * width, fixed)
 
 
 def _beam(serial: NumberedModel, beam: Beam) -> BodyFacts:

@@ -60,10 +60,10 @@ class Description(ModelFacts):
             "events": [event.name for event in self.model.events],
             "probes": {probe.name: list(probe.columns) for probe in self.model.probes},
             "unknowns": counts.unknowns,
-            "held": counts.held,
+            "held": counts.fixed,
             "constraints": counts.constraints,
             "redundant_constraints": counts.redundant,
-            "degrees_of_freedom": counts.freedoms,
+            "degrees_of_freedom": counts.degrees_of_freedom,
             "motions_as_wholes": counts.motions,
             "motions_by_counting": counts.grubler,
             "characteristic_length": self.extent,
@@ -112,7 +112,9 @@ def _masses(facts: MassFacts) -> dict[str, Any]:
 
 
 def _body(facts: BodyFacts) -> dict[str, Any]:
-    counts = {"elements": facts.elements, "nodes": facts.nodes, "freedoms": facts.freedoms}
+    counts = {
+        "elements": facts.elements, "nodes": facts.nodes, "freedoms": facts.degrees_of_freedom,
+    }  # fmt: skip
     own = {"name": facts.name, "kind": facts.kind, "size": facts.size.tolist()}
     return own | _masses(facts.masses) | counts
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexfem._fields import Renamed
 from flexfem._types import BoolArray, IntArray
 from flexfem.inspection.inspection import Inspection
 from flexfem.joints.elastic_lock import ElasticLock
@@ -24,7 +25,7 @@ class Mobility:
 
     Attributes:
         unknowns: of all nodes.
-        held: fixed unknowns: edges of shells, and unused components of amplitudes.
+        fixed: fixed unknowns: edges of shells, and unused components of amplitudes.
         constraints: rows of joints that hold.
         redundant: constraints that follow from the others.
         bodies: rigid-body parts; bodies with common nodes are one.
@@ -34,7 +35,7 @@ class Mobility:
     """
 
     unknowns: int
-    held: int
+    fixed: int
     constraints: int
     redundant: int
     bodies: int
@@ -43,9 +44,12 @@ class Mobility:
     motions: int
 
     @property
-    def freedoms(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Degrees of freedom that are left: unknowns less independent constraints."""
-        return self.unknowns - self.held - self.constraints + self.redundant
+        return self.unknowns - self.fixed - self.constraints + self.redundant
+
+    freedoms = Renamed("degrees_of_freedom")
+    held = Renamed("fixed")
 
     @property
     def grubler(self) -> int:
@@ -65,7 +69,7 @@ def mobility(inspection: Inspection) -> Mobility:
     facts = inspection.bodies
     return Mobility(
         unknowns=sum(one.unknowns for one in facts),
-        held=sum(one.held for one in facts),
+        fixed=sum(one.fixed for one in facts),
         constraints=int(rigid.sum()),
         redundant=dependence_count(of_nodes),
         bodies=bodies,
@@ -81,13 +85,13 @@ def part_rows(inspection: Inspection, chosen: BoolArray) -> NodeRows:
     Turns count as ways of points one characteristic length away.
     """
     of_joints = inspection.rows.on_parts(_between(inspection, chosen))
-    held = inspection.rows.supports()
+    supports = inspection.rows.supports()
     first = int(of_joints.row.max(initial=-1)) + 1
-    gradient = np.concatenate([of_joints.gradient, held.gradient])
+    gradient = np.concatenate([of_joints.gradient, supports.gradient])
     gradient[..., 3:] /= inspection.scale
     return NodeRows(
-        np.concatenate([of_joints.row, first + held.row]),
-        np.concatenate([of_joints.nodes, held.nodes]),
+        np.concatenate([of_joints.row, first + supports.row]),
+        np.concatenate([of_joints.nodes, supports.nodes]),
         gradient,
     )
 
