@@ -62,8 +62,8 @@ class NodeRow:
         """Marker at a node of the row."""
         return SurfaceMarker(self.body, (int(self.nodes[k]),), (1.0,))
 
-    def middle(self, k: int) -> SurfaceMarker:
-        """Marker in the middle of a segment."""
+    def midpoint(self, k: int) -> SurfaceMarker:
+        """Marker at the midpoint of a segment."""
         return SurfaceMarker(self.body, self.nodes[k : k + 2].tolist(), (0.5, 0.5))
 
     def tilted(self, k: int, along: float) -> list[tuple[SurfaceMarker, float]]:

@@ -46,8 +46,8 @@ class ClampedLine(HingeLine):
         fine, coarse = first, second
         if second is not None and second.count > first.count:
             fine, coarse = second, first
-        middles = 0.5 * (fine.points[1:] + fine.points[:-1])
-        found = [(0, 0.0) if coarse is None else coarse.closest(x)[:2] for x in middles]
+        midpoints = 0.5 * (fine.points[1:] + fine.points[:-1])
+        found = [(0, 0.0) if coarse is None else coarse.closest(x)[:2] for x in midpoints]
         rigid: list[tuple[int, int, int]] = []
         for k, (at, along) in enumerate(found):
             law = _law(fine, k, coarse, at)
@@ -65,9 +65,9 @@ class ClampedLine(HingeLine):
             ))  # fmt: skip
         carried = fine.nodes if coarse is None else np.append(fine.nodes, coarse.nodes)
         for k in _independent(rigid, carried):
-            far_end = self.b if coarse is None else coarse.middle(found[k][0])
+            far_end = self.b if coarse is None else coarse.midpoint(found[k][0])
             parts.append(LinePart(
-                self.name, far_end, fine.middle(k), self, _Angle(fine.sides[k]),
+                self.name, far_end, fine.midpoint(k), self, _Angle(fine.sides[k]),
                 swapped=coarse is None or fine is first,
             ))  # fmt: skip
         return parts

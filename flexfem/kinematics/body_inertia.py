@@ -107,8 +107,8 @@ def _shell_inertia(serial: NumberedModel, body: Shell, origin: FloatArray) -> Fl
         x = surface.frames[surface.directors.nodes[rows], :3]
         return _director_inertia(x, body.section, origin)
     x = surface.mesh.points[surface.mesh.triangles[rows]]
-    middles = (0.5 * (x + np.roll(x, 1, axis=1))).reshape(-1, 3)
-    points = se3.frame(middles, np.broadcast_to(np.eye(3), (len(middles), 3, 3)))
+    midpoints = (0.5 * (x + np.roll(x, 1, axis=1))).reshape(-1, 3)
+    points = se3.frame(midpoints, np.broadcast_to(np.eye(3), (len(midpoints), 3, 3)))
     mass = np.diag([body.section.mass] * 3 + [0.0] * 3)
     return carried(origin, points, mass, np.repeat(surface.mesh.areas[rows] / 3.0, 3))
 

@@ -80,15 +80,15 @@ def director_nodes(
         edge_keys(np.column_stack([start, end]), len(surface.points)), return_inverse=True
     )
     edges = np.column_stack(np.divmod(keys, len(surface.points)))
-    middles = surface.points[edges].mean(1)
-    middles += _offsets(number, len(edges), *_heights(surface, rows, kink), np.cos(kink))
+    midpoints = surface.points[edges].mean(1)
+    midpoints += _offsets(number, len(edges), *_heights(surface, rows, kink), np.cos(kink))
     given = surface.midpoints
     if given is not None:
         known = given[rows].reshape(-1, 3)
         there = np.isfinite(known).all(1)
-        middles[number[there]] = known[there]
+        midpoints[number[there]] = known[there]
     nodes = np.concatenate([own.reshape(-1, 3), len(corners) + number.reshape(-1, 3)], 1)
-    places = np.concatenate([surface.points[corners], middles])
+    places = np.concatenate([surface.points[corners], midpoints])
     normals = _edge_normals(surface, rows, places[nodes])
     if planes is not None:
         normals -= np.einsum("tka,tka->tk", normals, planes)[..., None] * planes
@@ -142,19 +142,17 @@ def _offsets(
 
 def _edge_normals(surface: SurfaceMesh, rows: IntArray, places: FloatArray) -> FloatArray:
     """Unit normals (t, 3, 3) of the curved triangles at the midpoints of their edges."""
-    corners, middles = places[:, :3], places[:, 3:]
+    corners, midpoints = places[:, :3], places[:, 3:]
     following, last = np.roll(corners, -1, 1), np.roll(corners, -2, 1)
     # along the edge, and from it towards the opposite corner
-    inward = 2.0 * (np.roll(middles, -1, 1) + np.roll(middles, -2, 1) - middles)
+    inward = 2.0 * (np.roll(midpoints, -1, 1) + np.roll(midpoints, -2, 1) - midpoints)
     inward -= corners + 0.5 * (following + last)
     normals = np.cross(last - following, inward)
     turned = np.einsum("tka,ta->tk", normals, surface.normals[rows])
     if (turned <= 0.0).any():
         row = int(rows[np.argmax((turned <= 0.0).any(1))])
         at = _checks.show(surface.points[surface.triangles[row]].mean(0).tolist())
-        raise ValueError(
-            f"SurfaceMesh: the midpoints of its edges invert triangle {row} at {at}"
-        )
+        raise ValueError(f"SurfaceMesh: the midpoints of its edges invert triangle {row} at {at}")
     unit: FloatArray = normals / np.linalg.norm(normals, axis=2)[..., None]
     return unit
 

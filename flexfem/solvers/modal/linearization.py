@@ -245,7 +245,7 @@ class Linearization:
             values += [self._couplings.side_values(a, gradient) for gradient in gradients]
         self._mats[which].assemble(np.concatenate([*values, diagonal]))
 
-    def held(self) -> FloatArray:
+    def rigid_rows(self) -> FloatArray:
         """1 for the rigid rows in this rank's range, 0 for all other unknowns."""
         rows = self.system.constraints
         rigid = rows.rigid[rows.owned_rows].astype(np.float64)

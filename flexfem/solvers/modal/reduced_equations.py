@@ -113,7 +113,7 @@ def _bases(
     lin, comm = linearization, linearization.system.comm
     if shapes is not None:
         return _spanned(lin, shapes), _driven(lin, matrices, targets)
-    kinds = lin.held()
+    kinds = lin.rigid_rows()
     kinds[: lin.unknowns] = -1.0
     kinds = np.concatenate(comm.allgather(kinds))
     G = gather_rows(matrices.stiffness)[np.ix_(kinds > 0.0, kinds < 0.0)]

@@ -107,12 +107,12 @@ def constraint_solver(
         weight: W, None for the unit matrix.
     """
     nodes, rows, others = (linearization.vector() for _ in range(3))
-    held = linearization.held()
+    rigid = linearization.rigid_rows()
     index = np.zeros(linearization.size)
     index[: linearization.unknowns] = 1.0
-    rows.setArray(held)
+    rows.setArray(rigid)
     nodes.setArray(index)
-    others.setArray(1.0 - index - held)  # rows with force laws stay out
+    others.setArray(1.0 - index - rigid)  # rows with force laws stay out
     matrix, upper = matrices.stiffness.copy(), matrices.stiffness.copy()
     matrix.diagonalScale(rows, None)
     upper.diagonalScale(nodes, rows)
