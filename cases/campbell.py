@@ -2,10 +2,10 @@
 """Campbell diagram of a rotating shaft with a disk.
 
 A steel tube of 6 m (radii 0.045 and 0.05 m, E = 2.1e11 N/m^2, nu = 0.3, rho = 7800 kg/m^3) along Z
-is turned at one end, where it cannot tilt; at the other end a cylindrical bearing lets it slide.
-A disk of 70.573 kg, radius ``--radius`` and thickness 0.05 m sits at the fraction ``--place`` of
-the length: at the middle the first modes do not tilt it, elsewhere they do and gyroscopic moments
-part forward from backward whirls. No gravity.
+is turned at one end, where it cannot tilt; at the other end a cylindrical bearing lets it slide. A
+disk of 70.573 kg, radius ``--radius`` and thickness 0.05 m is at the fraction ``--place`` of the
+length: at the middle the first modes do not tilt it, elsewhere they do and gyroscopic moments part
+forward from backward whirls. No gravity.
 
 History: ``t`` is the speed of rotation (rad/s). Every mode has ``<mode>_frequency`` (Hz, in axes
 that turn with the shaft), ``<mode>_fixed`` (Hz, in fixed axes; negative for whirls against the

@@ -13,11 +13,11 @@ one, at the height sqrt(4 + 16 cos^2 beta) - 4 cos(beta): 0.474 m at 5 degrees, 
 
 ``--control gravity``: 0.005 g along X deploys the truss from rest at 5 degrees; latches lock each
 slider when it arrives, and the run ends when all are locked. The bays have a freedom each and do
-not move alike. The others drive the angles at the roots of the two lower cross-bars of every bay
-from 5 to 90 degrees within 20 s along the profile named, without gravity and without latches
-(``--latch``), as rails go on beyond the posts' ends. Members of a frame are welded at the corners,
-where everything else is hinged to the vertical ones. The frames are not kept from passing through
-one another.
+not move in the same way. The others drive the angles at the roots of the two lower cross-bars of
+every bay from 5 to 90 degrees within 20 s along the profile named, without gravity and without
+latches (``--latch``), as rails go on beyond the posts' ends. Members of a frame are welded at the
+corners, where everything else is hinged to the vertical ones. The frames are not kept from passing
+through one another.
 
 ``--formulation``: members are beams of NURBS or SE(3) elements, rigid bodies, or bodies in floating
 frames, of so many beam elements reduced to their ends and four modes, the frame at the start. The

@@ -43,7 +43,7 @@ JOINTS = ("inner", "middle", "outer")
 
 
 def build(*, duration: float, link_1: float, link_2: float, **given: Any) -> Any:
-    """The outboard link on its prescribed base, by the theory that is asked for."""
+    """The outboard link on its prescribed base, by the chosen theory."""
     link = research.outboard_link(**{name: given.pop(name) for name in LINK})
     starts, turns = (
         [math.pi * given.pop(f"{joint}_{what}") for joint in JOINTS] for what in ("start", "turn")

@@ -101,7 +101,7 @@ def shell(
     edges: Mapping[str, str], fixed: Mapping[str, str] | None = None,
     growth: tuple[float, float] = (1.0, 1.0),
 ) -> ff.Model:  # fmt: skip
-    """Model of a shell over a rectangle of two parameters, held along named sides.
+    """Model of a shell over a rectangle of two parameters, fixed along named sides.
 
     Cells grow by a factor over each range.
     """

@@ -61,7 +61,7 @@ LINK = tuple(option.name for option in research.LINK_OPTIONS)
 
 
 def build(*, hub_radius: float, speed: float, spin_up_time: float, **given: Any) -> Any:
-    """The outboard link on its prescribed base, by the theory that is asked for."""
+    """The outboard link on its prescribed base, by the chosen theory."""
     link = research.outboard_link(**{name: given.pop(name) for name in LINK})
     still, turn = research.constant_angle(0.0), research.spin_up_angle(speed, spin_up_time)
     base = research.manipulator_base(still, turn, still, link_1=0.0, link_2=hub_radius)

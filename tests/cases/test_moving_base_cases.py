@@ -46,7 +46,7 @@ def test_theories_begin_alike_and_make_one_picture(case: str, tmp_path: Path) ->
 
 
 def diverging(scale: float, end: float) -> dict[str, Any]:
-    """A column of three runs: two alike, one that is small or grows."""
+    """A column of three runs: two equal, one that is small or grows."""
     t = np.linspace(0.0, 10.0, 201)
     runs = {"one": np.sin(t), "two": 1.2 * np.sin(t), "other": scale * np.exp(end * t)}
     return {name: {"t": t, "u2": values} for name, values in runs.items()}

@@ -36,7 +36,7 @@ def test_middles_of_given_surfaces_are_on_them():
     corners = len(found.corners)
     places = found.frames[:, :3]
     np.testing.assert_allclose(np.hypot(places[:, 0], places[:, 2]), 1.0, rtol=1e-14)
-    # each triangle's middles are those of its own edges
+    # each triangle's midside nodes are those of its own edges
     ends = mesh.points[mesh.triangles]
     chords = (np.roll(ends, -1, 1) + np.roll(ends, -2, 1)) / 2
     assert abs(places[found.nodes[:, 3:]] - chords).max() < 0.02

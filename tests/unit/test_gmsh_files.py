@@ -123,7 +123,7 @@ READERS = (ff.read_mesh, ff.read_surface_mesh, ff.read_body_mesh)
 
 @pytest.mark.parametrize("kind", SCRIPTS)
 def test_scripts_are_not_executed(kind, shared_tmp_path, monkeypatch) -> None:
-    """On all ranks alike; gmsh would run them, and end the process with exit code 0."""
+    """The same on all ranks; gmsh would run them, and end the process with exit code 0."""
     monkeypatch.chdir(shared_tmp_path)
     path = shared_tmp_path / "script.msh"
     path.write_text(SCRIPTS[kind])

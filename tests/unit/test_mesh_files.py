@@ -244,7 +244,7 @@ def test_gmsh_files_in_full(tmp_path, gmsh_model) -> None:
     gmsh.write(str(tmp_path / "square.msh"))
     second = ff.read_surface_mesh(tmp_path / "square.msh", scale=2.0)
     assert len(second.triangles) == len(mesh.triangles)
-    # the middles of straight edges are in the middle: a wrong edge is off by half a cell
+    # the midside nodes of straight edges are at the midpoints: a wrong edge is off by half a cell
     corners = second.points[second.triangles]
     middles = 0.5 * (np.roll(corners, -1, axis=1) + np.roll(corners, -2, axis=1))
     np.testing.assert_allclose(second.midpoints, middles, atol=1e-14)

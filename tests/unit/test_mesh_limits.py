@@ -203,7 +203,7 @@ def test_time_grows_with_the_size_of_a_file(tmp_path) -> None:
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("name", ["pipe.msh", "pipe.inp", "pipe.bdf", "pipe.vtk", "pipe.vtu"])
 def test_pipes_are_not_waited_for(name, shared_tmp_path) -> None:
-    """On all ranks alike: nobody ever writes into it."""
+    """The same on all ranks: nobody ever writes into it."""
     path = shared_tmp_path / name
     with suppress(FileExistsError):  # another rank was first
         os.mkfifo(path)

@@ -148,7 +148,7 @@ def test_forged_files_are_refused_by_all_ranks(kind: str, shared_tmp_path: Path)
     if COMM.rank == 0:
         with h5py.File(path, "r+") as file:
             change(file)
-            with suppress(ValueError):  # of what cannot be read no checksum is asked
+            with suppress(ValueError):  # no checksum is needed of an unreadable file
                 file.attrs["digest"] = _digest(PlainFile(file, path.stat().st_size))
     COMM.Barrier()
     with pytest.raises(ValueError, match=rf"^reduced body '.*rod.h5': .*{reason}") as caught:
