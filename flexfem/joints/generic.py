@@ -20,10 +20,11 @@ _TRANSLATIONS, _ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 class Generic(Joint):
     """Leaves chosen relative degrees of freedom in the axes of marker a, and fixes the others.
 
-    Held translations keep the origin of b on the planes, line or point through that of a. Of the
-    rotations, with none free the relative rotation stays as at the start; one free turns about that
-    axis of a, which stays common to both markers; two free are those of a universal joint with one
-    arm along the first free axis of a, the other fixed in b along the second at the start.
+    Fixed translations keep the origin of b on the planes, line or point through that of a. Of the
+    rotations, with none free the relative rotation stays as at the start; one free rotation is
+    about that axis of a, which stays common to both markers; two free are those of a universal
+    joint with one arm along the first free axis of a, the other fixed in b along the second at the
+    start.
 
     Attributes:
         free: free degrees of freedom, any of "x", "y", "z" (along the axes of marker a) and "rx",

@@ -35,7 +35,7 @@ class LimitStop(Joint):
         lower, upper: limits; None for none on that side.
         stiffness: k, N/m or N m/rad.
         damping: c, N s/m or N m s/rad.
-        coordinate: refused, ``motion`` says it.
+        coordinate: not accepted: ``motion`` defines it.
     """
 
     motion: str = one_of(_MOTIONS, default="translation")

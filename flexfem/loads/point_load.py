@@ -14,7 +14,7 @@ class PointLoad(Load):
 
     Attributes:
         name: Unique name in the model.
-        marker: Where it acts.
+        marker: Point of action.
         follower: True if it rotates with the marker.
         amplitude: Factor as a function of time, None for the constant 1.
 

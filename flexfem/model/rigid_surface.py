@@ -24,7 +24,7 @@ class RigidSurface:
 
     Attributes:
         place: Position and axes: in space, or moving with a rigid body, a node of an SE(3) beam or
-            an interface of a floating-frame body, which then feel the forces.
+            an interface of a floating-frame body, on which the forces then act.
 
     Raises:
         TypeError: A value is of the wrong type.

@@ -8,7 +8,7 @@ interfaces where they are. Rigid motions are therefore among them if there is an
 All integrals over the body that its equations of motion contain are combinations of the constant
 ones kept here (inertia shape integrals; Shabana 2013, Dynamics of Multibody Systems, chapter 5).
 
-Needs NumPy only: what makes these data of a mesh is in the other modules of this package.
+Needs NumPy only: the reduction of meshes is in the other modules of this package.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,8 @@ from flexfem.reduction.body_line import BodyLine
 
 __all__ = ["Interface", "Recovery", "ReducedBody", "interface_motions"]
 
-#: Largest deviation from what must hold exactly that counts as round-off, relative. What a direct
-#: solver leaves for a slender body is near 1e-9; a wrong sign or unit makes a deviation near one.
+#: Largest relative deviation from exact conditions that counts as round-off. What a direct solver
+#: leaves for a slender body is near 1e-9; a wrong sign or unit makes a deviation near one.
 _ROUND_OFF = 1e-5
 
 

@@ -72,7 +72,7 @@ class Connection:
 
 
 def connection_items(it: Connection, friction_velocity: float | None) -> list[Joint]:
-    """The joint, and what rubs and dampens in it unless the velocity is None."""
+    """The joint, and its friction and damping unless the velocity is None."""
     if it.joint is None:
         return []
     items = [it.joint]

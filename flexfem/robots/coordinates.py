@@ -37,7 +37,7 @@ class JointStart:
 def joint_starts(
     robot: RobotData, configuration: Mapping[str, Any], rates: Mapping[str, Any]
 ) -> dict[str, JointStart]:
-    """Starts of all joints; what is not given is zero, and followers follow.
+    """Starts of all joints; coordinates not given are zero, and mimic joints follow.
 
     Raises:
         TypeError: a value is of the wrong kind.

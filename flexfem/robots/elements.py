@@ -179,7 +179,7 @@ def read_elements(path: Path) -> Element:
 
 
 class _Reader:
-    """Makes elements of what the parser finds."""
+    """Makes elements from the events of the parser."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._count = path, 0

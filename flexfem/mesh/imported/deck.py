@@ -92,7 +92,7 @@ class Deck:
         return other
 
     def fail(self, reason: str, line: int | None = None) -> NoReturn:
-        """Raise for what is wrong in the file.
+        """Raise for an error in the file.
 
         Raises:
             ValueError: Always.

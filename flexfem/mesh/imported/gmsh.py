@@ -78,7 +78,7 @@ class _File:
         return FORMATS.get(self.version, {})
 
     def _section(self, name: str, start: int) -> int:
-        """Take what is in a section and return where it ends."""
+        """Read a section and return its end."""
         if name == "MeshFormat":
             return self._end(name, self._format(start))
         if not self.version and name in _OLD:

@@ -245,7 +245,7 @@ def _entities(numbers: Numbers, contents: Contents, point: int, parts: bool = Fa
 
     Args:
         numbers: Of the section.
-        contents: What they are added to.
+        contents: Contents that are extended.
         point: How many coordinates a point has, those of a box or its own.
         parts: Whether the entities are parts of others.
     """

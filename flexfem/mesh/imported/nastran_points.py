@@ -55,7 +55,7 @@ class GridPoints:
             ValueError: A system is not there, has no axes, or is defined by itself.
         """
         found = {}
-        with np.errstate(all="ignore"):  # what is not finite is refused with its node
+        with np.errstate(all="ignore"):  # values that are not finite are refused with their node
             for number, card in self._points.items():
                 x, y, z = self._position(number).tolist()
                 found[number] = (card, (x, y, z))

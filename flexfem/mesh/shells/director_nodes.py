@@ -124,8 +124,8 @@ def _offsets(
 ) -> FloatArray:
     """Vectors (count, 3) from the chords of edges to their midpoints.
 
-    They are the means of what the sides of an edge say. Where surfaces meet at a kink, their common
-    edge is on both: the shortest vector with all these heights.
+    They are the means over both sides of an edge. Where surfaces meet at a kink, their common edge
+    is on both: the shortest vector with all these heights.
     """
     result, sides = np.zeros((count, 3)), np.bincount(number, minlength=count)
     np.add.at(result, number, heights[:, None] * normals)

@@ -166,7 +166,7 @@ def curvature_patches(
     factors = np.ones(len(triangles)) if weights is None else weights
     maps *= factors[:, None, None]
 
-    # what a column stands for: the position of a node, or the tangent of an edge
+    # meaning of a column: the position of a node, or the tangent of an edge
     tangential = (places >= 3) & sloped[owners, np.maximum(places, 3) - 3]
     clamps = np.where(tangential, 3 * owners + places - 3, 0)
     outwards = np.einsum("mka,mab->mkb", _edge_normals(local), axes[:, :2])

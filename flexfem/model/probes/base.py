@@ -33,8 +33,8 @@ class MarkerState:
         arc_rate: Its time derivative, m/s.
         start: The rotation in the model as it was given, shape (3, 3); identity for a
             ``SlidingMarker``.
-        acceleration: Shape (3,), m/s^2, the integrator's own at the time of the row: vibrations
-            that steps do not resolve are in it, with ``energy_momentum`` it is a mean over the
+        acceleration: Shape (3,), m/s^2, as computed by the integrator at the time of the row, with
+            vibrations that steps do not resolve; with ``energy_momentum`` it is a mean over the
             step; zero in statics, nan for a ``SlidingMarker``.
         angular_acceleration: Shape (3,), rad/s^2, in the same axes.
     """
@@ -71,7 +71,7 @@ class AnyProbe:
     markers: tuple[Observed, ...] = ()
 
     def check(self, model: Structure) -> None:
-        """Check what the probe refers to by name.
+        """Check the names that the probe refers to.
 
         Raises:
             ValueError: The model has no such thing.
