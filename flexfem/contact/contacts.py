@@ -46,7 +46,7 @@ class Contacts:
         self, comm: MPI.Intracomm, described: Sequence[ContactSurfaces], points: ContactPoints,
         blocks: Mapping[int, FrameBlock], element_ranks: Mapping[int, IntArray],
     ) -> None:  # fmt: skip
-        """Find out who owns what (collective).
+        """Exchange the owners of nodes and triangles (collective).
 
         Args:
             comm: communicator.
@@ -236,7 +236,7 @@ class Contacts:
         return {"contacts": Numbering(here, owned, len(self._points))}
 
     def state(self) -> State:
-        """Stiffness, and what accepted positions do not tell of the points here (collective)."""
+        """Stiffness, and the history of the points here (collective)."""
         self.update()
         values = {"contact_stiffness": self.stiffness}
         rows: dict[str, FloatArray] = {}
@@ -259,7 +259,7 @@ class Contacts:
         return next(filter(None, found), "")
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned, after the blocks have (collective)."""
+        """Restore the return value of :meth:`state`, after the blocks have (collective)."""
         self.set_stiffness(state.values["contact_stiffness"].copy())
         self.update()
         self._accepted = self.time

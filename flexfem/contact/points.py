@@ -132,7 +132,7 @@ class _Collected:
 def contact_points(
     serial: NumberedModel, contacts: Sequence[Contact], joined: IntArray
 ) -> ContactPoints:
-    """Collect what the contacts of a model bring together.
+    """Collect the points and triangles of the contacts of a model.
 
     Args:
         serial: serial data of the model.
@@ -254,7 +254,7 @@ def _parts(
     start: FloatArray, cells: IntArray, name: str, contacts: Sequence[Contact], made: _Collected,
     triangles_of: dict[str | int, IntArray],
 ) -> int:  # fmt: skip
-    """Parts of each element of a beam: about as long as the edges of what it touches."""
+    """Parts of each element of a beam: about as long as the edges of the masters."""
     lengths = np.linalg.norm(start[cells[:, 1]] - start[cells[:, 0]], axis=1)
     wanted, triangles = 1, np.concatenate([np.zeros((0, 3), np.int64), *made.triangles])
     for contact in contacts:

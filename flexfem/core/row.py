@@ -173,7 +173,7 @@ class Term:
 
     @property
     def data(self) -> FloatArray:
-        """(3, 3) what the function needs besides the markers: u, v and p.
+        """(3, 3) data of the function besides the markers: u, v and p.
 
         For a user's function its component and its parameters.
         """

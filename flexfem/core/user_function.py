@@ -43,7 +43,7 @@ _WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class UserFunction:
-    """A function with what belongs to it; see :class:`FunctionKind` for its arguments.
+    """A function with its parameters; see :class:`FunctionKind` for its arguments.
 
     Attributes:
         owner: class and name of the joint, with which messages begin.
@@ -68,7 +68,7 @@ class UserFunction:
         kind: FunctionKind,
         parameters: Sequence[float] = (),
     ) -> UserFunction:
-        """A function, after checks of what it is and of its parameters; it is not called.
+        """A function, after checks of its arguments and parameters; it is not called.
 
         Raises:
             TypeError: it is no plain function, or parameters are no numbers.

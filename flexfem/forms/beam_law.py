@@ -122,7 +122,7 @@ class LawExpressions:
 
 
 def law_expressions(law: SectionLaw) -> LawExpressions:
-    """Call the functions of a law and check what they return.
+    """Call the functions of a law and check the returned values.
 
     Raises:
         ValueError: A function fails, or returns anything but a UFL scalar of its arguments.

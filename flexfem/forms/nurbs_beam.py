@@ -24,7 +24,7 @@ With ``vectors`` the rotation vectors of ``R_r^T R_I`` are interpolated in their
 
 The forms do not depend on the degree: their unknowns are the eleven numbers ``p = (y', q - 1, q')``
 of one point of an element, constants of a space that is discontinuous from one point to the next.
-What interpolates them and leads on to the nodes is in ``flexfem.families.beam_nurbs.loops``.
+Their interpolation and the nodal forces are in ``flexfem.families.beam_nurbs.loops``.
 """
 
 from collections.abc import Callable
@@ -55,7 +55,7 @@ POINT = 11
 class NurbsForms:
     """Forms of one material and the order in which they expect their data.
 
-    All have rank 1 and write what they stand for, row by row, per length.
+    All have rank 1 and write their quantities, row by row, per length.
 
     Attributes:
         residual: force (11,), work-conjugate to the unknowns.
@@ -88,7 +88,7 @@ class _Quaternion:
 
 
 class _Kinematics(Protocol):
-    """Strains at the unknowns p, and what their derivatives are made of."""
+    """Strains at the unknowns p, and the parts of their derivatives."""
 
     @classmethod
     def of(cls, unknowns: Expr) -> Self:
@@ -96,7 +96,7 @@ class _Kinematics(Protocol):
 
     @classmethod
     def derivative(cls, vector: Callable[[Self], Expr], unknowns: Expr) -> Expr:
-        """Derivative by the unknowns of what is made of the kinematics."""
+        """Derivative by the unknowns of a function of the kinematics."""
 
     def strain(self) -> tuple[Expr, Expr]:
         """Both strains, those of the start included."""

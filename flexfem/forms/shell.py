@@ -17,7 +17,7 @@ vectors ``k = (k_11, k_22, 2 k_12)`` of the patch and the unit normal n
 rotations rotate f, k and n in the same way and leave the strains unchanged.
 
 The form of a point takes the fifteen numbers ``(f_1, f_2, k_11, k_22, 2 k_12)`` and is independent
-of patches; what leads on to the nodes is in ``flexfem.families.shell_rotation_free.triangles``. The
+of patches; the nodal forces are in ``flexfem.families.shell_rotation_free.triangles``. The
 functions of strains and energy take any expressions, hence also those of a mesh.
 """
 
@@ -39,7 +39,7 @@ POINT = 15
 class ShellForms:
     """Forms of the linear section law and the order in which they expect their data.
 
-    Both have rank 1 and write what they stand for, row by row, per area of the start.
+    Both have rank 1 and write their quantities, row by row, per area of the start.
 
     Attributes:
         residual: force (15,), work-conjugate to the unknowns.

@@ -32,9 +32,9 @@ def assemble(
 
     Gauss-Newton steps on the rigid rows of all joints that are not released, each the smallest
     motion that closes them to first order. Flexible bodies move rigidly, those with common nodes
-    together. What a joint takes from the start (directions of axes in bodies, relative rotations,
-    distances, the zero of a drive) is taken from the start as given, so that a revolute joint on
-    two bodies turns its axis with them. Redundant joints may be among them.
+    together. Data that a joint takes from the start (directions of axes in bodies, relative
+    rotations, distances, the zero of a drive) are taken from the start as given, so that a revolute
+    joint on two bodies turns its axis with them. Redundant joints may be among them.
 
     Args:
         model: the model, which stays as it is.

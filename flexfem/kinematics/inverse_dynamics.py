@@ -38,8 +38,8 @@ class InverseDynamics:
         times: (n,) s.
         names: of the k actuators.
         forces: (n, k) N m or N.
-        coordinates, rates, accelerations: (n, k) of what they act on: angles (rad), displacements
-            or distances (m), counted as the actuator does.
+        coordinates, rates, accelerations: (n, k) of the coordinates of actuators: angles (rad),
+            displacements or distances (m), counted as the actuator does.
     """
 
     times: FloatArray
@@ -88,7 +88,7 @@ def inverse_dynamics(
         model: the mechanism, its joints satisfied at the start.
         outputs: driven joints that are not in the model: the motion is theirs. They have as many
             constraints as the mechanism has degrees of freedom.
-        actuators: in the model or not; what they do by themselves does not count.
+        actuators: in the model or not; their own forces do not count.
         times: strictly increasing times, s; the first position is found from that of the start.
         distribution: objective where there are more actuators than degrees of freedom:
             ``LeastEffort()`` when None, ``LeastPower()``, ``LeastJointForces(markers)``.

@@ -24,7 +24,7 @@ __all__ = ["PlacedLoads", "RigidMechanism", "marker_key", "place_joint", "place_
 
 #: Rates and forces of rows count as they are.
 _UNIT = np.array([1.0, 1.0])
-#: Gap that counts as none; what rounding may leave.
+#: Gap that counts as none: rounding.
 _CLOSED, _ROUNDING = 1e-15, 1e-11
 #: Damping relative to the square of the largest singular value: the first, how it grows and falls,
 #: below which it is none, and above which nothing brings the parts nearer.
@@ -186,7 +186,7 @@ class RigidMechanism:
     def inertial_forces(self, accelerations: FloatArray) -> FloatArray:
         """(n, 6) forces of inertia, gravity included, for local accelerations (n, 6).
 
-        ``M a - ad_v^T M v - M (R^T g, 0)``: what must act on the parts.
+        ``M a - ad_v^T M v - M (R^T g, 0)``: the wrench that must act on the parts.
         """
         M, v = self.parts.inertia, self.velocities
         fall = np.zeros_like(accelerations)

@@ -170,7 +170,7 @@ def _minima(
 def find_contacts(
     points: FloatArray, slaves: Memory, masters: Memory, candidates: Memory, found: Memory
 ) -> None:
-    """Write all contacts: what they are between, their geometry, gaps and reaches.
+    """Write all contacts: their nodes and triangles, geometry, gaps and reaches.
 
     ``points`` (n, 3) are positions, m; normals are up to date.
     """

@@ -109,7 +109,7 @@ class ClosedContacts:
         """The contacts of the next step, from those that are closed at its start.
 
         Tangential forces are rotated into the new planes; those of contacts that have opened are
-        lost, with what they have stored.
+        lost, with their stored energy.
         """
         sticking = self._sticking()
         lost = self.lost + friction_losses(

@@ -133,7 +133,7 @@ class Found(Record):
     """Contacts at the trial state.
 
     Attributes:
-        closed: How many there are, shape (1,); they have the first rows of what follows.
+        closed: Number of closed contacts, shape (1,); they are the first rows of the arrays below.
         ends: Slave, and the triangle if there is one, shape (c, 2) or (c, 1).
         numbers: Of each, shape (c, FIELDS) or (c, RIGID_FIELDS).
     """

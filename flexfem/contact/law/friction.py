@@ -34,7 +34,7 @@ def friction_forces(
         stiffness: Normal stiffness, shape (c,), N/m.
         law: Coefficient of friction, and over the normal stiffness the tangential one and the
             damping divided by the step, shape (3,).
-        forces: What the residual of the node gets; that of the surface gets the opposite.
+        forces: Added to the residual of the node; the opposite to that of the surface.
         tangents: Derivatives of the forces by the slips.
     """
     t = np.empty(3)
@@ -65,7 +65,7 @@ def friction_losses(
     slips: FloatArray, normals: FloatArray, pulls: FloatArray, sticking: FloatArray,
     forces: FloatArray,
 ) -> float:  # fmt: skip
-    """Energy lost in a step, J: that of the ``forces`` on what is sliding and approach."""
+    """Energy lost in a step, J: work of the ``forces`` in sliding and approach."""
     lost = 0.0
     for c in range(len(slips)):
         n, along, way = normals[c], 0.0, 0.0

@@ -97,7 +97,7 @@ def add_carried(nodes: Memory, carried: Memory, forces: FloatArray, loads: Float
 
 @kernel
 def add_turned(nodes: Memory, carried: Memory, scale: float) -> None:
-    """Add ``scale`` times what the loads change as the nodes turn by their steps."""
+    """Add ``scale`` times the change of the loads with the rotation of the nodes by their steps."""
     state, own, g = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3)
     steps, residual = state.step, state.residual
     local, arms, loads = own.local, own.arms, own.loads

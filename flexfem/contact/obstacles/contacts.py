@@ -12,7 +12,7 @@ class ObstacleContacts:
     """Contacts of the slave nodes with an obstacle.
 
     Attributes:
-        slaves: What touches.
+        slaves: Nodes that touch.
         found: Contacts at the trial state.
     """
 

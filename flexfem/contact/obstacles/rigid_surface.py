@@ -34,14 +34,14 @@ class RigidContact(ObstacleContacts):
     """Contacts of slaves with a rigid surface at the trial state.
 
     Attributes:
-        slaves, shape: What touches.
+        slaves, shape: Nodes and surface.
         found: Contacts at the trial state.
         closed: Closed contacts, on which friction and damping act.
         stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
 
     def __init__(self, slaves: Slaves, shape: Shape, law: ContactLaw | None = None) -> None:
-        """Describe what touches."""
+        """Take nodes and surface."""
         self.slaves, self.shape, count = slaves, shape, len(slaves.nodes)
         self.stiffer = 1.0
         self.found = Found(
@@ -92,7 +92,7 @@ class RigidContact(ObstacleContacts):
         return self.closed.packed(len(self.slaves.nodes), self._arms)
 
     def recall(self, points: FloatArray, frame: FloatArray, memory: FloatArray) -> None:
-        """Take back what :meth:`memory` returned, at the same positions."""
+        """Restore the return value of :meth:`memory`, at the same positions."""
         self._surface.frame[:] = frame
         self.closed, self._arms = ClosedContacts.unpacked(self._law, memory, self.slaves.stiffness)
         places = frame[:3] + self._arms @ self._rotation.T
@@ -165,7 +165,7 @@ class RigidContact(ObstacleContacts):
         return blocks
 
     def _add_closed(self, forces: FloatArray, residual: FloatArray, wrench: FloatArray) -> None:
-        """Add forces (c, 3) on the nodes, and what they do to the frame."""
+        """Add forces (c, 3) on the nodes, and their reaction on the frame."""
         np.add.at(residual, self.slaves.nodes[self.closed.slaves], forces)
         back = forces @ self._rotation
         wrench[:3] -= back.sum(0)

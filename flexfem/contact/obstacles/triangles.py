@@ -38,7 +38,7 @@ class TriangleContact(ObstacleContacts):
     """Contacts of slaves with master triangles at the trial state.
 
     Attributes:
-        slaves, masters: What touches.
+        slaves, masters: Nodes and triangles.
         skin: How far candidates are looked for, m: nothing gets through a surface that moves by
             less than half of it, relative to the surface, in a step.
         candidates: Triangles near the slaves.
@@ -56,7 +56,7 @@ class TriangleContact(ObstacleContacts):
         excluded: Rows | None = None,
         law: ContactLaw | None = None,
     ) -> None:
-        """Describe what touches; call :meth:`update` before anything else."""
+        """Take nodes and triangles; call :meth:`update` before anything else."""
         self.slaves, self.masters, self.skin = slaves, masters, skin
         count = len(slaves.nodes)
         self._excluded = Rows.empty(count) if excluded is None else excluded
@@ -185,7 +185,7 @@ class TriangleContact(ObstacleContacts):
         return "" if good.all() else "a contact belongs to a node that does not exist"
 
     def recall(self, points: FloatArray, memory: FloatArray) -> None:
-        """Take back what :meth:`memory` returned, at the same positions."""
+        """Restore the return value of :meth:`memory`, at the same positions."""
         self.candidates.sides[:] = self.masters.sides[self.candidates.triangles]
         self.settle(points)
         sides, closed = np.split(memory, [2 * _THROUGH], axis=1)

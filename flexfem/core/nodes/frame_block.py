@@ -275,7 +275,7 @@ class FrameBlock:
         self.reset()
 
     def trial(self) -> dict[str, FloatArray]:
-        """Trial state of the local nodes: what matrices are computed from."""
+        """Trial state of the local nodes, from which matrices are computed."""
         return {
             "frames": self.frames,
             "velocity": self.velocity,
@@ -289,7 +289,7 @@ class FrameBlock:
             self._step.scatter_forward()
 
     def add_ghosts(self) -> None:
-        """Add what ghosts collected in the residual to their owners."""
+        """Add the residual of ghosts to their owners (reverse halo exchange)."""
         if self.has_ghosts:
             from dolfinx import la
 

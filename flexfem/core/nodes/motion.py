@@ -33,7 +33,7 @@ KINETIC, MASS, FIRST, LINEAR, ANGULAR, WIDTH = 0, 1, 2, 5, 8, 11
 def add_motion(
     H: FloatArray, v: FloatArray, M: FloatArray, scale: float, p: FloatArray, motion: FloatArray
 ) -> None:
-    """Add ``scale`` times what an inertia matrix fixed to a frame contributes.
+    """Add ``scale`` times the contribution of an inertia matrix fixed to a frame.
 
     Args:
         H: (12,) frame.

@@ -47,7 +47,7 @@ class StepNodes(Record):
         rates0, rates: (n, 6) at both ends.
         centres: (n, 3) in node axes, m.
         jumps: (n, 6) last change of the rates, for a step as long as this one.
-        base: (n, 6) rates at the end but for what follows the increments.
+        base: (n, 6) rates at the end without the part proportional to the increments.
         velocity: (n, 6) local twists of the nodes at the end.
         step, residual: (n, 6) Newton step and right-hand side.
         gravity: (3,) in inertial axes, m/s^2.

@@ -2,7 +2,7 @@
 """Compiled frames at points of surfaces as functions of nodal positions, with derivatives.
 
 A point has the position ``x = sum N_I x_I`` with constant weights N_I, which are area coordinates
-in a triangle and those of an interpolation along an edge. What carries it has the axes
+in a triangle and those of an interpolation along an edge. Its carrier has the axes
 
 - of a triangle, by side alignment (Shi, Liu, Hong 2018): e1 along the side from its first node to
   its second, e3 the unit normal, e2 = e3 x e1; or

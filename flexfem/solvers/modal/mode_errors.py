@@ -69,7 +69,7 @@ class Solution:
         squares = np.abs(self.values) ** 2
         softest = float(squares.min(initial=np.inf, where=~self.zero))
         ratio = np.maximum(squares / softest, 1.0)
-        # one shift for all keeps so many digits; what is inverted has the noise of the softest
+        # one shift for all keeps so many digits; the inverse has the noise of the softest
         size = np.where(self.zero | (squares == 0.0), 1.0, squares)
         rounded = _ROUNDED * (
             np.finfo(float).eps * ratio.max(initial=1.0) + self.noise * ratio / size

@@ -44,8 +44,8 @@ class Modes:
             order of the parts; n counts numbers), ``u^H M u = 1``.
         momenta: (k, n) M times the shapes.
         masses: (k, 3) effective masses along the inertial axes, kg.
-        residuals: (k,) of the eigenvalues, relative, to first order what they are off by; those of
-            rigid motions relative to the largest eigenvalue.
+        residuals: (k,) of the eigenvalues, relative, to first order their errors; those of rigid
+            motions relative to the largest eigenvalue.
         doubtful: (k,) those whose residuals are neither below the tolerance nor round-off.
         missing: number of modes nearer than the last that were not found, of rotating models
             without those that are zero; None where they cannot be counted.

@@ -58,8 +58,8 @@ def solve_pencil(
     """Eigenpairs nearest to a frequency, with their errors (collective).
 
     Where residuals of the first ``count`` are too large, the problem is inverted again at a
-    distance from zero that is that of these eigenvalues: what is far below the shift drowns in it.
-    Where modes are missing among those found, more are looked for.
+    distance from zero that is that of these eigenvalues: eigenvalues far below the shift are lost
+    in rounding. Where modes are missing among those found, more are looked for.
 
     Args:
         pencil: the problem.
@@ -127,7 +127,7 @@ def _roots(squares: npt.NDArray[Any]) -> ComplexArray:
 
 
 def _spectral(transformation: SLEPc.ST, inverse: ShiftedInverse) -> None:
-    """Shift-and-invert by what is factorised."""
+    """Shift-and-invert with the factorised matrix."""
     transformation.setType(SLEPc.ST.Type.SINVERT)
     transformation.setMatMode(SLEPc.ST.MatMode.SHELL)
     ksp = transformation.getKSP()

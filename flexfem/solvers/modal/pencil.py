@@ -104,7 +104,7 @@ def _hold(linearization: Linearization, matrices: Matrices) -> None:
 
 
 def _spring_diagonal(linearization: Linearization, K: PETSc.Mat) -> FloatArray:
-    """Diagonal of what rows with force laws add to the stiffness of this rank's nodes."""
+    """Diagonal of the stiffness that rows with force laws add to this rank's nodes."""
     start, index, values = K.getValuesCSR()
     squares = PETSc.Mat().createAIJ(
         (linearization.sizes, linearization.sizes), csr=(start, index, values**2), comm=K.comm

@@ -128,7 +128,7 @@ def constraint_solver(
 def _solver(
     linearization: Linearization, matrix: PETSc.Mat
 ) -> Callable[[FloatArray], PETSc.Vec | None]:
-    """Factorise once; what is returned solves, or returns None if the matrix is singular."""
+    """Factorise once; the returned function solves, or returns None if the matrix is singular."""
     solver = DirectSolver(matrix, "equilibrium_")
     regular = solver.factor(matrix)
 
@@ -148,8 +148,8 @@ def find_equilibrium(
     """Move the system from its present state to the equilibrium (collective).
 
     Starts from the present configuration with all loads and the whole spin; where Newton's method
-    fails, or finds what no body can be, loads and spin grow in steps, each half as large as the
-    last failed one.
+    fails, or finds an impossible state of a body, loads and spin grow in steps, each half as large
+    as the last failed one.
 
     Args:
         linearization: of the system.

@@ -42,7 +42,7 @@ class Damping(Protocol):
     Attributes:
         stable: largest eigenvalue of ``M^-1 K`` below which all steps are stable.
         slow: whether :meth:`learn` needs Rayleigh's quotient of the slow motion.
-        memory: two numbers, what the next factors depend on besides the motion.
+        memory: two numbers on which the next factors depend besides the motion.
     """
 
     stable: float

@@ -220,7 +220,7 @@ class Equilibrium:
         assert not len(values)
 
     def release(self) -> None:
-        """Give dampers and springs back what dynamics needs of them."""
+        """Restore the dampers and springs for dynamics."""
         self.system.constraints.elastic[:] = self._elastic
 
     def keep(self) -> Snapshot:
@@ -359,7 +359,7 @@ class Equilibrium:
 
 
 def settle(equilibrium: Equilibrium) -> Status:
-    """Bring a system from its start to equilibrium under what acts at t = 0 (collective).
+    """Bring a system from its start to equilibrium under the loads at t = 0 (collective).
 
     At once where that converges, else by growing the loads from nothing in adaptive steps.
     """

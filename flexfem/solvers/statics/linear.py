@@ -21,7 +21,7 @@ _MOST = 1e9
 
 @dataclass(frozen=True)
 class LinearSolution:
-    """Displacements and multipliers in proportion to what acts.
+    """Displacements and multipliers in proportion to the loads.
 
     Attributes:
         start: the state that they are counted from.
