@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Processes beside a first run that compile what it will need: when they start and end.
+"""Start and end of the background processes that compile loops for a first run.
 
-What they do is in ``flexfem.system.compile_beside``. Here is nothing that takes long to import, so
-that a command starts them before it loads DOLFINx and PETSc.
+Their work is in ``flexfem.system.compile_beside``. Nothing here takes long to import, so that a
+command starts them before it loads DOLFINx and PETSc.
 """
 
 import atexit
@@ -65,7 +65,7 @@ def start(ranks: int) -> None:
 
 
 def tell(modules: Iterable[str]) -> None:
-    """Let the processes know what is loaded for the model, once."""
+    """Send the loaded modules to the processes, once."""
     text = " ".join(modules).encode()
     for process in _STARTED:
         if process.stdin is not None and not process.stdin.closed:

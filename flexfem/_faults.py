@@ -3,7 +3,7 @@
 
 A function of the user's may fail on one rank only, while the others wait for it in a collective
 call. So whoever calls one notes the exception and continues with nan, which makes the step fail on
-all ranks alike; the driver then ends the run in good order and raises what was noted.
+all ranks alike; the driver then ends the run in good order and raises the noted exception.
 """
 
 import sysconfig
@@ -41,7 +41,7 @@ _CASES = str(_PACKAGE / "cases")
 
 
 class FunctionError(RuntimeError):
-    """A function of the user's failed while a run went on; what was computed is written.
+    """A function of the user's failed during a run; results until then are written.
 
     Attributes:
         trace: Python's traceback as text, empty if there is none.
@@ -95,7 +95,7 @@ _RUN: ContextVar[Faults | None] = ContextVar("flexfem run", default=None)
 
 @contextmanager
 def watched() -> Iterator[Faults]:
-    """Keep what is noted within."""
+    """Collect the faults noted within."""
     faults = Faults()
     token = _RUN.set(faults)
     try:
@@ -162,7 +162,7 @@ def located(function: object, error: BaseException) -> str:
     """In one line where a function of the user's failed, and why."""
     why, place = " ".join(str(error).split()), where(error)
     if not place and type(error) in (ValueError, RuntimeError):
-        return why  # what flexfem says of its own laws
+        return why  # messages of flexfem about its own laws
     place = place or _place_of(function)
     if isinstance(error, ReturnError):
         return f"{why}, from {place}"

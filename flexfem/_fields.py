@@ -3,7 +3,7 @@
 
 A class under :func:`declared` is a frozen dataclass. Its fields say how their values are checked
 and converted to the stored form; messages name the object and the value, see ``flexfem._checks``.
-What depends on several values is checked in the ``__post_init__`` of the class, which finds all
+Conditions on several values are checked in the ``__post_init__`` of the class, which finds all
 fields checked. Units and meaning are in the docstring of the class.
 """
 
@@ -24,15 +24,15 @@ __all__ = [
     "settled", "text", "time_function", "vector",
 ]  # fmt: skip
 
-#: Takes the object, the field and its value for messages; returns what is stored.
+#: Takes the object, the field and its value for messages; returns the stored value.
 Check = Callable[[str, str, Any], Any]
 
 
 class Given[Value, Kept]:
-    """Type of a field whose argument has another type than what is stored; for type checkers."""
+    """Type of a field whose argument has another type than the stored value; for type checkers."""
 
     def __get__(self, instance: object, owner: Any = None) -> Kept:
-        """Read what is stored."""
+        """Read the stored value."""
         raise NotImplementedError
 
     def __set__(self, instance: Any, value: Value) -> None:
@@ -201,7 +201,7 @@ def time_function(*shape: int, default: Any = MISSING) -> Any:
 
 
 def function(of: str = "", *, default: Any = MISSING) -> Any:
-    """Declare a function; ``of`` says of what in messages."""
+    """Declare a function; ``of`` names its arguments in messages."""
 
     def check(owner: str, what: str, value: Any) -> None:
         if not callable(value):

@@ -29,7 +29,7 @@ DOUBT = 1.25
 
 #: Amount below which available memory is not checked.
 _LITTLE = 1e9
-#: Files of the system: what a group of processes, such as a container, may have, and what it has.
+#: Files of the system: memory limit and memory use of a group of processes, such as a container.
 _GROUP = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     (
@@ -45,10 +45,10 @@ def available() -> float:
 
 
 def check_room(owner: str, needed: float, of: float | None = None) -> None:
-    """Refuse what needs more memory than there is.
+    """Refuse data that need more memory than available.
 
     Args:
-        owner: prefix of messages, and what is large, such as ``LineMesh: 10 elements``.
+        owner: prefix of messages, and the large object, such as ``LineMesh: 10 elements``.
         needed: bytes.
         of: bytes that there are; those of :func:`available` by default.
 
@@ -69,7 +69,7 @@ def check_run(owner: str, nodes: float, each: float) -> None:
     """Refuse a mesh with which no step would have room, where it is written and not an hour later.
 
     Args:
-        owner: prefix of messages, and what is large, such as
+        owner: prefix of messages, and the large object, such as
             ``NurbsCurve: a step with 10 elements``.
         nodes: number of nodes, at least.
         each: bytes that a step needs for one.

@@ -32,7 +32,7 @@ _PACKAGES = ("scipy", "numba", "h5py", "tqdm", "threadpoolctl")
 
 @cache
 def check_packages() -> None:
-    """Check what is needed besides DOLFINx itself: Python packages, UFL and Basix.
+    """Check the other required packages besides DOLFINx: Python packages, UFL and Basix.
 
     Raises:
         InstallationError: one is missing, or belongs to another DOLFINx.
@@ -57,7 +57,7 @@ def load_dolfinx() -> None:
     if find_spec("dolfinx_solver") is not None:  # the binary wheel, which must come first
         try:
             import_module("dolfinx_solver")
-        except Exception as error:  # it has several of its own, and says what to uninstall
+        except Exception as error:  # it has several of its own, and names the one to uninstall
             raise InstallationError(f"dolfinx_solver: {one_line(error)}") from error
     for name in ("mpi4py", "dolfinx"):
         if find_spec(name) is None:
@@ -93,7 +93,7 @@ def _start_petsc() -> None:
     try:
         petsc4py.init(["flexfem", "-skip_petscrc"])
     except (ImportError, OSError, RuntimeError):
-        return  # so is what is wrong with it
+        return  # so is any error in it
 
 
 def _check_version(what: str, module: ModuleType) -> None:

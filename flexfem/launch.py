@@ -70,7 +70,7 @@ def say(text: str, *, error: bool = False) -> None:
     try:
         _write_line(stream, text)
     except OSError:
-        # nobody reads, or the terminal is gone: what is still in the stream's buffer must go
+        # nobody reads, or the terminal is gone: the rest of the stream's buffer must be written
         # somewhere when the process ends
         os.dup2(os.memfd_create("unread"), stream.fileno())
 

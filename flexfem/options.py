@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Options: what a value may be, said once for the command line and for Python callers."""
+"""Options: names, defaults and admissible values, for the command line and for Python callers."""
 
 import difflib
 import functools
@@ -297,8 +297,8 @@ def setting(help: str, *, default: Any, note: str = "") -> Any:
 def settings[Kind: type[Settings]](cls: Kind) -> Kind:
     """Make a frozen dataclass of a class of settings.
 
-    Options and paths are collected from its fields, and what these say is added to its docstring.
-    A plain value of an inherited option is another default.
+    Options and paths are collected from its fields, and their descriptions are added to its
+    docstring. A plain value of an inherited option is another default.
     """
     dataclass(frozen=True, kw_only=True)(cls)
     inherited, own = {one.name: one for one in cls.OPTIONS}, {}

@@ -103,7 +103,7 @@ def _chosen(case: Case, analyses: Mapping[str, Analysis], argv: Sequence[str]) -
 
 
 def _case_parser(case: Case, analyses: Mapping[str, Analysis], prog: str | None) -> Parser:
-    """A parser whose result holds only what was given, so that --smoke can set the rest."""
+    """A parser whose result has the given options only, so that --smoke can set the rest."""
     parser = Parser(
         prog=prog,
         description=case.description or case.summary,

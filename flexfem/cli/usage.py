@@ -23,7 +23,7 @@ TRACEBACK = "--traceback"
 
 
 class UsageError(Exception):
-    """Wrong input from the user; the message is what to print, in one line.
+    """Wrong input from the user; the message is printed, in one line.
 
     Args:
         message: The message.
@@ -38,7 +38,7 @@ class UsageError(Exception):
 
 
 class FailedRunError(Exception):
-    """A computation that came to an end before its own; the message is what to print.
+    """A computation that ended before its planned end; the message is printed.
 
     Args:
         message: The message.
@@ -87,12 +87,12 @@ def exit_code(action: Callable[[], int], argv: Sequence[str]) -> int:
     have got further.
 
     Args:
-        action: What to do.
+        action: Function to run.
         argv: Arguments of the command; with ``--traceback`` among them Python's is printed, too.
 
     Returns:
-        What the action returns, or 2 for wrong input, 1 for a failed run, 128 and its number for a
-        signal.
+        Return value of the action, or 2 for wrong input, 1 for a failed run, 128 and its number for
+        a signal.
     """
     sys.excepthook = launch.excepthook
     try:
@@ -184,7 +184,7 @@ def file(text: str) -> Path:
 
 
 def reader(option: Option) -> Callable[[str], Any]:
-    """Return a parser of an option's value whose errors say what the value must be."""
+    """Return a parser of an option's value whose errors state the admissible values."""
 
     def read(text: str) -> Any:
         try:

@@ -65,7 +65,7 @@ _DRAWN = {"render": "motion.png", "plot_history": "history.png", "plot_campbell"
 
 
 def main(results: Path) -> None:
-    """Run what has no results yet, and draw all pictures."""
+    """Run cases without results, and draw all pictures."""
     for name, (case, (script, *options)) in PICTURES.items():
         folder = results / case
         if not (folder / "summary.json").exists():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Summary of a model: what it holds and what it comes to."""
+"""Summary of a model: its objects, counts and sums."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -26,7 +26,7 @@ __all__ = ["description_text", "findings_text"]
 _ROWS = 8
 #: Products of inertia relative to the largest moment below which they are none.
 _ROUND_OFF = 1e-9
-#: Headings of the joints by what they do.
+#: Headings of the joints by their function.
 _HEADINGS = {
     "joints": "joints",
     "drives": "drives",

@@ -78,7 +78,7 @@ class Progress:
             miniters=0,
             mininterval=0.0,
             dynamic_ncols=True,
-            # what is cut off on narrow terminals comes last
+            # the part that may be cut off on narrow terminals comes last
             bar_format="{percentage:3.0f}%|{bar:10}| {elapsed} < {remaining}{postfix}",
         )
 
@@ -106,8 +106,8 @@ class Progress:
             t: Simulated time or load factor.
             iterations: Newton iterations so far.
             factorizations: Factorisations so far.
-            more: What else is known of the state.
-            cost: Time that it took to find that out, s; what is costly is shown less often.
+            more: Further text about the state.
+            cost: Time that this text took, s; costly ones are shown less often.
         """
         if self.enabled:
             try:

@@ -46,7 +46,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
     try:
         check_output(output)
         if own.plot is not None:
-            script("compare_runs")  # what it needs is missed before the first run
+            script("compare_runs")  # missing packages are found before the first run
         made = _sweep(argv[0], case, own, given, output)
         for _ in made:
             pass

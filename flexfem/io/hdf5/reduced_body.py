@@ -141,10 +141,10 @@ def _communicator(comm: MPI.Intracomm | None) -> MPI.Intracomm:
 
 
 def _check_made_with(raw: bytes, wanted: Mapping[str, Parameter]) -> None:
-    """Check what a body was made with.
+    """Check the method that a body was reduced by.
 
     Raises:
-        ValueError: it was made with something else, or the file does not say with what.
+        ValueError: it was reduced by another method, or the file does not state the method.
     """
     with load_h5py().File(io.BytesIO(raw), "r") as opened:
         text = _made_with(PlainFile(opened, len(raw)))

@@ -181,7 +181,7 @@ class _Table:
             )
 
     def things[Thing](self, make: "Callable[[_Row], Thing]") -> dict[str, Thing]:
-        """Return what is made of each row by its name."""
+        """Return the object of each row by its name."""
         found: dict[str, Thing] = {}
         for line, fields in self.rows:
             row = _Row(f"{self.owner}, line {line}", self, fields)
@@ -236,7 +236,7 @@ class _Row:
         self.fields = dict(zip(table.columns, fields, strict=False))
 
     def fail(self, reason: str) -> NoReturn:
-        """Raise for what is wrong in the line."""
+        """Raise for an error in the line."""
         raise _RowError(f"{self.owner}: {reason}")
 
     def text(self, column: str) -> str:

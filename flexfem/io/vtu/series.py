@@ -68,7 +68,7 @@ class _Piece:
     cell_data: tuple[_Array, ...]
 
     def header(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Attributes of the point and cell arrays: what all ranks have to agree on."""
+        """Attributes of the point and cell arrays: data on which all ranks must agree."""
         return (
             tuple(a.attributes() for a in self.point_data),
             tuple(a.attributes() for a in self.cell_data),
@@ -177,7 +177,7 @@ class VtuSeries:
     def close(self) -> None:
         """End the series; collective: on return its files are complete for every rank.
 
-        Of a series that was never written, what an earlier run left is removed.
+        Files of an earlier run of a series that was never written are removed.
         """
         if not self._closed:
             if not self._started:
@@ -193,7 +193,7 @@ class VtuSeries:
         return f"{self.name}_{step:06d}"
 
     def _start(self) -> None:
-        """Remove what an earlier run of this series left; collective."""
+        """Remove the files of an earlier run of this series; collective."""
         error: Exception | None = None
         if self.comm.rank == 0:
             try:

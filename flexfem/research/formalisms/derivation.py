@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Energies of a body in a floating frame, and what the four formalisms make of them.
+"""Energies of a body in a floating frame, and the equations of the four formalisms.
 
 All coordinates of a cell, elastic ones and those of the frame, are one coefficient q of a mixed
 element; the frame's part is constant over the cell and shared by all cells. So one operator,
@@ -34,8 +34,8 @@ _D = ufl.derivative
 def kernel_parts(form: Form) -> list[Form]:
     """Parts of a form that may be compiled each as one kernel; those that vanish are left out.
 
-    FFCx takes what has a rule of one point for constant over the cell, and then finds that value
-    also where another rule of the same kernel asks for its own. So one-point rules go apart.
+    FFCx takes an integrand with a rule of one point for constant over the cell, and then finds that
+    value also where another rule of the same kernel asks for its own. So one-point rules go apart.
     """
     rules: dict[bool, list[Any]] = {}
     for integral in form.integrals():

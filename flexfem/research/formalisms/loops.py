@@ -2,7 +2,7 @@
 """Compiled loops over cells whose coordinates are entries of one vector.
 
 Every cell names its entries of the vector of all coordinates; fixed entries name the one after the
-last, which is zero, and what is added there is dropped.
+last, which is zero, and sums there are dropped.
 """
 
 import numpy as np

@@ -18,10 +18,10 @@ Three theories with assumed modes, and when each fails:
   from the start. The softening by the spin is there, the stiffening that outweighs it is not: the
   lowest bending mode in the plane of rotation diverges once the spin exceeds its frequency. Out of
   the plane frequencies do not change with the spin at all.
-- *conventional*: besides, what moves with the base are mass points on the axis, as in early codes
-  for flexible bodies: no moments of inertia of sections, no eccentric mass centres. The functions
-  are still modes of the whole beam; the mass matrix is that of the points, so that modes which
-  twist have hardly any mass. It diverges at the same spin, and eccentric masses do not twist it.
+- *conventional*: besides, mass points on the axis move with the base, as in early codes for
+  flexible bodies: no moments of inertia of sections, no eccentric mass centres. The functions are
+  still modes of the whole beam; the mass matrix is that of the points, so that modes which twist
+  have hardly any mass. It diverges at the same spin, and eccentric masses do not twist it.
 
 Which rotation is linear in theta makes a difference of second order in the place of eccentric mass
 centres, on which the forces of the undeformed beam work. With sections that rotate about the vector
@@ -50,7 +50,7 @@ __all__ = ["MovingBaseBeam"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MovingBaseBeam:
-    """A beam built into a rigid base; what a case's ``build`` may return.
+    """A beam built into a rigid base; a case's ``build`` may return it.
 
     Attributes:
         properties: the beam's sections.

@@ -24,9 +24,8 @@ class Effects:
     Attributes:
         stiffening: the axial displacement follows from stretch and deflection to second order,
             ``u1 = s - 1/2 int (u2'^2 + u3'^2)``; without it u1 = s as in early codes.
-        section_inertia: what moves with the base are sections, with eccentric mass centres and
-            moments of inertia; without it mass points on the axis, whatever the functions are
-            modes of.
+        section_inertia: sections move with the base, with eccentric mass centres and moments of
+            inertia; without it mass points on the axis, whatever the functions are modes of.
         extension: stretch s.
         in_plane: displacement u2 and rotation theta3.
         out_of_plane: displacement u3 and rotation theta2.

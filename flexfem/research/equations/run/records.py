@@ -104,7 +104,7 @@ class EquationRecords:
             self._table, self._broken = None, True
 
     def picture(self, step: int) -> None:
-        """Write what is seen, unless something has failed (collective)."""
+        """Write the pictures, unless something has failed (collective)."""
         self._look_after_the_table()
         if self._folder is not None and agreed(self._faults, self._comm) is None:
             with self._faults.files():
@@ -124,7 +124,7 @@ class EquationRecords:
                 table.write_anew(self._rows)
 
     def _picture(self, folder: Path, step: int, motion: Motion) -> None:
-        """Write what is seen (collective); the first rank has all of it."""
+        """Write the pictures (collective); the first rank has all data."""
         for name, seen in self._equations.pictures(motion).items():
             if name not in self._series:
                 self._series[name] = VtuSeries(folder, name, self._comm, resume=self._resume)

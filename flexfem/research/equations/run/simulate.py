@@ -82,10 +82,10 @@ def simulate_equations(
         InputError: a mistake in the data, or an option that has no meaning here, before anything is
             written (a ValueError).
         TypeError: the options are those of another analysis.
-        FunctionError: a function of the model failed after the start; a checkpoint and what was
-            computed are written (a RuntimeError).
+        FunctionError: a function of the model failed after the start; a checkpoint and the results
+            so far are written (a RuntimeError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and what was computed are
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and the results so far are
             written.
     """
     _checks.instance("simulate_equations", "options", options, RunOptions)

@@ -46,7 +46,7 @@ def values_of(owner: str, motion: Motion, t: float, count: int) -> tuple[FloatAr
 
 
 def check_rates(owner: str, motion: Motion, count: int) -> None:
-    """Compare rates and second rates with differences of what they are rates of.
+    """Compare rates and second rates with differences of their integrals.
 
     One place may have a kink, or lie where the function cannot be called: two must disagree.
 
@@ -113,7 +113,7 @@ class FrameMotion:
         object.__setattr__(self, "rotations", tuple(turns))
 
     def check(self, owner: str, frame: Frame) -> None:
-        """Compare rates with differences, and the motion with what the frame can do.
+        """Compare rates with differences, and the motion with the degrees of freedom of the frame.
 
         Raises:
             ValueError: they do not fit.

@@ -41,7 +41,7 @@ _LARGEST = 20.0
 class _Point:
     """A state on the constraints, with the slopes of dependent by independent coordinates.
 
-    They are what is not the identity in the basis A of the null space.
+    They are the part of the basis A of the null space beside the identity.
     """
 
     q: FloatArray

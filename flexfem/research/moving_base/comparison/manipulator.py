@@ -31,7 +31,7 @@ __all__ = [
 #: An angle (rad), its rate and its acceleration at a time (s).
 Angle = Callable[[float], tuple[float, float, float]]
 
-#: Section properties of box and channel: unit, bound, values, and what they are.
+#: Section properties of box and channel: unit, bound, values, and description.
 _SECTIONS: dict[str, tuple[str | None, dict[str, float], float, float, str]] = {
     "area": ("m^2", {"above": 0.0}, 3.84e-4, 7.3e-5, "of the section"),
     "second_moment_2": ("m^4", {"above": 0.0}, 1.5e-7, 4.8746e-9, "resists u3"),

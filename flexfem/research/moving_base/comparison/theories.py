@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["THEORY_OPTIONS", "beam_by_theory"]
 
-#: What is left out where nothing is.
+#: Omitted effects of the complete theory.
 _NOTHING = "none"
 
 
@@ -105,7 +105,7 @@ def beam_by_theory(
 
     Raises:
         TypeError: an argument has no such name.
-        ValueError: other theories were given what assumed modes have.
+        ValueError: options of assumed modes were given for other theories.
     """
     defaults = {option.name: option.default for option in _ASSUMED}
     for key, value in assumed.items():
