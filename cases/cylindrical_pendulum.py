@@ -93,7 +93,7 @@ def build(
 
 
 def results(history: Mapping[str, Points]) -> dict[str, float]:
-    """Where the tip is at the end, and how well energy was kept."""
+    """Position of the tip at the end, and the energy balance."""
     ends = {name: history[name][-1] for name in ("tip_x", "tip_y", "tip_z")}
     largest = history["energy_kinetic"].max()
     balance = float(np.abs(history["energy_balance"]).max() / largest) if largest > 0.0 else 0.0

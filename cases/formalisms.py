@@ -11,8 +11,8 @@ the first link's frame: it keeps rotating as at the start, and does work.
 
 The first of the chosen mechanisms is simulated by all chosen formalisms side by side; all of them
 go into a table: derivative operators, expression nodes, multiplied-out terms, floating-point
-operations per cell, unknowns, times per evaluation and per step. It is printed, with what it says
-of the claims that Gibbs-Appell takes fewer operations than Lagrange, Maggi no multipliers and
+operations per cell, unknowns, times per evaluation and per step. It is printed, with its findings
+on the claims that Gibbs-Appell takes fewer operations than Lagrange, Maggi no multipliers and
 Hamilton the most of all (Vlase, Marin, Negrean 2022), and written to ``table.csv``; the energy of
 accelerations beside the kinetic energy goes to ``energies.csv``. Times are the least of repeats in
 which the alternatives take turns, and called different only where the quartiles of their ratios

@@ -150,7 +150,7 @@ class Failure(NamedTuple):
     """Error on a rank, as it is printed.
 
     Attributes:
-        message: What to say, empty if nothing is wrong.
+        message: Text of the error, empty without one.
         code: The exit code for it.
         trace: Python's traceback where it is asked for, to be printed first.
     """
@@ -174,11 +174,11 @@ def first_failure(own: Failure) -> Failure:
     """The first rank's failure that is one.
 
     Collective when launched in parallel. A rank with a message does not wait for ever: others may
-    wait for it in a collective call of what it has failed in. It then prints its message and ends
-    all ranks.
+    wait for it in a collective call of the failed part. It then prints its message and ends all
+    ranks.
 
     Args:
-        own: What is wrong on this rank, if anything is.
+        own: Error on this rank, if any.
     """
     if not launched_in_parallel():
         return own
@@ -198,7 +198,7 @@ def first_failure(own: Failure) -> Failure:
 
 
 def _hear(comm: Any, others: list[int], said: dict[int, Failure]) -> None:
-    """Take what others have said; ends all ranks if one has left without a word."""
+    """Receive the messages of others; ends all ranks if one has left without any."""
     for other in others:
         left = comm.iprobe(source=other, tag=LEFT)  # first: the last message precedes it
         if comm.iprobe(source=other, tag=_SAID):
@@ -253,7 +253,7 @@ def _end_without(other: int) -> None:
 def abort(code: int) -> None:
     """End all ranks with this exit code; returns when this process is the only one.
 
-    Whoever calls it has said why: what MPI would print of it is left out.
+    The caller has printed the reason: the message of MPI is left out.
     """
     if not (launched_in_parallel() or "mpi4py.MPI" in sys.modules):
         return
@@ -278,7 +278,7 @@ def excepthook(
 
 
 #: Signals that ask a run to end, and seconds within which a second one counts as the same: a
-#: launcher may pass on what the terminal has sent already.
+#: launcher may forward a signal that the terminal has sent already.
 _SIGNALS, _SAME = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP), 1.0
 
 
@@ -298,7 +298,7 @@ class Interrupted(KeyboardInterrupt):
     def __init__(
         self, number: int, message: str, *, reason: str = "", checkpoint: Path | None = None
     ) -> None:
-        """Note the signal's number and what to tell the user."""
+        """Note the signal's number and the message to the user."""
         super().__init__(message)
         self.code = 128 + number
         self.number, self.reason, self.checkpoint = number, reason or message, checkpoint

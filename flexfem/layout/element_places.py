@@ -61,7 +61,7 @@ class ElementPlaces:
     def twist_rates(self, block: FrameBlock) -> FloatArray:
         """(n, 6) rates of the local twists at the trial state.
 
-        What their dependence on the frames makes of them is a central difference along the motion.
+        Their change by their dependence on the frames is a central difference along the motion.
         """
         frames, velocity = block.frames[self.nodes], block.velocity[self.nodes]
         fastest = np.abs(velocity).max(axis=(1, 2), initial=0.0)

@@ -66,7 +66,7 @@ class ElementFamily(Protocol):
         """Entries of the matrices ``scale (k K + C dv + M dw)`` of all cells, flat, row by row.
 
         ``shifts`` = (dv/dn, dw/dn, k). Rows and columns of a matrix are ``width`` unknowns of each
-        node of :attr:`couplings`, node after node; what falls on the same place is added.
+        node of :attr:`couplings`, node after node; entries of the same place are added.
         """
         ...
 

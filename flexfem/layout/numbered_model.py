@@ -213,7 +213,7 @@ class NumberedModel:
         return self.families[kind].frames
 
     def carrier_frame(self, marker: Marker) -> FloatArray:
-        """Frame (12,) at the start of what carries a marker: its node, or its place in a line."""
+        """Frame (12,) at the start of the carrier of a marker: its node, or its place in a line."""
         place = self.place(marker)
         if place is not None:
             return place.frame(self.node_frames(place.kind)[place.nodes])

@@ -125,7 +125,7 @@ def _read(
 
 
 def _on_first[T](comm: MPI.Intracomm, make: Callable[[], T]) -> T | None:
-    """Return what is made on the first rank, None on the others; its errors are everyone's."""
+    """Return the result of the first rank, None on the others; its errors are raised on all."""
     made: T | None = None
     failure: Exception | None = None
     if comm.rank == 0:

@@ -123,7 +123,7 @@ class ElementMesh:
         """Return the nodes of a named set, or the one nearest to a position.
 
         Args:
-            owner: What messages call whatever asks.
+            owner: Prefix of messages.
             point: Name of a set, or position (x, y, z) in metres, which must be as near to a node
                 as the nodes of its cells are.
 

@@ -39,7 +39,7 @@ def partition_bodies(
 ) -> list[IntArray]:  # fmt: skip
     """Distribute bodies over ranks: even weights, few rows between ranks.
 
-    Bodies that are split fill the first ranks, the others share what room is left.
+    Bodies that are split fill the first ranks, the others share the rest.
 
     Args:
         elements: numbers of elements of the bodies, in the order of the model.
