@@ -39,8 +39,8 @@ acceleration_error_4, acceleration_error_5, acceleration_error_6. Of the ends of
 the axes of the first section: transverse_1, transverse_3, transverse_5, m; rotation_1, rotation_3,
 rotation_5, rad; axial_1, axial_3, axial_5, m, where the end is along the axis, shortening by
 bending (0.6 w^2/l) included; and elongation_1, elongation_3, elongation_5, m, the stretch of
-the axis by normal forces: the axial deflection of linear elements, which the source means (with ``--links
-fem`` both are the same).
+the axis by normal forces: the axial deflection of linear elements, which the source means (with
+``--links fem`` both are the same).
 
 Expected (Liu et al., Math. Biosci. Eng. 20 (2023) 807, in words only): axial deflections three
 orders of magnitude below transverse ones, redundant drives better than two, mode 2 the smoothest,

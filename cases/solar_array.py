@@ -26,9 +26,9 @@ mesh from a fold on: 78 points with 4 panels of 11x13 nodes and a pitch of 2 mm,
 
 History: ``lift`` of the beam, m;
 ``mast_force_fx, mast_force_fy, mast_force_fz, mast_force_mx, mast_force_my, mast_force_mz``, the
-wrench of the drive on the spring, N and N m: the tension; ``panel_1_vz, panel_2_vz, ...``, velocities of
-the centres of the panels along Z, m/s; ``grommet_2_y, grommet_4_y, ...``, displacements of the
-hinges on the first wire along Y, m;
+wrench of the drive on the spring, N and N m: the tension; ``panel_1_vz, panel_2_vz, ...``,
+velocities of the centres of the panels along Z, m/s; ``grommet_2_y, grommet_4_y, ...``,
+displacements of the hinges on the first wire along Y, m;
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,
 J; ``panels_membrane, panels_bending, panels_shear``, the strain energy of the panels by kind, J;
 ``contact_penetration``, m, ``contact_fx, contact_fy, contact_fz``, ``contact_normal``, N, and
