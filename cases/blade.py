@@ -2,9 +2,9 @@
 """Modes of a blade on a rotating hub.
 
 A blade of length 1 m, 1 kg and bending stiffnesses 1 N m^2 (flap) and 100 N m^2 (chord) is clamped
-to a hub of radius ``--hub`` that turns about Z with ``--spin``. Centrifugal forces stiffen it: the
-frequencies are those about the stretched relative equilibrium. In these units spin and frequencies
-(rad/s) are the dimensionless ones of the literature.
+to a hub of radius ``--hub`` that rotates about Z with ``--spin``. Centrifugal forces stiffen it:
+the frequencies are those about the stretched relative equilibrium. In these units spin and
+frequencies (rad/s) are the dimensionless ones of the literature.
 
 History: ``t`` is the number of the mode; ``frequency`` (Hz), ``damping_ratio``, ``real`` and
 ``imag`` of the eigenvalue (1/s), ``mass_x, mass_y, mass_z``, effective masses along the axes (kg).

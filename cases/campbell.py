@@ -2,15 +2,15 @@
 """Campbell diagram of a rotating shaft with a disk.
 
 A steel tube of 6 m (radii 0.045 and 0.05 m, E = 2.1e11 N/m^2, nu = 0.3, rho = 7800 kg/m^3) along Z
-is turned at one end, where it cannot tilt; at the other end a cylindrical bearing lets it slide.
-A disk of 70.573 kg, radius ``--radius`` and thickness 0.05 m sits at the fraction ``--place`` of
-the length: at the middle the first modes do not tilt it, elsewhere they do and gyroscopic moments
-part forward from backward whirls. No gravity.
+is driven at one end, where it cannot tilt; at the other end a cylindrical bearing lets it slide. A
+disk of 70.573 kg, radius ``--radius`` and thickness 0.05 m is at the fraction ``--place`` of the
+length: at the middle the first modes do not tilt it, elsewhere they do and gyroscopic moments
+separate forward from backward whirls. No gravity.
 
 History: ``t`` is the speed of rotation (rad/s). Every mode has ``<mode>_frequency`` (Hz, in axes
-that turn with the shaft), ``<mode>_fixed`` (Hz, in fixed axes; negative for whirls against the
-rotation), ``<mode>_damping`` (ratio) and ``<mode>_whirl`` (1 circular with the rotation, -1
-against it, 0 plane). Modes are ``forward_1``, ``backward_1``, ..., and ``mode_1``, ... for others.
+that rotate with the shaft), ``<mode>_fixed`` (Hz, in fixed axes; negative for whirls against the
+rotation), ``<mode>_damping`` (ratio) and ``<mode>_whirl`` (1 circular with the rotation, -1 against
+it, 0 plane). Modes are ``forward_1``, ``backward_1``, ..., and ``mode_1``, ... for others.
 
 Expected (shaft of Bauchau et al. 2016): with ``--place 0.5 --radius 0.24`` the first bending
 frequency is 56.87 rad/s (9.051 Hz), at any speed but for 0.1 %; 40 elements give 56.95 rad/s.

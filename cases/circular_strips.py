@@ -147,7 +147,7 @@ def build(*, mesh: str, element: str, **values: float) -> ff.Model:
 
 
 def results(history: Mapping[str, Points]) -> dict[str, float]:
-    """Where the end is at last, how far it went, and the largest energy."""
+    """Last position of the end, its largest height, and the largest energy."""
     ends = {name: history[name][-1] for name in ("A_x", "A_y", "A_z")}
     return {
         **ends,

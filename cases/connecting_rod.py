@@ -5,7 +5,7 @@ Crank, slider and gravity are those of ``slider_crank.py``: a steel crank of 0.3
 0.03 x 0.03 m, SE(3) beams), a mass of 0.1 kg that moves on the X axis, 9.81 m/s^2 along -Y
 (E = 2.1e11 N/m^2, nu = 0.3, rho = 7850 kg/m^3). The rod, 0.6 m from axis to axis with a shank of
 the same section, has eyes: bores of 25 mm and 15 mm radius in walls of 12 mm. Pins fill the bores
-and are rigid. A constant moment about Z turns the crank from rest. Hinges about Z at ground and
+and are rigid. A constant moment about Z drives the crank from rest. Hinges about Z at ground and
 crank pin leave no motion out of the plane.
 
 ``--rod solid`` is a body in a floating frame: quadratic tetrahedra (``--size``), reduced to the

@@ -12,35 +12,35 @@ one, at the height sqrt(4 + 16 cos^2 beta) - 4 cos(beta): 0.474 m at 5 degrees, 
 90 degrees.
 
 ``--control gravity``: 0.005 g along X deploys the truss from rest at 5 degrees; latches lock each
-slider when it arrives, and the run ends when all are locked. The bays have a freedom each and do
-not move alike. The others drive the angles at the roots of the two lower cross-bars of every bay
-from 5 to 90 degrees within 20 s along the profile named, without gravity and without latches
-(``--latch``), as rails go on beyond the posts' ends. Members of a frame are welded at the corners,
-where everything else is hinged to the vertical ones. The frames are not kept from passing through
-one another.
+slider when it arrives, and the run ends when all are locked. The bays have one degree of freedom
+each and do not move in the same way. The others drive the angles at the roots of the two lower
+cross-bars of every bay from 5 to 90 degrees within 20 s along the profile named, without gravity
+and without latches (``--latch``), because the rails continue beyond the posts' ends. Members of a
+frame are welded at the corners, where everything else is hinged to the vertical ones. Contact
+between frames is not modelled.
 
 ``--formulation``: members are beams of NURBS or SE(3) elements, rigid bodies, or bodies in floating
 frames, of so many beam elements reduced to their ends and four modes, the frame at the start. The
 joints of rigid members are redundant and carried with least norm.
 
 History: ``D_x, D_z``, lower corner of the last frame at y = 0, m; with drives ``beta``, the angle
-that they prescribe (rad), and ``error_x, error_z``, what D is off the place that rigid members
-would have there, m; ``beta_1, beta_2, ...``, angles (rad) between frame and lower cross-bar at y =
-0, at the first and the second end of every bay.
+that they prescribe (rad), and ``error_x, error_z``, the deviation of D from its place with rigid
+members, m; ``beta_1, beta_2, ...``, angles (rad) between frame and lower cross-bar at y = 0, at the
+first and the second end of every bay.
 
 Expected (Wu et al., Appl. Sci. 10 (2020) 1231): the linear profile leaves visible vibration, the
 cosine the least. From 21 s on D_z moves by 429 mm, polynomial 3.8, cycloid 2.8, cosine 0.54 mm: the
-truss swings at 0.6 Hz on the bars that its drives hold. On the way D_z is off by up to 159, 13.2,
-13.5 and 17.0 mm: there the cosine, whose acceleration is the largest, is the worst of the smooth
-ones. Bodies in floating frames give 504, 4.9, 3.4, 0.43 and 167, 13.1, 13.5, 17.0 mm. With latches
-diagonals vibrate from 8.4 Hz on: D_z moves by 8.9 mm, polynomial 0.12, cycloid 0.09, cosine 0.014
-mm; small swings decide when a latch closes, and other meshes change the last three by factors.
-Under gravity rigid members (``tests/data/deployable_truss.csv``) lock the second bay at 18.538 s
-and the first at 19.345 s, with ``--formulation rigid`` at 18.539 s and 19.345 s.
-Pictures: ``flexfem sweep deployable_truss --vary control=linear,polynomial,cycloid,cosine --plot
-D_x,D_z`` runs and compares the laws; of its folders ``flexfem plot`` with ``--after 20`` shows what
-is left; ``flexfem plot results/deployable_truss --columns D_x,D_z`` draws one run.
-Run: ``mpirun -n 2 python cases/deployable_truss.py --control cosine``.
+truss swings at 0.6 Hz on the driven bars. On the way D_z is off by up to 159, 13.2, 13.5 and 17.0
+mm: there the cosine, whose acceleration is the largest, is the worst of the smooth ones. Bodies in
+floating frames give 504, 4.9, 3.4, 0.43 and 167, 13.1, 13.5, 17.0 mm. With latches diagonals
+vibrate from 8.4 Hz on: D_z moves by 8.9 mm, polynomial 0.12, cycloid 0.09, cosine 0.014 mm; small
+swings decide when a latch closes, and other meshes change the last three by factors. Under gravity
+rigid members (``tests/data/deployable_truss.csv``) lock the second bay at 18.538 s and the first at
+19.345 s, with ``--formulation rigid`` at 18.539 s and 19.345 s. Pictures:
+``flexfem sweep deployable_truss --vary control=linear,polynomial,cycloid,cosine --plot D_x,D_z``
+runs and compares the laws; of its folders ``flexfem plot`` with ``--after 20`` shows the residual
+vibration; ``flexfem plot results/deployable_truss --columns D_x,D_z`` draws one run. Run:
+``mpirun -n 2 python cases/deployable_truss.py --control cosine``.
 """
 
 import math
@@ -56,7 +56,7 @@ import flexfem as ff
 
 Y = (0.0, 1.0, 0.0)
 SIDES = ("left", "right")
-REST = 1.0  # after the end of a driven deployment, until what is left counts as vibration, s
+REST = 1.0  # after the end of a driven deployment, until the rest counts as vibration, s
 Array = npt.NDArray[np.float64]
 
 
@@ -77,7 +77,7 @@ class Truss:
     modes: int
 
     def height(self, beta: float) -> float:
-        """How far a slider is above the lower end of its post when its bay stands at an angle."""
+        """Height of a slider above the lower end of its post when its bay stands at an angle."""
         rise = self.bar * math.cos(beta)
         return math.hypot(self.side, rise) - rise
 
@@ -180,7 +180,7 @@ def build(
     outer_diameter: float, youngs_modulus: float, poisson_ratio: float, density: float,
     start_angle: float, end_angle: float, deployment: float, gravity: float,
 ) -> ff.Model:  # fmt: skip
-    """The truss with its joints and what moves it."""
+    """The truss with its joints and drives."""
     if start_angle >= end_angle:
         raise ValueError(f"start_angle must be less than end_angle {end_angle}, got {start_angle}")
     metal = ff.Material(youngs_modulus, poisson_ratio, density)
@@ -280,7 +280,7 @@ def _measure(model: ff.Model, truss: Truss, turn: ff.SmoothStep | None) -> None:
 
 
 def _angle(along: Array):  # type: ignore[no-untyped-def]
-    """Angle between the axes of a post and a bar in the X-Z plane; markers start unturned."""
+    """Angle between the axes of a post and a bar in the X-Z plane."""
 
     def angle(t: float, post: ff.MarkerState, bar: ff.MarkerState) -> tuple[float]:
         p, b = post.rotation[:, 2], bar.rotation @ along
@@ -290,7 +290,7 @@ def _angle(along: Array):  # type: ignore[no-untyped-def]
 
 
 def results(history: Mapping[str, Array]) -> dict[str, float]:
-    """Time and place of the end; errors of a driven deployment and what D still moves after it."""
+    """Time and place of the end; errors of a driven deployment and the residual motion of D."""
     t = history["t"]
     values = {"end_time": t[-1], "D_x": history["D_x"][-1], "D_z": history["D_z"][-1]}
     if "beta" not in history:

@@ -3,10 +3,10 @@
 
 The sheet, 0.3 x 0.3 m, starts flat and touches the top of a sphere of diameter 0.1 m, centre at the
 origin, with its middle; weight along -Z. The sphere is exact, or with ``--sphere mesh`` a rigid
-surface of 13,448 triangles, whose edges are 3 mm long at most (``--sphere-size``) and whose middles
-lie up to 0.03 mm inside. Fabric (Zhou, Sze 2011; Xie, Sze, Zhou 2015): rigidities along warp
-and weft 1095.84 and 744.31 N/m, in shear 40.964 N/m, in bending 8.134e-6 and 6.174e-6 N m, in twist
-2.646e-6 N m, Poisson's ratio 0.01, thickness 0.593 mm, 320.4 kg/m^3; warp along X turned by
+surface of 13,448 triangles, whose edges are 3 mm long at most (``--sphere-size``) and whose
+midpoints lie up to 0.03 mm inside. Fabric (Zhou, Sze 2011; Xie, Sze, Zhou 2015): rigidities along
+warp and weft 1095.84 and 744.31 N/m, in shear 40.964 N/m, in bending 8.134e-6 and 6.174e-6 N m, in
+twist 2.646e-6 N m, Poisson's ratio 0.01, thickness 0.593 mm, 320.4 kg/m^3; warp along X rotated by
 ``--warp-angle``. ``--mesh`` counts nodes along the sides.
 
 Triangles that are cut along one diagonal, and heights of the nodes that are off at random by
@@ -20,14 +20,15 @@ about twice the time per iteration.
 
 History: ``residual, largest_step, pseudo_energy`` of the relaxation; heights of the corners
 ``corner_bottom_left_z, corner_bottom_right_z, corner_top_right_z, corner_top_left_z`` and of the
-middles of the sides ``middle_bottom_z, middle_right_z, middle_top_z, middle_left_z``, m;
-the outline seen from above, by 32 nodes, roots of mean squares: ``outline_radius`` (m), and
-relative to it, how far it is off itself after half a turn, ``outline_half_turn``, a quarter turn,
-``outline_quarter_turn``, and mirrored and turned, ``outline_mirror``;
-``contact_penetration`` (m), force of the sphere ``contact_fx, contact_fy, contact_fz,
-contact_normal`` (N) and number of points that touch, ``contact_closed``; ``energy_kinetic,
-energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``, and the strain
-energy by kind, ``sheet_energy_membrane, sheet_energy_bending, sheet_energy_shear`` (J).
+midpoints of the sides ``middle_bottom_z, middle_right_z, middle_top_z, middle_left_z``, m; the
+outline seen from above, by 32 nodes, roots of mean squares: ``outline_radius`` (m), and relative to
+it, its deviation from itself after half a turn, ``outline_half_turn``, a quarter turn,
+``outline_quarter_turn``, and a mirror and rotation, ``outline_mirror``; ``contact_penetration``
+(m), force of the sphere ``contact_fx, contact_fy, contact_fz, contact_normal`` (N) and number of
+points that touch, ``contact_closed``;
+``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,
+and the strain energy by kind, ``sheet_energy_membrane, sheet_energy_bending, sheet_energy_shear``
+(J).
 
 Equilibrium: forces out of balance are 1e-3 of the weight, both as root mean squares over nodes.
 Expected: the force of the contact is the weight, 0.1677 N, within 0.1 %; penetration below 1 % of
@@ -146,7 +147,7 @@ def rim(nodes: tuple[int, int]) -> list[int]:
 
 
 def outline(t: float, *states: ff.MarkerState) -> list[float]:
-    """Radius of the outline seen from above (m), and how far it is off itself, turned or mirrored.
+    """Radius of the outline seen from above (m), and its deviations from its symmetries.
 
     The radius, and all distances, are roots of means of squares; a distance is that of each node
     from where its counterpart gets to by half a turn, a quarter turn, or a mirror that maps left
@@ -216,7 +217,7 @@ def build(
 def results(
     history: Mapping[str, Points], *, side: float, thickness: float, density: float, gravity: float
 ) -> dict[str, float]:
-    """Balance of forces, penetration, outline, lowest and highest corners and middles."""
+    """Balance of forces, penetration, outline, lowest and highest corners and midpoints."""
     weight = side**2 * thickness * density * gravity
     end = {name: float(values[-1]) for name, values in history.items()}
     corners = [value for name, value in end.items() if name.startswith("corner_")]

@@ -7,12 +7,12 @@ Timoshenko beams (1D), plane stress (2D) and solids (3D), all of second degree. 
 is a slider-crank of two flexible links, released at ``--crank-angle`` with ``--crank-speed``;
 ``spatial`` a double pendulum of two links on spherical joints, thrown with the given angular
 velocities. Frames are fixed to the first end of a link. ``--prescribed`` prescribes the motion of
-the first link's frame: it goes on turning as it starts, and does work.
+the first link's frame: it keeps rotating as at the start, and does work.
 
 The first of the chosen mechanisms is simulated by all chosen formalisms side by side; all of them
 go into a table: derivative operators, expression nodes, multiplied-out terms, floating-point
-operations per cell, unknowns, times per evaluation and per step. It is printed, with what it says
-of the claims that Gibbs-Appell takes fewer operations than Lagrange, Maggi no multipliers and
+operations per cell, unknowns, times per evaluation and per step. It is printed, with its findings
+on the claims that Gibbs-Appell takes fewer operations than Lagrange, Maggi no multipliers and
 Hamilton the most of all (Vlase, Marin, Negrean 2022), and written to ``table.csv``; the energy of
 accelerations beside the kinetic energy goes to ``energies.csv``. Times are the least of repeats in
 which the alternatives take turns, and called different only where the quartiles of their ratios
@@ -87,7 +87,7 @@ def link(
 
 
 def first_motion(n: Numbers, spin: npt.NDArray[np.float64]) -> dict[str, Any]:
-    """How the first link's frame starts to turn, or goes on turning if that is prescribed."""
+    """Initial rotation of the first link's frame, which continues if it is prescribed."""
     if not n["prescribed"]:
         return {"angular_velocity": spin}
     speed = float(np.linalg.norm(spin))

@@ -2,9 +2,9 @@
 """Deployment of a space manipulator with a flexible outboard link.
 
 Links L1 and L2 are rigid, 8 m each; the outboard link is a box of 8/3 m and a channel of 16/3 m of
-aluminium whose mass centre is ``--eccentricity`` away from its axis along a3. Joint 1 turns L1
+aluminium whose mass centre is ``--eccentricity`` away from its axis along a3. Joint 1 rotates L1
 about the vertical, joints 2 and 3 have horizontal axes. Folded at the start (all angles pi), each
-angle turns by ``-D (t - T/(2 pi) sin(2 pi t/T))/T`` within T = 15 s (``--duration``): D1 = pi/2,
+angle changes by ``-D (t - T/(2 pi) sin(2 pi t/T))/T`` within T = 15 s (``--duration``): D1 = pi/2,
 D2 = 3 pi/4 and D3 = ``--outer-turn`` pi (1: the arm ends stretched; 0.5: the source's other
 reading). No gravity.
 
@@ -14,9 +14,9 @@ frames. The motion is slow: stiffening hardly matters. Deflections reach 1.6 per
 where ``consistent`` is off by 1 to 2 per cent of the largest u2 and u3 and ``conventional`` by 3 to
 4; without eccentric mass centres that does not twist. The thin channel is also twisted by bending
 moments in two planes, of second order in the deflections: the exact twist takes another course on
-the way, by up to 29 per cent of its peak. ``floating``, whose bodies turn with the channel, follows
-it: already with ``--bodies 2 --body-modes 4`` it is 0.5 per cent off in both deflections and 5 in
-the twist.
+the way, by up to 29 per cent of its peak. ``floating``, whose bodies rotate with the channel,
+follows it: already with ``--bodies 2 --body-modes 4`` it is 0.5 per cent off in both deflections
+and 5 in the twist.
 
 History: of the tip in the axes of the base, L2's end, ``u2`` (m, in the plane of joints 2 and 3),
 ``u3`` (m, across), ``theta1`` (rad, twist), ``s`` (m, stretch along the deformed axis; of ``beam``
@@ -43,7 +43,7 @@ JOINTS = ("inner", "middle", "outer")
 
 
 def build(*, duration: float, link_1: float, link_2: float, **given: Any) -> Any:
-    """The outboard link on its prescribed base, by the theory that is asked for."""
+    """The outboard link on its prescribed base, by the chosen theory."""
     link = research.outboard_link(**{name: given.pop(name) for name in LINK})
     starts, turns = (
         [math.pi * given.pop(f"{joint}_{what}") for joint in JOINTS] for what in ("start", "turn")

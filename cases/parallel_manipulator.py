@@ -3,7 +3,7 @@
 
 Three chains of two links each join the corners A1 (top), A2 (left) and A3 (right) of an equilateral
 triangle with the end effector P, common to all of them, in the X-Y plane without gravity. Links 1,
-3, 5 are driven at A1, A2, A3, links 2, 4, 6 follow them; the elbows are turned anticlockwise from
+3, 5 are driven at A1, A2, A3, links 2, 4, 6 follow them; the elbows are rotated anticlockwise from
 the lines A_i P. Links are given in a rough position and assembled with P where its path begins.
 
 P is to move from the origin to ``--end-x``, ``--end-y`` within ``--duration`` (give the same
@@ -20,7 +20,7 @@ torques). Of the ``--flexible`` links ``--links`` makes
   clamped to the link's first node, with all their coordinates; linear, so that they do not get
   shorter as they bend;
 - ``floating``: elements with shear in a floating frame, reduced to their ends and ``--modes``; they
-  get shorter as they bend but with ``--no-stiffening``;
+  get shorter as they bend except with ``--no-stiffening``;
 - ``segments``: ``--segments`` rigid ones with torsion springs between them.
 
 Elbows are revolute joints and the chains meet in joints that hold two points together in the
@@ -31,16 +31,16 @@ History: position, velocity, acceleration and error (off the path) of P, P_x, P_
 P_ay, error_x, error_y, m, m/s, m/s^2; tau_1, tau_2, tau_3, N m; of each link's first section angle
 from the X axis, rate and acceleration, rad, rad/s, rad/s^2, angle_1, angle_2, angle_3, angle_4,
 angle_5, angle_6, rate_1, rate_2, rate_3, rate_4, rate_5, rate_6, acceleration_1, acceleration_2,
-acceleration_3, acceleration_4, acceleration_5, acceleration_6, and what these are off those of
+acceleration_3, acceleration_4, acceleration_5, acceleration_6, and their deviations from those of
 rigid links with P on its path, angle_error_1, angle_error_2, angle_error_3, angle_error_4,
 angle_error_5, angle_error_6, rate_error_1, rate_error_2, rate_error_3, rate_error_4, rate_error_5,
 rate_error_6, acceleration_error_1, acceleration_error_2, acceleration_error_3,
 acceleration_error_4, acceleration_error_5, acceleration_error_6. Of the ends of links 1, 3, 5 in
 the axes of the first section: transverse_1, transverse_3, transverse_5, m; rotation_1, rotation_3,
 rotation_5, rad; axial_1, axial_3, axial_5, m, where the end is along the axis, shortening by
-bending (0.6 w^2/l) included; and elongation_1, elongation_3, elongation_5, m, what normal forces
-stretch the axis by: the axial deflection of linear elements, which the source means (with ``--links
-fem`` both are the same).
+bending (0.6 w^2/l) included; and elongation_1, elongation_3, elongation_5, m, the stretch of
+the axis by normal forces: the axial deflection of linear elements, which the source means (with
+``--links fem`` both are the same).
 
 Expected (Liu et al., Math. Biosci. Eng. 20 (2023) 807, in words only): axial deflections three
 orders of magnitude below transverse ones, redundant drives better than two, mode 2 the smoothest,
@@ -104,7 +104,7 @@ class Design:
         return self.side / math.sqrt(3.0) * np.exp(1j * math.radians(90.0 + 120.0 * (chain - 1)))
 
     def rigid_motion(self, way: Callable[[float], Motion], t: float) -> Array:
-        """Angles, rates and accelerations (6, 3) of rigid links with P on its way."""
+        """Angles, rates and accelerations (6, 3) of rigid links with P on its path."""
         P, v, a = way(t)
         first, second = self.lengths
         out = np.zeros((6, 3))
@@ -129,7 +129,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Path:
-    """Way of P from the origin in the plane: its motion as a function of time."""
+    """Path of P from the origin in the plane: its motion as a function of time."""
 
     end: complex
     turns: float
@@ -155,7 +155,7 @@ class Path:
 
 
 class TablePath:
-    """Way of P through the rows of a file."""
+    """Path of P through the rows of a file."""
 
     def __init__(self, file: str) -> None:
         """Read it."""
@@ -239,7 +239,7 @@ class Link:
             self.straight.append(ff.Rigid(f"{after}_straight", a, b))
 
     def elongation(self, name: str) -> ff.Probe | ff.ElongationProbe:
-        """What normal forces stretch its axis by; nothing where it is rigid."""
+        """Stretch of its axis by normal forces; zero where it is rigid."""
         if self.kind in ("rigid", "segments"):
             return ff.Probe(name, (), (name,), lambda t: (0.0,))
         return ff.ElongationProbe(name, self.name)
@@ -351,7 +351,7 @@ def build(
     )  # fmt: skip
     rigid = cache(lambda t: design.rigid_motion(way, t))
     for t in np.linspace(0.0, way.duration, samples):
-        rigid(float(t))  # in reach all the way
+        rigid(float(t))  # in reach along the whole path
     kinds = {
         "active": (links, "rigid"), "all": (links, links), "none": ("rigid", "rigid"),
     }[flexible]  # fmt: skip

@@ -10,8 +10,8 @@ below are options, which a benchmark that has no such number refuses.
 - annulus: ring from radius 6 to 10, slit open, thickness 0.03, E = 21e6, nu = 0; one side of the
   slit is clamped, 0.8 per length lifts the other. A, B: its inner and outer corner.
 - hemisphere: radius 10, thickness 0.04, E = 6.825e7, nu = 0.3, with a hole of 18 degrees; four
-  radial forces of 400 at the equator, in turns out- and inwards; a quarter is computed.
-  A, B: radial displacements of the outward and the inward one.
+  radial forces of 400 at the equator, alternately out- and inwards; a quarter is computed. A, B:
+  radial displacements of the outward and the inward one.
 - pullout: cylinder with open ends, radius 4.953, length 10.35, thickness 0.094, E = 10.5e6,
   nu = 0.3125, pulled apart by two forces of 40000 at its middle; an eighth is computed.
   A: under the force, B, C: of the sides inwards, in the middle and at the ends.
@@ -65,7 +65,7 @@ Surface = Callable[[Points], Points]
 Kind = tuple[str, str]
 Numbers = Mapping[str, float]
 
-#: Numbers of the benchmarks: the options of these names, which bring them along as defaults.
+#: Numbers of the benchmarks: the options of these names, with these defaults.
 NUMBERS: dict[str, Numbers] = {
     "cantilever": {
         "length": 10.0, "width": 1.0, "thickness": 0.1, "youngs_modulus": 1.2e6,
@@ -101,7 +101,7 @@ def shell(
     edges: Mapping[str, str], fixed: Mapping[str, str] | None = None,
     growth: tuple[float, float] = (1.0, 1.0),
 ) -> ff.Model:  # fmt: skip
-    """Model of a shell over a rectangle of two parameters, held along named sides.
+    """Model of a shell over a rectangle of two parameters, fixed along named sides.
 
     Cells grow by a factor over each range.
     """
@@ -274,7 +274,7 @@ def build(*, benchmark: str, mesh: str, element: str, membrane: str, **numbers: 
     return BENCHMARKS[benchmark]((int(found[1]), int(found[2])), (element, membrane), numbers)
 
 
-#: What the numbers are, their unit and their largest value.
+#: Description, unit and largest value of the numbers.
 KINDS = {
     "radius": ("of the shell, the outer one of the annulus", "", None),
     "inner_radius": ("of the annulus", "", None),
@@ -290,7 +290,7 @@ KINDS = {
 
 
 def _numbers(benchmark: str) -> dict[str, float]:
-    """Defaults of a benchmark; 0 for what it does not have."""
+    """Defaults of a benchmark; 0 for numbers that it does not have."""
     return {name: NUMBERS[benchmark].get(name, 0.0) for name in KINDS}
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """High-speed flexible slider-crank.
 
-Two steel rods of 0.3 m and 0.6 m (square section 0.03 x 0.03 m, E = 2.1e11 N/m^2, nu = 0.3,
-rho = 7850 kg/m^3) lie along +X at rest. A spherical joint holds rod I to the ground and another one
-rod II to rod I; a mass of 0.1 kg at the end of rod II moves on the X axis. A constant moment of
-500 N m about Z turns rod I at the ground; gravity is 9.81 m/s^2 along -Y.
+Two steel rods of 0.3 m and 0.6 m (square section 0.03 x 0.03 m, E = 2.1e11 N/m^2, nu = 0.3, rho =
+7850 kg/m^3) lie along +X at rest. A spherical joint connects rod I to the ground and another one
+rod II to rod I; a mass of 0.1 kg at the end of rod II moves on the X axis. A constant moment of 500
+N m about Z drives rod I at the ground; gravity is 9.81 m/s^2 along -Y.
 
 Spherical joints leave the spin of either rod about its own axis free. It stays in the equations
 with the rotary inertia of the rod and is never excited by the planar loads, so that nothing has to

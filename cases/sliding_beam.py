@@ -85,7 +85,7 @@ def build(
 def results(
     history: Mapping[str, npt.NDArray[np.float64]], *, width: float, height: float
 ) -> dict[str, float]:
-    """Time of arrival, once the slider is at B, and where it is at the end."""
+    """Time of arrival, once the slider is at B, and its last position."""
     last, length = history["zeta"][-1], math.hypot(width, height)
     arrived = {"arrival_time": history["t"][-1]} if last > (1.0 - 1e-6) * length else {}
     return {**arrived, "final_zeta": last}

@@ -9,7 +9,7 @@ another with a pitch of 10 mm along Z (``--pitch``). The bottom side of panel 1 
 container. The top side of the last one hangs on a rigid beam of 1 kg, and this on a tensioning
 spring (200 N/m and 5 N s/m) whose other end, of 0.1 kg, the mast lifts along Z: the speed rises
 within 2 s (``--ramp``) to 0.1 m/s (``--speed``) by a fifth-order polynomial, stays, and falls the
-same way, so that the flat blanket has the tension ``--tension`` at the end, and is held there. An
+same way, so that the flat blanket has the tension ``--tension`` at the end, and is fixed there. An
 odd number of panels ends on the other side, and leans. No gravity.
 
 Two guide wires of steel (2 mm, E = 210e9 N/m^2, nu = 0.25, rho = 7850 kg/m^3) stand at y = 0, 0.3 m
@@ -24,10 +24,11 @@ one. At the start panels touch only where they are closer than their thickness, 
 mesh from a fold on: 78 points with 4 panels of 11x13 nodes and a pitch of 2 mm, none with 10 mm.
 ``--mesh`` counts nodes of a panel along its short and long side.
 
-History: ``lift`` of the beam, m; ``mast_force_fx, mast_force_fy, mast_force_fz, mast_force_mx,
-mast_force_my, mast_force_mz``, what the drive does to the spring, N and N m: the tension;
-``panel_1_vz, panel_2_vz, ...``, velocities of the middles of the panels along Z, m/s;
-``grommet_2_y, grommet_4_y, ...``, displacements of the hinges on the first wire along Y, m;
+History: ``lift`` of the beam, m;
+``mast_force_fx, mast_force_fy, mast_force_fz, mast_force_mx, mast_force_my, mast_force_mz``, the
+wrench of the drive on the spring, N and N m: the tension; ``panel_1_vz, panel_2_vz, ...``,
+velocities of the centres of the panels along Z, m/s; ``grommet_2_y, grommet_4_y, ...``,
+displacements of the hinges on the first wire along Y, m;
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,
 J; ``panels_membrane, panels_bending, panels_shear``, the strain energy of the panels by kind, J;
 ``contact_penetration``, m, ``contact_fx, contact_fy, contact_fz``, ``contact_normal``, N, and
@@ -96,7 +97,7 @@ class Numbers:
     wire_density: float
 
     def __post_init__(self) -> None:
-        """Raise for lengths that do not go together."""
+        """Raise for inconsistent lengths."""
         if self.pitch >= 0.5 * self.width:
             raise ValueError(
                 f"the pitch must be below {0.5 * self.width:g} m, half a panel, got {self.pitch:g}"
@@ -109,7 +110,7 @@ class Numbers:
 
     @property
     def wires(self) -> dict[str, float]:
-        """Where the wires are along X."""
+        """Positions of the wires along X."""
         return {"left": self.wire_inset, "right": self.length - self.wire_inset}
 
 
@@ -142,17 +143,17 @@ def _along(nodes: int, numbers: Numbers) -> Points:
 
 
 class Lift:
-    """Way of the mast (m) over time (s): each ramp covers the way of half its time.
+    """Displacement of the mast (m) over time (s), with a ramp of speed at either end.
 
     Attributes:
-        way: in all, m.
+        way: whole displacement, m.
         speed: between the ramps, m/s.
-        ramp: duration of each, s; the way is at least that of both.
-        end: when the way is covered, s.
+        ramp: duration of each, s; the displacement is at least that of both.
+        end: time of the whole displacement, s.
     """
 
     def __init__(self, way: float, speed: float, ramp: float) -> None:
-        """Plan the way.
+        """Plan the displacement.
 
         Raises:
             ValueError: The ramps alone lead beyond it.
@@ -166,7 +167,7 @@ class Lift:
         self.end = way / speed + ramp
 
     def __call__(self, t: float) -> float:
-        """Way at time t."""
+        """Displacement at time t."""
         if t > self.end - self.ramp:
             return self.way - self(self.end - min(t, self.end))
         tau = min(t / self.ramp, 1.0)
@@ -279,7 +280,7 @@ def _probes(surface: ff.SurfaceMesh, names: list[str], numbers: Numbers) -> list
 
 
 def results(history: Mapping[str, Points]) -> dict[str, float]:
-    """How far the blanket is deployed, and what it took."""
+    """Lift, tension, energies and sway at the end, and counts of contacts."""
     found = {
         "lift": history["lift"][-1],
         "tension": history["mast_force_fz"][-1],

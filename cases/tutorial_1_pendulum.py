@@ -27,11 +27,11 @@ def build(
     density: float, mass: float, gravity: float,
 ) -> ff.Model:  # fmt: skip
     """Model with ``elements`` elements along the rod and a bob of this mass."""
-    # a line of the mesh, and what the rod is made of
+    # a line of the mesh, and the material of the rod
     mesh = ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), (length, 0.0, 0.0)]}, elements)
     rubber = ff.Material(youngs_modulus, poisson_ratio, density)
 
-    # markers are the places where things attach
+    # markers are the points where joints and probes attach
     hinge, middle, end = (ff.Marker("rod", place) for place in ("start", 0.5, "end"))
 
     model = ff.Model("tutorial_1_pendulum", mesh=mesh)

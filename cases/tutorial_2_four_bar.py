@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Tutorial 2: a four-bar linkage, its motor, and what is measured.
+"""Tutorial 2: a four-bar linkage, its motor, and measurements.
 
 Three flexible steel bars (10 x 4 mm, E = 2.1e11 N/m^2, nu = 0.3, rho = 7850 kg/m^3) and the ground
 make a crank-rocker: crank AB of 100 mm, coupler BC, rocker CD, with A at the origin and D at 400 mm
-along X. Hinges about Z join them. A motor turns the crank by one turn in ``--period`` seconds, from
-rest to rest.
+along X. Hinges about Z join them. A motor rotates the crank by one turn in ``--period`` seconds,
+from rest to rest.
 
-History: ``crank_angle`` and ``rocker_angle`` (rad) from the X axis; ``torque_fx``,
-``torque_fy``, ``torque_fz`` (N), ``torque_mx``, ``torque_my``, ``torque_mz`` (N m), what the motor
-exerts on the crank; ``pin_fx``, ``pin_fy``, ``pin_fz`` (N), ``pin_mx``, ``pin_my``, ``pin_mz``
-(N m), what the pin at C exerts on the rocker, in the axes of the rocker's end.
+History: ``crank_angle`` and ``rocker_angle`` (rad) from the X axis; ``torque_fx``, ``torque_fy``,
+``torque_fz`` (N), ``torque_mx``, ``torque_my``, ``torque_mz`` (N m), exerted by the motor on the
+crank; ``pin_fx``, ``pin_fy``, ``pin_fz`` (N), ``pin_mx``, ``pin_my``, ``pin_mz`` (N m), exerted by
+the pin at C on the rocker, in the axes of the rocker's end.
 
 Expected: the rocker swings by 0.7236 rad and back (a rigid one: 0.7235). A whole turn
 takes no work in the end: ``torque_mz`` is as much negative as positive.

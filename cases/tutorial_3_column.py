@@ -5,7 +5,7 @@ A column of 1 m (steel strip 20 x 2 mm, E = 2.1e11 N/m^2, nu = 0.3) is clamped a
 pushed down at its head. The load factor t counts in units of Euler's load ``pi^2 E I / (4 L^2)``.
 A side force of ``--imperfection`` times Euler's load at the head bends it a little from the start.
 
-History: ``down`` and ``aside`` (m), the way of the head; ``tilt`` (rad), its rotation.
+History: ``down`` and ``aside`` (m), the displacement of the head; ``tilt`` (rad), its rotation.
 
 Expected: the elastica. With a small imperfection the column is almost straight up to t = 1, then
 it gives way; at t = 1.152 (tilt 60 degrees) the head is 0.593 m aside and 0.259 m below its start
@@ -54,7 +54,7 @@ def build(
 
 
 def _way(length: float, t: float, head: ff.MarkerState) -> tuple[float, float, float]:
-    """Way of the head and the angle of its tangent from the vertical."""
+    """Displacement of the head and the angle of its tangent from the vertical."""
     x, _, z = head.position
     tangent = head.rotation[:, 2]  # markers have the inertial axes at the start
     return length - z, x, math.atan2(tangent[0], tangent[2])

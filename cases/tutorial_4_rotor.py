@@ -3,13 +3,13 @@
 
 A steel shaft of 0.5 m (diameter 12 mm, E = 2.1e11 N/m^2, nu = 0.3, rho = 7850 kg/m^3) along Z runs
 in a stiff bearing with a motor at one end and carries a disk of 2 kg at the other, radius
-``--radius``. As the overhung disk tilts when the shaft bends, gyroscopic moments part forward from
-backward whirls.
+``--radius``. As the overhung disk tilts when the shaft bends, gyroscopic moments separate forward
+from backward whirls.
 
 History: ``t`` is the speed of rotation (rad/s). Every mode has ``<mode>_frequency`` (Hz, in axes
-that turn with the shaft), ``<mode>_fixed`` (Hz, in fixed axes; negative for whirls against the
-rotation), ``<mode>_damping`` (ratio) and ``<mode>_whirl`` (1 circular with the rotation, -1
-against it, 0 plane). Modes are ``forward_1``, ``backward_1``, ..., and ``mode_1``, ... for others.
+that rotate with the shaft), ``<mode>_fixed`` (Hz, in fixed axes; negative for whirls against the
+rotation), ``<mode>_damping`` (ratio) and ``<mode>_whirl`` (1 circular with the rotation, -1 against
+it, 0 plane). Modes are ``forward_1``, ``backward_1``, ..., and ``mode_1``, ... for others.
 
 Expected: at rest the bending modes of both planes have 7.74 Hz and 72.4 Hz (a rigid disk on a shaft
 without mass: 7.93 Hz and 78.8 Hz), torsion 24.05 Hz. With the speed forward whirls rise and
@@ -44,7 +44,8 @@ def build(
             shape=ff.Cylinder(radius=radius, length=0.01, axis=AXIS),
         ),
         ff.Rigid("fit", end, ff.Marker("disk")),
-        # the bearing lets it turn; the drive holds the angle, and turns along in a steady rotation
+        # the bearing leaves its rotation free; the drive prescribes it, and rotates along in a
+        # steady rotation
         ff.Revolute("bearing", ff.Ground(), start, axis=AXIS),
         ff.PrescribedAngle("motor", ff.Ground(), start, axis=AXIS),
     )  # fmt: skip

@@ -7,9 +7,9 @@ its middle, whose axis is twice the radius deep.
 
 History: ``corner_x``, ``corner_y``, ``corner_z`` (m) of a free corner; ``touch_penetration`` (m),
 ``touch_fx``, ``touch_fy``, ``touch_fz`` (N), the force of the cylinder on the sheet, and
-``touch_normal`` (N), the sum of all normal forces, ``touch_closed``, how many points touch.
+``touch_normal`` (N), the sum of all normal forces, ``touch_closed``, the number of touching points.
 
-Expected: the sheet meets the cylinder after 0.1 s, folds over it, and swings there. Nodes sink in
+Expected: the sheet meets the cylinder after 0.1 s, folds over it, and swings there. Nodes penetrate
 by less than a tenth of the thickness.
 Run: ``python cases/tutorial_5_sheet.py``, then
 ``flexfem render results/tutorial_5_sheet``.
@@ -39,7 +39,7 @@ def build(
         ),
     )  # fmt: skip
 
-    # a cylinder around the z axis of its place, which is turned to lie along Y
+    # a cylinder around the z axis of its place, which is rotated to lie along Y
     lying = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
     place = ff.Ground((0.5 * length, 0.5 * width, -2.0 * radius), lying)
     roller = ff.RigidCylinder(place, radius=radius)

@@ -2,13 +2,13 @@
 """Tutorial 6: a solid body in a mechanism.
 
 An arm of tetrahedra, 0.6 m from eye to eye with a shank of 30 x 15 mm (aluminium, E = 7e10 N/m^2,
-nu = 0.33, rho = 2700 kg/m^3), is reduced to the motions of its eyes and some modes. It turns on a
+nu = 0.33, rho = 2700 kg/m^3), is reduced to the motions of its eyes and some modes. It rotates on a
 pin in the big eye, driven to 90 degrees within ``--duration`` seconds, and carries 1 kg in the
 small one.
 
-History: ``tip_x``, ``tip_y``, ``tip_z`` (m) of the small eye; ``lag`` (rad), the angle by which
-it is behind the drive; ``torque_fx``, ``torque_fy``, ``torque_fz`` (N), ``torque_mx``,
-``torque_my``, ``torque_mz`` (N m), what the motor exerts on the arm.
+History: ``tip_x``, ``tip_y``, ``tip_z`` (m) of the small eye; ``lag`` (rad), the angle by which it
+is behind the drive; ``torque_fx``, ``torque_fy``, ``torque_fz`` (N), ``torque_mx``, ``torque_my``,
+``torque_mz`` (N m), exerted by the motor on the arm.
 
 Expected: the arm bends back while it is sped up, forward while it is slowed down, and vibrates in
 its first mode at the end.
@@ -29,7 +29,7 @@ def build(
     *, size: float, internal_modes: int, length: float, width: float, youngs_modulus: float,
     poisson_ratio: float, density: float, mass: float, angle: float, duration: float, reduced: str,
 ) -> ff.Model:  # fmt: skip
-    """Model of a mesh with edges of this size, turned within so many seconds."""
+    """Model of a mesh with edges of this size, rotated within so many seconds."""
     aluminium = ff.Material(youngs_modulus, poisson_ratio, density)
     arm = _arm(aluminium, length, width, size, internal_modes, reduced)
     big, small = ff.Marker("arm", "big_end"), ff.Marker("arm", "small_end")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Processes beside a first run that compile what it will need: when they start and end.
+"""Start and end of the background processes that compile loops for a first run.
 
-What they do is in ``flexfem.system.compile_beside``. Here is nothing that takes long to import, so
-that a command starts them before it loads DOLFINx and PETSc.
+Their work is in ``flexfem.system.compile_beside``. Nothing here takes long to import, so that a
+command starts them before it loads DOLFINx and PETSc.
 """
 
 import atexit
@@ -29,7 +29,7 @@ _STARTED: list[subprocess.Popen[bytes]] = []
 
 
 def started() -> bool:
-    """Whether this program has started processes."""
+    """Return True if this program has started processes."""
     return bool(_STARTED)
 
 
@@ -65,7 +65,7 @@ def start(ranks: int) -> None:
 
 
 def tell(modules: Iterable[str]) -> None:
-    """Let the processes know what is loaded for the model, once."""
+    """Send the loaded modules to the processes, once."""
     text = " ".join(modules).encode()
     for process in _STARTED:
         if process.stdin is not None and not process.stdin.closed:
@@ -77,7 +77,7 @@ def tell(modules: Iterable[str]) -> None:
 
 
 def _end() -> None:
-    """What is not compiled at the end of a run was not needed by it."""
+    """Stop the processes: loops not compiled at the end of a run were not needed by it."""
     for process in _STARTED:
         process.terminate()
     for process in _STARTED:
@@ -85,7 +85,7 @@ def _end() -> None:
 
 
 def _traces() -> bool:
-    """Whether one of the first loops was compiled at any time, as the names of files tell."""
+    """Return True if one of the first loops was ever compiled, by the names of cache files."""
     if folder := os.environ.get("NUMBA_CACHE_DIR"):
         places = [Path(folder)]
     else:

@@ -24,7 +24,7 @@ _SHORTEST, _LONGEST = 1e-150, 1e150
 
 
 class InputError(ValueError):
-    """Wrong input noticed by all ranks alike, before anything is computed or written."""
+    """Wrong input that all ranks notice, before anything is computed or written."""
 
 
 class NumericalError(ArithmeticError):
@@ -147,7 +147,7 @@ def array(owner: str, what: str, value: object, shape: tuple[int, ...]) -> Float
 
 
 def _not_numbers(owner: str, what: str, value: object, shape: tuple[int, ...]) -> str:
-    """Return what to say of a value that is no array of a shape: to show it takes long."""
+    """Return the message about a value that is no array of a shape; on failure only: it is slow."""
     wanted = " x ".join("n" if extent < 0 else str(extent) for extent in shape)
     return f"{owner}: {what} must hold {wanted} numbers, got {show(value)}"
 

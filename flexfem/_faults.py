@@ -2,8 +2,8 @@
 """Errors from outside flexfem during a run: functions of the user's, and files.
 
 A function of the user's may fail on one rank only, while the others wait for it in a collective
-call. So whoever calls one notes the exception and goes on with nan, which makes the step fail on
-all ranks alike; the driver then ends the run in good order and raises what was noted.
+call. So whoever calls one notes the exception and continues with nan, which makes the step fail on
+all ranks alike; the driver then ends the run in good order and raises the noted exception.
 """
 
 import sysconfig
@@ -29,7 +29,8 @@ __all__ = [
     "where",
 ]
 
-#: What a function of the user's may raise; ``sys.exit`` in it must not end one rank alone.
+#: Exceptions that a function of the user's may raise; ``sys.exit`` in it must not end one rank
+#: alone.
 FAILURES = (Exception, SystemExit)
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -40,11 +41,11 @@ _CASES = str(_PACKAGE / "cases")
 
 
 class FunctionError(RuntimeError):
-    """A function of the user's failed while a run went on; what was computed is written.
+    """A function of the user's failed during a run; results until then are written.
 
     Attributes:
         trace: Python's traceback as text, empty if there is none.
-        outcome: what the run came to until then, an ``Outcome``; None if it is not known.
+        outcome: result of the run until then, an ``Outcome``; None if unknown.
     """
 
     outcome: Any = None
@@ -67,8 +68,8 @@ class Faults:
     """Errors of one run on this rank, with the first one kept, and its outcome.
 
     Attributes:
-        error: the first exception, None as long as all goes well.
-        outcome: what the run came to, an ``Outcome``, once it is known.
+        error: the first exception, None without any.
+        outcome: result of the run, an ``Outcome``, once it is known.
     """
 
     def __init__(self) -> None:
@@ -94,7 +95,7 @@ _RUN: ContextVar[Faults | None] = ContextVar("flexfem run", default=None)
 
 @contextmanager
 def watched() -> Iterator[Faults]:
-    """Keep what is noted within."""
+    """Collect the faults noted within."""
     faults = Faults()
     token = _RUN.set(faults)
     try:
@@ -104,7 +105,7 @@ def watched() -> Iterator[Faults]:
 
 
 def current() -> Faults:
-    """The faults of the run that goes on; outside of runs some that nobody looks at."""
+    """Faults of the current run; outside of runs a record that nobody reads."""
     return _RUN.get() or Faults()
 
 
@@ -112,9 +113,9 @@ def noted(owner: str, function: object, error: BaseException) -> None:
     """Note that a function of the user's failed.
 
     Args:
-        owner: whose function it is, with its name in quotes.
+        owner: owner of the function, with its name in quotes.
         function: the function.
-        error: what it raised, or what is wrong with what it returned.
+        error: the exception raised, or the error in the returned value.
 
     Raises:
         FunctionError: outside of a run.
@@ -161,7 +162,7 @@ def located(function: object, error: BaseException) -> str:
     """In one line where a function of the user's failed, and why."""
     why, place = " ".join(str(error).split()), where(error)
     if not place and type(error) in (ValueError, RuntimeError):
-        return why  # what flexfem says of its own laws
+        return why  # messages of flexfem about its own laws
     place = place or _place_of(function)
     if isinstance(error, ReturnError):
         return f"{why}, from {place}"

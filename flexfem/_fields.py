@@ -2,12 +2,13 @@
 """Fields of model objects: type, default and check of a value, said once.
 
 A class under :func:`declared` is a frozen dataclass. Its fields say how their values are checked
-and turned into what is stored; messages name the object and the value, see ``flexfem._checks``.
-What depends on several values is checked in the ``__post_init__`` of the class, which finds all
+and converted to the stored form; messages name the object and the value, see ``flexfem._checks``.
+Conditions on several values are checked in the ``__post_init__`` of the class, which finds all
 fields checked. Units and meaning are in the docstring of the class.
 """
 
 import inspect
+import warnings
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, InitVar, dataclass, field, fields
 from typing import Any, dataclass_transform, get_args, get_origin
@@ -18,25 +19,48 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 
 __all__ = [
-    "ZERO", "Array", "ArrayOrNone", "Given", "array", "checked", "choice", "declared", "direction",
-    "flag", "function", "instance", "number", "one_of", "owner_of", "rotation", "settled", "text",
-    "time_function", "vector",
+    "ZERO", "Array", "ArrayOrNone", "Given", "Renamed", "array", "checked", "choice", "declared",
+    "direction", "flag", "function", "instance", "number", "one_of", "owner_of", "rotation",
+    "settled", "text", "time_function", "vector",
 ]  # fmt: skip
 
-#: Takes the object, the field and its value for messages; returns what is stored.
+#: Takes the object, the field and its value for messages; returns the stored value.
 Check = Callable[[str, str, Any], Any]
 
 
 class Given[Value, Kept]:
-    """Type of a field whose argument has another type than what is stored; for type checkers."""
+    """Type of a field whose argument has another type than the stored value; for type checkers."""
 
     def __get__(self, instance: object, owner: Any = None) -> Kept:
-        """Read what is stored."""
+        """Read the stored value."""
         raise NotImplementedError
 
     def __set__(self, instance: Any, value: Value) -> None:
         """Take an argument."""
         raise NotImplementedError
+
+
+class Renamed:
+    """Former name of an attribute: reads the attribute under its present name and warns."""
+
+    def __init__(self, present: str) -> None:
+        """Take the present name."""
+        self._present = present
+
+    def __set_name__(self, owner: type, former: str) -> None:
+        """Take the former name, that of this attribute of the class."""
+        self._former = f"{owner.__name__}.{former}"
+
+    def __get__(self, instance: object, owner: Any = None) -> Any:
+        """Read the attribute of an instance.
+
+        Warns:
+            DeprecationWarning: for instances, with both names.
+        """
+        if instance is None:
+            return self
+        warnings.warn(f"{self._former} is {self._present} now", DeprecationWarning, stacklevel=2)
+        return getattr(instance, self._present)
 
 
 #: Anything that makes an array, stored as a read-only one.
@@ -58,7 +82,7 @@ def checked(
     """Declare a field with any check.
 
     Args:
-        check: what it is checked by, and turned into what is stored.
+        check: function that checks a value and returns the one to store.
         default: value when the argument is left out.
         as_given: the value is stored as it is.
         none: None is allowed; if None, where it is the default.
@@ -177,7 +201,7 @@ def time_function(*shape: int, default: Any = MISSING) -> Any:
 
 
 def function(of: str = "", *, default: Any = MISSING) -> Any:
-    """Declare a function; ``of`` says of what in messages."""
+    """Declare a function; ``of`` names its arguments in messages."""
 
     def check(owner: str, what: str, value: Any) -> None:
         if not callable(value):

@@ -2,8 +2,8 @@
 """Files of users, opened with care: plain files of bounded size, texts in UTF-8.
 
 A pipe would be waited for without end, a device never ends, and a file of another kind or size than
-was meant fills the memory: all of them are refused at once, in one line that begins with what the
-caller calls the file.
+fills the memory: all of them are refused at once, in one line that begins with what the caller
+calls the file.
 """
 
 import math
@@ -17,9 +17,9 @@ from flexfem._checks import InputError, show
 
 __all__ = ["number_in", "open_file", "open_lock", "read_bytes", "read_text"]
 
-#: How other encodings begin, as programs of offices write them.
+#: First bytes of other encodings, as office programs write them.
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
-#: Bytes that are read at once of files whose size the system does not know.
+#: Bytes that are read at once of files of unknown size.
 _CHUNK = 1 << 20
 #: Bytes in which a file must begin as one of its kind.
 _HEAD = 4096
@@ -35,7 +35,7 @@ def open_file(owner: str, path: str | PathLike[str]) -> BufferedReader:
     """Open a plain file for reading, without waiting for anyone.
 
     Args:
-        owner: what messages begin with, such as ``table "steel.csv" cannot be read``.
+        owner: prefix of messages, such as ``table "steel.csv" cannot be read``.
         path: the file.
 
     Raises:
@@ -71,10 +71,10 @@ def read_bytes(
     """Contents of a plain file.
 
     Args:
-        owner: what messages begin with.
+        owner: prefix of messages.
         path: the file.
         limit: of its size in bytes.
-        begins: how it must begin; of any other file only the first bytes are returned, for the
+        begins: required first bytes; of any other file only the first bytes are returned, for the
             caller to refuse, however large it is.
 
     Raises:
@@ -89,7 +89,7 @@ def read_bytes(
                 file.seek(0)
             chunks = [] if size > limit else [file.read(size + 1)]
             read = sum(map(len, chunks))
-            while chunks and chunks[-1] and size < read <= limit:  # the system did not know
+            while chunks and chunks[-1] and size < read <= limit:  # size unknown to the system
                 chunks.append(file.read(_CHUNK))
                 read += len(chunks[-1])
         except OSError as error:
@@ -103,7 +103,7 @@ def read_text(owner: str, path: str | PathLike[str], limit: int) -> str:
     """Text of a plain file in UTF-8, with or without the mark at its beginning.
 
     Args:
-        owner: what messages begin with.
+        owner: prefix of messages.
         path: the file.
         limit: of its size in bytes.
 

@@ -14,13 +14,13 @@ __all__ = ["leave", "note_exits"]
 #: Seconds that a rank which has failed waits for the others when it leaves, and the longest between
 #: looks for them; the exit code of Ctrl-C.
 _ALONE, _NAP, _INTERRUPTED = 30.0, 0.05, 130
-#: What ``SystemExit`` was raised with last, and numbers of tools that may watch exceptions.
+#: Last argument of ``SystemExit``, and numbers of tools that may watch exceptions.
 _status: object = None
 _TOOLS = (3, 4)
 
 
 def note_exits() -> None:
-    """Keep the exit code that the program ends with: :func:`leave` must know, Python tells nobody.
+    """Keep the exit code of the program for :func:`leave`: Python does not report it.
 
     Whatever raises ``SystemExit``, ``sys.exit``, ``exit`` or ``raise``, counts until it is caught.
     """
@@ -54,7 +54,7 @@ def leave() -> None:
 
     Others may come to a run later, or wait for this rank in a collective call of their own, in
     which they hear nothing: when it has left with another code than 0 they get some time, else as
-    long as they need, and are told of it. Nobody has messages left when MPI ends, which it may not
+    long as they need; a message says so. Nobody has messages left when MPI ends, which it may not
     bear.
     """
     for tool in _TOOLS:  # what the callbacks use is taken down before Python's own last exceptions

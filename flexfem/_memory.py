@@ -24,12 +24,12 @@ __all__ = [
 #: Bytes that steps take: the program with its libraries on every rank, a node of a beam, and one of
 #: a shell, whose factors fill in, for each of its unknowns. Motions with 1e4 to 6e6 unknowns.
 PROGRAM, LINE_NODE, SHELL_NODE = 3e8, 1.56e4, 1.6e4
-#: How far these may be too large.
+#: Factor by which these may be too large.
 DOUBT = 1.25
 
-#: Less than this is always there: nothing is asked.
+#: Amount below which available memory is not checked.
 _LITTLE = 1e9
-#: Files of the system: what a group of processes, such as a container, may have, and what it has.
+#: Files of the system: memory limit and memory use of a group of processes, such as a container.
 _GROUP = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     (
@@ -45,10 +45,10 @@ def available() -> float:
 
 
 def check_room(owner: str, needed: float, of: float | None = None) -> None:
-    """Refuse what needs more memory than there is.
+    """Refuse data that need more memory than available.
 
     Args:
-        owner: what messages begin with, and what is large, such as ``LineMesh: 10 elements``.
+        owner: prefix of messages, and the large object, such as ``LineMesh: 10 elements``.
         needed: bytes.
         of: bytes that there are; those of :func:`available` by default.
 
@@ -69,9 +69,9 @@ def check_run(owner: str, nodes: float, each: float) -> None:
     """Refuse a mesh with which no step would have room, where it is written and not an hour later.
 
     Args:
-        owner: what messages begin with, and what is large, such as ``NurbsCurve: a step with 10
-            elements``.
-        nodes: how many it has, at least.
+        owner: prefix of messages, and the large object, such as
+            ``NurbsCurve: a step with 10 elements``.
+        nodes: number of nodes, at least.
         each: bytes that a step needs for one.
 
     Raises:
@@ -85,7 +85,7 @@ def together(needed: float, here: int, all_ranks: int) -> float:
     """Bytes that steps take on one computer, about.
 
     Args:
-        needed: what they take on one rank.
+        needed: memory on one rank, bytes.
         here: ranks on the computer.
         all_ranks: those of the run, which share the model.
     """

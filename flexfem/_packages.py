@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Imports of other packages that say in one line what is missing."""
+"""Imports of other packages with one line about a missing one."""
 
 from importlib import import_module
 from types import ModuleType
@@ -10,7 +10,7 @@ __all__ = ["InstallationError", "missing", "one_line", "require"]
 class InstallationError(ImportError):
     """A package that flexfem needs is missing, or of a kind that it cannot work with.
 
-    All ranks find the same. The message is one line that says what to install.
+    All ranks find the same. The message is one line with the package to install.
     """
 
 

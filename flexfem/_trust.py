@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Trust in folders of compiled code: whoever can write there can run code as this user.
 
-Numba and FFCx keep what they have compiled and load it without a look at where it comes from. A
-folder is used for that only where no one but its user, the system's administrator, and whoever owns
-the program itself could have put something: neither it nor what it lies in belongs to others, and
-none but them may write there. A group of one user's name, as most distributions give every user,
-counts as this user.
+Numba and FFCx cache compiled code and load it without checking its origin. A folder is used for
+that only where no one but its user, the system's administrator, and whoever owns the program itself
+could have put something: neither it nor its parent folders belong to others, and none but them may
+write there. A group of one user's name, as most distributions give every user, counts as this user.
 """
 
 import atexit
@@ -35,7 +34,7 @@ def trusted(folder: str | Path, advice: str, program: str | Path | None = None) 
 
     Args:
         folder: where compiled code is kept.
-        advice: what helps besides taking the right to write from others, such as "set X".
+        advice: remedy besides removing the write permission of others, such as "set X".
         program: folder of the program whose code it is; its owner is trusted, too.
     """
     key = (str(folder), str(program))
@@ -79,7 +78,7 @@ def _of_rights(path: Path, found: os.stat_result, owners: frozenset[int], leaf: 
     if found.st_uid not in owners:
         return f'"{path}" belongs to {_user(found.st_uid)}'
     if found.st_mode & stat.S_ISVTX and not leaf:
-        return ""  # as in /tmp: others cannot replace what is in it
+        return ""  # as in /tmp: others cannot replace its contents
     if found.st_mode & stat.S_IWOTH:
         return f'all users may write into "{path}"'
     if found.st_mode & stat.S_IWGRP and not _own_group(path, found.st_gid):

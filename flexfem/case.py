@@ -39,7 +39,7 @@ _RESERVED = {
     "checkpoint_every",
 }  # fmt: skip
 
-#: What a run takes besides its options: how it is shown, and the files it begins with.
+#: Arguments of a run besides its options: display, and the files to begin with.
 _UNTOLD = ("progress", "restart", "state", "smoke")
 
 
@@ -51,7 +51,7 @@ class Case:
         summary: One line for ``flexfem list``.
         build: Called with one keyword argument per option, returns the model.
         options: The case's own options.
-        analysis: What is done with the model.
+        analysis: Analysis of the model.
         settings: The case's defaults of the options of its analysis.
         smoke: Values ``--smoke`` sets: names of own options or of those of the analysis.
         presets: Other defaults that a value of an own option brings along:
@@ -159,7 +159,7 @@ class Case:
         return (*self.options, *common)
 
     def values(self, given: Mapping[str, Any], *, smoke: bool = False) -> dict[str, Any]:
-        """Defaults, with presets, with the smoke values when asked, with what was given."""
+        """Defaults, with presets, with the smoke values on request, with the given values."""
         values = {option.name: option.default for option in self.all_options()}
         chosen = {**values, **(self.smoke if smoke else {}), **given}
         for key, choices in self.presets.items():

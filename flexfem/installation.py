@@ -19,9 +19,9 @@ from flexfem._packages import InstallationError, missing, one_line, require
 
 __all__ = ["DOLFINX", "InstallationError", "check_packages", "load_dolfinx", "require"]
 
-#: The series of DOLFINx, and of Basix, that flexfem is written for; any release of it will do.
+#: The series of DOLFINx, and of Basix, that flexfem is written for; any release of it is accepted.
 DOLFINX = "0.11"
-#: Where DOLFINx comes from, for those who have none or another one.
+#: Sources of DOLFINx, for messages about a missing or another version.
 _SOURCES = (
     'pip install "flexfem[dolfinx]", or fenics-dolfinx=0.11 of conda-forge, or '
     "python3-dolfinx-real of Debian"
@@ -32,7 +32,7 @@ _PACKAGES = ("scipy", "numba", "h5py", "tqdm", "threadpoolctl")
 
 @cache
 def check_packages() -> None:
-    """Check what is needed besides DOLFINx itself: Python packages, UFL and Basix.
+    """Check the other required packages besides DOLFINx: Python packages, UFL and Basix.
 
     Raises:
         InstallationError: one is missing, or belongs to another DOLFINx.
@@ -57,7 +57,7 @@ def load_dolfinx() -> None:
     if find_spec("dolfinx_solver") is not None:  # the binary wheel, which must come first
         try:
             import_module("dolfinx_solver")
-        except Exception as error:  # it has several of its own, and says what to uninstall
+        except Exception as error:  # it has several of its own, and names the one to uninstall
             raise InstallationError(f"dolfinx_solver: {one_line(error)}") from error
     for name in ("mpi4py", "dolfinx"):
         if find_spec(name) is None:
@@ -93,7 +93,7 @@ def _start_petsc() -> None:
     try:
         petsc4py.init(["flexfem", "-skip_petscrc"])
     except (ImportError, OSError, RuntimeError):
-        return  # so is what is wrong with it
+        return  # so is any error in it
 
 
 def _check_version(what: str, module: ModuleType) -> None:
@@ -122,7 +122,7 @@ def _check_petsc(petsc: Any) -> None:
 
 
 def _check_mpi(mpi: Any) -> None:
-    """Refuse ranks that do not know of each other: each would compute, and write, all by itself."""
+    """Refuse ranks that MPI does not connect: each would compute, and write, everything."""
     started, seen = launch.ranks_started(), mpi.COMM_WORLD.size
     if started is not None and started > 1 and seen == 1:
         name, numbers = mpi.get_vendor()

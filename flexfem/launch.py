@@ -70,7 +70,7 @@ def say(text: str, *, error: bool = False) -> None:
     try:
         _write_line(stream, text)
     except OSError:
-        # nobody reads, or the terminal is gone: what is still in the stream's buffer must go
+        # nobody reads, or the terminal is gone: the rest of the stream's buffer must be written
         # somewhere when the process ends
         os.dup2(os.memfd_create("unread"), stream.fileno())
 
@@ -94,8 +94,8 @@ def program(name: str) -> str | None:
     return shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
 
 
-#: What launchers set for the processes they start, and what sets the threads of each: all
-#: libraries look at the first where they have no variable of their own.
+#: Variables set by launchers for their processes, and those for the threads of each: all libraries
+#: look at the first where they have no variable of their own.
 _LAUNCHED = ("PMI", "HYDI_", "MPI_LOCAL", "OMPI_")
 _SETTINGS = "OMPI_MCA_"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -105,7 +105,8 @@ def limit_threads() -> None:
     """One thread of BLAS and OpenMP for this rank, where the environment asks for none.
 
     By themselves they take a thread for each core on every rank, which then wait for one another.
-    Libraries that are loaded already, as NumPy's, are told so; others read it from the environment.
+    In libraries that are loaded already, such as NumPy's, the number is set by a call; others read
+    the environment.
     """
     given = any(os.environ.get(name) for name in _THREADS)
     if not os.environ.get(_THREADS[0]):  # an empty one asks for none either
@@ -141,7 +142,7 @@ LOOK, _FIRST = 1e-3, 0.5
 _PATIENCE = 2.0
 #: Seconds that launchers have to forward what ranks have printed: they drop it when one ends all.
 _FORWARD = 0.1
-#: How lines begin that end a program, by its exit code.
+#: Prefix of the last line of a program, by its exit code.
 _BEGINNINGS = {1: "failed", 2: "error"}
 
 
@@ -149,8 +150,8 @@ class Failure(NamedTuple):
     """Error on a rank, as it is printed.
 
     Attributes:
-        message: What to say, empty if nothing is wrong.
-        code: The exit code that goes with it.
+        message: Text of the error, empty without one.
+        code: The exit code for it.
         trace: Python's traceback where it is asked for, to be printed first.
     """
 
@@ -173,11 +174,11 @@ def first_failure(own: Failure) -> Failure:
     """The first rank's failure that is one.
 
     Collective when launched in parallel. A rank with a message does not wait for ever: others may
-    wait for it in a collective call of what it has failed in. It then prints its message and ends
-    all ranks.
+    wait for it in a collective call of the failed part. It then prints its message and ends all
+    ranks.
 
     Args:
-        own: What is wrong on this rank, if anything is.
+        own: Error on this rank, if any.
     """
     if not launched_in_parallel():
         return own
@@ -197,9 +198,9 @@ def first_failure(own: Failure) -> Failure:
 
 
 def _hear(comm: Any, others: list[int], said: dict[int, Failure]) -> None:
-    """Take what others have said; ends all ranks if one has left without a word."""
+    """Receive the messages of others; ends all ranks if one has left without any."""
     for other in others:
-        left = comm.iprobe(source=other, tag=LEFT)  # asked first: the last word comes before it
+        left = comm.iprobe(source=other, tag=LEFT)  # first: the last message precedes it
         if comm.iprobe(source=other, tag=_SAID):
             said[other] = comm.recv(source=other, tag=_SAID)
         elif left:
@@ -207,7 +208,7 @@ def _hear(comm: Any, others: list[int], said: dict[int, Failure]) -> None:
 
 
 def _end_with(said: dict[int, Failure], own: int) -> None:
-    """End all ranks, of which some do not come; the lowest that knows what is wrong says it."""
+    """End all ranks, of which some do not come; the lowest with an error prints it."""
     failure = said[own]
     if any(other.message for rank, other in said.items() if rank < own):
         time.sleep(_FIRST)
@@ -252,7 +253,7 @@ def _end_without(other: int) -> None:
 def abort(code: int) -> None:
     """End all ranks with this exit code; returns when this process is the only one.
 
-    Whoever calls it has said why: what MPI would print of it is left out.
+    The caller has printed the reason: the message of MPI is left out.
     """
     if not (launched_in_parallel() or "mpi4py.MPI" in sys.modules):
         return
@@ -277,19 +278,19 @@ def excepthook(
 
 
 #: Signals that ask a run to end, and seconds within which a second one counts as the same: a
-#: launcher may pass on what the terminal has sent already.
+#: launcher may forward a signal that the terminal has sent already.
 _SIGNALS, _SAME = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP), 1.0
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run was asked to end and has ended in good order, on all ranks alike.
+    """A run was interrupted and has ended in good order on all ranks.
 
     Attributes:
         number: of the signal.
         code: exit code of a process that ends for this reason.
         reason: where it was interrupted, the first part of the message.
-        checkpoint: what the run can go on from, None without.
-        outcome: what the run came to until then, an ``Outcome``; None if it is not known.
+        checkpoint: checkpoint to resume from, None without.
+        outcome: result of the run until then, an ``Outcome``; None if unknown.
     """
 
     outcome: Any = None
@@ -297,7 +298,7 @@ class Interrupted(KeyboardInterrupt):
     def __init__(
         self, number: int, message: str, *, reason: str = "", checkpoint: Path | None = None
     ) -> None:
-        """Note the signal's number and what to tell the user."""
+        """Note the signal's number and the message to the user."""
         super().__init__(message)
         self.code = 128 + number
         self.number, self.reason, self.checkpoint = number, reason or message, checkpoint

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Options: what a value may be, said once for the command line and for Python callers."""
+"""Options: names, defaults and admissible values, for the command line and for Python callers."""
 
 import difflib
+import functools
 import inspect
 import math
 import operator
@@ -180,7 +181,7 @@ class TargetsOption(Option):
     """Values of columns, such as "t=0.5,1;tip_z=-0.1"."""
 
     def check(self, value: Any) -> str:
-        """Return the text; see :meth:`Option.check`. A mapping of columns to values will do."""
+        """Return the text, also of a mapping of columns to values; see :meth:`Option.check`."""
         if isinstance(value, Mapping):
             parts = [f"{name}={','.join(map(repr, list(some)))}" for name, some in value.items()]
             value = ";".join(parts) or "none"
@@ -235,7 +236,7 @@ class ProgressOption(Option):
         return "auto, bar, lines, lines:SECONDS or none"
 
 
-#: Seconds between two lines of progress unless told otherwise.
+#: Default of the seconds between two lines of progress.
 _EVERY = 30.0
 #: Largest whole number that arrays hold.
 _MOST = 2**63 - 1
@@ -296,8 +297,8 @@ def setting(help: str, *, default: Any, note: str = "") -> Any:
 def settings[Kind: type[Settings]](cls: Kind) -> Kind:
     """Make a frozen dataclass of a class of settings.
 
-    Options and paths are collected from its fields, and what these say is added to its docstring.
-    A plain value of an inherited option is another default.
+    Options and paths are collected from its fields, and their descriptions are added to its
+    docstring. A plain value of an inherited option is another default.
     """
     dataclass(frozen=True, kw_only=True)(cls)
     inherited, own = {one.name: one for one in cls.OPTIONS}, {}
@@ -311,10 +312,30 @@ def settings[Kind: type[Settings]](cls: Kind) -> Kind:
     cls.OPTIONS = tuple((own | inherited).values())
     cls.PATHS = tuple(one.name for one in fields(cls) if one.type == Path | None)
     others = [one for one in fields(cls) if "note" in one.metadata]
-    told = [(one.name, _told(one)) for one in cls.OPTIONS]
-    told += [(one.name, "{help}. {note}".format_map(one.metadata).rstrip()) for one in others]
-    cls.__doc__ = _with_arguments(inspect.cleandoc(cls.__doc__ or ""), told)
+    entries = [(one.name, _entry(one)) for one in cls.OPTIONS]
+    entries += [(one.name, "{help}. {note}".format_map(one.metadata).rstrip()) for one in others]
+    cls.__doc__ = _with_arguments(inspect.cleandoc(cls.__doc__ or ""), entries)
+    _check_names(cls)
     return cls
+
+
+def _check_names(cls: type["Settings"]) -> None:
+    """Make the constructor of a class of settings name unknown options, and the nearest ones."""
+    construct, known = cls.__init__, [one.name for one in fields(cls)]
+
+    @functools.wraps(construct)
+    def checked(self: "Settings", *values: Any, **options: Any) -> None:
+        if values:
+            raise TypeError(
+                f"{cls.__name__}: give options by name, as {known[0]}=..., got {show(values[0])}"
+            )
+        for name in options:
+            if name not in known:
+                hint = meant(name, known) or f"known are {', '.join(sorted(known))}"
+                raise TypeError(f"{cls.__name__}: no option '{name}', {hint}")
+        construct(self, **options)
+
+    cls.__init__ = checked  # type: ignore[method-assign]
 
 
 def _declared(one: Any) -> Option:
@@ -324,7 +345,7 @@ def _declared(one: Any) -> Option:
     return kind(one.name, one.type, default, one.metadata["help"], **one.metadata["more"])
 
 
-def _told(one: Option) -> str:
+def _entry(one: Option) -> str:
     """Help, admissible values and note of an option."""
     values = "" if one.kind is bool else f" ({one.describe()})"
     if one.kind is str and not one.choices:
@@ -332,17 +353,17 @@ def _told(one: Option) -> str:
     return f"{one.help}{values}. {one.note}".rstrip()
 
 
-def _with_arguments(doc: str, told: Iterable[tuple[str, str]]) -> str:
-    """A docstring with a list of arguments before what is raised."""
-    entries = [
+def _with_arguments(doc: str, entries: Iterable[tuple[str, str]]) -> str:
+    """A docstring with a list of arguments before the errors raised."""
+    arguments = [
         textwrap.fill(
             f"{name}: {text}", 96, initial_indent=" " * 4, subsequent_indent=" " * 8,
             break_on_hyphens=False,
         )
-        for name, text in told
+        for name, text in entries
     ]  # fmt: skip
     text, raises, reasons = doc.partition("\n\nRaises:")
-    return "\n".join([f"{text}\n\nArgs:", *entries]) + raises + reasons
+    return "\n".join([f"{text}\n\nArgs:", *arguments]) + raises + reasons
 
 
 @settings
@@ -351,7 +372,7 @@ class Settings:
 
     # All options, those that the class itself declares first.
     OPTIONS: ClassVar[tuple[Option, ...]] = ()
-    #: Options that a run that goes on from a checkpoint may not change.
+    #: Options that a restart may not change.
     RESTART_AGREES: ClassVar[tuple[str, ...]] = ()
     # Fields that are paths, or None.
     PATHS: ClassVar[tuple[str, ...]] = ()

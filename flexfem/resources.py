@@ -61,7 +61,7 @@ def imported_elsewhere(path: Path) -> Iterator[tuple[str, str]]:
     """
     try:
         nodes = list(ast.walk(ast.parse(path.read_bytes())))
-    except (OSError, SyntaxError, ValueError):  # told by whoever loads it
+    except (OSError, SyntaxError, ValueError):  # reported where the mesh is loaded
         return
     names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     names |= {n.module or "" for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}

@@ -73,7 +73,7 @@ def dress(panel: Any, x: str, column: str) -> None:
 
 
 def columns_of_all(tables: dict[str, Table], columns: str | None, x: str) -> list[str]:
-    """Columns asked for, by default those of the first run; all runs must have them and x."""
+    """Requested columns, by default those of the first run; all runs must have them and x."""
     for label, table in tables.items():
         columns = ",".join(choose(table, columns, x, Path(label) / "history.csv"))
     assert columns is not None  # there is a run

@@ -11,7 +11,7 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from result_series import ARROWS, FLEXIBLE, OBSTACLES, Instant, RenderError
 
-#: What is shown unless told otherwise: resultants of beams and shells, else stresses of solids.
+#: Quantities shown by default: resultants of beams and shells, else stresses of solids.
 FIELDS = ("bending_moment", "von_mises", "deformation")
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
@@ -34,7 +34,7 @@ class Scene:
     """What all pictures of one motion have in common."""
 
     title: str
-    clock: str  # how the time of an instant is told
+    clock: str  # format of the time of an instant
     field: str
     limits: tuple[float, float]
     cloud: np.ndarray  # points (n, 3) all over the motion
@@ -142,7 +142,7 @@ def look(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unit vectors (right, up, towards the viewer).
 
-    Unless told, the view is across a flat motion and from a corner of all others.
+    By default the view is across a flat motion and from a corner of all others.
     """
     extent = bounds[:, 1] - bounds[:, 0]
     thin = int(np.argmin(extent))

@@ -38,7 +38,7 @@ _COMPONENT = re.compile(r"([fmpl]?)[xyz]|(|[nm]|gamma|kappa|eps)\d+")
 
 
 class PlotError(ValueError):
-    """A user's mistake, told in one line."""
+    """A user's mistake, described in one line."""
 
 
 def read_table(path: Path) -> dict[str, np.ndarray]:

@@ -35,7 +35,7 @@ VECTORS = ("force", "moment")
 
 
 class OptionError(ValueError):
-    """Options that do not fit, told in one line."""
+    """Options that do not fit, described in one line."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -166,7 +166,7 @@ def viewpoint(text: str) -> tuple[float, ...]:
 
 
 def make(options: argparse.Namespace) -> list[Path]:
-    """Draw what is asked for; returns the files.
+    """Draw the requested pictures; returns the files.
 
     Raises:
         ValueError: Options or result files cannot be used.

@@ -20,12 +20,12 @@ FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lin
 SERIES = (*FLEXIBLE, "rigid_bodies", "joints", "contact_surfaces")
 #: Obstacles, which may be much larger than what moves.
 OBSTACLES = "contact_surfaces"
-#: Points with vectors, which are drawn only when asked for.
+#: Points with vectors, which are drawn on request only.
 ARROWS = "reactions"
 
 
 class RenderError(ValueError):
-    """A user's mistake, told in one line."""
+    """A user's mistake, described in one line."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def nearest(instants: list[Instant], time: float) -> Instant:
 
 
 def title_of(folder: Path) -> tuple[str, str]:
-    """Name of the case from the summary, or of the folder, and how its times are told."""
+    """Name of the case from the summary, or of the folder, and the format of its times."""
     name, clock = folder.resolve().name, "t = {:.4g} s"
     try:
         summary = json.loads((folder / "summary.json").read_text())

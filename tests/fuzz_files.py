@@ -62,7 +62,7 @@ _STEEL = ff.Material(2e11, 0.3, 7850.0)
 
 @cache
 def _checkpoints() -> Sequence[bytes]:
-    """A checkpoint of four nodes, whose seal is made anew before it is read."""
+    """A checkpoint of four nodes, whose checksum is renewed before it is read."""
     header = {
         "flexfem": ff.__version__, "model": {"bodies": "a"}, "options": {"dt": 0.1},
         "grid": [1.0, 10], "step": 3,
@@ -139,7 +139,7 @@ def _reduced() -> Sequence[bytes]:
 
 
 def _reduced_body(path: Path) -> object:
-    """Read a body whose checksum was made anew, where there is enough of the file for one."""
+    """Read a body whose checksum was renewed, where there is enough of the file for one."""
     try:
         _check_structure(path)
     except ValueError as error:

@@ -11,7 +11,7 @@ files that name the changed module or what it defines (else modules which import
 passes without the change. What survives is not covered, or changes no result, only iterations.
 
 The copy has links to the compiled loops beside the sources. Their stamps are checksums of their
-module and all that it imports: only loops behind the change are compiled anew, into files of the
+module and all that it imports: only loops behind the change are compiled again, into files of the
 copy (column "compiled"), for minutes after a change of ``lie`` or ``core``. Forms are kept by their
 own checksum. Run the chosen tests once before, so that all loops are there.
 """

@@ -56,12 +56,12 @@ LAYERS = [
     {"__main__"},
     {"docs"},
 ]
-# Those of one group know nothing of each other, although some are on different lines.
+# Those of one group do not import each other, although some are on different lines.
 STRANGERS = (
     {"bodies", "contact", "constraints", "joints", "loads"},
     {"families", "contact", "constraints"},
 )
-# What makes the elements of a family may know of the layout nothing but this.
+# Elements of a family may import nothing else from the layout.
 CONTRACT_OF_ELEMENTS = {"flexfem.layout.elements", "flexfem.layout.tangent_request"}
 UNKNOWN_TO_ELEMENTS = {"bodies", "constraints", "contact", "joints", "layout", "loads", "system"}
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
@@ -198,7 +198,7 @@ def test_folders_import_each_other_in_one_direction() -> None:
 
 @pytest.mark.serial
 def test_elements_know_neither_model_nor_system() -> None:
-    """What the elements of a family consist of does not know joints, loads and numbered models."""
+    """Modules of the elements of a family import neither joints nor loads nor numbered models."""
     modules = {dotted(path): path for path in FILES}
     left = [name for name in modules if re.fullmatch(r"flexfem\.families\.\w+\.elements", name)]
     found: set[str] = set()

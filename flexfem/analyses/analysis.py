@@ -41,7 +41,7 @@ class Analysis:
     """One kind of analysis.
 
     Attributes:
-        name: what it is called.
+        name: its name.
         settings: class of its options.
         driver: "module:function", imported when a run starts; called with the model, the settings
             and the keywords ``case`` and ``results``, it returns an Outcome. What a case builds may

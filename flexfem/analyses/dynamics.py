@@ -63,7 +63,7 @@ class RunOptions(Settings):
         maximum=0.1,
     )
     redundant_constraints: str = option(
-        "constraints that hold a motion twice: refuse them by name, or carry them (least_norm)",
+        "redundant constraints: refuse them by name, or distribute their forces (least_norm)",
         default="refuse",
         choices=("refuse", "least_norm"),
         note="They are carried with the smallest forces that do.",

@@ -92,14 +92,14 @@ class ModeOptions(StateOptions):
         default=0.0,
         unit="Hz",
         minimum=0,
-        note="It counts in axes that turn with the model.",
+        note="It is relative to axes that rotate with the model.",
     )
     accuracy: float = option(
         "relative residual of eigenvalues",
         default=1e-10,
         minimum=1e-15,
         maximum=1e-2,
-        note="There the iteration stops. The residuals of those found are computed anew, of those "
+        note="There the iteration stops. The residuals of those found are computed again, of those "
         "about an equilibrium also after one more step towards it; ten times as much is a failure, "
         "unless rounding allows no better.",
     )

@@ -37,7 +37,7 @@ class RelaxationOptions(Settings):
         "iterations after which the run gives up", default=100_000, minimum=1
     )
     damping: str = option(
-        "accelerated: momentum grows until forces turn against it; viscous: from Rayleigh's "
+        "accelerated: momentum grows until forces oppose it; viscous: from Rayleigh's "
         "quotient of the motion; kinetic: all stops at each energy peak",
         default="accelerated",
         choices=("accelerated", "viscous", "kinetic"),
@@ -58,7 +58,7 @@ class RelaxationOptions(Settings):
         "masses relative to those that are stable for sure", default=1.2, minimum=0.5
     )
     renew_every: int = option(
-        "masses are computed anew every N-th iteration", default=200, minimum=1
+        "masses are computed again every N-th iteration", default=200, minimum=1
     )
     at_time: float = option("time at which loads and drives are taken", default=0.0, unit="s")
     record_every: int = option(

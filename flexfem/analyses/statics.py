@@ -101,7 +101,7 @@ class StaticOptions(Settings):
         minimum=0,
     )
     stabilise: bool = option(
-        "hold motions without stiffness, and search stable equilibria only",
+        "regularise motions without stiffness, and search stable equilibria only",
         default=False,
         note="Those of bodies that come to rest on others are found, too, from some lengths of "
         "elements away.",

@@ -21,7 +21,7 @@ class Wrenches(Record):
     """Forces and moments at points, each scaled by the amplitude of its load.
 
     Attributes:
-        offsets: (k, 12) frame of each point relative to what carries it.
+        offsets: (k, 12) frame of each point relative to its carrier.
         forces, moments: (k, 3) N and N m, in inertial axes, or in those of the point.
         follower: (k,) the latter.
         load: (k,) number of the load.

@@ -24,7 +24,7 @@ from flexfem.options import PROGRESS, Option, Settings
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
 #: Files that analyses start from.
 _FILES = ("restart", "state")
-#: What concerns the output alone.
+#: Options that concern the output alone.
 _OUTPUT = ("output", "quiet", "progress")
 _OUTPUTS = """\
 Writes history.csv (one row per step), summary.json and ParaView files into the output folder.
@@ -103,7 +103,7 @@ def _chosen(case: Case, analyses: Mapping[str, Analysis], argv: Sequence[str]) -
 
 
 def _case_parser(case: Case, analyses: Mapping[str, Analysis], prog: str | None) -> Parser:
-    """A parser whose result holds only what was given, so that --smoke can set the rest."""
+    """A parser whose result has the given options only, so that --smoke can set the rest."""
     parser = Parser(
         prog=prog,
         description=case.description or case.summary,

@@ -29,7 +29,7 @@ def main(case: Case, argv: Sequence[str] | None = None, *, prog: str | None = No
     """Run a case from the command line.
 
     Args:
-        case: What to run.
+        case: Case to run.
         argv: Arguments; those of the process by default.
         prog: Name of the command in help and messages.
 
@@ -83,7 +83,7 @@ def _run(
 
     Raises:
         UsageError: Nothing was computed.
-        FailedRunError: What was computed has come to an end before its own.
+        FailedRunError: The computation ended before its planned end.
     """
     model = built(case, parameters, argv)
     try:
@@ -107,7 +107,7 @@ def _run(
 def _with_command(
     stop: launch.Interrupted, options: Settings, prog: str | None, argv: Sequence[str]
 ) -> launch.Interrupted:
-    """The same interruption, which says by what command the run goes on."""
+    """The same interruption, with the command that resumes the run."""
     if stop.checkpoint is not None:
         how = f"go on with: {shown_command(prog, argv, restart=stop.checkpoint)}"
     else:
@@ -122,7 +122,7 @@ def built(case: Case, parameters: Mapping[str, Any], argv: Sequence[str]) -> "Mo
 
     Raises:
         UsageError: It cannot be built on a rank.
-        FailedRunError: What it is built from cannot be computed.
+        FailedRunError: A part of the model cannot be computed.
     """
     own, model = launch.Failure(""), None
     try:

@@ -12,7 +12,7 @@ from flexfem.resources import load_module, shipped_folder
 
 __all__ = ["print_files", "script"]
 
-#: What the extra "post" brings.
+#: Packages of the extra "post".
 _EXTRA = ("imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtk", "vtkmodules", "PIL")
 
 
@@ -62,7 +62,7 @@ def print_files(make: Callable[[], list[Path]]) -> int:
 
 
 def _missing(error: ImportError) -> Exception:
-    """One line for a library that is not installed; other errors of imports stay what they are."""
+    """One line for a library that is not installed; other errors of imports are not changed."""
     library = (error.name or "").partition(".")[0]
     if library not in _EXTRA and not isinstance(error, ModuleNotFoundError):
         return UsageError(f"cannot draw here, {error}")  # a library of the system

@@ -14,7 +14,7 @@ from flexfem import launch
 from flexfem.installation import InstallationError
 from flexfem.options import Option, is_text, meant
 
-#: How argparse begins to say that there is no such option.
+#: Start of argparse's message about an unknown option.
 _UNKNOWN = "unrecognized arguments: "
 #: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
 _PATIENCE = 0.5
@@ -23,11 +23,11 @@ TRACEBACK = "--traceback"
 
 
 class UsageError(Exception):
-    """Wrong input from the user; the message is what to print, in one line.
+    """Wrong input from the user; the message is printed, in one line.
 
     Args:
         message: The message.
-        agreed: All ranks know it already.
+        agreed: All ranks have the same error already.
         trace: Python's traceback of its cause, where that is of another rank.
     """
 
@@ -38,7 +38,7 @@ class UsageError(Exception):
 
 
 class FailedRunError(Exception):
-    """A computation that came to an end before its own; the message is what to print.
+    """A computation that ended before its planned end; the message is printed.
 
     Args:
         message: The message.
@@ -63,7 +63,7 @@ class Parser(argparse.ArgumentParser):
         )
 
     def error(self, message: str) -> NoReturn:
-        """Wrong input in one line, with what may be meant and where to read on."""
+        """Wrong input in one line, with close names and a pointer to the help."""
         raise UsageError(f"{message}{self._meant(message)} (see {self.prog} --help)")
 
     def _meant(self, message: str) -> str:
@@ -83,16 +83,16 @@ class Parser(argparse.ArgumentParser):
 def exit_code(action: Callable[[], int], argv: Sequence[str]) -> int:
     """Turn errors of the user or of the installation, and Ctrl-C, into one line and an exit code.
 
-    The rest ends all ranks. Whatever ends before a run starts is told to the other ranks, which
-    may have got further.
+    The rest ends all ranks. A failure before a run starts is sent to the other ranks, which may
+    have got further.
 
     Args:
-        action: What to do.
+        action: Function to run.
         argv: Arguments of the command; with ``--traceback`` among them Python's is printed, too.
 
     Returns:
-        What the action returns, or 2 for wrong input, 1 for a failed run, 128 and its number for a
-        signal.
+        Return value of the action, or 2 for wrong input, 1 for a failed run, 128 and its number for
+        a signal.
     """
     sys.excepthook = launch.excepthook
     try:
@@ -115,7 +115,7 @@ def exit_code(action: Callable[[], int], argv: Sequence[str]) -> int:
             launch.say(str(launch.Failure(message)), error=True)
             return 2
         raise
-    except launch.Interrupted as stop:  # all ranks have ended alike
+    except launch.Interrupted as stop:  # all ranks have ended in the same way
         launch.say(str(stop), error=True)
         return stop.code
     except KeyboardInterrupt:
@@ -184,7 +184,7 @@ def file(text: str) -> Path:
 
 
 def reader(option: Option) -> Callable[[str], Any]:
-    """Return a parser of an option's value whose errors say what the value must be."""
+    """Return a parser of an option's value whose errors state the admissible values."""
 
     def read(text: str) -> Any:
         try:

@@ -2,5 +2,5 @@
 """Contact of points with triangles and with rigid surfaces, by penalties.
 
 ``points`` and ``pairs`` are the same on every rank, ``contacts`` are those of a rank; ``detection``
-finds what touches, ``law`` gives the forces, ``obstacles`` are the surfaces that are touched.
+finds the contacts, ``law`` computes the forces, ``obstacles`` are the surfaces of contact.
 """

@@ -93,14 +93,14 @@ class Carriers:
         by_kind: those that each block carries.
         home: rank of every point, (n + d,).
         numbers: global number of each carrier in its block, (n,).
-        ranks: rank that looks for what is near each triangle, (m,).
+        ranks: rank that searches the neighbours of each triangle, (m,).
     """
 
     def __init__(
         self, comm: MPI.Intracomm, points: ContactPoints, blocks: Mapping[int, FrameBlock],
         element_ranks: Mapping[int, IntArray],
     ) -> None:  # fmt: skip
-        """Find out who owns what (collective).
+        """Exchange the owners of nodes and triangles (collective).
 
         Args:
             comm: communicator.
@@ -189,7 +189,8 @@ class Carriers:
     def add_changes(self, kind: int, forces: FloatArray, scale: float) -> None:
         """Add changes of gathered forces (n + d, 3) to a block's residual.
 
-        Those are scaled; what the loads of the last evaluation change as nodes turn is added.
+        Those are scaled; the change of the loads of the last evaluation with the rotation of nodes
+        is added.
         """
         one = self.by_kind[kind]
         nodes, own = one.block.nodes.memory, one.own.memory

@@ -46,7 +46,7 @@ class Contacts:
         self, comm: MPI.Intracomm, described: Sequence[ContactSurfaces], points: ContactPoints,
         blocks: Mapping[int, FrameBlock], element_ranks: Mapping[int, IntArray],
     ) -> None:  # fmt: skip
-        """Find out who owns what (collective).
+        """Exchange the owners of nodes and triangles (collective).
 
         Args:
             comm: communicator.
@@ -109,7 +109,7 @@ class Contacts:
         self._evaluated = False
 
     def _search(self) -> None:
-        """Find candidates anew, those of other ranks' triangles as well (collective)."""
+        """Update the neighbour lists, also those of other ranks' triangles (collective)."""
         passes = self._triangles()
         chosen = [one.chosen for _, one in passes]
         if self._comm.size > 1:
@@ -205,7 +205,7 @@ class Contacts:
     def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
         """Rows, columns and values of ``scale`` times the tangent (collective).
 
-        One entry for each pair of kinds of blocks; kept until contacts are evaluated anew.
+        One entry for each pair of kinds of blocks; kept until contacts are evaluated again.
         """
         if self._entries is None or self._entries[0] != scale:
             found = ContactEntries(self._carriers, self._frames)
@@ -236,7 +236,7 @@ class Contacts:
         return {"contacts": Numbering(here, owned, len(self._points))}
 
     def state(self) -> State:
-        """Stiffness, and what accepted positions do not tell of the points here (collective)."""
+        """Stiffness, and the history of the points here (collective)."""
         self.update()
         values = {"contact_stiffness": self.stiffness}
         rows: dict[str, FloatArray] = {}
@@ -259,7 +259,7 @@ class Contacts:
         return next(filter(None, found), "")
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned, after the blocks have (collective)."""
+        """Restore the return value of :meth:`state`, after the blocks have (collective)."""
         self.set_stiffness(state.values["contact_stiffness"].copy())
         self.update()
         self._accepted = self.time
@@ -297,12 +297,12 @@ class Contacts:
     def energy(self) -> float:
         """Energy stored by the contacts of this rank, J (collective)."""
         self.refresh()
-        return sum(made.energy + made.held.stored for g in self.groups for made in g.every)
+        return sum(made.energy + made.closed.stored for g in self.groups for made in g.every)
 
     @property
     def lost(self) -> float:
         """Energy lost by friction and damping on this rank, J."""
-        return sum(made.held.lost for g in self.groups for made in g.every)
+        return sum(made.closed.lost for g in self.groups for made in g.every)
 
     def measure(self, name: str) -> FloatArray:
         """This rank's share in penetration, forces and number of a contact, (6,) (collective)."""
@@ -317,7 +317,7 @@ class Contacts:
 class ContactShare:
     """Forces and tangents of a system's contacts on one of its blocks.
 
-    Blocks are asked in their order: the first one evaluates for all.
+    Blocks are evaluated in their order: the first one evaluates for all.
 
     Attributes:
         contacts: of the system.

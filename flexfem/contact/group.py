@@ -68,6 +68,6 @@ class ContactGroup:
         for sign, made in zip(signs, self.every, strict=True):
             normal = made.forces
             total[3] += np.linalg.norm(normal, axis=1).sum()
-            held = made.held.forces
-            total[:3] += sign * (normal.sum(0) - held.sum(0))
+            friction = made.closed.forces
+            total[:3] += sign * (normal.sum(0) - friction.sum(0))
         return total

@@ -16,7 +16,7 @@ from flexfem.model.rigid_surface import RigidMesh
 
 __all__ = ["check_start"]
 
-#: What can be done about all of it.
+#: Advice for all of these errors.
 _APART = "move them apart, or make the contact thinner"
 
 
@@ -53,7 +53,7 @@ def _check_depth(
 
 
 def _check_crossing(points: ContactPoints, owner: str, each: ContactPass) -> None:
-    """Raise where an edge of the slaves goes through a master triangle."""
+    """Raise where an edge of the slaves intersects a master triangle."""
     slave = np.zeros(len(points.start), dtype=np.bool_)
     slave[each.slaves.nodes] = True
     edges = np.concatenate([points.edges, points.parents])
@@ -64,7 +64,7 @@ def _check_crossing(points: ContactPoints, owner: str, each: ContactPass) -> Non
         a, b = own[edge].tolist()
         other = points.names[points.body[each.chosen[triangle]]]
         raise ValueError(
-            f"{owner}: at the start {_body(points, a)} goes through {other} between nodes "
+            f"{owner}: at the start {_body(points, a)} intersects {other} between nodes "
             f"{_number(points, a)} and {_number(points, b)}; {_APART}"
         )
 

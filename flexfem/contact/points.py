@@ -40,15 +40,15 @@ class ContactPoints:
         kind: kind of block of each carrier, GROUND for none, (n,).
         node: number of each carrier in its block, (n,).
         arms: places in the axes of the carriers, m, (n, 3).
-        held: which unknowns of the carriers are held, (n, 6).
+        held: fixed unknowns of the carriers, (n, 6).
         start: positions at the start of all points, those between others last, m, (n + d, 3).
-        parents: what the last ones are between, (d, 2); weights: their weights, (d, 2).
+        parents: nodes at both ends of the last ones, (d, 2); weights: their weights, (d, 2).
         masters: all triangles.
         edges: of the triangles, (e, 2).
         joined: pairs of points that joints hold together, near which nothing touches, (k, 2).
         element: number of the element of each triangle in its family, -1 for rigid meshes, (m,).
         body: number of each triangle's body in ``names``, (m,); owner: that of each point, (n + d,)
-        names: what messages call the bodies.
+        names: names of the bodies in messages.
         triangles_of: triangles of shells by name and of rigid meshes by their ``id``.
         points_of: points of beams by name; lengths: of beam that each of them stands for, m.
     """
@@ -132,7 +132,7 @@ class _Collected:
 def contact_points(
     serial: NumberedModel, contacts: Sequence[Contact], joined: IntArray
 ) -> ContactPoints:
-    """Collect what the contacts of a model bring together.
+    """Collect the points and triangles of the contacts of a model.
 
     Args:
         serial: serial data of the model.
@@ -254,7 +254,7 @@ def _parts(
     start: FloatArray, cells: IntArray, name: str, contacts: Sequence[Contact], made: _Collected,
     triangles_of: dict[str | int, IntArray],
 ) -> int:  # fmt: skip
-    """Parts of each element of a beam: about as long as the edges of what it touches."""
+    """Parts of each element of a beam: about as long as the edges of the masters."""
     lengths = np.linalg.norm(start[cells[:, 1]] - start[cells[:, 0]], axis=1)
     wanted, triangles = 1, np.concatenate([np.zeros((0, 3), np.int64), *made.triangles])
     for contact in contacts:

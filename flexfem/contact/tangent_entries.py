@@ -76,7 +76,7 @@ class ContactEntries:
             self._put_aside(parents.ravel(), values, number, kind, transposed=transposed)
 
     def add_turning(self, scale: float) -> None:
-        """Add what loads at the last evaluation change as their nodes turn."""
+        """Add the change of the loads at the last evaluation with the rotation of their nodes."""
         for kind, one in self._carriers.by_kind.items():
             loaded = np.flatnonzero(one.loads.any(axis=1)) if one.turns else np.zeros(0, np.int64)
             if not len(loaded):

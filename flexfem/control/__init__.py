@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Laws of feedback: what a controller computes from what it measures."""
+"""Feedback laws: the outputs of a controller as functions of its measurements."""

@@ -34,13 +34,14 @@ class FmuLaw:
 
     At the first sample the FMU is initialised there. At every other one it takes the measurements,
     steps from the last sample to this one with them, and its outputs are read: a controller thus
-    answers what is measured at this instant, and a subsystem with states sees its inputs held.
+    responds to the measurements of this instant, and a subsystem with states has constant inputs
+    between samples.
 
     The standard leaves it to the FMU whether its state can be saved, so that a checkpoint holds all
-    measurements so far; after a restart the FMU is taken through them again.
+    measurements so far; a restart replays them.
 
     Attributes:
-        owner: what messages begin with.
+        owner: prefix of messages.
         file: the FMU.
         inputs, outputs: names of its variables, of type Real or Float64.
         parameters: start values of its parameters by name.
@@ -111,7 +112,7 @@ class FmuLaw:
             _check_archive(f"{self.owner}: file '{self.file}'", archive)
         try:
             description = read_model_description(self.file, validate=False)
-        except Exception as error:  # whatever is wrong with a file, fmpy raises many kinds
+        except Exception as error:  # fmpy raises many kinds of errors
             text = " ".join(str(error).split())
             raise ValueError(f"{self.owner}: file '{self.file}' is no FMU: {text}") from error
         version = description.fmiVersion
@@ -203,7 +204,7 @@ class FmuLaw:
 
 
 def _check_archive(owner: str, archive: BinaryIO) -> None:
-    """Look at an archive's list of contents before anything is unpacked.
+    """Check the list of contents of an archive before it is unpacked.
 
     Raises:
         ValueError: it is none, or its contents are too large, overlap, or belong elsewhere.
@@ -211,7 +212,7 @@ def _check_archive(owner: str, archive: BinaryIO) -> None:
     size = archive.seek(0, SEEK_END)
     try:
         members = ZipFile(archive).infolist()
-    except Exception as error:  # whatever is wrong with it
+    except Exception as error:  # any error in it
         raise ValueError(f"{owner} is no FMU: {' '.join(str(error).split())}") from error
     unpacked = sum(member.file_size for member in members)
     if len(members) > _MEMBERS or unpacked > _UNPACKED:

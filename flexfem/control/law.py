@@ -4,7 +4,7 @@
 A static law is a function ``law(t, y)`` of the time (s) and of the measurements ``y`` (n,) that
 returns one number per output. A law with memory is an object with a method ``update(t, y)`` that
 returns the same and is called once per sample, and an attribute ``state``, an array of numbers that
-holds all that it remembers: checkpoints keep it.
+is its whole memory: checkpoints save it.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class SampledLaw(Protocol):
     """A law with memory.
 
     Attributes:
-        state: all that it remembers, any shape.
+        state: its memory, of any shape.
     """
 
     state: FloatArray

@@ -34,8 +34,8 @@ class PID:
         setpoint: r, a number or a function of time (s).
         filter_time: T_f, s; 0 for none.
         lower, upper: limits of the output.
-        weights: b and c, how far proportional and derivative parts see changes of the setpoint.
-        tracking_time: T_t, s, within which the integral lets go of a limit; None for
+        weights: b and c, weights of the setpoint in the proportional and derivative parts.
+        tracking_time: T_t, s, within which the integral recovers from a limit; None for
             ``sqrt(T_i T_d)``, or ``T_i`` without derivative, never less than h.
         state: time, ``c r - y``, D, I, e and ``u - v`` of the last sample; time is NaN before it.
     """

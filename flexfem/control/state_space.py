@@ -11,7 +11,7 @@ from flexfem._types import FloatArray
 
 __all__ = ["StateSpace"]
 
-#: How a continuous law is made discrete, as ``scipy.signal.cont2discrete`` calls them.
+#: Methods of discretisation of a continuous law, by their names in ``scipy.signal.cont2discrete``.
 METHODS = ("zoh", "foh", "bilinear", "euler", "backward_diff")
 
 

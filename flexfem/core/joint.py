@@ -111,7 +111,7 @@ class Joint:
         return None
 
     def turned(self, turns: Sequence[FloatArray]) -> Mapping[str, FloatArray]:
-        """Its directions at another start, by field, where the bodies of its markers are turned.
+        """Its directions at another start, by field, where the bodies of its markers are rotated.
 
         Args:
             turns: the rotation (3, 3) of each marker's body, in inertial axes.
@@ -312,7 +312,7 @@ def line_guidance(axis: FloatArray, a: Pose) -> tuple[Row, ...]:
 def equal_rotation(
     a: Pose, b: Pose, turned: FloatArray | None = None, number: int = 1
 ) -> tuple[Row, ...]:
-    """Three rows that keep the initial relative rotation, turned by a matrix in marker a's axes.
+    """Three rows that keep the initial relative rotation, rotated by a matrix in marker a's axes.
 
     They hold the three off-diagonal products of the axes at zero: unique while the rotation error
     stays below a quarter turn. ``number`` is that of marker b within the joint.
@@ -332,12 +332,12 @@ def turn_angle(
     ends: tuple[int, int] = (0, 1),
     reference: FloatArray | None = None,
 ) -> Term:
-    """Angle (rad) by which b has turned from a since the start.
+    """Angle (rad) by which b has rotated from a since the start.
 
     The axis is given in inertial components at the start and stays fixed in a; ``ends`` are the
     numbers of both markers within the joint. The angle is that between projections along the axis
     of a vector in a and the one in b that is the same at the start: ``reference``, perpendicular to
-    the axis, any if None. It matters where b turns about other axes, too.
+    the axis, any if None. It matters where b rotates about other axes, too.
     """
     p = perpendicular(axis)[0] if reference is None else reference
     return Term(
@@ -351,7 +351,7 @@ def turn_angle(
 
 
 def turn_angles(a: Pose, b: Pose) -> list[Term]:
-    """Angles (rad) about the axes of a by which b has turned from a since the start.
+    """Angles (rad) about the axes of a by which b has rotated from a since the start.
 
     References are chosen so that a turn about the third axis alone changes no other angle, whatever
     its size, nor do turns below a right angle about one of the others.

@@ -24,7 +24,7 @@ class Load:
     Attributes:
         name: Unique name of the load in its model.
         amplitude: Factor on the load as a function of time, None for the constant 1.
-        follower: Whether the load turns with its marker or section.
+        follower: True if the load rotates with its marker or section.
     """
 
     name: str

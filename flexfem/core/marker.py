@@ -44,8 +44,8 @@ class Marker:
             node. None for rigid bodies.
         offset: Position of the marker relative to the node (in section axes) or to the reference
             point of the rigid body (in body axes), shape (3,), metres.
-        rotation: Orientation of the marker in inertial axes at the initial time, shape (3, 3);
-            from then on it turns with the body.
+        rotation: Orientation of the marker in inertial axes at the initial time, shape (3, 3); from
+            then on it rotates with the body.
 
     Raises:
         TypeError: An argument has the wrong type.

@@ -26,7 +26,7 @@ class NodeRow:
         points: (n, 3) their positions, m.
         apexes: (n - 1,) node beside each segment, that of a triangle of the shell.
         stiffness: (n - 1,) moment per length and angle, N, by which these triangles resist being
-            turned about the segments, infinite where they turn with the shell.
+            turned about the segments, infinite where they rotate with the shell.
         damping: stiffness-proportional damping of the shell, s.
         beside: (n - 1, 2, 3) nodes of two triangles whose slopes across a segment are those of the
             shell at ``slopes`` (n - 1, 2), places from 0 to 1 in the segment; where both are the
@@ -62,8 +62,8 @@ class NodeRow:
         """Marker at a node of the row."""
         return SurfaceMarker(self.body, (int(self.nodes[k]),), (1.0,))
 
-    def middle(self, k: int) -> SurfaceMarker:
-        """Marker in the middle of a segment."""
+    def midpoint(self, k: int) -> SurfaceMarker:
+        """Marker at the midpoint of a segment."""
         return SurfaceMarker(self.body, self.nodes[k : k + 2].tolist(), (0.5, 0.5))
 
     def tilted(self, k: int, along: float) -> list[tuple[SurfaceMarker, float]]:

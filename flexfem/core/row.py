@@ -93,13 +93,14 @@ class Law:
     """Force law of a row.
 
     Attributes:
-        kind: which law.
+        kind: number of the law, `LawKind`.
         stiffness: k, N/m or N m/rad.
         damping: c, N s/m or N m s/rad.
         first, second: ``SPRING``: F_0 (N or N m) and nothing; ``LIMIT``: lower and upper limit;
             ``FRICTION``: F_c (N or N m) and v_0 (m/s or rad/s); ``NORMAL_FRICTION``: mu (1, or m
             for a moment) and v_0.
-        function: what gives the force, or a factor of F_c or mu; None for the laws above alone.
+        function: user's function of the force, or of a factor of F_c or mu; None for the laws above
+            alone.
     """
 
     kind: LawKind
@@ -150,14 +151,14 @@ class Term:
     """One elementary function of two markers of a joint, times a factor.
 
     Attributes:
-        kind: which function.
+        kind: kind of the function, `RowKind`.
         u: direction in the axes of marker a (inertial axes for ``INERTIAL``).
         v: direction in the axes of marker b.
         p: zero direction of an angle, in the axes of marker a, perpendicular to ``u``.
         a, b: numbers of the two markers within the joint.
         factor: coefficient in the row's sum.
         function: of ``FUNCTION``; None for the others.
-        component: which number of those that it returns.
+        component: index of the component used.
     """
 
     kind: RowKind
@@ -172,7 +173,7 @@ class Term:
 
     @property
     def data(self) -> FloatArray:
-        """(3, 3) what the function needs besides the markers: u, v and p.
+        """(3, 3) data of the function besides the markers: u, v and p.
 
         For a user's function its component and its parameters.
         """

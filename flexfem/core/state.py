@@ -52,11 +52,12 @@ class State:
     def misfit(self, found: "State") -> str:
         """Return a difference between a state read from a file and this one; empty if none.
 
-        Names and shapes must be the same, but for the number of rows of what is empty here: of
-        events that have not happened yet, for example. Numbers must be finite where they are here.
+        Names and shapes must be the same, but for the number of rows of arrays that are empty here:
+        of events that have not happened yet, for example. Numbers must be finite where they are
+        here.
 
         Args:
-            found: this rank's part of what was read.
+            found: this rank's part of the data read.
         """
         for name, mine in self.values.items():
             theirs = found.values.get(name)

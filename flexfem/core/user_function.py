@@ -43,13 +43,13 @@ _WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class UserFunction:
-    """A function with what belongs to it; see :class:`FunctionKind` for its arguments.
+    """A function with its parameters; see :class:`FunctionKind` for its arguments.
 
     Attributes:
         owner: class and name of the joint, with which messages begin.
         what: field of the joint that holds it.
         function: defined by ``def`` or ``lambda``, so that it can be compiled.
-        kind: what it is a function of.
+        kind: its arguments, `FunctionKind`.
         parameters: numbers that are handed to it; they can differ where the function is the same.
     """
 
@@ -68,7 +68,7 @@ class UserFunction:
         kind: FunctionKind,
         parameters: Sequence[float] = (),
     ) -> UserFunction:
-        """A function, after checks of what it is and of its parameters; it is not called.
+        """A function, after checks of its arguments and parameters; it is not called.
 
         Raises:
             TypeError: it is no plain function, or parameters are no numbers.
@@ -129,7 +129,7 @@ class UserFunction:
         return np.array([_checks.returned_number(self.what, value) for value in listed])
 
     def tried(self, *arguments: object) -> FloatArray:
-        """The same; what goes wrong becomes one line that names the function and its place.
+        """The same; an exception becomes one line that names the function and its place.
 
         Raises:
             ValueError: it fails, or does not return finite numbers.

@@ -60,12 +60,12 @@ PICTURES = {
 }
 #: Cases that are no files: the page whose first complete script each is.
 PAGES = {"scissor": "guide/walk.md"}
-#: What each script draws, unless told otherwise.
+#: Default picture of each script.
 _DRAWN = {"render": "motion.png", "plot_history": "history.png", "plot_campbell": "campbell.png"}
 
 
 def main(results: Path) -> None:
-    """Run what has no results yet, and draw all pictures."""
+    """Run cases without results, and draw all pictures."""
     for name, (case, (script, *options)) in PICTURES.items():
         folder = results / case
         if not (folder / "summary.json").exists():

@@ -15,10 +15,10 @@ The kinetic energy is that of masses that move with the linear field of the iner
 the nodes' mass centres c, ``1/2 sum_ij M_ij m (R_i V_ci) . (R_j V_cj)`` with
 ``M = L/6 [[2, 1], [1, 2]]`` and ``V_c = V + Omega x c``, plus that of the rotary inertia about c,
 lumped at the nodes. Translation is exact in any bent state; interpolated local velocities would
-lose the mass ``theta^2/6`` of an element whose ends are turned by ``theta`` against each other.
+lose the mass ``theta^2/6`` of an element whose ends are rotated by ``theta`` against each other.
 Both parts are positive wherever c lies; masses along the axis with their first moment lumped at the
-nodes would not be: where neighbours turn against each other, that moment meets a third of its mass
-only. The Euler–Poincaré equations of this energy keep linear and angular momentum exactly
+nodes would not be: where neighbours rotate against each other, that moment meets a third of its
+mass only. The Euler–Poincaré equations of this energy keep linear and angular momentum exactly
 (Noether).
 """
 
@@ -128,7 +128,7 @@ def _moved(twist: Expr, c: Expr) -> tuple[Expr, Expr]:
 def _inertial_work(
     length: Expr, m: Expr, R_12: Expr, v: _Pair, a: _Pair, w: _Pair, dw: _Pair
 ) -> _Pair:
-    """Work of the inertia force on the twists ``w`` of both ends, and its change as they turn.
+    """Work of the inertia force on the twists ``w`` of both ends, and its change as they rotate.
 
     Args:
         length: of the element.
@@ -137,14 +137,14 @@ def _inertial_work(
         v: local twists of both ends.
         a: their rates.
         w: test twists.
-        dw: local twists by which the ends turn.
+        dw: local twists of the ends.
     """
     mass, c, rotary = _about_centre(m)
     # local twists of the mass centres, their rates, and the centres' inertial accelerations
     twists, rates, tests = ([_moved(x, c) for x in pair] for pair in (v, a, w))
     b = [dV + ufl.cross(omega, V) for (V, omega), (dV, _) in zip(twists, rates, strict=True)]
     force, change = [], []
-    for i, R in enumerate((R_12, R_12.T)):  # R turns the other end's components into this one's
+    for i, R in enumerate((R_12, R_12.T)):  # R maps the other end's components to this one's
         j = 1 - i
         (u, spun), spin = tests[i], twists[i][1]
         turn, other = _halves(dw[i])[1], _halves(dw[j])[1]

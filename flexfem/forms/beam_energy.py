@@ -2,12 +2,12 @@
 """UFL forms of the SE(3) beam for a step that conserves energy.
 
 Element and strain are those of :mod:`flexfem.forms.beam`. Over a step the relative twist ``d`` of
-the element goes from ``d_0`` to ``d_1``. With frames that turn by the Cayley map, the relative
+the element goes from ``d_0`` to ``d_1``. With frames that rotate by the Cayley map, the relative
 position ``r = R_1^T (x_2 - x_1)`` and the relative rotation ``Q = R_1^T R_2`` have exact discrete
 derivatives along the motion of the nodes, and so has the logarithm, whose pieces are products,
 roots and polynomials (:mod:`flexfem.forms.discrete`). The element force is the stress at the mean
-twist along that derivative: its work over the step is exactly the change of the strain energy,
-and it vanishes for rigid motions about the mean positions, which keeps both momenta.
+twist along that derivative: its work over the step is exactly the change of the strain energy, and
+it vanishes for rigid motions about the mean positions, which keeps both momenta.
 
 Test motions are constants of the cell, nine in number: the difference of the translations of both
 ends and their rotations, all in inertial axes.

@@ -122,7 +122,7 @@ class LawExpressions:
 
 
 def law_expressions(law: SectionLaw) -> LawExpressions:
-    """Call the functions of a law and check what they return.
+    """Call the functions of a law and check the returned values.
 
     Raises:
         ValueError: A function fails, or returns anything but a UFL scalar of its arguments.
@@ -151,7 +151,7 @@ def _called(law: SectionLaw, what: str, function: Any, arguments: tuple[Any, ...
     """Value of a law's function, checked to be a scalar of its arguments alone."""
     try:
         value = function(*arguments)
-    except Exception as error:  # a user's function: whatever goes wrong is their input
+    except Exception as error:  # a user's function: any error in it is wrong input
         if isinstance(error, AttributeError) and error.obj is arguments[-1]:
             given = ", ".join(law.parameters) or "none"
             reason = f'uses the parameter "{error.name}", given are {given}'

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """UFL form of the geometrically exact shell with a director.
 
-With the position z, quadratic on each triangle, and a director d, linear and given in the middles
+With the position z, quadratic on each triangle, and a director d, linear and given at the midpoints
 of the edges (Crouzeix, Raviart), Z and D their values at the start and ``,a`` derivatives along the
 surface, the strains (Simo, Fox, Comput. Methods Appl. Mech. Eng. 72 (1989) 267-304) are
 
@@ -10,22 +10,22 @@ surface, the strains (Simo, Fox, Comput. Methods Appl. Mech. Eng. 72 (1989) 267-
     gamma_a  = z,a . d - Z,a . D,
 
 in axes e1, e2 of the start, and the energy per area is ``(e^T S e + gamma^T C gamma) / 2`` with e =
-(eps, kappa). The directors are unit vectors in the middles of the edges; what turns them is no part
-of the form. Two things are done against locking:
+(eps, kappa). The directors are unit vectors at the midpoints of the edges; their rotation is no
+part of the form. Two things are done against locking:
 
 - The membrane strains, quadratic on a triangle, are interpolated by linear ones, into Regge
   elements of degree 1: same tangential strains at two Gauss points of each edge, same mean
   (Neunteufel, Schoeberl, J. Comput. Phys. 426 (2021) 109933).
 - The shear strains are split into those of the lowest edge element with the same tangential strains
-  in the middles of the edges, ``gamma_r``, and the rest, whose energy is multiplied by
+  at the midpoints of the edges, ``gamma_r``, and the rest, whose energy is multiplied by
   ``1 / (1 + c A tr C / (S_44 + S_55))``, A being the triangle's area and c = 0.05. The former alone
   make a thin plate the triangle of Morley, which converges on any mesh; the latter would bind the
   gradient of the deflection all along the edges, too many conditions where triangles are few, but
-  keeps the middles of the edges in their places. The factor tends to one with refinement, as in
-  the stabilised elements of Brezzi, Fortin and Stenberg (Math. Models Methods Appl. Sci. 1 (1991)
-  125-151), and linear deflections and turns have no rest, so that patch tests hold.
+  keeps the midpoints of the edges in place. The factor tends to one with refinement, as in the
+  stabilised elements of Brezzi, Fortin and Stenberg (Math. Models Methods Appl. Sci. 1 (1991)
+  125-151), and linear deflections and rotations have no rest, so that patch tests hold.
 
-Quadrature: the three inner points of degree 2 for membrane and bending, the middles of the edges
+Quadrature: the three inner points of degree 2 for membrane and bending, the midpoints of the edges
 for the shear, exact for flat triangles.
 
 All takes place on the reference triangle with corners (0, 0), (1, 0), (0, 1), edge k opposite to
@@ -53,9 +53,9 @@ __all__ = [
 ]
 
 #: Factor c of the shear beyond the edge element. Square plates of thickness 1e-4, clamped and
-#: hinged, under uniform loads and forces amid them, on regular, perturbed, union-jack and crossed
-#: meshes deflect within 6 % with 8 cells a side and 1 % with 16. With 0.02 it is up to 7 % too
-#: little with 8 cells, with 0.1 up to 12 % too much, and more on shells under forces at points.
+#: hinged, under uniform loads and forces at their centres, on regular, perturbed, union-jack and
+#: crossed meshes deflect within 6 % with 8 cells a side and 1 % with 16. With 0.02 it is up to 7 %
+#: too little with 8 cells, with 0.1 up to 12 % too much, and more on shells under forces at points.
 RELAXATION = 0.05
 
 _MIDDLES = ((0.5, 0.5), (0.0, 0.5), (0.5, 0.0))
@@ -81,7 +81,7 @@ def shear_products(g1: Expr, g2: Expr, d: Expr) -> list[Expr]:
 _GAUSS = 12**-0.5
 
 
-#: Two on each edge, then the middles of the edges: where products make up the membrane strains.
+#: Two on each edge, then the midpoints of the edges: where products make up the membrane strains.
 MEMBRANE_PLACES = np.array([
     *(
         np.add(middle, sign * np.array(edge))
@@ -238,7 +238,8 @@ def director_energy(
         present: fields now.
         stiffness: of membrane and bending, (6, 6), N/m, N and N m.
         shear: across the thickness, (2, 2), N/m.
-        direction: whose projection e1 is, (3,); None for the direction from corner 0 to corner 1.
+        direction: vector whose projection is e1, (3,); None for the direction from corner 0 to
+            corner 1.
     """
     along = start.base(_MIDDLES[2])[0] if direction is None else direction
     here = _Surface.of(start.base(), along)

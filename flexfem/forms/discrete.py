@@ -112,6 +112,6 @@ def polynomial(series: Sequence[float], a: Change) -> Change:
     start = end = ufl.as_ufl(series[-1])
     slope = ufl.as_ufl(0.0)
     for factor in reversed(series[:-1]):
-        slope = slope * a.end + start  # divided difference of what follows
+        slope = slope * a.end + start  # divided difference of the next factor
         start, end = start * a.start + factor, end * a.end + factor
     return Change(start, end, slope * a.d)

@@ -13,7 +13,7 @@ __all__ = ["EnergyForms"]
 
 
 class _Parameters:
-    """Parameters of an energy as attributes and by names; notes which are asked for."""
+    """Parameters of an energy as attributes and by names; records those that are used."""
 
     def __init__(self, values: dict[str, Any]) -> None:
         self._values, self.asked = values, set[str]()

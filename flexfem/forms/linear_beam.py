@@ -5,7 +5,7 @@ Unknowns are the displacement u of the axis and the rotation theta of the sectio
 axes. With t the tangent and R = [e1 e2 e3] the section's axes, strains in these are
 ``gamma = R^T (u' + t x theta)`` and ``kappa = R^T theta'``, the linear part of those of the
 geometrically exact beam; their quadratic part in a rotation vector theta,
-``-theta x u' + theta x (theta x t)/2`` and ``-theta x theta'/2``, is what stress works on
+``-theta x u' + theta x (theta x t)/2`` and ``-theta x theta'/2``, gives the geometric stiffness
 (Simo and Vu-Quoc 1986, linearised about the straight state).
 """
 

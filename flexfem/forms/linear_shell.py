@@ -6,7 +6,7 @@ With the facet's axes e1, e2 and normal n, the director changes by ``phi = theta
 
     eps_ab = sym(e_a . u,_b),  kappa_ab = sym(e_a . phi,_b),  gamma_a = n . u,_a + e_a . phi
 
-(Reissner 1945, Mindlin 1951). The turn of a facet about its normal,
+(Reissner 1945, Mindlin 1951). The rotation of a facet about its normal,
 ``(e2 . u,_1 - e1 . u,_2)/2``, is tied to theta by a weak spring.
 """
 
@@ -46,7 +46,7 @@ def _plane(first: Expr, second: Expr, axes: tuple[Expr, Expr, Expr]) -> tuple[Ex
 
 
 def shell_strains(u: Expr, theta: Expr, axes: tuple[Expr, Expr, Expr]) -> tuple[Expr, Expr, Expr]:
-    """Membrane strains and curvatures (6), shear strains (2), and the turn about the normal."""
+    """Membrane strains and curvatures (6), shear strains (2), and the rotation about the normal."""
     e1, e2, n = axes
     u_1, u_2 = _derivatives(u, axes)
     theta_1, theta_2 = _derivatives(theta, axes)

@@ -15,16 +15,16 @@ Reissner 1973) in the axes of R are
 Normalised sums of rotations are objective and do not depend on the path (Romero, Comput. Mech. 34
 (2004) 121-133; with quaternions Zupan, Saje, Zupan, Comput. Methods Appl. Mech. Eng. 198 (2009)
 3944-3956). Another reference node multiplies ``q`` from the left by a constant quaternion only, so
-that R is as smooth along the beam as the shape functions. Nodes turned by an angle t against each
+that R is as smooth along the beam as the shape functions. Nodes rotated by an angle t against each
 other have the curvature ``4 tan(t/4) / h`` in the middle of an element of degree 1 and length h,
 not ``t / h``: of second order like the element.
 
 With ``vectors`` the rotation vectors of ``R_r^T R_I`` are interpolated in their place, see
 ``flexfem.forms.nurbs_vectors``.
 
-The forms know nothing of the degree: their unknowns are the eleven numbers ``p = (y', q - 1, q')``
+The forms do not depend on the degree: their unknowns are the eleven numbers ``p = (y', q - 1, q')``
 of one point of an element, constants of a space that is discontinuous from one point to the next.
-What interpolates them and leads on to the nodes is in ``flexfem.families.beam_nurbs.loops``.
+Their interpolation and the nodal forces are in ``flexfem.families.beam_nurbs.loops``.
 """
 
 from collections.abc import Callable
@@ -55,10 +55,10 @@ POINT = 11
 class NurbsForms:
     """Forms of one material and the order in which they expect their data.
 
-    All have rank 1 and write what they stand for, row by row, per length.
+    All have rank 1 and write their quantities, row by row, per length.
 
     Attributes:
-        residual: force (11,), dual to the unknowns.
+        residual: force (11,), work-conjugate to the unknowns.
         tangent: force (11,), its derivative by the unknowns at fixed rates (11, 11) and, with
             viscosity, by the rates (11, 11).
         action: force (11,) and its change (11,) along the changes of unknowns and rates.
@@ -88,7 +88,7 @@ class _Quaternion:
 
 
 class _Kinematics(Protocol):
-    """Strains at the unknowns p, and what their derivatives are made of."""
+    """Strains at the unknowns p, and the parts of their derivatives."""
 
     @classmethod
     def of(cls, unknowns: Expr) -> Self:
@@ -96,7 +96,7 @@ class _Kinematics(Protocol):
 
     @classmethod
     def derivative(cls, vector: Callable[[Self], Expr], unknowns: Expr) -> Expr:
-        """Derivative by the unknowns of what is made of the kinematics."""
+        """Derivative by the unknowns of a function of the kinematics."""
 
     def strain(self) -> tuple[Expr, Expr]:
         """Both strains, those of the start included."""

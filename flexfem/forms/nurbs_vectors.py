@@ -66,7 +66,7 @@ class VectorKinematics:
 
     @classmethod
     def derivative(cls, vector: Callable[[Self], Expr], unknowns: Expr) -> Expr:
-        """Derivative by the unknowns of what is made of the kinematics."""
+        """Derivative by the unknowns of a function of the kinematics."""
         p = ufl.variable(unknowns)
         return ufl.diff(vector(cls.of(p)), p)
 

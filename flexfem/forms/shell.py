@@ -12,12 +12,12 @@ vectors ``k = (k_11, k_22, 2 k_12)`` of the patch and the unit normal n
 
     kappa = n . k - kappa_0,
 
-``kappa_0`` being the value at the start. The energy per area of the start is ``(eps^T D_m eps + 2
-eps^T D_c kappa + kappa^T D_b kappa) / 2``; its derivatives are exact. Rigid rotations turn f, k
-and n alike and leave the strains as they are.
+``kappa_0`` being the value at the start. The energy per area of the start is
+``(eps^T D_m eps + 2 eps^T D_c kappa + kappa^T D_b kappa) / 2``; its derivatives are exact. Rigid
+rotations rotate f, k and n in the same way and leave the strains unchanged.
 
-The form of a point knows the fifteen numbers ``(f_1, f_2, k_11, k_22, 2 k_12)`` and nothing of
-patches; what leads on to the nodes is in ``flexfem.families.shell_rotation_free.triangles``. The
+The form of a point takes the fifteen numbers ``(f_1, f_2, k_11, k_22, 2 k_12)`` and is independent
+of patches; the nodal forces are in ``flexfem.families.shell_rotation_free.triangles``. The
 functions of strains and energy take any expressions, hence also those of a mesh.
 """
 
@@ -39,10 +39,10 @@ POINT = 15
 class ShellForms:
     """Forms of the linear section law and the order in which they expect their data.
 
-    Both have rank 1 and write what they stand for, row by row, per area of the start.
+    Both have rank 1 and write their quantities, row by row, per area of the start.
 
     Attributes:
-        residual: force (15,), dual to the unknowns.
+        residual: force (15,), work-conjugate to the unknowns.
         tangent: force (15,) and its derivative by the unknowns (15, 15).
         coefficients: by name, in the order in which a triangle's data is packed: ``unknowns``
             (15,); ``start``, 1, 1, 0 and kappa_0 (6,); ``stiffness``, the upper triangle of the 6x6
@@ -61,7 +61,7 @@ def shell_strains(f1: Expr, f2: Expr, curvature: Expr, start: Expr) -> Expr:
         f1: derivative of the position along e1, (3,).
         f2: the same along e2.
         curvature: curvature vectors, row by row, 1/m, (3, 3).
-        start: what counts as no strain: 1, 1, 0 and kappa_0, 1/m, (6,).
+        start: values without strain: 1, 1, 0 and kappa_0, 1/m, (6,).
     """
     length, across = ufl.sqrt(ufl.dot(f1, f1)), ufl.cross(f1, f2)
     ratio = ufl.sqrt(ufl.dot(across, across))

@@ -27,7 +27,7 @@ __all__ = ["StrainForms", "director_strains", "rotation_free_strains"]
 
 @dataclass(frozen=True)
 class StrainForms:
-    """Forms of k strains of n unknowns, which write what they stand for row by row.
+    """Forms of k strains of n unknowns, which write their quantities row by row.
 
     Attributes:
         strain: strains (k,) and their derivatives (k, n).

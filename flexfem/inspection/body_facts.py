@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from flexfem._fields import Renamed
 from flexfem._types import FloatArray, IntArray
 from flexfem.kinematics.body_inertia import body_inertia
 from flexfem.layout.numbered_model import NumberedModel
@@ -21,7 +22,7 @@ __all__ = ["AnyBody", "BodyFacts", "MassFacts", "body_facts", "total"]
 
 AnyBody = Beam | Shell | RigidBody | FloatingBody | Body | PointMass
 
-#: What the kinds of bodies are called, in the order in which they are told.
+#: Names of the kinds of bodies, in the order of the summary.
 KINDS: dict[type, str] = {
     Beam: "beam",
     Shell: "shell",
@@ -60,7 +61,7 @@ class BodyFacts:
         elements: number of its finite elements.
         nodes: number of its nodes; nodes that shells share count for the first of them.
         unknowns: of these nodes.
-        held: how many of the unknowns stay as they are.
+        fixed: number of fixed unknowns.
     """
 
     body: AnyBody
@@ -70,7 +71,7 @@ class BodyFacts:
     elements: int = 0
     nodes: int = 0
     unknowns: int = 0
-    held: int = 0
+    fixed: int = 0
 
     @property
     def name(self) -> str:
@@ -78,9 +79,12 @@ class BodyFacts:
         return self.body.name
 
     @property
-    def freedoms(self) -> int:
-        """Unknowns that are not held."""
-        return self.unknowns - self.held
+    def degrees_of_freedom(self) -> int:
+        """Unknowns that are not fixed."""
+        return self.unknowns - self.fixed
+
+    freedoms = Renamed("degrees_of_freedom")
+    held = Renamed("fixed")
 
 
 def body_facts(serial: NumberedModel) -> list[BodyFacts]:
@@ -125,11 +129,11 @@ def _flexible(
     serial: NumberedModel, body: Beam | Shell | Body, points: FloatArray, elements: int,
     unknowns: tuple[int, int, int],
 ) -> BodyFacts:  # fmt: skip
-    nodes, width, held = unknowns
+    nodes, width, fixed = unknowns
     masses = _masses(serial, body, points.mean(axis=0))
     size = np.ptp(points, axis=0)
     kind = next(word for kind, word in KINDS.items() if isinstance(body, kind))
-    return BodyFacts(body, kind, masses, size, elements, nodes, nodes * width, held)
+    return BodyFacts(body, kind, masses, size, elements, nodes, nodes * width, fixed)
 
 
 def _beam(serial: NumberedModel, beam: Beam) -> BodyFacts:

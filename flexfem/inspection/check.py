@@ -20,7 +20,7 @@ _OWN = ("drives", "gaps", "redundant")
 
 
 def check(model: Model, options: Settings | None = None) -> list[Finding]:
-    """Find what looks like a mistake in a model; what surely is one raises when it is built.
+    """Find probable mistakes in a model; certain ones raise when it is built.
 
     Args:
         model: the model.
@@ -28,7 +28,7 @@ def check(model: Model, options: Settings | None = None) -> list[Finding]:
             analysis.
 
     Returns:
-        The findings, each with what it is about, what is wrong and what to try.
+        The findings, each with its subject, description and advice.
 
     Raises:
         InputError: a mistake in the model (a ValueError).

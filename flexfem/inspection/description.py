@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Summary of a model: what it holds and what it comes to."""
+"""Summary of a model: its objects, counts and sums."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ class Description(ModelFacts):
         model: the model.
         bodies: mass, inertia, size, elements and unknowns of each body, point masses last.
         total: mass properties of all together.
-        joints: what each joint connects, and its constraints.
-        mobility: freedoms and constraints.
+        joints: markers and constraints of each joint.
+        mobility: degrees of freedom and constraints.
         meshes: elements of each flexible body.
         extent: characteristic length, m.
         entries: of the matrix of a step, about; contact left out.
@@ -60,10 +60,10 @@ class Description(ModelFacts):
             "events": [event.name for event in self.model.events],
             "probes": {probe.name: list(probe.columns) for probe in self.model.probes},
             "unknowns": counts.unknowns,
-            "held": counts.held,
+            "held": counts.fixed,
             "constraints": counts.constraints,
             "redundant_constraints": counts.redundant,
-            "degrees_of_freedom": counts.freedoms,
+            "degrees_of_freedom": counts.degrees_of_freedom,
             "motions_as_wholes": counts.motions,
             "motions_by_counting": counts.grubler,
             "characteristic_length": self.extent,
@@ -75,7 +75,7 @@ class Description(ModelFacts):
 
 
 def describe(model: Model) -> Description:
-    """Sum up a model: bodies, masses, joints, freedoms, sizes; nothing is assembled.
+    """Sum up a model: bodies, masses, joints, degrees of freedom, sizes; nothing is assembled.
 
     Args:
         model: the model.
@@ -112,7 +112,9 @@ def _masses(facts: MassFacts) -> dict[str, Any]:
 
 
 def _body(facts: BodyFacts) -> dict[str, Any]:
-    counts = {"elements": facts.elements, "nodes": facts.nodes, "freedoms": facts.freedoms}
+    counts = {
+        "elements": facts.elements, "nodes": facts.nodes, "freedoms": facts.degrees_of_freedom,
+    }  # fmt: skip
     own = {"name": facts.name, "kind": facts.kind, "size": facts.size.tolist()}
     return own | _masses(facts.masses) | counts
 

@@ -16,9 +16,9 @@ class Finding:
 
     Attributes:
         check: name of the check that found it.
-        where: what it is about: a body, joint, load, mesh or the model.
-        what: what was found, with the values.
-        hint: what to try.
+        where: subject: a body, joint, load, mesh or the model.
+        what: description, with the values.
+        hint: advice.
     """
 
     check: str

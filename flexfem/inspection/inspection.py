@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A model laid open: its serial data, bodies as wholes and joints, each computed when asked for."""
+"""Inspection of a model: serial data, rigid-body parts and joints, each computed on first use."""
 
 from functools import cached_property
 from typing import Self
@@ -81,7 +81,7 @@ class Inspection:
 
     @cached_property
     def parts(self) -> RigidParts:
-        """The bodies as wholes."""
+        """The rigid-body parts: bodies with common nodes are one."""
         return RigidParts(self.serial)
 
     @cached_property
@@ -113,5 +113,5 @@ class Inspection:
 
     @property
     def scale(self) -> float:
-        """Length that turns are compared with displacements by, m: the extent, or 1."""
+        """Length by which rotations are compared with displacements, m: the extent, or 1."""
         return self.extent or 1.0

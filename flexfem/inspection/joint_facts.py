@@ -14,7 +14,7 @@ from flexfem.kinematics.start_rows import StartRows
 
 __all__ = ["ROLES", "JointFacts", "joint_facts", "turning_rows"]
 
-#: What joints do, in the order in which they are told.
+#: Functions of joints, in the order of the summary.
 ROLES = ("joints", "drives", "forces", "locks")
 
 
@@ -27,7 +27,7 @@ class JointFacts:
         kind: its class.
         role: "joints"; "drives", which move; "forces": springs, stops, friction, actuators;
             "locks" that bodies in one plane have.
-        ends: what it connects.
+        ends: connected markers.
         constraints: rows that hold at the start.
         laws: rows with a force law.
         open: rows that may hold later.

@@ -26,7 +26,7 @@ class MeshFacts:
         length: length of a beam, m; root of the area of a shell.
         area: of a shell, m^2; 0 for beams.
         depth: of the section or the shell, m; NaN where nothing tells.
-        middles: (m, 3) middles of the elements, m.
+        centroids: (m, 3) of the elements, m.
         axial: stiffness of the softest element against stretching, N/m: EA/l, of shells E h.
     """
 
@@ -36,7 +36,7 @@ class MeshFacts:
     length: float
     area: float
     depth: float
-    middles: FloatArray
+    centroids: FloatArray
     axial: float
 
     @property
@@ -72,15 +72,15 @@ def _beam(serial: NumberedModel, beam: Beam) -> MeshFacts:
         assert curves is not None
         index = curves.index(beam.name)
         lengths = np.asarray(curves.parts[index].lengths)
-        middles = curves.frames[curves.nodes(index), :3].mean(axis=1)
+        centroids = curves.frames[curves.nodes(index), :3].mean(axis=1)
     else:
         cells = serial.cells.cells[serial.cells.body == serial.model.beams.index(beam)]
         ends = serial.points[cells]
-        lengths, middles = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), ends.mean(axis=1)
+        lengths, centroids = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), ends.mean(axis=1)
     D = beam.section.stiffness
     axial = np.nan if D is None else float(D[0, 0] / lengths.max())
     depth = section_depth(beam.section)
-    return MeshFacts(beam, lengths, lengths, float(lengths.sum()), 0.0, depth, middles, axial)
+    return MeshFacts(beam, lengths, lengths, float(lengths.sum()), 0.0, depth, centroids, axial)
 
 
 def _shell(serial: NumberedModel, shell: Shell) -> MeshFacts:

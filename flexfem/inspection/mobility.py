@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexfem._fields import Renamed
 from flexfem._types import BoolArray, IntArray
 from flexfem.inspection.inspection import Inspection
 from flexfem.joints.elastic_lock import ElasticLock
@@ -20,21 +21,21 @@ _ZERO, _PART = 1e-9, 1e-6
 
 @dataclass(frozen=True)
 class Mobility:
-    """Counts of freedoms and constraints at the start.
+    """Counts of degrees of freedom and constraints at the start.
 
     Attributes:
         unknowns: of all nodes.
-        held: unknowns that stay as they are: edges of shells, and what amplitudes do not have.
+        fixed: fixed unknowns: edges of shells, and unused components of amplitudes.
         constraints: rows of joints that hold.
         redundant: constraints that follow from the others.
-        bodies: bodies that move as wholes; those with common nodes are one.
-        supports: motions of such bodies that held edges and nodes of shells keep.
+        bodies: rigid-body parts; bodies with common nodes are one.
+        supports: motions of such bodies that fixed edges and nodes of shells prevent.
         whole_constraints: rows of joints between them.
-        motions: of the bodies as wholes that joints and supports leave, by rank.
+        motions: of the rigid-body parts that joints and supports leave, by rank.
     """
 
     unknowns: int
-    held: int
+    fixed: int
     constraints: int
     redundant: int
     bodies: int
@@ -43,18 +44,21 @@ class Mobility:
     motions: int
 
     @property
-    def freedoms(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Degrees of freedom that are left: unknowns less independent constraints."""
-        return self.unknowns - self.held - self.constraints + self.redundant
+        return self.unknowns - self.fixed - self.constraints + self.redundant
+
+    freedoms = Renamed("degrees_of_freedom")
+    held = Renamed("fixed")
 
     @property
     def grubler(self) -> int:
-        """Motions of the bodies as wholes by counting (Gruebler, Kutzbach)."""
+        """Mobility of the rigid-body parts by counting (Gruebler, Kutzbach)."""
         return 6 * self.bodies - self.supports - self.whole_constraints
 
 
 def mobility(inspection: Inspection) -> Mobility:
-    """Count the freedoms of a model at the start."""
+    """Count the degrees of freedom of a model at the start."""
     rows = inspection.rows
     rigid = rows.rows.rigid
     of_nodes = rows.on_nodes(rigid)
@@ -65,7 +69,7 @@ def mobility(inspection: Inspection) -> Mobility:
     facts = inspection.bodies
     return Mobility(
         unknowns=sum(one.unknowns for one in facts),
-        held=sum(one.held for one in facts),
+        fixed=sum(one.fixed for one in facts),
         constraints=int(rigid.sum()),
         redundant=dependence_count(of_nodes),
         bodies=bodies,
@@ -76,18 +80,18 @@ def mobility(inspection: Inspection) -> Mobility:
 
 
 def part_rows(inspection: Inspection, chosen: BoolArray) -> NodeRows:
-    """Chosen rows (r,) of joints and the supports of shells, on the bodies as wholes.
+    """Chosen rows (r,) of joints and the supports of shells, on the rigid-body parts.
 
     Turns count as ways of points one characteristic length away.
     """
     of_joints = inspection.rows.on_parts(_between(inspection, chosen))
-    held = inspection.rows.supports()
+    supports = inspection.rows.supports()
     first = int(of_joints.row.max(initial=-1)) + 1
-    gradient = np.concatenate([of_joints.gradient, held.gradient])
+    gradient = np.concatenate([of_joints.gradient, supports.gradient])
     gradient[..., 3:] /= inspection.scale
     return NodeRows(
-        np.concatenate([of_joints.row, first + held.row]),
-        np.concatenate([of_joints.nodes, held.nodes]),
+        np.concatenate([of_joints.row, first + supports.row]),
+        np.concatenate([of_joints.nodes, supports.nodes]),
         gradient,
     )
 
@@ -107,9 +111,9 @@ def _between(inspection: Inspection, chosen: BoolArray) -> BoolArray:
 
 
 def free_motions(inspection: Inspection, chosen: BoolArray) -> tuple[int, IntArray]:
-    """Number of motions of the bodies as wholes that rows leave, and the parts that move.
+    """Number of motions of the rigid-body parts that rows leave, and the parts that move.
 
-    Which parts move is told of models with few bodies only, from singular values of all rows.
+    The parts that move are named for models with few bodies only, from singular values of all rows.
     """
     rows, count = part_rows(inspection, chosen), len(inspection.parts)
     total = int(rows.row.max(initial=-1)) + 1

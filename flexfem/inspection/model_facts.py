@@ -17,7 +17,7 @@ _BYTES = 12
 
 @dataclass(frozen=True)
 class ModelFacts:
-    """The fields of :class:`~flexfem.Description`, which says what they are."""
+    """The fields of :class:`~flexfem.Description`, which describes them."""
 
     model: Model
     bodies: list[BodyFacts]

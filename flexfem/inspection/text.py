@@ -26,7 +26,7 @@ __all__ = ["description_text", "findings_text"]
 _ROWS = 8
 #: Products of inertia relative to the largest moment below which they are none.
 _ROUND_OFF = 1e-9
-#: Headings of the joints by what they do.
+#: Headings of the joints by their function.
 _HEADINGS = {
     "joints": "joints",
     "drives": "drives",
@@ -49,7 +49,7 @@ def description_text(description: ModelFacts) -> str:
     ):
         rows = [[thing.name, type(thing).__name__, text] for thing, text in things]
         lines += _section(f"{title}: {len(rows)}", rows) if rows else []
-    return "\n".join([*lines, *_freedoms(description), *_sizes(description)])
+    return "\n".join([*lines, *_mobility(description), *_sizes(description)])
 
 
 def findings_text(findings: Sequence[Finding]) -> str:
@@ -69,7 +69,7 @@ def _bodies(description: ModelFacts) -> list[str]:
     told = ", ".join(_plural(count, name) for name, count in counts if count)
     header = [
         "name", "kind", "mass kg", "mass centre m", "inertia about it kg m^2", "size m",
-        "elements", "freedoms",
+        "elements", "DOFs",
     ]  # fmt: skip
     rows: list[list[str]] = []
     for name in KINDS.values():
@@ -96,7 +96,7 @@ def _body_row(facts: BodyFacts, extent: float) -> list[str]:
     return [
         facts.name, kind, _number(facts.masses.mass), _vector(facts.masses.centre, extent),
         _inertia(facts.masses), size if facts.size.any() else "-",
-        str(facts.elements or "-"), str(facts.freedoms) if facts.unknowns else "-",
+        str(facts.elements or "-"), str(facts.degrees_of_freedom) if facts.unknowns else "-",
     ]  # fmt: skip
 
 
@@ -146,21 +146,21 @@ def _touching(contact: Contact) -> str:
     return f"{listed(contact.slaves)} - {listed(others)}"
 
 
-def _freedoms(description: ModelFacts) -> list[str]:
-    """Counts of freedoms and constraints."""
+def _mobility(description: ModelFacts) -> list[str]:
+    """Counts of degrees of freedom and constraints."""
     counts = description.mobility
-    held = f", {counts.held} of them held" if counts.held else ""
+    fixed = f", {counts.fixed} of them fixed" if counts.fixed else ""
     redundant = f", {counts.redundant} of them redundant" if counts.redundant else ""
     supports = f" - {counts.supports}" if counts.supports else ""
     return [
-        "freedoms",
+        "degrees of freedom",
         *_aligned(
             [
-                ["unknowns", f"{counts.unknowns}{held}"],
+                ["unknowns", f"{counts.unknowns}{fixed}"],
                 ["constraints", f"{counts.constraints}{redundant}"],
-                ["degrees of freedom left", str(counts.freedoms)],
+                ["degrees of freedom left", str(counts.degrees_of_freedom)],
                 [
-                    "motions of bodies as wholes",
+                    "motions of rigid-body parts",
                     f"{counts.motions} by the rank of their constraints, "
                     f"6 x {counts.bodies}{supports} - {counts.whole_constraints} = "
                     f"{counts.grubler} by counting (Gruebler)",

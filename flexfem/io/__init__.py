@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Result files: ParaView series, history table, summary and progress bar.
 
-Everything here takes plain NumPy arrays and an mpi4py communicator; nothing knows about systems,
+Everything here takes plain NumPy arrays and an mpi4py communicator; nothing depends on systems,
 solvers or integrators.
 """
 

@@ -14,9 +14,9 @@ from flexfem._checks import InputError
 
 __all__ = ["FolderLock"]
 
-#: File in the folder while a run goes on; it names host and process.
+#: File in the folder during a run; it names host and process.
 _NAME = ".flexfem_run"
-#: What file systems say that have no locks.
+#: Error numbers of file systems without locks.
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 
 

@@ -20,7 +20,7 @@ def bar_class() -> Any:
 
         return tqdm
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that there are no ipywidgets: text will do
+        warnings.simplefilter("ignore")  # that there are no ipywidgets: text is shown instead
         from tqdm.auto import tqdm as automatic
 
     return automatic

@@ -15,7 +15,7 @@ from flexfem.options import progress_kind
 
 #: Seconds between two looks at a bar.
 _REFRESH = 0.2
-#: What is shown may take this part of the time, unless the pause would be longer than this, s.
+#: Part of the time that display may take, unless the pause would be longer than this, s.
 _SHARE, _LONGEST = 0.02, 30.0
 
 
@@ -52,7 +52,7 @@ class Progress:
         Args:
             t_end: End of the simulated time or of the load factor.
             enabled: False on ranks other than 0 and in quiet runs.
-            t_start: Its start (after a restart: where it goes on).
+            t_start: Its start (after a restart: where it continues).
             unit: Of both; empty for a load factor.
             how: see :func:`shown_kind`.
 
@@ -78,7 +78,7 @@ class Progress:
             miniters=0,
             mininterval=0.0,
             dynamic_ncols=True,
-            # what is cut off on narrow terminals comes last
+            # the part that may be cut off on narrow terminals comes last
             bar_format="{percentage:3.0f}%|{bar:10}| {elapsed} < {remaining}{postfix}",
         )
 
@@ -106,8 +106,8 @@ class Progress:
             t: Simulated time or load factor.
             iterations: Newton iterations so far.
             factorizations: Factorisations so far.
-            more: What else is known of the state.
-            cost: Time that it took to find that out, s; what is costly is shown less often.
+            more: Further text about the state.
+            cost: Time that this text took, s; costly ones are shown less often.
         """
         if self.enabled:
             try:

@@ -24,7 +24,7 @@ def write_arrays(path: Path, arrays: Mapping[str, ArrayLike], comm: MPI.Comm) ->
 
     Args:
         path: the file; its folder is created if missing.
-        arrays: what to write.
+        arrays: arrays to write, by name.
         comm: communicator.
 
     Raises:

@@ -19,9 +19,9 @@ _MOTIONS = ("rotation", "translation", "distance")
 class Actuator(AxisJoint):
     """Drives marker b against marker a by a torque about an axis, or a force along it.
 
-    A positive one increases the angle by which b has turned from a, the displacement of b from a,
-    or their distance; a bears the reaction. It holds nothing: combine it with the joint that leaves
-    the motion. Its multiplier is the force with the opposite sign, as that of a spring.
+    A positive one increases the angle by which b has rotated from a, the displacement of b from a,
+    or their distance; the reaction acts on a. It constrains nothing: combine it with the joint that
+    leaves the motion. Its multiplier is the force with the opposite sign, as that of a spring.
 
     Attributes:
         axis: fixed in marker a, inertial axes at the start.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bushing: elastic and viscous in all six relative freedoms."""
+"""Bushing: elastic and viscous in all six relative degrees of freedom."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,11 +24,11 @@ class Bushing(Joint):
     """Linear elastic and viscous connection, ``w = K q + C dq/dt``.
 
     The six coordinates q are the displacements of b from its place at the start (m, in the axes of
-    marker a) and the angles about the axes of marker a by which b has turned since (rad), each
-    measured between projections of an axis of either marker: exact for turns of any size about the
-    third axis of marker a, and below a right angle about one of the others; otherwise the rotation
-    vector to first order. The forces w are conjugate to them: marker a is where the moments of the
-    displacements' forces balance.
+    marker a) and the angles about the axes of marker a by which b has rotated since (rad), each
+    measured between projections of an axis of either marker: exact for rotations of any size about
+    the third axis of marker a, and below a right angle about one of the others; otherwise the
+    rotation vector to first order. The forces w are conjugate to them: marker a is where the
+    moments of the displacements' forces balance.
 
     Attributes:
         stiffness: K; six numbers of the diagonal or a symmetric matrix, shape (6, 6), positive

@@ -17,7 +17,7 @@ from flexfem.joints.hinge_line import HingeLine, LinePart
 
 __all__ = ["ClampedLine"]
 
-#: Stands for the line and what carries it among the numbers of nodes.
+#: Number of the line and its carrier among the numbers of nodes.
 _BODY = -1
 
 
@@ -25,17 +25,18 @@ _BODY = -1
 class ClampedLine(HingeLine):
     """Joins a line of a shell to that of another, or to a body or the ground, without a hinge.
 
-    To what ``HingeLine`` holds it adds the bending of the shells at the line, as if they went on
-    beyond it. Triangles of rotation-free shells are free of moments where their shell ends; turning
-    them about a segment of the line takes the moment ``2 D / d`` per angle and length, D being the
-    bending stiffness across the line and d the height of the triangle. So one elastic row a segment
-    of the line with more nodes acts on the angle between the slopes on both sides, with the
-    stiffness of both in series: where meshes match it is that of an inner edge of one shell.
-    Moments that curvature along the line makes across it, by Poisson's ratio, are left out.
+    It adds to the constraints of ``HingeLine`` the bending of the shells at the line, as if they
+    continued beyond it. Triangles of rotation-free shells are free of moments where their shell
+    ends; rotating them about a segment of the line takes the moment ``2 D / d`` per angle and
+    length, D being the bending stiffness across the line and d the height of the triangle. So one
+    elastic row a segment of the line with more nodes acts on the angle between the slopes on both
+    sides, with the stiffness of both in series: where meshes match it is that of an inner edge of
+    one shell. Moments that curvature along the line makes across it, by Poisson's ratio, are left
+    out.
 
     With directors, and where the triangle on a line inside a shell has a neighbour beyond it, the
-    angle between triangles is held itself. Segments whose triangles are held by others already, as
-    of two that share their third node, are left out then.
+    angle between triangles is constrained rigidly. Segments whose triangles are constrained by
+    others already, as of two that share their third node, are left out then.
     """
 
     def parts(self, lines: Sequence[NodeRow | None]) -> Sequence[Joint]:
@@ -46,8 +47,8 @@ class ClampedLine(HingeLine):
         fine, coarse = first, second
         if second is not None and second.count > first.count:
             fine, coarse = second, first
-        middles = 0.5 * (fine.points[1:] + fine.points[:-1])
-        found = [(0, 0.0) if coarse is None else coarse.closest(x)[:2] for x in middles]
+        midpoints = 0.5 * (fine.points[1:] + fine.points[:-1])
+        found = [(0, 0.0) if coarse is None else coarse.closest(x)[:2] for x in midpoints]
         rigid: list[tuple[int, int, int]] = []
         for k, (at, along) in enumerate(found):
             law = _law(fine, k, coarse, at)
@@ -65,9 +66,9 @@ class ClampedLine(HingeLine):
             ))  # fmt: skip
         carried = fine.nodes if coarse is None else np.append(fine.nodes, coarse.nodes)
         for k in _independent(rigid, carried):
-            far_end = self.b if coarse is None else coarse.middle(found[k][0])
+            far_end = self.b if coarse is None else coarse.midpoint(found[k][0])
             parts.append(LinePart(
-                self.name, far_end, fine.middle(k), self, _Angle(fine.sides[k]),
+                self.name, far_end, fine.midpoint(k), self, _Angle(fine.sides[k]),
                 swapped=coarse is None or fine is first,
             ))  # fmt: skip
         return parts
@@ -132,7 +133,8 @@ def _independent(ends: Sequence[tuple[int, int, int]], carried: IntArray) -> lis
     """Segments whose angles do not follow from those of others.
 
     Args:
-        ends: segment and the third nodes of the triangles on both sides, which a held angle ties.
+        ends: segment and the third nodes of the triangles on both sides, which a constrained angle
+            ties.
         carried: nodes on the line, which move with it whatever the angles.
     """
     root = {node: node for _, *pair in ends for node in pair}

@@ -19,7 +19,7 @@ __all__ = ["ConstantVelocity"]
 class ConstantVelocity(AxisJoint):
     """Homokinetic joint: both shafts turn at the same speed at any angle between them.
 
-    The shafts meet in one point, and the rotation that turns one into the other has no part along
+    The shafts meet in one point, and the rotation that maps one to the other has no part along
     them; four constraints. The shafts may be bent by less than a straight angle.
 
     Attributes:
@@ -59,7 +59,7 @@ class ConstantVelocity(AxisJoint):
 
 
 def _shortest_turn(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Rotation matrix about the common perpendicular that turns one unit vector into another."""
+    """Rotation matrix about the common perpendicular that maps one unit vector to another."""
     n = np.cross(first, second)
     skew = np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]])
     return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + first @ second))

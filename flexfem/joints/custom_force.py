@@ -22,11 +22,11 @@ class CustomForce(AxisJoint):
     the other way on marker a. The law is plain Python with arithmetic on numbers and the functions
     of ``math`` or NumPy; it is compiled with its derivatives by hyper-dual numbers, so that it may
     be stiff and enters the equations implicitly. Its work counts as work of applied forces in
-    energy probes, since what of it is stored is not known.
+    energy probes, since its stored part is unknown.
 
     Attributes:
         axis: fixed in marker a, inertial axes at the start; not needed for "distance".
-        motion: what x is: "distance" of the markers (m), displacement of b from a along the axis
+        motion: meaning of x: "distance" of the markers (m), displacement of b from a along the axis
             for "translation" (m), or angle since the start about it for "rotation" (rad).
         force: ``force(x, v)``, ``force(x, v, t)`` or ``force(x, v, t, parameters)`` that returns N
             or N m; v is the rate of x, t the time in s.

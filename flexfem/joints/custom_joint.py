@@ -14,7 +14,7 @@ __all__ = ["CustomJoint"]
 
 @dataclass(frozen=True, eq=False)
 class CustomJoint(Joint):
-    """Holds functions of the relative position and rotation of its markers at zero.
+    """Keeps functions of the relative position and rotation of its markers at zero.
 
     The function is plain Python with arithmetic on numbers and the functions of ``math`` or NumPy.
     It is compiled, its first and second derivatives by hyper-dual numbers, and called in the same
@@ -22,9 +22,9 @@ class CustomJoint(Joint):
 
     Attributes:
         function: ``function(p, R)`` or ``function(p, R, parameters)`` that returns a number or a
-            tuple of numbers, each of which is held at zero, always as many. ``p`` are the three
-            coordinates of marker b in the axes of marker a (m), ``R[i][j]`` the component along
-            axis i of marker a of axis j of marker b.
+            tuple of numbers, each of which is kept at zero; their number is constant. ``p`` are the
+            three coordinates of marker b in the axes of marker a (m), ``R[i][j]`` the component
+            along axis i of marker a of axis j of marker b.
         parameters: up to eight numbers that the function is given as a tuple. Functions are
             compiled once and can be shared by joints with other parameters.
     """

@@ -21,7 +21,7 @@ class ElasticLock(Joint):
     the model adds the locks that its bodies need.
 
     Attributes:
-        locked: which of displacement (3) and rotation (3) are kept, as numbers from 0 to 5.
+        locked: constrained components of displacement (3) and rotation (3), as numbers from 0 to 5.
     """
 
     locked: Sequence[int] = ()

@@ -10,7 +10,7 @@ __all__ = ["Gear"]
 
 @dataclass(frozen=True, eq=False)
 class Gear(Coupling):
-    """Couples two relative rotations: turn of d from c = ratio times turn of b from a.
+    """Couples two relative rotations: rotation of d from c = ratio times rotation of b from a.
 
     One constraint, over any number of turns. It needs joints that keep both axes, such as
     ``Revolute`` between a and b and between c and d; a and c are the carriers (often the same body
@@ -20,10 +20,10 @@ class Gear(Coupling):
     Attributes:
         c: third marker.
         d: fourth marker.
-        axis: axis of the first turn, fixed in marker a, inertial axes at the start.
-        second_axis: axis of the second turn, fixed in marker c; None for the same direction.
-        ratio: turn of d from c over turn of b from a; negative for wheels that mesh externally
-            on parallel axes of one sense.
+        axis: axis of the first rotation, fixed in marker a, inertial axes at the start.
+        second_axis: axis of the second rotation, fixed in marker c; None for the same direction.
+        ratio: rotation of d from c over rotation of b from a; negative for wheels that mesh
+            externally on parallel axes of one sense.
     """
 
     motions: tuple[str, str] = field(default=("rotation", "rotation"), init=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Joint with any of six relative freedoms."""
+"""Joint with any of six relative degrees of freedom."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,16 +18,17 @@ _TRANSLATIONS, _ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 @dataclass(frozen=True, eq=False)
 class Generic(Joint):
-    """Leaves chosen relative freedoms in the axes of marker a, and holds the others.
+    """Leaves chosen relative degrees of freedom in the axes of marker a, and fixes the others.
 
-    Held translations keep the origin of b on the planes, line or point through that of a. Of the
-    rotations, with none free the relative rotation stays as at the start; one free turns about that
-    axis of a, which stays common to both markers; two free are those of a universal joint with one
-    arm along the first free axis of a, the other fixed in b along the second at the start.
+    Fixed translations keep the origin of b on the planes, line or point through that of a. Of the
+    rotations, with none free the relative rotation stays as at the start; one free rotation is
+    about that axis of a, which stays common to both markers; two free are those of a universal
+    joint with one arm along the first free axis of a, the other fixed in b along the second at the
+    start.
 
     Attributes:
-        free: freedoms left, any of "x", "y", "z" (along the axes of marker a) and "rx", "ry", "rz"
-            (about them).
+        free: free degrees of freedom, any of "x", "y", "z" (along the axes of marker a) and "rx",
+            "ry", "rz" (about them).
         limits: stops on free ones: (lower, upper, stiffness, damping), see ``LimitStop``; lower or
             upper may be None. Displacements (m) are components in the axes of marker a, angles
             (rad) those between the projections of the axes of both markers, from the start.
@@ -39,12 +40,13 @@ class Generic(Joint):
     )
 
     def __post_init__(self) -> None:
-        """Check freedoms and limits.
+        """Check degrees of freedom and limits.
 
         Raises:
-            TypeError: freedoms are no list of names, limits no mapping, or a limit is not a number.
-            ValueError: an unknown freedom or one given twice, a limit on a held one or without
-                sense.
+            TypeError: degrees of freedom are no list of names, limits no mapping, or a limit is not
+                a number.
+            ValueError: an unknown degree of freedom or one given twice, a limit on a fixed one or
+                without sense.
         """
         super().__post_init__()
         _checks.instance(self.owner, "free", self.free, (list, tuple))

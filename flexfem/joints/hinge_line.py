@@ -28,16 +28,16 @@ class HingeLine(Joint):
     """Joins a line of a shell to that of another, or to a body or the ground; it leaves rotations.
 
     Between two lines, every node of the one with more nodes stays at its place on the edges of the
-    other, which is a node where both meshes match. What carries no node of the finer line, such as
-    an end that reaches beyond it, is free. On a body or the ground, every node stays at its place
-    in the axes of marker b, wherever this is.
+    other, which is a node where both meshes match. Parts without a node of the finer line, such as
+    an end beyond it, are free. On a body or the ground, every node stays at its place in the axes
+    of marker b, wherever this is.
 
     It has three constraints a node. It counts as many joints of one name: events lock and release
     all of them. Shells whose bodies share the nodes of a line are hinged there without a joint.
 
     Attributes:
         a: line of a shell.
-        b: line of a shell, or a marker on what carries the nodes of a.
+        b: line of a shell, or a marker on the carrier of the nodes of a.
         tolerance: largest distance of the two lines at the start, relative to the length of a.
 
     Raises:
@@ -149,7 +149,7 @@ def _together(poses: Sequence[Pose]) -> tuple[Row, ...]:
 
 
 def _carried(poses: Sequence[Pose]) -> tuple[Row, ...]:
-    """Rows that keep a node at its place in the axes of what carries it."""
+    """Rows that keep a node at its place in the axes of its carrier."""
     a, b = poses
     arm = a.rotation.T @ (b.position - a.position)
     return tuple(Row((Term(RowKind.ALONG, u=e),), float(e @ arm)) for e in np.eye(3))

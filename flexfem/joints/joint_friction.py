@@ -19,10 +19,10 @@ class JointFriction(JointAction):
 
     It acts against the relative velocity v with ``F_c tanh(v / v_0) + c v``, where ``F_c`` is
     given, or ``mu N``, or ``mu r N`` for a rotation; N is the resultant of the joint's constraint
-    forces at its markers. What sticks creeps at less than ``v_0``.
+    forces at its markers. Sticking surfaces creep at less than ``v_0``.
 
     Attributes:
-        joint: the joint that rubs; in the model too.
+        joint: the joint with friction; in the model too.
         motion: "translation" along or "rotation" about its axis; None if it leaves only one.
         force: F_c, N or N m, or a function of abs(v) that returns it; None with a coefficient.
         coefficient: mu, or a function of abs(v) that returns it (a Stribeck curve, for example);

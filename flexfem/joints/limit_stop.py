@@ -16,7 +16,7 @@ from flexfem.core.row import Row, RowKind, Term, limit
 __all__ = ["LimitStop"]
 
 _MOTIONS = ("translation", "rotation", "distance")
-#: What these are called in other programs, and were here.
+#: Names of these options in other programs and in earlier versions.
 _FORMER = {"displacement": "translation", "angle": "rotation"}
 
 
@@ -30,12 +30,12 @@ class LimitStop(Joint):
 
     Attributes:
         motion: "translation" of b from a along an axis fixed in a (m), "rotation" by which b has
-            turned from a about it since the start (rad), or "distance" of the markers (m).
+            rotated from a about it since the start (rad), or "distance" of the markers (m).
         axis: for translation and rotation, inertial axes at the start.
         lower, upper: limits; None for none on that side.
         stiffness: k, N/m or N m/rad.
         damping: c, N s/m or N m s/rad.
-        coordinate: refused, ``motion`` says it.
+        coordinate: not accepted: ``motion`` defines it.
     """
 
     motion: str = one_of(_MOTIONS, default="translation")

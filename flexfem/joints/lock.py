@@ -13,14 +13,14 @@ __all__ = ["Lock"]
 
 @declared
 class Lock(JointAction):
-    """Holds the motion that another joint leaves while it is locked; released it does nothing.
+    """Constrains the motion that another joint leaves, while it is locked; no effect when released.
 
     It is switched during a run by events, which lock it in the position reached.
 
     Attributes:
         joint: the joint to be locked; in the model too.
         motion: "translation" along or "rotation" about its axis; None for all that it leaves.
-        locked: whether it holds at the start.
+        locked: True if it is locked at the start.
 
     Raises:
         TypeError: ``joint`` is none, or ``locked`` is not a truth value.

@@ -15,7 +15,7 @@ __all__ = ["PrescribedAngle"]
 
 @declared
 class PrescribedAngle(AxisJoint):
-    """Drives the angle by which marker b has turned relative to marker a; one constraint.
+    """Drives the angle by which marker b has rotated relative to marker a; one constraint.
 
     It holds over any number of turns. Combine it with a joint that keeps the axis, such as
     ``Revolute`` or ``Cylindrical``.

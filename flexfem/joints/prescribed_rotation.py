@@ -21,7 +21,7 @@ class PrescribedRotation(Joint):
 
     Attributes:
         rotation: function of time (s) that returns the rotation vector (rad), shape (3,), in the
-            axes of marker a, by which b has turned since the start.
+            axes of marker a, by which b has rotated since the start.
 
     Raises:
         TypeError: the rotation is not a function.

@@ -16,10 +16,9 @@ __all__ = ["Pulley"]
 class Pulley(Joint):
     """Massless rope that does not stretch, from b over a and c to d; one constraint.
 
-    The distance of b from a plus ratio times that of d from c keeps its value of the start. The
-    pulleys are points, and the rope is taut: it pushes as a rod does where the multiplier, the
-    tension of the part from a to b (N), is negative. That of the other part is ratio times as
-    large.
+    The distance of b from a plus ratio times that of d from c keeps its initial value. The pulleys
+    are points, and the rope is taut: it pushes as a rod does where the multiplier, the tension of
+    the part from a to b (N), is negative. That of the other part is ratio times as large.
 
     Attributes:
         c: third marker, the second pulley; may be on the body of a, or on the ground as well.

@@ -17,25 +17,25 @@ __all__ = ["Sliding"]
 class Sliding(Joint):
     """Marker b slides on a line of a body; two constraints, five when tied.
 
-    The force is at right angles to the deformed line. How far the slider has gone is its arc length
+    The force is at right angles to the deformed line. The position of the slider is its arc length
     zeta (m) from the carrier's start in the undeformed state; ``SlideStop``, ``PrescribedSlide``,
     ``JointFriction`` and ``Lock`` with this joint act on zeta. A slider that leaves its carrier
     ends the run as failed, unless a ``SlideStop`` keeps it near the end or an event acts before;
-    ``beyond`` lets it go on, along the continuation of the line's last element.
+    ``beyond`` lets it continue, along the continuation of the line's last element.
 
-    The lines of NURBS beams of degree 2 and more are smooth. Those of SE(3) beams turn at a node by
-    the difference of the shear strains on both sides, the shear force's jump over GA (1e-3 rad in a
-    thin rubber beam): a slider that passes at speed gets an impulse of that size, its momentum
-    times this angle. NURBS beams of degree 2 are the choice for wires and cables: a weight of 5 N
-    moved slowly along a rubber cable with 30 N of tension meets corners of 0.011 rad on SE(3)
-    elements, none on NURBS elements; in a steel wire, whose corners are negligible, its path over
-    coarse elements is ten times smoother.
+    The lines of NURBS beams of degree 2 and more are smooth. Those of SE(3) beams have a kink at a
+    node of the difference of the shear strains on both sides, the shear force's jump over GA (1e-3
+    rad in a thin rubber beam): a slider that passes at speed gets an impulse of that size, its
+    momentum times this angle. NURBS beams of degree 2 are the choice for wires and cables: a weight
+    of 5 N moved slowly along a rubber cable with 30 N of tension meets corners of 0.011 rad on
+    SE(3) elements, none on NURBS elements; in a steel wire, whose corners are negligible, its path
+    over coarse elements is ten times smoother.
 
     Attributes:
         a: ``Carrier``: a beam, or a line of a rigid body or of a body in a floating frame.
         b: marker that slides; on the line at the start.
         tied: it keeps its rotation relative to the carrier's section (prismatic joint).
-        beyond: how far it may go beyond either end of the carrier, m.
+        beyond: largest distance beyond either end of the carrier, m.
 
     Raises:
         TypeError: a is not a ``Carrier``, b not a marker on something else, or ``tied`` not

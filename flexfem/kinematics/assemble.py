@@ -31,10 +31,10 @@ def assemble(
     """Move the bodies of a model so that its joints hold at the start.
 
     Gauss-Newton steps on the rigid rows of all joints that are not released, each the smallest
-    motion that closes them to first order. Flexible bodies move as wholes, those with common nodes
-    together. What a joint takes from the start (directions of axes in bodies, relative turns,
-    distances, the zero of a drive) is taken from the start as given, so that a revolute joint on
-    two bodies turns its axis with them. Redundant joints may be among them.
+    motion that closes them to first order. Flexible bodies move rigidly, those with common nodes
+    together. Data that a joint takes from the start (directions of axes in bodies, relative
+    rotations, distances, the zero of a drive) are taken from the start as given, so that a revolute
+    joint on two bodies turns its axis with them. Redundant joints may be among them.
 
     Args:
         model: the model, which stays as it is.
@@ -42,7 +42,8 @@ def assemble(
         also: joints outside the model that must hold at the start as well, such as those that bring
             the output of a mechanism to its place.
         measure: "inertia": small is a motion of little kinetic energy; "distance": motions of all
-            bodies count alike, a turn by the way of a point one radius of gyration away.
+            bodies count equally; a rotation counts by the path of a point one radius of gyration
+            away.
         tolerance: largest gap that may be left, m or rad.
 
     Returns:

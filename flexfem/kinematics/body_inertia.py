@@ -99,7 +99,7 @@ def _curve_inertia(serial: NumberedModel, body: Beam, origin: FloatArray) -> Flo
 
 
 def _shell_inertia(serial: NumberedModel, body: Shell, origin: FloatArray) -> FloatArray:
-    """The rule of the edges' middles is exact for what is quadratic in a triangle."""
+    """Midpoint rule of the edges, exact for integrands quadratic in a triangle."""
     surface = serial.surface
     assert surface is not None
     rows = np.flatnonzero(surface.body == serial.model.shells.index(body))
@@ -107,14 +107,14 @@ def _shell_inertia(serial: NumberedModel, body: Shell, origin: FloatArray) -> Fl
         x = surface.frames[surface.directors.nodes[rows], :3]
         return _director_inertia(x, body.section, origin)
     x = surface.mesh.points[surface.mesh.triangles[rows]]
-    middles = (0.5 * (x + np.roll(x, 1, axis=1))).reshape(-1, 3)
-    points = se3.frame(middles, np.broadcast_to(np.eye(3), (len(middles), 3, 3)))
+    midpoints = (0.5 * (x + np.roll(x, 1, axis=1))).reshape(-1, 3)
+    points = se3.frame(midpoints, np.broadcast_to(np.eye(3), (len(midpoints), 3, 3)))
     mass = np.diag([body.section.mass] * 3 + [0.0] * 3)
     return carried(origin, points, mass, np.repeat(surface.mesh.areas[rows] / 3.0, 3))
 
 
 def _director_inertia(x: FloatArray, section: ShellSection, origin: FloatArray) -> FloatArray:
-    """Curved triangles with corners and middles of the opposite edges x (m, 6, 3)."""
+    """Curved triangles with corners and midpoints of the opposite edges x (m, 6, 3)."""
     r, s = _TRIANGLE[:, :2].T
     t = 1.0 - r - s
     nothing = np.zeros_like(r)

@@ -38,8 +38,8 @@ class InverseDynamics:
         times: (n,) s.
         names: of the k actuators.
         forces: (n, k) N m or N.
-        coordinates, rates, accelerations: (n, k) of what they act on: angles (rad), displacements
-            or distances (m), counted as the actuator does.
+        coordinates, rates, accelerations: (n, k) of the coordinates of actuators: angles (rad),
+            displacements or distances (m), counted as the actuator does.
     """
 
     times: FloatArray
@@ -78,7 +78,7 @@ def inverse_dynamics(
 ) -> InverseDynamics:
     """Forces of actuators that make a mechanism follow a prescribed motion.
 
-    Bodies move as wholes, flexible ones as they are at the start. Joints, gravity, loads at
+    All bodies move rigidly, flexible ones in their shape at the start. Joints, gravity, loads at
     markers, springs and dampers of the model count. The motion follows from the outputs alone,
     positions, velocities and accelerations one after the other; of the equations of motion
     ``r + G^T lambda = B tau`` only those along the motions that the joints leave are needed,
@@ -87,11 +87,11 @@ def inverse_dynamics(
     Args:
         model: the mechanism, its joints satisfied at the start.
         outputs: driven joints that are not in the model: the motion is theirs. They have as many
-            constraints as the mechanism has freedoms.
-        actuators: in the model or not; what they do by themselves does not count.
+            constraints as the mechanism has degrees of freedom.
+        actuators: in the model or not; their own forces do not count.
         times: strictly increasing times, s; the first position is found from that of the start.
-        distribution: what is least where there are more actuators than freedoms: ``LeastEffort()``
-            when None, ``LeastPower()``, ``LeastJointForces(markers)``.
+        distribution: objective where there are more actuators than degrees of freedom:
+            ``LeastEffort()`` when None, ``LeastPower()``, ``LeastJointForces(markers)``.
         difference: span between the times from which drives are differentiated to eighth order, s;
             None for 1/500 of the whole time, no more than between samples.
 
@@ -180,15 +180,15 @@ class _Task:
         rigid = self.mechanism.rows.rigid
         self.driven, self.acting = mask(outputs) & rigid, mask(acting)
         self.passive = rigid & ~self.driven & ~self.acting
-        self.held = self.passive | self.driven
+        self.constrained = self.passive | self.driven
         self._check_freedoms()
         self._sides = self._marker_sides()
         self._moving_rows: BoolArray = np.array(
             [j.driven for j in self.mechanism.joints], dtype=np.bool_
-        )[self.mechanism.rows.joint_of_row] & self.held  # fmt: skip
+        )[self.mechanism.rows.joint_of_row] & self.constrained  # fmt: skip
 
     def _check_freedoms(self) -> None:
-        """Raise for outputs that are not as many as there are freedoms at the start."""
+        """Raise unless there are as many outputs as degrees of freedom at the start."""
         mechanism = self.mechanism
         gap = np.abs(mechanism.rows.values * self.passive)
         if not gap.max(initial=0.0) <= 1e-6:
@@ -229,8 +229,8 @@ class _Task:
     def solve(self, t: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Forces, coordinates, rates and accelerations (k,) of the actuators at time t."""
         mechanism, rows = self.mechanism, self.mechanism.rows
-        gap = mechanism.close(t, self.held)
-        S = mechanism.jacobian()[self.held]
+        gap = mechanism.close(t, self.constrained)
+        S = mechanism.jacobian()[self.constrained]
         left, sizes, right = np.linalg.svd(S, full_matrices=False)
         rank = int((sizes > _SINGULAR * sizes.max(initial=0.0)).sum())
         names = ", ".join(joint.owner for joint in self.outputs)
@@ -264,16 +264,16 @@ class _Task:
             value[:] = self._values(time)
             turn = turn or not np.array_equal(directions, rows.directions)
         by_time, second = weights[1:] @ values
-        velocities = -inverse @ by_time[self.held]
+        velocities = -inverse @ by_time[self.constrained]
         mechanism.velocities[:] = velocities.reshape(-1, 6)
         if turn:
             rates = np.array([self._values(time, rates=True) for time in times])
             second = second + 2.0 * (weights[1] @ rates)
         mechanism.at(t)
-        return velocities, -inverse @ (rows.second_rates() + second)[self.held]
+        return velocities, -inverse @ (rows.second_rates() + second)[self.constrained]
 
     def _values(self, t: float, *, rates: bool = False) -> FloatArray:
-        """Values (r,) of the driven rows at time t, or their rates at held drives."""
+        """Values (r,) of the driven rows at time t, or their rates with constant drives."""
         self.mechanism.at(t)
         rows = self.mechanism.rows
         return np.where(self._moving_rows, rows.rates() if rates else rows.values, 0.0)
@@ -287,7 +287,7 @@ class _Task:
         needed += mechanism.law_forces(self.acting) - mechanism.load_forces(self.loads, t)
         jacobian = mechanism.jacobian()
         B = jacobian[self.acting]
-        motions = inverse[:, self.driven[self.held]]  # the freedoms in terms of the outputs
+        motions = inverse[:, self.driven[self.constrained]]  # the motions per output
         A, right = (B @ motions).T, motions.T @ needed.ravel()
         left, sizes, across = np.linalg.svd(A)
         if not sizes.min(initial=np.inf) > _SINGULAR * sizes.max(initial=0.0):
@@ -314,7 +314,7 @@ class _Task:
         # multipliers: G^T lambda = B^T tau - needed, those of the outputs left out
         carried = inverse.T @ np.column_stack([-needed, B.T])
         multipliers = np.zeros((rows.size, count + 1))
-        multipliers[self.held] = carried
+        multipliers[self.constrained] = carried
         multipliers[self.driven] = 0.0
         forces = [np.zeros((0, count + 1))]
         for sides in self._sides:

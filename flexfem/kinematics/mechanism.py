@@ -24,7 +24,7 @@ __all__ = ["PlacedLoads", "RigidMechanism", "marker_key", "place_joint", "place_
 
 #: Rates and forces of rows count as they are.
 _UNIT = np.array([1.0, 1.0])
-#: Gap that counts as none; what rounding may leave.
+#: Gap that counts as none: rounding.
 _CLOSED, _ROUNDING = 1e-15, 1e-11
 #: Damping relative to the square of the largest singular value: the first, how it grows and falls,
 #: below which it is none, and above which nothing brings the parts nearer.
@@ -71,7 +71,7 @@ class RigidMechanism:
     """Parts of a model with joints between them; nothing is distributed over ranks.
 
     Attributes:
-        parts: the bodies as wholes.
+        parts: the rigid-body parts.
         rows: the rows of the joints; they are rows of each joint in the order of ``joints``.
         joints: the joints.
     """
@@ -146,7 +146,7 @@ class RigidMechanism:
             chosen: (r,) rows.
             weights: (6 n, 6 n) matrix that measures the size of a step, the identity when None.
             moving: (n,) parts that may move, all when None.
-            iterations: how many steps at most.
+            iterations: largest number of steps.
 
         Returns:
             The largest gap that is left, m or rad.
@@ -186,7 +186,7 @@ class RigidMechanism:
     def inertial_forces(self, accelerations: FloatArray) -> FloatArray:
         """(n, 6) forces of inertia, gravity included, for local accelerations (n, 6).
 
-        ``M a - ad_v^T M v - M (R^T g, 0)``: what must act on the parts.
+        ``M a - ad_v^T M v - M (R^T g, 0)``: the wrench that must act on the parts.
         """
         M, v = self.parts.inertia, self.velocities
         fall = np.zeros_like(accelerations)

@@ -49,7 +49,7 @@ def moved_model(model: Model, motions: Mapping[str, Pose]) -> Model:
 
 
 class _Mover:
-    """Moves the things of a model, each once: what was common to several stays so."""
+    """Moves the objects of a model, each once: shared objects stay shared."""
 
     def __init__(self, model: Model, motions: Mapping[str, Pose]) -> None:
         self._model, self._motions = model, motions

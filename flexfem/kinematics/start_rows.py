@@ -65,7 +65,7 @@ class StartRows:
         return NodeRows(row, self.rows.term_nodes[terms], self.rows.force_jacobian[terms])
 
     def on_parts(self, chosen: BoolArray) -> NodeRows:
-        """Gradients of chosen rows (r,) with respect to twists of the bodies as wholes."""
+        """Gradients of chosen rows (r,) with respect to twists of the rigid-body parts."""
         terms, row = self._chosen(chosen)
         nodes = self.rows.term_nodes[terms]
         part, carried = self._carriers(self._table.keys, self._table.frames)
@@ -75,7 +75,7 @@ class StartRows:
         return NodeRows(row, part[nodes], gradient)
 
     def supports(self) -> NodeRows:
-        """Independent rows of the rigid motions that held edges and nodes of shells prevent."""
+        """Independent rows of the rigid motions that fixed edges and nodes of shells prevent."""
         gradients, parts = [np.zeros((0, 6))], [np.zeros(0, dtype=np.int64)]
         for kind, family in self._serial.families.items():
             nodes, directions = family.supports()

@@ -156,7 +156,7 @@ def _null_vectors_of_many(rows: NodeRows, terms: IntArray, group: IntArray) -> F
     solver = PETSc.PC().create(comm=PETSc.COMM_SELF)
     solver.setType(PETSc.PC.Type.LU)
     solver.setFactorOrdering("nd")
-    solver.setFactorPivot(zeropivot=1e-30)  # the smallest pivots are what is looked for
+    solver.setFactorPivot(zeropivot=1e-30)  # the smallest pivots are the ones searched
     solver.setOperators(product)
     solver.setUp()
     vectors = np.random.default_rng(1).normal(size=(len(group), _VECTORS))

@@ -8,7 +8,7 @@ from flexfem.la.whole import WholeMatrix, taken_whole
 
 __all__ = ["CountingFactors", "DirectSolver", "factorise", "lu_solver"]
 
-#: MUMPS' ICNTL(14), memory beyond its estimate in percent, and what it is given after the default.
+#: MUMPS' ICNTL(14), memory beyond its estimate in percent, and the value after the default.
 _MEMORY, _ROOM = 14, (100, 500)
 
 

@@ -8,7 +8,7 @@ __all__ = ["destroy_dropped"]
 
 
 def destroy_dropped(comm: MPI.Intracomm) -> None:
-    """Destroy the PETSc objects that all ranks have let go of (collective).
+    """Destroy the PETSc objects that all ranks have released (collective).
 
     Objects on several ranks end together. Since ranks need not drop them in the same order,
     petsc4py only puts them aside, with their memory and their communicators, of which MPI has about

@@ -61,7 +61,7 @@ class ElementPlaces:
     def twist_rates(self, block: FrameBlock) -> FloatArray:
         """(n, 6) rates of the local twists at the trial state.
 
-        What their dependence on the frames makes of them is a central difference along the motion.
+        Their change by their dependence on the frames is a central difference along the motion.
         """
         frames, velocity = block.frames[self.nodes], block.velocity[self.nodes]
         fastest = np.abs(velocity).max(axis=(1, 2), initial=0.0)
@@ -83,7 +83,7 @@ class ElementPlaces:
 def place_arrays(
     places: Sequence[ElementPlace], block: FrameBlock
 ) -> tuple[IntArray, FloatArray, FloatArray, int, FloatArray]:
-    """Local nodes, shape functions, places, kind of element and turns of at least one place."""
+    """Local nodes, shape functions, places, kind of element and rotations of at least one place."""
     return (
         block.local_index(np.array([place.nodes for place in places])),
         np.array([place.shape for place in places]),

@@ -22,7 +22,7 @@ class ElementFamily(Protocol):
     of space, (n, 6) arrays hold inertial components in their first three columns.
 
     Attributes:
-        law_owner: what messages call the first section with a law of the user, None without one.
+        law_owner: name in messages of the first section with a law of the user, None without one.
         chained: nodes follow one another along lines, on which elements join neighbours only.
         thin: they bend so much more easily than they stretch that steps of motion iterate with
             continued stresses, see :meth:`continued_strains`.
@@ -66,7 +66,7 @@ class ElementFamily(Protocol):
         """Entries of the matrices ``scale (k K + C dv + M dw)`` of all cells, flat, row by row.
 
         ``shifts`` = (dv/dn, dw/dn, k). Rows and columns of a matrix are ``width`` unknowns of each
-        node of :attr:`couplings`, node after node; what falls on the same place is added.
+        node of :attr:`couplings`, node after node; entries of the same place are added.
         """
         ...
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Families of bodies: what the system asks of every kind of body, and the list of the kinds.
+"""Families of bodies: the interface of the system to every kind of body, and the list of the kinds.
 
 A family is a class derived from :class:`Family`; those of the package are in ``flexfem.families``.
 A body of the model names its family in the attribute ``family``, as the class or, so that models
@@ -46,7 +46,7 @@ BUILT_IN = (
     "flexfem.families.ufl_body.family:UFLBodyFamily",
 )
 
-#: What every family defines; the rest is for what its bodies can do.
+#: Methods that every family defines; the others depend on the abilities of its bodies.
 _NEEDED = ("frames", "velocities", "body_of_node", "node", "costs", "block")
 
 
@@ -65,7 +65,7 @@ class ContactSurface:
         bodies: the bodies.
         nodes: (n,) numbers of nodes in the family; start: (n, 3) their places at the start, m.
         owner: (n,) number of the body of each node in ``bodies``.
-        held: (n, width) unknowns of the nodes that stay as they are.
+        held: (n, width) fixed unknowns of the nodes.
         triangles: (m, 3) numbers of nodes in the family.
         radius: (m,) distance from the triangle at which it touches, m: half of the thickness.
         body: (m,) number of the body of each triangle; element: (m,) its element in the family.
@@ -95,7 +95,8 @@ class Family:
         axes: whether nodes have axes, on which moments and following forces of markers act.
         series: class of the series for ParaView, or its name as "module:class", see
             ``flexfem.io.paraview.family_series``; families may share one. None: no pictures.
-        follows: bodies without elements, which go to the rank of what they are joined to.
+        follows: bodies without elements, which are on the rank of the bodies that they are joined
+            to.
     """
 
     energy_momentum: ClassVar[bool] = False
@@ -141,7 +142,7 @@ class Family:
 
     @property
     def held(self) -> BoolArray:
-        """(n, width) unknowns of all nodes that stay as they are; :meth:`block` holds them."""
+        """(n, width) fixed unknowns of all nodes; :meth:`block` keeps them."""
         return np.zeros((len(self.frames), 6), dtype=np.bool_)
 
     @property
@@ -160,7 +161,7 @@ class Family:
         return self.body_of_node
 
     def supports(self) -> tuple[IntArray, FloatArray]:
-        """Nodes (k,) that are held, and local twists (k, 6) that they do not have."""
+        """Nodes (k,) with supports, and the local twists (k, 6) that these prevent."""
         nothing = np.zeros(0, dtype=np.int64)
         return nothing, np.zeros((0, 6))
 
@@ -170,7 +171,7 @@ class Family:
         return f'{type(self.own[0]).__name__} "{self.own[0].name}"'
 
     def fingerprint(self) -> Mapping[str, Any]:
-        """Further data that decide whether a checkpoint belongs to a model, by what they are."""
+        """Further data that decide whether a checkpoint belongs to a model, by their names."""
         return {}
 
     # -- Markers --------------------------------------------------------------------------------
@@ -178,7 +179,7 @@ class Family:
     def node(self, marker: Marker, place: Place | None) -> int:
         """Number of the node that carries a marker, which the model has found to be at a place.
 
-        Of a body derived from ``flexfem.Body`` ``place.node`` is what its ``node`` returns, a
+        Of a body derived from ``flexfem.Body`` ``place.node`` is the value of its ``node``, a
         number in the body.
         """
         raise NotImplementedError
@@ -304,7 +305,7 @@ def _family_of(body: Any) -> type[Family]:
     """The class of the family of a body.
 
     Raises:
-        ValueError: it is no such class, or leaves out what every family has.
+        ValueError: it is no such class, or lacks a method of every family.
     """
     owner = f'{type(body).__name__} "{body.name}"'
     try:

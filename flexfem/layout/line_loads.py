@@ -81,7 +81,7 @@ class LineForces(ElementPlaces):
 def by_kind(
     forces: Sequence[LineForce], node_body: IntArray, block: FrameBlock
 ) -> list[LineForces]:
-    """Wrenches grouped by the number of nodes of their elements and what these interpolate."""
+    """Wrenches grouped by the number of nodes and the interpolation of their elements."""
     groups: dict[tuple[int, int], list[LineForce]] = {}
     for force in forces:
         groups.setdefault((len(force.place.nodes), force.place.element), []).append(force)

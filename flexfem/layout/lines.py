@@ -40,7 +40,7 @@ class Line:
             but SE(3) elements.
         starts: (m,) arc length from the beam's start to each element, m.
         arc: (m, q) arc length from each element's start in powers of xi, m.
-        element: how frames are interpolated, see ``core.places.line_points``.
+        element: interpolation of frames, see ``core.places.line_points``.
     """
 
     kind: int
@@ -133,7 +133,7 @@ class ElementPlace:
         cell: number of the element among those of its kind in the model.
         shape: (k, k) coefficients of the shape functions as in ``core.places.line_points``.
         xi: place in the element, 0 to 1.
-        element: how frames are interpolated, see ``core.places.line_points``.
+        element: interpolation of frames, see ``core.places.line_points``.
         turns: (2, 9) rotations of the sections against their nodes, (0, 9) but on SE(3) elements.
     """
 

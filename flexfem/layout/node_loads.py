@@ -56,7 +56,7 @@ class Wrench(Protocol):
 
     @property
     def offset(self) -> FloatArray:
-        """(12,) frame of the point relative to what carries it."""
+        """(12,) frame of the point relative to its carrier."""
 
     @property
     def force(self) -> FloatArray:

@@ -32,7 +32,7 @@ from flexfem.model.structure.place import Place
 
 __all__ = ["NumberedModel"]
 
-#: What makes a node at a place inside an element, by the formulation of the beam.
+#: Way to get a node at a place inside an element, by the formulation of the beam.
 _MORE_NODES = {
     "nurbs": "insert a knot of multiplicity p there (NurbsCurve.insert)",
     "se3": "choose elements so that a node is there",
@@ -213,7 +213,7 @@ class NumberedModel:
         return self.families[kind].frames
 
     def carrier_frame(self, marker: Marker) -> FloatArray:
-        """Frame (12,) at the start of what carries a marker: its node, or its place in a line."""
+        """Frame (12,) at the start of the carrier of a marker: its node, or its place in a line."""
         place = self.place(marker)
         if place is not None:
             return place.frame(self.node_frames(place.kind)[place.nodes])

@@ -64,7 +64,7 @@ def place(
 
 
 def _sizes(families: Sequence[Family]) -> dict[str, tuple[int, int]]:
-    """Elements of every body, and what one of them costs in elements of a beam."""
+    """Elements of every body, and the cost of one of them in elements of a beam."""
     costs = {name: cost for family in families for name, cost in family.costs().items()}
     model = families[0].serial.model
     return {body.name: costs[body.name] for body in model.bodies}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Places on shells and what carries a marker there: a node, a triangle, or nodes without axes."""
+"""Places on shells and the carriers of markers there: a node, a triangle, or nodes without axes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 
 __all__ = ["SurfacePlace", "carrier_frame", "turning"]
 
-#: Digits of a triangle's shape that count: equal ones are chosen alike on every machine.
+#: Digits of a triangle's shape that count: ties are broken in the same way on every machine.
 _DIGITS = 9
 
 
@@ -47,7 +47,7 @@ class SurfacePlace:
         squares = ((sides - np.roll(sides, 1, axis=1)) ** 2).sum(axis=(1, 2))
         shape = np.round(mesh.areas[found] / squares, _DIGITS)
         triangle = mesh.triangles[found[np.argmax(shape)]]
-        # what carries the place first: a side of the triangle along the edge
+        # the carrier of the place first: a side of the triangle along the edge
         inside = np.isin(triangle, self.nodes)
         turned = [np.roll(triangle, -k) for k in range(3)]
         first = max(range(3), key=lambda k: np.roll(inside, -k).tolist())
@@ -79,7 +79,7 @@ class SurfacePlace:
 
 
 def carrier_frame(point: LinePoint, points: FloatArray) -> FloatArray:
-    """Frame (12,) at the start of what carries a place; ``points`` (n, 3) of the mesh."""
+    """Frame (12,) at the start of the carrier of a place; ``points`` (n, 3) of the mesh."""
     line, H = point.line, np.empty(12)
     frames = np.zeros((line.nodes.shape[1], 12))
     frames[:, :3] = points[line.nodes[0]]

@@ -22,8 +22,8 @@ class TangentRequest:
         strains: Strains whose stresses are taken in place of the present ones, see
             ``ElementFamily.continued_strains`` and ``unstressed``; None for the present stresses.
         drop_compression: Leave principal membrane forces that compress out of the tangent, where
-            the family can. Compression comes and goes, and factors that are kept from where it
-            makes the matrix nearly singular soon become useless.
+            the family can. Compression is transient, and factors that are kept from where it makes
+            the matrix nearly singular soon become useless.
         local: Take the derivative at fixed local velocities and accelerations.
     """
 

@@ -27,8 +27,8 @@ _B2, _C2 = _series.B2, _series.C2
 _E, _E1, _E2 = _series.E_REST, _series.E1_REST, _series.E2_REST
 _POLE = _series.E_POLE
 
-#: Squared angle up to which the first terms of the series reach round-off: what increments over a
-#: step hardly ever exceed, in the loops over nodes.
+#: Squared angle up to which the first terms of the series reach round-off: increments over a step
+#: hardly ever exceed, in the loops over nodes.
 _TINY = 0.03
 _TERMS = 5
 _B_TINY, _C_TINY, _E_TINY = _B[:_TERMS], _C[:_TERMS], _E[:_TERMS]

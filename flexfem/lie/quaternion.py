@@ -56,7 +56,7 @@ def matrix_into(q: Quaternion, R: FloatArray, offset: int) -> None:
 
 @inlined
 def product(p: Quaternion, q: Quaternion) -> Quaternion:
-    """Hamilton's product; the rotation q, in the axes that p has turned."""
+    """Hamilton's product; the rotation q, in the axes that p has rotated."""
     (a, u), (b, v) = p, q
     c = cross(u, v)
     return a * b - dot(u, v), (

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Functions of time that scale loads or drive joints; any function of time will do as well.
+"""Functions of time that scale loads or drive joints; any function of time is accepted as well.
 
-Those here tell at which times they jump or have kinks (``breakpoints``, in seconds): steps of a
-motion end there. Functions of a user's own tell it through :class:`TimeFunction`, or by an
-attribute of that name.
+Those here declare the times of their jumps and kinks (``breakpoints``, in seconds): steps of a
+motion end there. User functions declare them through :class:`TimeFunction`, or by an attribute of
+that name.
 """
 
 import math

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 class EdgeLoad(ShellLoad):
     """Uniform dead force and bending moment per length at the start along a line of a shell.
 
-    The moment is about the edge and follows it: a positive one turns the edge towards the normal of
-    the shell. It acts on the triangles beside the line, which lies at the boundary: in the bending
-    that it causes half a triangle is missing, an error of first order in the size of these.
+    The moment is about the edge and follows it: a positive one rotates the edge towards the normal
+    of the shell. It acts on the triangles beside the line, which lies at the boundary: in the
+    bending that it causes half a triangle is missing, an error of first order in the size of these.
 
     Attributes:
         name: Unique name in the model.

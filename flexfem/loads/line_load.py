@@ -54,7 +54,7 @@ class LineLoad(Load):
             of the beam's length.
         breakpoints: Places where functions jump or bend, besides those of a :class:`LineTable`.
             Forces are integrated by Gauss points in each element, or in each piece of it.
-        follower: True if it turns with the sections.
+        follower: True if it rotates with the sections.
         amplitude: Factor as a function of time, None for the constant 1.
 
     Raises:

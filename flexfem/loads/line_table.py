@@ -52,7 +52,7 @@ class LineTable:
         return np.unique(self.places)
 
     def __call__(self, place: float) -> FloatArray:
-        """Return the vector (3,) at a place; at a jump that behind it."""
+        """Return the vector (3,) at a place; at a jump the value after it."""
         if not self.places[0] <= place <= self.places[-1]:
             return np.zeros(3)
         k = min(int(np.searchsorted(self.places, place, side="right")), len(self.places) - 1)

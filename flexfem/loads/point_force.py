@@ -13,9 +13,9 @@ class PointForce(PointLoad):
 
     Attributes:
         name: Unique name in the model.
-        marker: Where it acts.
+        marker: Point of action.
         force: In inertial axes, or in the marker's axes for a follower, shape (3,), N.
-        follower: True if it turns with the marker.
+        follower: True if it rotates with the marker.
         amplitude: Factor as a function of time, None for the constant 1.
 
     Raises:

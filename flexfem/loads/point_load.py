@@ -14,8 +14,8 @@ class PointLoad(Load):
 
     Attributes:
         name: Unique name in the model.
-        marker: Where it acts.
-        follower: True if it turns with the marker.
+        marker: Point of action.
+        follower: True if it rotates with the marker.
         amplitude: Factor as a function of time, None for the constant 1.
 
     Raises:

@@ -13,9 +13,9 @@ class PointMoment(PointLoad):
 
     Attributes:
         name: Unique name in the model.
-        marker: Where it acts.
+        marker: Point of action.
         moment: In inertial axes, or in the marker's axes for a follower, shape (3,), N m.
-        follower: True if it turns with the marker.
+        follower: True if it rotates with the marker.
         amplitude: Factor as a function of time, None for the constant 1.
 
     Raises:

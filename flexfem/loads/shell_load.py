@@ -38,7 +38,7 @@ class ShellLoad(Load):
         return self.force, NOTHING
 
     def check(self, mesh: "SurfaceMesh", body: str) -> None:
-        """Check what the load needs of its shell's body in the mesh.
+        """Check the shell's body in the mesh for this load.
 
         Raises:
             ValueError: It is not there; the message begins with the load.

@@ -55,7 +55,7 @@ class SectionSolution:
 
     Attributes:
         area: m^2.
-        centroid: (2,) where the cells are measured, m; what follows is measured from there.
+        centroid: (2,) where the cells are measured, m; the origin of the other data.
         moments: (2, 2) integral of the products of y and z, m^4.
         torsion_constant: m^4.
         warping_constant: about the shear centre, m^6.
@@ -290,7 +290,8 @@ def _side(number: int, nodes: FloatArray, fields: FloatArray) -> _Side:
 def _at_vertex(before: _Side, after: _Side) -> FloatArray:
     """Stresses where two sides meet: none in corners that stick out.
 
-    In sharp re-entrant ones theory has no bound: there the mean of what the sides have beside them.
+    In sharp re-entrant ones theory has no bound: there the mean of the adjacent values on both
+        sides.
     """
     a, b = before.tangents[2], after.tangents[0]
     turn = float(a[0] * b[1] - a[1] * b[0])

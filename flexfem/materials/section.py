@@ -69,8 +69,8 @@ class Section(ProfileSections):
             (k, 2), metres; None when unknown.
         law: The section's own law; None for the linear one of the stiffness.
         walls: Boundaries as pictures show them: the outer one, and the inner one of hollow shapes;
-            with what is known of the stresses there. If left out, that of the outline alone; empty
-            without an outline.
+            with the known stresses there. If left out, that of the outline alone; empty without an
+            outline.
         shape: Area, second moments, torsion constant, shear centre and the like; None where only
             matrices are known.
 

@@ -70,7 +70,7 @@ class ProfileSections:
     ) -> Self:  # fmt: skip
         """Create a channel with parallel flanges, the web along e3 and the flanges towards +e2.
 
-        The reference axis goes through the centroid; the shear centre lies on -e2, outside.
+        The reference axis passes through the centroid; the shear centre lies on -e2, outside.
 
         Args:
             width: Flanges with the web, along e2, metres.
@@ -101,8 +101,8 @@ class ProfileSections:
     ) -> Self:  # fmt: skip
         """Create an angle, the legs towards +e2 and +e3 from the corner.
 
-        The reference axis goes through the centroid. The axes e2 and e3 along the legs are not the
-        principal ones: bending couples.
+        The reference axis passes through the centroid. The axes e2 and e3 along the legs are not
+        the principal ones: bending couples.
 
         Args:
             width: Leg along e2, metres.
@@ -132,7 +132,7 @@ class ProfileSections:
     ) -> Self:  # fmt: skip
         """Create a T-section, the flange on top (+e3) and the web along e3.
 
-        The reference axis goes through the centroid.
+        The reference axis passes through the centroid.
 
         Args:
             width: Flange along e2, metres.

@@ -93,13 +93,12 @@ def round_boundary(radius: float, polar_moment: float) -> Boundary:
 
 
 def rectangle_boundary(width: float, height: float, torsion_constant: float) -> Boundary:
-    """Corners and middles of the sides of a solid rectangle.
+    """Corners and midpoints of the sides of a solid rectangle.
 
     The shear stress on the sides of length b, which are 2 a apart, is at the distance s from their
-    middles, with the twist T/(G J),
-    `2 a T/J [1 - 8/pi^2 sum over odd n of cosh(n pi s/(2 a))/(n^2 cosh(n pi b/(4 a)))]`
-    (Timoshenko, Goodier, Theory of Elasticity, 3rd ed. 1970, section 109). It is greatest in the
-    middles of the longer sides; the corners have none.
+    midpoints, with the twist T/(G J), `2 a T/J [1 - 8/pi^2 sum over odd n of cosh(n pi s/(2
+    a))/(n^2 cosh(n pi b/(4 a)))]` (Timoshenko, Goodier, Theory of Elasticity, 3rd ed. 1970, section
+    109). It is greatest in the midpoints of the longer sides; the corners have none.
     """
     y, z = 0.5 * width, 0.5 * height
     points = np.array(
@@ -125,7 +124,7 @@ def box_boundaries(
 
     Bredt's shear flow gives `2 A_m T/(p J)` in the middle of the walls, A_m and p area and
     perimeter of the middle line; the walls' own torsion adds `wall T/J` outside and takes it away
-    inside, as the torsion constant has it. What happens close to the corners is not told.
+    inside, as the torsion constant has it. Stresses close to the corners are not resolved.
     """
     middle = (width - wall, height - wall)
     flow = middle[0] * middle[1] / (middle[0] + middle[1])  # 2 A_m/p

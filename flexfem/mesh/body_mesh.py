@@ -41,7 +41,7 @@ class BodyMesh:
     groups: dict[str, tuple[int, int]]
 
     def facets(self, name: str) -> tuple[Any, int]:
-        """Tags and tag of a group of facets, which is how regions of interfaces are told.
+        """Tags, and the tag of a group of facets: the form of a region of an interface.
 
         Raises:
             ValueError: there is no such group.
@@ -125,7 +125,7 @@ def _read(
 
 
 def _on_first[T](comm: MPI.Intracomm, make: Callable[[], T]) -> T | None:
-    """Return what is made on the first rank, None on the others; its errors are everyone's."""
+    """Return the result of the first rank, None on the others; its errors are raised on all."""
     made: T | None = None
     failure: Exception | None = None
     if comm.rank == 0:

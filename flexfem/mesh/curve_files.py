@@ -31,7 +31,7 @@ def read_curves(path: str | Path, *, scale: float | None = None) -> dict[str, Nu
 
     Args:
         path: The file; its end (.step, .stp, .iges, .igs) tells the format.
-        scale: Metres in a unit of length of the file; what the file says if left out.
+        scale: Metres in a unit of length of the file; the unit of the file if left out.
 
     Returns:
         The curves by their names in the file; by number ("#12" in STEP, "D5" in IGES) where they

@@ -29,7 +29,7 @@ class ElementMesh:
 
     Attributes:
         points: Node positions, shape (n, 3), metres.
-        cells: Node indices, shape (m, k), in the order of Basix: corners, then the middles of the
+        cells: Node indices, shape (m, k), in the order of Basix: corners, then the midpoints of the
             edges opposite to the corners; of a tetrahedron of edges 2-3, 1-3, 1-2, 0-3, 0-2, 0-1.
         cell: "interval", "triangle" or "tetrahedron".
         degree: Degree of the shape functions, 1 or 2; positions at the start have the same ones.
@@ -123,7 +123,7 @@ class ElementMesh:
         """Return the nodes of a named set, or the one nearest to a position.
 
         Args:
-            owner: What messages call whatever asks.
+            owner: Prefix of messages.
             point: Name of a set, or position (x, y, z) in metres, which must be as near to a node
                 as the nodes of its cells are.
 

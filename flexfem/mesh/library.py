@@ -112,7 +112,7 @@ def _write(name: str, build: Build, parameters: dict[str, Any], output: Path) ->
     with session(f"flexfem_{name}"):
         build(**parameters)
         if gmsh.model.getPhysicalGroups(3):
-            pass  # of solids DOLFINx makes what it can
+            pass  # DOLFINx reads solids as far as it can
         elif gmsh.model.getPhysicalGroups(2):
             SurfaceMesh.from_gmsh_model()
         else:

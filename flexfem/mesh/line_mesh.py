@@ -253,7 +253,7 @@ def _check_cells(points: FloatArray, cells: IntArray, groups: Mapping[str, IntAr
     keys = edge_keys(cells, len(points))
     _, first, counts = np.unique(keys, return_index=True, return_counts=True)
     if (counts > 1).any():
-        _report_cell("is there twice", int(first[np.argmax(counts > 1)]), cells, groups)
+        _report_cell("occurs twice", int(first[np.argmax(counts > 1)]), cells, groups)
     lonely = np.bincount(cells.ravel(), minlength=len(points)) == 0
     if lonely.any():
         raise ValueError(f"LineMesh: node {int(np.argmax(lonely))} belongs to no cell")

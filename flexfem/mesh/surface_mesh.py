@@ -39,7 +39,7 @@ class SurfaceMesh:
     """Nodes, triangles in named bodies, and named lines and nodes on them.
 
     Every triangle belongs to exactly one body. A body may consist of several parts that no edge
-    joins. In each part all triangles are turned to the side of its first one, so that the nodes
+    joins. In each part all triangles are flipped to the side of its first one, so that the nodes
     run counterclockwise seen from the side of the unit normal. Bodies may share nodes, also the
     edges of many may lie in one place: they are not neighbours there, and share positions only.
 
@@ -77,8 +77,8 @@ class SurfaceMesh:
 
         Args:
             points: Node positions, shape (n, 3), metres.
-            triangles: Node indices, shape (m, 3); those turned against the first of their part
-                of a body are turned round, (a, b, c) into (a, c, b).
+            triangles: Node indices, shape (m, 3); those oriented against the first of their part of
+                a body are flipped, (a, b, c) into (a, c, b).
             bodies: Triangles of each body.
             lines: Node pairs of named lines, shape (k, 2), each an edge of a triangle.
             nodes: Named nodes.

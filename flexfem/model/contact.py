@@ -44,8 +44,8 @@ class Contact:
     """Contact of the nodes of shells with the triangles of shells, and with rigid surfaces.
 
     The normal force per area is the stiffness times the penetration. Mid-surfaces touch at half of
-    the sum of the thicknesses, rigid surfaces at half of the thickness. Of director shells the
-    four triangles between corners and middles of edges touch.
+    the sum of the thicknesses, rigid surfaces at half of the thickness. Of director shells the four
+    triangles between corners and midpoints of edges touch.
 
     Beams may be slaves, SE(3) ones: points along the chords of their elements touch at their
     radius, with the area of their length times their diameter. Forces act at the centre line.
@@ -60,7 +60,7 @@ class Contact:
             the stiffness through the thickness, ``A / h^2`` with the membrane stiffness A, and of
             the inertia per area in the matrix of the first time step, with which an impact takes
             two steps; then the force grows up to ten times as fast, half of that at a tenth of the
-            distance of touching. It aims at loads of a few nodes that sink in by less than a
+            distance of touching. It aims at loads of a few nodes that penetrate by less than a
             fifth of the thickness, and at impacts that do not gain energy; see the penetration.
         friction: Coulomb's coefficient; statics leave friction and damping out.
         damping: Viscous part of the normal force: the stiffness times this time, seconds, times
@@ -92,7 +92,7 @@ class Contact:
     radius: float | None = number(default=None, positive=True, as_given=True)
 
     def __post_init__(self) -> None:
-        """Check what touches what."""
+        """Check slaves, masters and surfaces."""
         owner, slaves, masters = _checks.named(self, self.name), self.slaves, self.masters
         if not slaves or not (masters or self.surfaces):
             raise ValueError(f"{owner}: it needs slaves, and masters or surfaces")
@@ -103,10 +103,10 @@ class Contact:
             )
 
     def check(self, model: Structure) -> None:
-        """Check the names of shells and beams, and what carries the surfaces.
+        """Check the names of shells and beams, and the carriers of the surfaces.
 
         Raises:
-            ValueError: The model has no such shell or beam, or contact does not know it.
+            ValueError: The model has no such shell or beam, or contact does not support it.
         """
         owner = f'Contact "{self.name}"'
         for name in self.slaves:
@@ -123,7 +123,7 @@ class Contact:
             surface.check(model, owner)
 
     def _check_beam(self, owner: str, beam: Beam) -> None:
-        """Raise for beams that contact does not know."""
+        """Raise for beams that contact does not support."""
         if beam.formulation != "se3":
             raise ValueError(
                 f'{owner}: Beam "{beam.name}": contact needs the formulation se3, got '
@@ -132,7 +132,7 @@ class Contact:
         self.beam_radius(beam)
 
     def beam_radius(self, beam: Beam) -> float:
-        """Return at which distance from its axis a beam touches, metres.
+        """Return the distance from its axis at which a beam touches, metres.
 
         Raises:
             ValueError: Its section is not round and no radius is given.
@@ -153,8 +153,8 @@ class ContactProbe(AnyProbe):
     """Penetration and forces of a contact.
 
     Columns: name_penetration, the largest one, m; name_fx, name_fy, name_fz, the force on the
-    slaves, N; name_normal, the sum of the sizes of all normal forces, N; name_closed, how many
-    points touch, those of both passes.
+    slaves, N; name_normal, the sum of the sizes of all normal forces, N; name_closed, the number of
+    touching points, those of both passes.
 
     Attributes:
         name: Unique name in the model.

@@ -31,18 +31,18 @@ def _law(owner: str, what: str, value: Any) -> Any:
 class Controller:
     """Feedback from probes to actuators and loads.
 
-    A function ``law(t, y)`` without a sample time acts continuously: it is evaluated wherever the
-    integrator asks for loads, with measurements extrapolated linearly from the last two accepted
-    steps, which is of second order in the step. It must depend on nothing but its arguments, and
-    is called on every rank.
+    A function ``law(t, y)`` without a sample time acts continuously: it is evaluated together with
+    the loads, with measurements extrapolated linearly from the last two accepted steps, which is of
+    second order in the step. It must depend on nothing but its arguments, and is called on every
+    rank.
 
     Every other law is sampled: it is called once per sample time, on the first rank, with the
     accepted state of that instant, and its outputs are held until the next sample. A sample time is
     a whole multiple of the time step. The integrators take forces at the end of each step, so that
-    what is held acts half a time step later than an ideal hold, to second order in the step.
+    held outputs act half a time step later than an ideal hold, to second order in the step.
 
     Sampled laws may read every probe. A joint's force follows an output at once, so that a
-    continuous law cannot read it; what a sampled one reads is that at the end of the step.
+    continuous law cannot read it; a sampled law reads the force at the end of the step.
 
     The outputs are added to the force of an ``Actuator``, and are the amplitude of a load, which
     must have none of its own. Analyses other than motion in time take all outputs as zero.

@@ -16,7 +16,7 @@ __all__ = ["Action", "Event", "LockJoint", "Mechanism", "Rebound", "ReleaseJoint
 
 
 class Mechanism(Protocol):
-    """The moving system as actions change it; the same calls must be made on every rank.
+    """The moving system and its changes by actions; every rank must make the same calls.
 
     Attributes:
         time: of the event, s.
@@ -25,20 +25,20 @@ class Mechanism(Protocol):
     time: float
 
     def set_active(self, joint: str, active: bool, hold: bool = False) -> None:
-        """Make a joint hold, or not; ``hold`` keeps what its rows measure at their present values.
+        """Close or open a joint; ``hold`` keeps the present values of its rows.
 
         Velocities jump by the least kinetic energy onto the constraints that hold then.
         """
         ...
 
     def rebound(self, joint: str, restitution: float, rest_speed: float = 0.0) -> None:
-        """Reverse what the rows of an open joint measure, with forces along their gradients.
+        """Reverse the rates of the rows of an open joint, with impulses along their gradients.
 
-        The class :class:`Rebound` tells the event too that its function turns back at zero.
+        The class :class:`Rebound` also marks the event as one whose function returns from zero.
 
         Args:
             joint: name of the joint, open before and after.
-            restitution: speed after the impact as a part of that before.
+            restitution: speed after the impact over that before.
             rest_speed: below this speed (m/s or rad/s) after the impact, the joint closes instead.
         """
         ...
@@ -58,7 +58,7 @@ Action = Callable[[Mechanism], None]
 
 @dataclass(frozen=True)
 class LockJoint:
-    """A joint holds from now on.
+    """Closes a joint.
 
     Attributes:
         joint: its name; with ``Model.release`` it is open from the start.
@@ -76,7 +76,7 @@ class LockJoint:
 
 @dataclass(frozen=True)
 class ReleaseJoint:
-    """A joint does not hold any more.
+    """Opens a joint.
 
     Attributes:
         joint: its name.
@@ -127,7 +127,7 @@ class Rebound:
 
 @declared(eq=True)
 class Stop:
-    """The run ends, with success.
+    """Ends the run successfully.
 
     Attributes:
         after: names of events that must have happened before, else nothing happens.

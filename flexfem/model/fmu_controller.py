@@ -17,8 +17,8 @@ __all__ = ["FmuController"]
 class FmuController(Controller):
     """Feedback through an FMU (FMI 2 or 3, co-simulation); needs the package fmpy.
 
-    See :class:`Controller` for inputs and outputs, and ``flexfem.control.fmu`` for what the FMU
-    sees.
+    See :class:`Controller` for inputs and outputs, and ``flexfem.control.fmu`` for the data
+    exchanged with the FMU.
     """
 
     def __init__(

@@ -20,7 +20,7 @@ __all__ = ["check_load"]
 _SAMPLES = 9
 #: Part of a beam's length that is round-off of places at its end.
 _ROUNDING = 1e-9
-#: What places of a beam are.
+#: Description of places of a beam for messages.
 _PLACES = {"length": "which is {:.6g} m long", "fraction": "whose fractions are 0 to 1"}
 
 
@@ -62,7 +62,7 @@ def check_load(model: Structure, load: Load) -> None:
 
 
 def _without_axes(body: object) -> bool:
-    """Whether the nodes of a body have positions only, no rotations."""
+    """Return True if the nodes of a body have positions only, no rotations."""
     return isinstance(body, Body) and body.width == 3
 
 

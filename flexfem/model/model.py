@@ -145,5 +145,5 @@ class Model(Structure):
         validate(self)
 
     def __str__(self) -> str:
-        """Return a compact table of what the model holds."""
+        """Return a compact table of the contents of the model."""
         return model_table(self)

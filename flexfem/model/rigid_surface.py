@@ -24,7 +24,7 @@ class RigidSurface:
 
     Attributes:
         place: Position and axes: in space, or moving with a rigid body, a node of an SE(3) beam or
-            an interface of a floating-frame body, which then feel the forces.
+            an interface of a floating-frame body, on which the forces then act.
 
     Raises:
         TypeError: A value is of the wrong type.
@@ -158,7 +158,7 @@ class RigidMesh(RigidSurface):
                 continue
             way = "outwards" if self.inside else "inwards"
             rest = "which inside=True does not allow" if self.inside else (
-                "turn them round, or give inside=True where shells are inside"
+                "reverse them, or give inside=True where shells are inside"
             )  # fmt: skip
             raise ValueError(
                 f"RigidMesh: the normals at triangle {int(np.argmax(own))} point {way} (volume "

@@ -17,7 +17,7 @@ _MAX_ROWS = 8
 
 
 def model_table(model: Structure) -> str:
-    """Return a compact table of what a model holds: one line per object, long lists shortened."""
+    """Return the contents of a model as a table: one line per object, long lists shortened."""
     lines = [repr(model)]
     if model.mesh is not None:
         lines.append(f"  {model.mesh}")
@@ -91,7 +91,7 @@ def _shell(model: Structure, shell: Shell) -> str:
 
 
 def _line(model: Structure, beam: Any) -> str:
-    """Return what a beam runs along."""
+    """Return the line or curve of a beam."""
     if beam.curve is not None:
         return f"curve of degree {beam.curve.degree}, {len(beam.curve.elements.nodes)} elements"
     groups = {} if model.mesh is None else model.mesh.line_groups

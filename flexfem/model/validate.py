@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checks of a whole model: that names refer to something and that the parts fit together."""
+"""Checks of a whole model: that names exist and that the parts fit together."""
 
 from collections.abc import Iterator
 from typing import Any

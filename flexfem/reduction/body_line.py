@@ -48,7 +48,7 @@ class BodyLine:
 
 
 def rest_axes(tangents: FloatArray) -> FloatArray:
-    """Axes (p, 3, 3) along a line: the first along it, turned as little as possible on the way."""
+    """Axes (p, 3, 3) along a line: the first along it, with the smallest rotation along the way."""
     x = tangents / np.linalg.norm(tangents, axis=1)[:, np.newaxis]
     y = np.cross(np.eye(3)[np.argmin(np.abs(x[0]))], x[0])
     axes = np.empty((len(x), 3, 3))

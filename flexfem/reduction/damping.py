@@ -20,7 +20,7 @@ def modal_damping(
     Args:
         mass: (n, n) of the coordinates.
         stiffness: (n, n) of the coordinates.
-        held: (n,) coordinates that are not there.
+        held: (n,) fixed coordinates.
         ratio: zeta.
         rigid: number of rigid motions, which cost no energy.
     """

@@ -8,7 +8,7 @@ interfaces where they are. Rigid motions are therefore among them if there is an
 All integrals over the body that its equations of motion contain are combinations of the constant
 ones kept here (inertia shape integrals; Shabana 2013, Dynamics of Multibody Systems, chapter 5).
 
-Needs NumPy only: what makes these data of a mesh is in the other modules of this package.
+Needs NumPy only: the reduction of meshes is in the other modules of this package.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,8 @@ from flexfem.reduction.body_line import BodyLine
 
 __all__ = ["Interface", "Recovery", "ReducedBody", "interface_motions"]
 
-#: Largest deviation from what must hold exactly that counts as round-off, relative. What a direct
-#: solver leaves for a slender body is near 1e-9; a wrong sign or unit makes a deviation near one.
+#: Largest relative deviation from exact conditions that counts as round-off. What a direct solver
+#: leaves for a slender body is near 1e-9; a wrong sign or unit makes a deviation near one.
 _ROUND_OFF = 1e-5
 
 
@@ -49,7 +49,7 @@ class Interface:
 def interface_motions(interfaces: Sequence[Interface], held: BoolArray) -> FloatArray:
     """(6 k, 6) coordinates of interfaces in unit displacements along and rotations about the axes.
 
-    Rows of coordinates that are held are zero.
+    Rows of fixed coordinates are zero.
     """
     motions = np.zeros((6 * len(interfaces), 6))
     for i, interface in enumerate(interfaces):
@@ -128,11 +128,11 @@ class ReducedBody:
             frame moves: 3 that are uniform, e_a, then 9 that are linear, r_b e_a at 3 + 3 a + b;
             minus the geometric stiffness of the stress under the body force rho times the field,
             all interfaces clamped (without any: the force less its rigid part). [a, i, j] is the
-            work of this force on the displacement of second order that goes with
-            eta_i eta_j (Wallrapp and Schwertassek 1991); None if not asked for.
+            work of this force on the displacement of second order that belongs to eta_i eta_j
+            (Wallrapp and Schwertassek 1991); None if not requested.
         interface_stiffness: (6 k, n, n) geometric stiffness of the stress by a unit of each
-            interface coordinate; None if not asked for.
-        recovery: what pictures need; None if not asked for.
+            interface coordinate; None if not requested.
+        recovery: data for pictures; None if not requested.
         lines: lines of the body by name, on which sliders run (``Carrier``).
     """
 
@@ -230,7 +230,7 @@ class ReducedBody:
     def rigid_motions(self) -> FloatArray:
         """(n, 6) coordinates of unit displacements along and unit rotations about the axes.
 
-        Zero without interfaces, and in rows of coordinates that are held.
+        Zero without interfaces, and in rows of fixed coordinates.
         """
         motions = np.zeros((self.size, 6))
         motions[: len(self.held)] = interface_motions(self.interfaces, self.held)
@@ -238,7 +238,7 @@ class ReducedBody:
 
     @property
     def free_rigid_motions(self) -> BoolArray:
-        """(6,) rigid motions that hold no coordinate that is held; those of a plane are three."""
+        """(6,) rigid motions without fixed coordinates; those of a plane are three."""
         if not self.interfaces:
             return np.zeros(6, dtype=np.bool_)
         free: BoolArray = ~self.held.reshape(-1, 6).any(axis=0)

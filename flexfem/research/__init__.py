@@ -9,7 +9,7 @@ The public names are loaded on first use, as those of the package are::
         velocity=lambda t: (0.1 * t, 0.0, 0.0), acceleration=lambda t: (0.1, 0.0, 0.0)
     )
 
-Nothing of the package but its command line depends on what is here.
+Only the command line of the package depends on these modules.
 """
 
 from importlib import import_module

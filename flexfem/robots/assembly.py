@@ -43,7 +43,7 @@ def assembled(robot: RobotData, placement: Placement, choices: Choices) -> Robot
 
     Raises:
         ValueError: a moving link without mass, a flexible one that does not fit, two things of one
-            name, or what bodies and joints refuse.
+            name, or an error of bodies and joints.
     """
     parts = _Parts(robot, placement, choices)
     hosts = list({id(host): host for host in parts.hosts.values()}.values())
@@ -172,7 +172,7 @@ class _Parts:
         return Connection.between(name, joint, a, b, self._placement.starts[joint.name])
 
     def joints(self) -> list[Joint]:
-        """Joints, what acts in them, stops and couplings."""
+        """Joints, friction and actuators in them, stops and couplings."""
         choices, items = self._choices, list[Joint]()
         for name, it in self.connections.items():
             items += connection_items(it, choices.friction_velocity if choices.friction else None)

@@ -35,7 +35,7 @@ class Connection:
 
     Attributes:
         name: of the joint in the model.
-        data: what the file says.
+        data: data of the file.
         a: marker on the parent, the joint's frame.
         b: marker on the child, the child link's frame.
         axis: unit vector in inertial axes at the start.
@@ -72,7 +72,7 @@ class Connection:
 
 
 def connection_items(it: Connection, friction_velocity: float | None) -> list[Joint]:
-    """The joint, and what rubs and dampens in it unless the velocity is None."""
+    """The joint, and its friction and damping unless the velocity is None."""
     if it.joint is None:
         return []
     items = [it.joint]

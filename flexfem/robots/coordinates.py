@@ -37,7 +37,7 @@ class JointStart:
 def joint_starts(
     robot: RobotData, configuration: Mapping[str, Any], rates: Mapping[str, Any]
 ) -> dict[str, JointStart]:
-    """Starts of all joints; what is not given is zero, and followers follow.
+    """Starts of all joints; coordinates not given are zero, and mimic joints follow.
 
     Raises:
         TypeError: a value is of the wrong kind.
@@ -127,7 +127,7 @@ def _along_axis(joint: JointData, value: float, rate: float) -> JointStart:
 def _planar(joint: JointData, place: FloatArray, rates: FloatArray) -> JointStart:
     """Displacements along the joint's x and y axes, turned onto the plane, and the angle about it.
 
-    The axes are turned by the smallest rotation that takes z to the normal; about x by half a turn
+    The axes are rotated by the smallest rotation that takes z to the normal; about x by half a turn
     if that is -z.
     """
     x, y, z = joint.axis.tolist()

@@ -55,7 +55,7 @@ class Element:
     def only(self, attributes: Collection[str], children: Collection[str] = ()) -> "Element":
         """The element itself, after checking that it holds nothing unknown.
 
-        Extensions with a prefix, as in ``<drake:joint>``, are let pass.
+        Extensions with a prefix, as in ``<drake:joint>``, are ignored.
 
         Raises:
             ValueError: another attribute or child.
@@ -173,13 +173,13 @@ def read_elements(path: Path) -> Element:
         raise ValueError(f'"{path}", line {error.lineno}: no well-formed XML, {reason}') from None
     except InputError:
         raise
-    except (LookupError, ValueError) as error:  # an encoding that Python does not know
+    except (LookupError, ValueError) as error:  # an encoding unknown to Python
         raise ValueError(f'"{path}": no well-formed XML, {_cut(str(error))}') from None
     return reader.root[0]
 
 
 class _Reader:
-    """Makes elements of what the parser finds."""
+    """Makes elements from the events of the parser."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._count = path, 0

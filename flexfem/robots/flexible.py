@@ -113,7 +113,7 @@ class BeamHost:
 
         Args:
             name: of the body.
-            link: what it is.
+            link: link of the robot.
             end: where it ends, in the link's frame, m.
             start: the link's frame.
 
@@ -182,7 +182,7 @@ class FloatingHost:
         )  # fmt: skip
 
     def marker(self, pose: Pose, joint: str | None = None) -> Attachment:
-        """See :meth:`Host.marker`; what is no joint attaches to the nearest interface."""
+        """See :meth:`Host.marker`; others than joints attach to the nearest interface."""
         body, interfaces = self.body, self.body.reduced.interfaces
         owner = f'FloatingLink "{body.name}"'
         if not interfaces:

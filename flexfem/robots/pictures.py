@@ -16,7 +16,7 @@ from flexfem.robots.tree import LinkData
 
 __all__ = ["PICTURES", "link_shapes"]
 
-#: What links may look like: their elements of this name, or nothing of their own.
+#: Pictures of links: their elements of this name, or none.
 PICTURES = ("visual", "collision", "none")
 
 _SCHEMES = ("package://", "model://")

@@ -168,7 +168,7 @@ class Robot:
         )
 
     def __str__(self) -> str:
-        """Return what the robot consists of in one line."""
+        """Return the parts of the robot in one line."""
         bodies = {id(body) for body in self.links.values() if body is not None}
         return (
             f'robot "{self.name}": {len(self.links)} links, {len(bodies)} bodies, '

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Triangles of STL and OBJ files, for pictures of links.
 
-Both come from anywhere. What a file says of itself is compared with what it holds, and memory is
-taken in proportion to its size.
+Files may come from anywhere. Their counts are compared with their contents, and memory is taken in
+proportion to its size.
 """
 
 from array import array
@@ -33,7 +33,7 @@ def read_surface(path: Path) -> tuple[FloatArray, IntArray]:
     """Points (n, 3) and triangles (m, 3) of a file.
 
     Raises:
-        ValueError: another format, no plain file, or not what its format says.
+        ValueError: another format, no plain file, or not as its format requires.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
@@ -51,7 +51,7 @@ def _stl(content: bytes) -> tuple[FloatArray, IntArray]:
     held = (len(content) - _HEAD) // _FACET.itemsize
     if len(content) >= _HEAD and held == count:
         single = np.frombuffer(content, _FACET, count, _HEAD)["corners"]
-        if not np.isfinite(single).all():  # some of what is no number cannot be converted
+        if not np.isfinite(single).all():  # some texts are no numbers
             raise ValueError("its points are not all finite")
         corners = single.astype(np.float64).reshape(-1, 3)
     elif content.lstrip()[:5].lower() == b"solid":
@@ -100,7 +100,7 @@ def _obj(content: bytes) -> tuple[FloatArray, IntArray]:
     return points, np.frombuffer(triangles, dtype=np.int64).reshape(-1, 3)
 
 
-#: How files are read, by their ending.
+#: Readers of files by suffix.
 FORMATS = {".stl": _stl, ".obj": _obj}
 
 

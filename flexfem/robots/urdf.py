@@ -58,7 +58,7 @@ def read_urdf(
         velocity: of the root link's origin with a free base, inertial axes, m/s.
         angular_velocity: of the root link with a free base, inertial axes, rad/s.
         configuration: coordinates at the start by the joint's name, zero where not given: rad or m;
-            for a planar joint two displacements along its axes x and y, turned onto the plane, and
+            for a planar joint two displacements along its axes x and y, rotated onto the plane, and
             an angle; for a floating one the ``Pose`` of the child in the joint's frame.
         rates: their rates: rad/s or m/s; for a planar joint three; for a floating one velocity and
             angular velocity of the child in the joint's axes, six numbers.
@@ -70,11 +70,11 @@ def read_urdf(
             ``JointFriction``.
         separate: fixed joints that do not join their links: they become ``Rigid`` joints, the
             reactions of which can be recorded.
-        pictures: what rigid links look like: "visual", "collision", or "none" for boxes of their
-            mass and inertia.
+        pictures: pictures of rigid links: "visual", "collision", or "none" for boxes of their mass
+            and inertia.
         packages: folders of packages by name, for meshes ``package://name/...``; others are looked
             for around the file and in ROS_PACKAGE_PATH.
-        prefix: what the names of all bodies and joints in the model begin with.
+        prefix: prefix of the names of all bodies and joints in the model.
 
     Returns:
         The robot; ``model.add(*robot.items)``.

@@ -186,7 +186,7 @@ def _inside(point: FloatArray, loop: FloatArray) -> bool:
 
 
 def _counterclockwise(points: FloatArray, rows: IntArray) -> IntArray:
-    """Return the cells turned counterclockwise; refuse those without area or not convex."""
+    """Return the cells in counterclockwise order; refuse those without area or not convex."""
     corners = points[rows]
     sides = np.roll(corners, -1, axis=1) - corners
     turns = _cross(sides, np.roll(sides, -1, axis=1))  # twice the area of each corner's triangle

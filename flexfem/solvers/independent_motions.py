@@ -7,8 +7,8 @@ the step with gradient G, the independent y determine all others,
 
 ``G u = b:   u = Theta y + Y (G Y)^-1 b,   Theta = N - Y (G Y)^-1 G N``.
 
-Unknowns that are held are in neither: mixed into N they would carry the stiffness that holds them,
-beside which that of slender bodies is lost to rounding.
+Fixed unknowns are in neither: mixed into N they would carry the stiffness that holds them, beside
+which that of slender bodies is lost to rounding.
 
 The equations of motion along Theta hold no multipliers, which are found afterwards (Maggi's
 equations; P. E. Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), section 13.2;
@@ -164,7 +164,7 @@ class IndependentMotions:
         part = system.part_of_node[node]
         first = self._first[part] + widths[part] * system.interface.number[node]
         column = first[:, np.newaxis] + np.arange(6)
-        # nodes of three unknowns: what is beyond goes to a column that is dropped
+        # nodes of three unknowns: the rest is written to a column that is dropped
         column[np.arange(6) >= widths[part][:, np.newaxis]] = self.unknowns
         row = rows.numbers[rows.row_of_term[term]]
         np.add.at(full, (row[:, np.newaxis], column), rows.force_jacobian[term, side])
@@ -188,7 +188,7 @@ class IndependentMotions:
     def of_nodes(self, kind: str) -> FloatArray:
         """(n,) residuals, velocities or accelerations of all nodes (collective).
 
-        Forces along held unknowns are left out.
+        Forces along fixed unknowns are left out.
         """
         values = []
         for part in self._system.parts:
@@ -216,5 +216,5 @@ class IndependentMotions:
 
 
 def _movable(block: FrameBlock) -> FloatArray:
-    """(n_owned, width) ones, zeros for unknowns that are held."""
+    """(n_owned, width) ones, zeros for fixed unknowns."""
     return block.hold(np.ones((block.owned, block.width)))

@@ -4,7 +4,7 @@
 ``updated`` takes a fresh matrix in every iteration, ``material`` the same without geometric
 stiffness. ``frozen`` keeps the factors of the bodies for each step size. ``auto`` does the same,
 but refreshes them where the iteration contracts slowly. All fall back to the exact fresh matrix for
-a step on which they fail; what then fails is left to the driver, which halves the step.
+a step on which they fail; a further failure is left to the driver, which halves the step.
 """
 
 from flexfem.solvers.frozen.policy import AutoPolicy, FrozenPolicy

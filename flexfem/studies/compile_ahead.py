@@ -25,7 +25,7 @@ class Compiled(NamedTuple):
     Attributes:
         case: its name.
         seconds: that it took.
-        fault: what it said last if it failed, else empty.
+        fault: its last output if it failed, else empty.
     """
 
     case: str

@@ -17,13 +17,13 @@ from flexfem.studies.reductions import Reduction
 
 __all__ = ["RunFolder", "StudyFolder"]
 
-#: What the summary says of a run that has a checkpoint to go on from.
+#: Status in the summary of a run that can resume from a checkpoint.
 _INTERRUPTED = "interrupted"
 #: Exit code of a run with wrong input.
 _REFUSED = 2
 
 
-#: What a summary counts, in the last columns of the table.
+#: Counts of a summary in the last columns of the table.
 _COUNTS = ("unknowns", "steps", "newton_iterations", "factorizations", "wall_seconds")
 
 
@@ -50,7 +50,7 @@ class RunFolder:
         return bool(self.summary().get("status") == "ok")
 
     def prepare(self) -> list[str]:
-        """Make ready for a run, and return the arguments with which it goes on or begins."""
+        """Prepare the folder of a run, and return the arguments with which it starts or resumes."""
         if self.summary().get("status", "").startswith(_INTERRUPTED):
             files = sorted(self.path.glob("checkpoint_*.h5"), key=lambda p: (len(p.name), p.name))
             if files:
@@ -61,7 +61,7 @@ class RunFolder:
 
     def ended(self, code: int) -> None:
         """Note why a run has ended that leaves no summary."""
-        if code == _REFUSED:  # a checkpoint that does not fit, perhaps: begin anew next time
+        if code == _REFUSED:  # a checkpoint that does not fit, perhaps: start over next time
             self._summary_file.unlink(missing_ok=True)
         self._died = f"failed with exit code {code}"
         if code < 0:

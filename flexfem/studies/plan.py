@@ -29,7 +29,7 @@ class PlannedRun:
     Attributes:
         name: of its folder.
         parameters: values of the options that are varied.
-        record: what tells this run from others, as it is written into its folder.
+        record: data that identify the run, as written into its folder.
         arguments: of the command ``run``, without those that concern the output.
     """
 
@@ -45,7 +45,7 @@ class Plan:
     Attributes:
         case: under the analysis that is asked for.
         runs: in the order of their parameters.
-        identity: what runs of the same study have in common.
+        identity: data that runs of one study have in common.
     """
 
     def __init__(

@@ -47,7 +47,7 @@ class Processes:
     """Processes that run at the same time; signals of a terminal do not reach them.
 
     Attributes:
-        running: what each was started for.
+        running: tasks of the running processes.
     """
 
     def __init__(self, ranks: int, limit: int) -> None:
@@ -77,7 +77,7 @@ class Processes:
         return len(self._running) >= self._limit
 
     def start(self, key: Any, command: Sequence[str], log: Path) -> None:
-        """Start a process whose output goes to a file."""
+        """Start a process whose output is written to a file."""
         with run_log(log) as stream:
             self._running[key] = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT,

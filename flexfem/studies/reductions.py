@@ -21,7 +21,7 @@ def _mean(t: FloatArray, values: FloatArray) -> float:
     return float(h @ (values[1:] + values[:-1]) / (2.0 * (t[-1] - t[0])))
 
 
-#: How (times, values) become one number.
+#: Reductions of (times, values) to one number.
 REDUCTIONS: dict[str, Callable[[FloatArray, FloatArray], float]] = {
     "final": lambda t, values: float(values[-1]),
     "max": lambda t, values: float(values.max()),

@@ -51,8 +51,8 @@ def sweep(
     ``results`` has ``status`` ("ok", or why the run failed), the headline results of the case, the
     reduced columns, ``unknowns``, ``steps``, ``newton_iterations``, ``factorizations`` and
     ``wall_seconds``. They come in the order of the parameters, each as soon as it is there. A
-    folder that holds some of the runs already, with the same options, is gone on with: what has
-    ended well is not run again.
+    folder that holds some of the runs already, with the same options, is continued: what has ended
+    well is not run again.
 
     Args:
         case: name of a shipped case, or path of a case file.
@@ -146,9 +146,8 @@ class Sweep:
         """Make the runs that are not there yet; parameters and results of each.
 
         Raises:
-            InputError: Another sweep goes on in the folder.
-            KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; runs were asked to end, and can go
-                on.
+            InputError: Another sweep is running in the folder.
+            KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; runs were interrupted, and can go on.
             OSError: Results cannot be written.
         """
         if self._study is not None:

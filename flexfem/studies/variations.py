@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Values of options that a study goes through."""
+"""Variations of options in a study."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-# Exudyn's build with vector instructions and without range checks must be asked for before the
+# Exudyn's build with vector instructions and without range checks must be selected before the
 # import, which then writes a line that would spoil the JSON on the standard output.
 sys.exudynFast = True  # type: ignore[attr-defined]
 with contextlib.redirect_stdout(sys.stderr):

@@ -7,7 +7,7 @@ Run from the source tree; prints a line of JSON::
 
 Loops and forms are kept in a folder of its own, which is removed. ``loops`` and ``signatures``
 count what is kept; ``functions`` what was compiled, with numba's own ones, which each process
-compiles anew.
+compiles again.
 """
 
 import argparse

@@ -124,7 +124,7 @@ def run_exudyn(
         ``wall_seconds_per_step``, ``iterations_per_step``, ``jacobians``, ``memory`` (peak resident
         set in MB), ``tip`` (m) and ``success``.
     """
-    # Exudyn's fast build must be asked for before its modules are imported
+    # Exudyn's fast build must be selected before its modules are imported
     from exudyn_beams import eii, exu, integration_settings
 
     mbs, tip = _assembled(bodies, modes, eii, exu)

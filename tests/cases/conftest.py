@@ -23,7 +23,7 @@ def environment() -> dict[str, str]:
     """Environment without what a launcher has set, one thread per process.
 
     Ranks of MPICH poll while they wait; here they leave their core to others, which are more than
-    there are cores: up to three ranks, and as many tests at once as pytest was told to.
+    there are cores: up to three ranks, and as many tests at once as pytest is given.
     """
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "OMPI_", "HYDI_"))}
     own = {"OMP_NUM_THREADS": "1", "MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "PYTHONPATH": str(ROOT)}
@@ -50,7 +50,7 @@ def command_line() -> Callable[..., list[str]]:
 def run(environment: dict[str, str], command_line: Callable[..., list[str]]) -> Run:
     """Run a Python program on some ranks; a run that hangs is a failure.
 
-    What is told of ranks in vain is left out: it depends on the machine.
+    Warnings about too many ranks are left out: they depend on the machine.
     """
 
     def start(

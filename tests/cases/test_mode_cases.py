@@ -102,7 +102,7 @@ MISTAKES = [
     ("blade", ["--modes", "0"], "must be a whole number >= 1"),
     ("blade", ["--smoke", "--modes", "500"], "modes must not exceed the 24 degrees of freedom"),
     ("blade", ["--axis", "0,0,0"], "axis must not be zero"),
-    ("blade", ["--axis", "y", "--smoke"], 'Revolute "bearing": does not let the model turn'),
+    ("blade", ["--axis", "y", "--smoke"], 'Revolute "bearing": prevents rotation of the model'),
     ("campbell", ["--spin-end", "0"], "spin_end must differ from spin 0 rad/s"),
     ("campbell", ["--speeds", "1"], "must be a whole number >= 2"),
     ("blade", ["--dt", "1e-3"], "unrecognized arguments"),

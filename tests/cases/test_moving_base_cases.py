@@ -46,7 +46,7 @@ def test_theories_begin_alike_and_make_one_picture(case: str, tmp_path: Path) ->
 
 
 def diverging(scale: float, end: float) -> dict[str, Any]:
-    """A column of three runs: two alike, one that is small or grows."""
+    """A column of three runs: two equal, one that is small or grows."""
     t = np.linspace(0.0, 10.0, 201)
     runs = {"one": np.sin(t), "two": 1.2 * np.sin(t), "other": scale * np.exp(end * t)}
     return {name: {"t": t, "u2": values} for name, values in runs.items()}
@@ -102,7 +102,7 @@ def test_one_command_makes_runs_and_their_picture(
     study = ["sweep", "spin_up", "--smoke", "--quiet", "--vary", "theory=consistent,conventional"]
     folder = ["--output", str(tmp_path / "study")]
     assert command([*study, *folder, "--clip"]) == 2
-    assert "--clip goes with --plot" in capsys.readouterr().err
+    assert "--clip needs --plot" in capsys.readouterr().err
     assert not (tmp_path / "study").exists()
     assert command([*study, *folder, "--plot", "u2,theta1", "--clip"]) == 0
     assert (tmp_path / "study" / "comparison.png").read_bytes()[:4] == b"\x89PNG"

@@ -16,8 +16,8 @@ pytestmark = pytest.mark.serial
 def test_stiff_links_in_equilibrium_begin_alike(run: Run, tmp_path: Path) -> None:
     """Undamped, what the first steps do to stiff links rings for long.
 
-    All predictions of the first step are alike, and rounding must not choose: two ranks that
-    choose another one than one rank differ by 1e-7 of the forces.
+    All predictions of the first step are equal, and rounding must not choose: two ranks that choose
+    another one than one rank differ by 1e-7 of the forces.
     """
     (text,) = complete_examples((ROOT / "flexfem/docs/guide/walk.md").read_text())
     script = tmp_path / "scissor.py"

@@ -127,7 +127,7 @@ def test_dead_loads_count_curved_lengths_and_areas(line, rng):
         sizes = (0.8 * np.outer(wx, wx) * np.sqrt(1 + (0.6 * X) ** 2 + (0.4 * Y) ** 2)).ravel()
     forces = sizes[:, None] * force
     expected = np.concatenate([forces.sum(0), np.cross(points, forces).sum(0)])
-    # middles are found from tangent planes, to 2e-3; those on chords miss 1e-2, equal shares more
+    # midpoints are found from tangent planes, to 2e-3; those on chords miss 1e-2, equal shares more
     np.testing.assert_allclose(_sums(system), expected, rtol=4e-3, atol=4e-3)
     before = _sums(system)[:3]
     disturb(system, rng, 0.1)

@@ -153,7 +153,7 @@ def test_force_is_at_right_angles_to_the_line(line, rng):
 
 @LINE
 def test_passing_from_element_to_element(line, rng):
-    """A slider that moves on is found in the next element, and its arc length goes on."""
+    """A slider that moves on is found in the next element, and its arc length continues."""
     joint = PlacedOnLine(SLIDING["PrescribedSlide"], line, rng)
     joint.evaluate()
     rows, version, arcs = joint.rows, joint.rows.lines.version, []

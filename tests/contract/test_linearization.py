@@ -113,7 +113,7 @@ def test_matrices_are_the_derivatives_of_the_residual(damping, rng):
         x.getArray()[: s.linear.unknowns] = np.concatenate(owned)
         matrix = getattr(matrices, name)
         matrix.mult(x, y)
-        found = y.getArray() * s.linear.held()
+        found = y.getArray() * s.linear.rigid_rows()
         shape = np.concatenate(owned)[np.newaxis]
         laws = None if name == "mass" else matrices.stiffness
         found[: s.linear.unknowns] = s.linear.multiply(matrix, shape, laws=laws)[0].real
@@ -137,7 +137,7 @@ def test_forces_of_joints_enter_by_the_transpose(rng):
     s = _setup(0.0, rng)
     s.linear.evaluate(s.forces)
     K = gather_rows(s.linear.matrices().stiffness)
-    kinds = s.linear.held()
+    kinds = s.linear.rigid_rows()
     kinds[: s.linear.unknowns] = -1.0
     kinds = np.concatenate(s.system.comm.allgather(kinds))
     nodes, held = kinds < 0.0, kinds > 0.0

@@ -40,7 +40,7 @@ def _turn(system: System, turn: np.ndarray) -> None:
 @ELEMENTS
 @EVERY
 def test_resultant_turns_with_the_shell(kind: str, element: str) -> None:
-    """Also about the normal, which directors and normals know nothing of."""
+    """Also about the normal, of which directors and normals are independent."""
     system = _system(kind, element)
     turn = so3.exp(np.array([0.5, -0.8, 1.9]))
     _turn(system, turn)

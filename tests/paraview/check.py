@@ -33,7 +33,7 @@ EXPECTED = {
     "joints": ({"displacement": 3}, {"joint": 1, "force": 3, "force_magnitude": 1}),
     "reactions": (dict.fromkeys(("force", "moment", "displacement"), 3) | {"joint": 1}, {}),
 }
-# Beams of equations of their own, which know no section resultants.
+# Beams of equations of their own, without section resultants.
 PLAIN_BEAMS = (dict.fromkeys(("displacement", "e1", "e2", "e3"), 3), {})
 COLOURS = {"beams": "bending_moment", "beam_surfaces": "bending_moment", "joints": "joint"}
 COMPONENTS = {"resultant": RESULTANTS, "strain": STRAINS}

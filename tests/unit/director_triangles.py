@@ -10,7 +10,7 @@ from flexfem.families.shell_director.triangles import DirectorTriangles
 
 
 def quadratic(points, triangles):
-    """Points with those amid the edges, nodes (m, 6) of the triangles, and nodes of the edges."""
+    """Points with the midside nodes, nodes (m, 6) of the triangles, and nodes of the edges."""
     sides = np.stack([np.roll(triangles, -1, 1), np.roll(triangles, -2, 1)], 2).reshape(-1, 2)
     edges, number = np.unique(np.sort(sides, 1), axis=0, return_inverse=True)
     nodes = np.concatenate([triangles, len(points) + number.reshape(-1, 3)], 1)

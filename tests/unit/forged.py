@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checkpoints whose contents were changed by someone who knows how to seal them."""
+"""Checkpoints whose contents were changed, with a valid checksum."""
 
 import hashlib
 import json
@@ -27,7 +27,7 @@ def each_kind(kinds: Iterable[str], *on_ranks: str) -> list[Any]:
 
 
 def seal(path: Path) -> None:
-    """Write number of bytes and checksum anew, as the package would have."""
+    """Write number of bytes and checksum again, as the package would have."""
     data = path.read_bytes()[_BLOCK:]
     digest = hashlib.blake2b(data, digest_size=32).hexdigest()
     text = f"flexfem checkpoint\nformat 1\nbytes {len(data)}\nblake2b {digest}\n"

@@ -222,7 +222,7 @@ CONSTRUCTORS = [
     # probes
     (lambda: Probe("p", [], [], max), 'Probe "p": columns must hold at least one name, got none'),
     (lambda: Probe("p", [END], ["t"], max), 'Probe "p": column "t" is the time'),
-    (lambda: Probe("p", [END], ["a", "a"], max), 'Probe "p": column "a" is there twice'),
+    (lambda: Probe("p", [END], ["a", "a"], max), 'Probe "p": column "a" occurs twice'),
     (lambda: Probe("p", [END], ["a,b"], max), 'Probe "p": column "a,b" must not contain a comma'),
     (lambda: Probe("p", [END], "ab", max), "Probe \"p\": columns must be a list .* got 'ab'"),
     (lambda: Probe("p", [END], ["a"], 3.0), 'Probe "p": function must be callable, got 3.0'),
@@ -287,7 +287,7 @@ MESHES = [
     (lambda _: LineMesh(POINTS, [[0, 1], [1, 3]], {}), "cells must lie in 0 to 2, got 3"),
     (lambda _: LineMesh(POINTS, [[0.0, 1.0]], {}), "LineMesh: cells must be whole numbers"),
     (lambda _: LineMesh(POINTS, [[0, 1]], {}), "LineMesh: node 2 belongs to no cell"),
-    (lambda _: LineMesh(POINTS, [*CELLS, [1, 0]], {}), "cell 0 between .* is there twice"),
+    (lambda _: LineMesh(POINTS, [*CELLS, [1, 0]], {}), "cell 0 between .* occurs twice"),
     (
         lambda _: LineMesh([[0, 0, 0], [1, 0, 0], [1, 0, 0]], CELLS, {"bar": [0, 1]}),
         'LineMesh: cell 1 of group "bar" between nodes 1 and 2 has zero length',

@@ -105,7 +105,7 @@ NAMES = [
     (lambda: line([[0, 1], [1, 3]]), 'line "hinge": nodes 1 and 3 are no edge of a triangle'),
     (
         lambda: line([[0, 2], [2, 0]]),
-        'line "hinge": the edge between nodes 0 and 2 is there twice',
+        'line "hinge": the edge between nodes 0 and 2 occurs twice',
     ),
     (lambda: line([[0, 1], [2, 3]]).line_nodes("hinge"), 'line "hinge" branches or falls apart'),
     (lambda: line([[0, 1], [0, 2], [0, 3]]).line_nodes("hinge"), '"hinge" branches or falls apart'),

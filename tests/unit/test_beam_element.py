@@ -116,7 +116,7 @@ def test_superposed_rigid_motion_changes_neither_strain_nor_local_force(one_beam
     beam.block.frames[:] = se3.compose(rigid, beam.block.frames)
     # interpolated rotation vectors would change strains by 1e-2; round-off grows with the distance
     assert beam.largest(beam.strain() - strain) <= 1e-13
-    # inertia too: without gravity the local residual does not know the orientation
+    # inertia too: without gravity the local residual does not depend on the orientation
     assert beam.largest(beam.residual() - force) <= 1e-12 * beam.largest(force)
 
 
@@ -160,7 +160,7 @@ def test_compiled_loops_equal_dolfinx_assembly(one_beam, shape, damping, rng):
     beam.gravity = GRAVITY
     beam.disturb(rng)
     block = beam.block
-    block.increment[:] = 0.0  # DOLFINx knows no T^-1
+    block.increment[:] = 0.0  # DOLFINx has no T^-1
     table = {
         "position": block.frames[:, :3],
         "rotation": block.frames[:, 3:],

@@ -29,7 +29,7 @@ COMMAND = [sys.executable, "-P", "-m", "flexfem.system.compile_beside"]
 
 
 def test_list_is_that_of_the_package():
-    """A loop that was renamed, or has other arguments: write the list anew."""
+    """A loop that was renamed, or has other arguments: write the list again."""
     entries = list(beside._listed())
     assert len(entries) > 30
     for entry in entries:

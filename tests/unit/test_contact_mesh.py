@@ -77,7 +77,7 @@ def test_bad_meshes(make, message):
 @pytest.mark.parametrize(
     ("height", "message"),
     [
-        (RADIUS - 2e-3, 'Shell "sheet" goes through RigidMesh 0'),
+        (RADIUS - 2e-3, 'Shell "sheet" intersects RigidMesh 0'),
         (RADIUS + 0.1e-3, None),
     ],
 )

@@ -159,7 +159,7 @@ def test_restart_goes_on_as_before():
     ("options", "message"),
     [
         ({"low": (0, 0, 1.2e-3)}, 'Contact "hit": at the start Shell "up" penetrates .*0.0007 m'),
-        ({"tilt": 0.1}, 'Contact "hit": at the start Shell "up" goes through Shell "low"'),
+        ({"tilt": 0.1}, 'Contact "hit": at the start Shell "up" intersects Shell "low"'),
         ({"masters": "none"}, 'Contact "hit": masters: Model "impact" has no shell "none"'),
         ({"friction": -1.0}, 'Contact "hit": friction must not be negative'),
         ({"masters": ()}, 'Contact "hit": it needs slaves, and masters or surfaces'),

@@ -6,7 +6,7 @@ import pytest
 
 from flexfem.contact.detection.broad_phase import overlaps
 from flexfem.contact.detection.neighbours import Rows, find_candidates, rings
-from flexfem.contact.law.closed_contacts import ContactLaw, HeldContacts
+from flexfem.contact.law.closed_contacts import ClosedContacts, ContactLaw
 from flexfem.contact.law.data import BEND, DISTANCE
 from flexfem.contact.obstacles.overlaps import deepest_start, first_crossing
 from flexfem.contact.obstacles.triangles import TriangleContact
@@ -199,7 +199,7 @@ def test_node_that_got_through_is_pushed_back_to_its_side():
         residual = forces(contact, moved)
         if depth > 0.01:  # beyond the middle of the sheet the push is still upwards
             assert residual[-1, 2] < -0.9 * (depth - 0.011)
-    contact.update(moved)  # remembered when the candidates are found anew
+    contact.update(moved)  # remembered when the candidates are found again
     contact._built = None
     contact.update(moved)
     assert forces(contact, moved)[-1, 2] < -0.04
@@ -291,7 +291,7 @@ def test_friction_sticks_below_the_limit_and_slides_above(push):
     contact.accept(moved)
     # work of the sliding force where it slides
     lost = 0.0 if elastic < limit else limit * (elastic - limit)
-    assert contact.held.lost == pytest.approx(lost, abs=1e-18)
+    assert contact.closed.lost == pytest.approx(lost, abs=1e-18)
 
 
 def test_damping_resists_approach():
@@ -307,7 +307,7 @@ def test_damping_resists_approach():
     # k g + k tau g / h: -1.1e-3 of the spring, -2e-4 of the damper
     assert forces(contact, every, h)[-1, 2] == pytest.approx(-1.1e-3 - 2e-4)
     contact.accept(every)
-    assert contact.held.lost == pytest.approx(2e-4 * 1e-4)
+    assert contact.closed.lost == pytest.approx(2e-4 * 1e-4)
 
 
 def test_bad_starts_are_found():
@@ -330,8 +330,8 @@ def test_bad_starts_are_found():
 
 def test_no_slaves_on_this_rank_make_rows_of_the_width_of_others():
     law, extra = ContactLaw(friction=0.2), np.zeros((0, 3))
-    rows = HeldContacts.none(law).packed(0, extra)
+    rows = ClosedContacts.none(law).packed(0, extra)
     # checkpoints put rows of all ranks together
-    assert rows.shape == (0, HeldContacts.none(law).packed(2, extra).shape[1])
-    found, more = HeldContacts.unpacked(law, rows, np.zeros(0))
+    assert rows.shape == (0, ClosedContacts.none(law).packed(2, extra).shape[1])
+    found, more = ClosedContacts.unpacked(law, rows, np.zeros(0))
     assert (len(found.slaves), more.shape) == (0, (0, 3))

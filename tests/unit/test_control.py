@@ -222,7 +222,7 @@ def test_restart_goes_on_with_the_laws_memories(shared_tmp_path):
     resumed = ff.simulate(beams(*loops()), options)
     if COMM.rank == 0:
         for name, column in whole.history.items():
-            # the PID's integral or a hold begun anew would change outputs by their first digits
+            # the PID's integral or a hold started again would change outputs by their first digits
             largest = max(np.abs(column).max(), 1e-3)
             assert np.abs(resumed.history[name] - column).max() < 1e-11 * largest, name
     with pytest.raises(ValueError, match="another model, other controllers"):
@@ -271,7 +271,7 @@ def test_linear_inputs_do_not_depend_on_ranks():
 
 @pytest.mark.serial
 def test_outputs_are_zero_at_rest():
-    """Statics knows no controller; a load that one drives does not act there."""
+    """Controllers do not act in statics, nor loads that they drive."""
     model = pendulum(ff.Controller("push", ["turn"], ["torque", "motor"], lambda t, y: (5.0, 5.0)))
     model.add(
         ff.TorsionalSpringDamper("spring", ff.Ground(), ff.Marker("rod"), axis=Z, stiffness=9.0)
@@ -298,7 +298,7 @@ def _controller(**given: Any) -> ff.Controller:
             "output \"gear\" must be an Actuator or a load .* has 'motor, torque'",
         ),
         ({"outputs": ["hinge"]}, 'output "hinge" must be an Actuator or a load .* is a Revolute'),
-        ({"outputs": ["motor", "motor"]}, 'column "c_motor" is there twice'),
+        ({"outputs": ["motor", "motor"]}, 'column "c_motor" occurs twice'),
         ({"law": 3.0}, r"law must be a function of t and y, or have update\(t, y\) and state"),
         ({"sample_time": -1.0}, "sample_time must be positive, got -1.0"),
         ({"sample_time": 0.003}, "sample_time must be a multiple of the time step 0.002 s, got"),

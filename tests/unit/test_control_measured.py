@@ -150,7 +150,7 @@ def test_restart_goes_on_with_what_was_measured(shared_tmp_path):
     resumed = ff.simulate(_arms(), ff.RunOptions(t_end=0.07, output=second, restart=file, **common))
     if COMM.rank == 0:
         for name, column in whole.history.items():
-            # energies that begin anew, or an extrapolation without its past, change first digits
+            # energies that start again, or an extrapolation without its past, change first digits
             largest = max(np.abs(column).max(), 1e-3)
             assert np.abs(resumed.history[name] - column).max() < 1e-11 * largest, name
 

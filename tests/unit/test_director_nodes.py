@@ -36,7 +36,7 @@ def test_middles_of_given_surfaces_are_on_them():
     corners = len(found.corners)
     places = found.frames[:, :3]
     np.testing.assert_allclose(np.hypot(places[:, 0], places[:, 2]), 1.0, rtol=1e-14)
-    # each triangle's middles are those of its own edges
+    # each triangle's midside nodes are those of its own edges
     ends = mesh.points[mesh.triangles]
     chords = (np.roll(ends, -1, 1) + np.roll(ends, -2, 1)) / 2
     assert abs(places[found.nodes[:, 3:]] - chords).max() < 0.02
@@ -106,5 +106,5 @@ def test_midpoints_that_turn_a_triangle_inside_out_are_refused():
     midpoints = np.array(mesh.midpoints)
     midpoints[:, 1] = midpoints[:, 1].mean(0) + 3.0
     wrong = SurfaceMesh(mesh.points, mesh.triangles, mesh.bodies, midpoints=midpoints)
-    with pytest.raises(ValueError, match="inside out"):
+    with pytest.raises(ValueError, match="invert triangle"):
         nodes_of(wrong)

@@ -86,7 +86,7 @@ def test_slit_annular_plate():
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_hemisphere_with_a_hole(exact):
-    """A quarter of it, between planes of symmetry, with middles of edges given or found."""
+    """A quarter of it, between planes of symmetry, with midpoints of edges given or found."""
 
     def surface(parameters):
         f, t = parameters[:, 0], parameters[:, 1]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Element matrices in a moving frame, and frames whose motion is prescribed.
 
-Closed forms of the matrices; equations of motion that UFL derives from energies, which know nothing
-of these matrices.
+Closed forms of the matrices; equations of motion that UFL derives from energies, which are
+independent of these matrices.
 """
 
 import csv

@@ -25,7 +25,7 @@ def warned(model: ff.Model, dt: float, t_end: float, **options: Any) -> list[str
 
 @pytest.mark.serial
 def test_a_body_that_spins_too_fast_for_its_steps() -> None:
-    """Five radians in a step: its energy grows two hundredfold, told without an energy probe."""
+    """Five radians in a step: its energy grows two hundredfold, found without an energy probe."""
     model = ff.Model("spin")
     model.add(ff.RigidBody("top", 1.0, (1.0, 2.0, 2.5), angular_velocity=(10, 5000, 20)))
     start, end = warned(model, 1e-3, 1.0)
@@ -202,7 +202,7 @@ def arm_beside(model: ff.Model) -> ff.Model:
 
 @pytest.mark.serial
 def test_gains_and_losses_beside_a_drive() -> None:
-    """What the work of a drive cannot explain is told, though there is one."""
+    """Energy that the work of a drive cannot explain is reported."""
     (line,) = warned(arm_beside(vibrating(0.0)), 0.02, 1.0, rho_inf=0.0)
     # 0.5 J vibrated; the drive's work of 0.3 J at most comes and goes
     assert line.startswith("numerical dissipation: the balance has fallen by 0.")

@@ -44,7 +44,7 @@ def test_rows_are_messages_of_the_package(row: str) -> None:
 
 
 def test_table_is_one() -> None:
-    """Every row has a message, a reason and a remedy, and no message is there twice."""
+    """Every row has a message, a reason and a remedy, and no message occurs twice."""
     rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line[:3] == "| `"]
     assert all(line.count(" | ") == 2 for line in rows)
     assert len(set(rows_of_page())) == len(rows)

@@ -169,7 +169,7 @@ def test_a_mended_function_goes_on(what: str, shared_tmp_path: Path) -> None:
     last = ff.simulate(pendulum(Failing("nothing")), options(shared_tmp_path, restart=checkpoint))
     assert last.status == "ok"
     fired = [[event["t"] for event in run.summary["events"]] for run in (last, sound)]
-    # an event that is made anew lies within its tolerance of 1e-9 s; half a step off is 5e-4
+    # an event that is made again lies within its tolerance of 1e-9 s; half a step off is 5e-4
     np.testing.assert_allclose(*fired, atol=1e-8)
     if COMM.rank == 0:
         # a lost sample or a step of other size would be off by 1e-7 at least
@@ -379,7 +379,7 @@ def removing(folder: Path, then: Callable[[], None]) -> ff.Model:
 
 
 def test_folder_is_removed(shared_tmp_path: Path) -> None:
-    """The table is written anew with all its rows, a checkpoint and the summary with it."""
+    """The table is written again with all its rows, a checkpoint and the summary with it."""
     folder = shared_tmp_path / "results"
     sound = ff.simulate(pendulum(Failing("nothing")), options(None))
     with pytest.raises(OSError, match="was removed during the run, the table, a ch") as raised:

@@ -112,7 +112,7 @@ def sliding(*probes: ff.EnergyProbe) -> ff.Model:
 
 
 def test_energy_drift_is_told() -> None:
-    """Of the whole model, from a fiftieth of the largest energy on; what is lost is not told."""
+    """Gains of the whole model above a fiftieth of the largest energy; losses are not reported."""
     zero = np.zeros(4)
     names = ("kinetic", "strain", "gravity", "work", "dissipation")
     history = {f"energy_{name}": zero for name in names} | {"t": np.arange(4.0)}
@@ -190,7 +190,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def test_long_compilation_is_told_once(clock: list[float]) -> None:
-    """From a second on, nested ones not twice; nothing is told of what comes after the run."""
+    """Those above one second, nested ones once; compilations after the run are not reported."""
     from numba.core import event
 
     from flexfem.kernels.first_compilation import told_of_compilation

@@ -101,7 +101,7 @@ def test_fmu_goes_on_after_a_restart(fmu, shared_tmp_path):
     assert whole.status == resumed.status == "ok"
     if COMM.rank == 0:
         for name, column in whole.history.items():
-            # an integral that begins anew would show in the second digit
+            # an integral that starts again would show in the second digit
             assert resumed.history[name] == pytest.approx(column, rel=1e-10, abs=1e-12), name
     other = of_file(fmu, parameters=GAINS | {"damping": 3.0})
     with pytest.raises(ValueError, match="another model, other controllers"):

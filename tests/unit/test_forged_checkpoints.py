@@ -65,7 +65,7 @@ def refused(path: Path, folder: Path) -> str:
 
 
 def forged(written: Path, folder: Path, change: Callable[[Any], object]) -> Path:
-    """A copy that was changed, and sealed anew."""
+    """A copy that was changed, with a renewed checksum."""
     path = folder / "c.h5"
     if COMM.rank == 0:
         shutil.copy(written, path)
@@ -74,7 +74,7 @@ def forged(written: Path, folder: Path, change: Callable[[Any], object]) -> Path
     return path
 
 
-# what each rank reads for itself, what the first one reads for all, and what all check alike
+# data that each rank reads, that the first one reads for all, and that all check
 PARTS = (
     "no frames",
     "rows of another shape",

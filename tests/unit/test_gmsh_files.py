@@ -123,7 +123,7 @@ READERS = (ff.read_mesh, ff.read_surface_mesh, ff.read_body_mesh)
 
 @pytest.mark.parametrize("kind", SCRIPTS)
 def test_scripts_are_not_executed(kind, shared_tmp_path, monkeypatch) -> None:
-    """On all ranks alike; gmsh would run them, and end the process with exit code 0."""
+    """The same on all ranks; gmsh would run them, and end the process with exit code 0."""
     monkeypatch.chdir(shared_tmp_path)
     path = shared_tmp_path / "script.msh"
     path.write_text(SCRIPTS[kind])
@@ -178,7 +178,7 @@ BAD = {
     "one node too few": (RING.replace("3 0 1 0\n", ""), "it ends before 3 rows that it says"),
     "one node too many": (RING.replace("$Nodes\n3", "$Nodes\n2"), "it has 4 numbers more than it"),
     "a node that is not there": (RING.replace("1 3 1\n", "1 3 4\n"), "has node 4, which is not in"),
-    "a node twice": (RING.replace("3 0 1 0", "2 0 1 0"), "node 2 is there twice, at different"),
+    "a node twice": (RING.replace("3 0 1 0", "2 0 1 0"), "node 2 occurs twice, at different"),
     "numbers that are none": (RING.replace("0 1 0", "0 1_0 0"), "'_' is in place of numbers"),
     "two numbers in one": (RING.replace("0 1 0", "0 1-1 0"), "it has something else than numbers"),
     "half a number": (RING.replace("2 3\n3", "2 2.5\n3"), "2.5 is no whole number"),

@@ -176,7 +176,7 @@ def test_spatial_arm_under_gravity():
 
 @pytest.mark.serial
 def test_torques_fed_forward_move_the_arm():
-    """What was asked for comes out of a run with the torques, to the order of the integrator."""
+    """A run with the torques gives the prescribed motion, to the order of the integrator."""
     model, drives, motions = arm()
     found = ff.inverse_dynamics(model, motions, drives, np.linspace(0.0, 0.5, 101))
     for drive in drives:
@@ -316,7 +316,7 @@ def test_stencil():
 
 @pytest.mark.parametrize(("t", "before"), [(0.0, 0), (0.05, 2), (0.5, 4), (0.95, 6), (1.0, 8)])
 def test_stencil_is_as_central_as_the_span_allows(t, before):
-    """Beside a span that is long enough the points lie alike on both sides."""
+    """In a span that is long enough the points lie symmetrically."""
     at, _ = stencil(t, 0.0, 1.0, 0.02)
     np.testing.assert_allclose(at, t + 0.02 * np.arange(-before, 9 - before), atol=1e-12)
 

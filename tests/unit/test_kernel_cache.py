@@ -191,6 +191,6 @@ def test_subroutines_are_kept_without_machine_code(tmp_path):
     assert run() == ["7.0", "0"]
     for file in tmp_path.rglob("*_total*"):
         file.unlink()
-    assert run() == ["7.0", "1"]  # the loop was compiled anew from what was kept
+    assert run() == ["7.0", "1"]  # the loop was compiled again from what was kept
     with pytest.raises(TypeError, match="_scaled is a part of compiled loops"):
         _scaled(np.zeros(2), 1.0)

@@ -160,7 +160,8 @@ def test_curves_and_shells_move_with_meshes():
     for name, frames in (("arch", "curves"), ("post", None)):
         before, after = (a.frames if frames is None else a.curves.frames for a in (old, new))
         motion = se3.compose(after, se3.inverse(before))
-        # one rigid motion for all nodes: frames chosen anew would differ by turns about the line
+        # one rigid motion for all nodes: newly chosen frames would differ by rotations about the
+        # line
         np.testing.assert_allclose(motion, np.broadcast_to(motion[0], motion.shape), atol=1e-12)
         assert np.abs(motion[0] - se3.frame(np.zeros(3), np.eye(3))).max() > 0.01, name
     # masses and inertia about the own middle are the same bodies'

@@ -57,7 +57,7 @@ MESHES = {
 @pytest.mark.serial
 @pytest.mark.parametrize("owner", MESHES)
 def test_meshes_that_were_not_meant(owner: str, monkeypatch: Any) -> None:
-    """A step has no room for them, which is told before they are made."""
+    """Meshes that exceed the memory are refused before they are made."""
     make, room = MESHES[owner]
     if room is not None:
         monkeypatch.setattr(_memory, "available", lambda: room)
@@ -115,7 +115,7 @@ def test_models_that_take_most_of_what_is_left_are_named(monkeypatch: Any) -> No
         'a step takes about 1.39 GB of memory, 2.5 GB are available; 70000 elements in Beam "rod"'
     )
     monkeypatch.setattr(look, "available", lambda: 1e8)
-    assert not list(look.find(Inspection(rod(100))))  # small ones are not asked for
+    assert not list(look.find(Inspection(rod(100))))  # small ones are not checked
 
 
 @pytest.mark.three_ranks
@@ -169,7 +169,7 @@ def test_what_is_there(tmp_path: Path, monkeypatch: Any) -> None:
         ValueError, match=r"x would need about 1.5 GB of memory, 500 MB are available"
     ):
         check_room("x", 1.5e9)
-    check_room("x", 0.9e9)  # so little is never asked for
+    check_room("x", 0.9e9)  # so little is never checked
 
 
 def test_sizes_in_words() -> None:

@@ -165,7 +165,7 @@ def serendipity_volume(places: np.ndarray) -> float:
     weight = np.einsum("i,j,k->ijk", weights, weights, weights).ravel()
 
     def shape(point: np.ndarray) -> np.ndarray:
-        """Of all nodes: corners 1/8 ... (a + b + c - 2), middles of edges 1/4 (1 - a^2) ..."""
+        """Of all nodes: corners 1/8 ... (a + b + c - 2), midpoints of edges 1/4 (1 - a^2) ..."""
         terms = 1.0 + places * point
         corner = 0.125 * terms.prod(axis=1) * ((places * point).sum(axis=1) - 2.0)
         edge = 0.25 * np.where(places == 0, 1.0 - point**2, terms).prod(axis=1)

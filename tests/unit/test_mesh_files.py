@@ -244,7 +244,7 @@ def test_gmsh_files_in_full(tmp_path, gmsh_model) -> None:
     gmsh.write(str(tmp_path / "square.msh"))
     second = ff.read_surface_mesh(tmp_path / "square.msh", scale=2.0)
     assert len(second.triangles) == len(mesh.triangles)
-    # the middles of straight edges are in the middle: a wrong edge is off by half a cell
+    # the midside nodes of straight edges are at the midpoints: a wrong edge is off by half a cell
     corners = second.points[second.triangles]
     middles = 0.5 * (np.roll(corners, -1, axis=1) + np.roll(corners, -2, axis=1))
     np.testing.assert_allclose(second.midpoints, middles, atol=1e-14)
@@ -384,8 +384,8 @@ BAD = [
     (lines(NODES + "*ELEMENT, TYPE=B31\n1, 1, 7\n"), "element 1: node 7 is not in the file"),
     (lines(BAR + "*NSET, NSET=N\n1, 8\n"), 'node set "N": node 8 is not in the file'),
     (lines(BAR + "*NSET, NSET=N\nM\n"), r'line 9: \*NSET: there is no node set "M" up to here'),
-    (lines(BAR + "*NODE\n1, 5, 0, 0\n"), r"line 9: node 1 is there twice, at \(0.0, 0.0, 0.0\)"),
-    (lines(BAR + "1, 1, 3\n"), "line 8: element 1 is there twice"),
+    (lines(BAR + "*NODE\n1, 5, 0, 0\n"), r"line 9: node 1 occurs twice, at \(0.0, 0.0, 0.0\)"),
+    (lines(BAR + "1, 1, 3\n"), "line 8: element 1 occurs twice"),
     (lines(NODES + "*ELEMENT, TYPE=B31\n1, 1, x\n"), r"line 7: \*ELEMENT: needs whole numbers"),
     (lines(NODES + "*ELEMENT, TYPE=S4\n1, 1, 2, 3\n"), "type S4 needs 4 nodes, got 3"),
     (lines(NODES + "*ELEMENT, TYPE=B31\n1, 1, 1\n"), "element 1 has a node twice: 1, 1"),
@@ -400,7 +400,7 @@ BAD = [
     (lines("*INSTANCE, NAME=A, PART=P\n"), 'line 1: .*instance "A" is of a part that is not in'),
     (
         lines("*PART, NAME=P\n*END PART\n" + "*INSTANCE, NAME=A, PART=P\n*END INSTANCE\n" * 2),
-        'line 5: .*instance "A" is there twice',
+        'line 5: .*instance "A" occurs twice',
     ),
     (lines(BAR + "*NSET, NSET=N, GENERATE\n3, 1\n"), "line 9: .*cannot generate from '3, 1'"),
     (surface(BAR), "no triangles or quadrilaterals; it has 1 lines"),
@@ -428,7 +428,7 @@ BAD = [
         "line 2: CORD2R: system 4 is defined by itself",
     ),
     (lines("GRID,1,4\nCORD2R,4,,1.\n", "bad.bdf"), "three points of system 4 are on one line"),
-    (lines("GRID,1\nGRID,1,,1.\n", "bad.bdf"), "line 2: GRID: point 1 is there twice, also in"),
+    (lines("GRID,1\nGRID,1,,1.\n", "bad.bdf"), "line 2: GRID: point 1 occurs twice, also in"),
     (lines("nothing", "bad.vtk"), 'bad.vtk" cannot be read: '),
     (lines("<xml", "bad.vtu"), 'bad.vtu" cannot be read: '),
     (lines(mesh_texts.VTK_SHEET, "bad.vtk"), "no lines; it has 2 triangles, 1 quadrilaterals"),

@@ -106,7 +106,7 @@ FILES = {
     "a grid": ("# vtk DataFile Version 3.0\na\nASCII\nDATASET STRUCTURED_POINTS\n"
                "DIMENSIONS 3 1 1\nORIGIN 0 0 0\nSPACING 1 1 1\n", "a.vtk", ""),
     "XML": (vtu("0 1"), "a.vtu", ""),
-    "XML, index -1": (vtu("0 -1"), "a.vtu", "a cell has a node that is none of 0 to 1"),
+    "XML, index -1": (vtu("0 -1"), "a.vtu", "a cell has a node that is not one of 0 to 1"),
     "compressed": (vtu("0 1", packed(10**8)), "a.vtu", 'array "Points" has not the 48 bytes'),
     "entities": ('<!DOCTYPE a [<!ENTITY b "bb">]>' + vtu("0 1"), "a.vtu", "declarations of XML"),
     "blocks": (vtu("0 1", f'format="binary">{base64.b64encode(b"\\xff" * 12).decode()}'), "a.vtu",
@@ -203,7 +203,7 @@ def test_time_grows_with_the_size_of_a_file(tmp_path) -> None:
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("name", ["pipe.msh", "pipe.inp", "pipe.bdf", "pipe.vtk", "pipe.vtu"])
 def test_pipes_are_not_waited_for(name, shared_tmp_path) -> None:
-    """On all ranks alike: nobody ever writes into it."""
+    """The same on all ranks: nobody ever writes into it."""
     path = shared_tmp_path / name
     with suppress(FileExistsError):  # another rank was first
         os.mkfifo(path)

@@ -164,7 +164,7 @@ def test_a_floating_body_has_the_mass_of_its_mesh() -> None:
     # turned the wrong way, the moment about x would be that about the axis, a thousandth
     np.testing.assert_allclose(rod.masses.inertia[0, 0], slender, rtol=1e-9)
     np.testing.assert_allclose(rod.size, [0.0, LENGTH, 0.0], atol=1e-15)
-    assert rod.freedoms == 12
+    assert rod.degrees_of_freedom == 12
 
 
 def bar(name: str, start: np.ndarray, end: np.ndarray) -> ff.RigidBody:
@@ -192,7 +192,7 @@ def test_freedoms_of_linkages() -> None:
     """A four-bar linkage of rigid bars: three redundant rows by Gruebler's count, one motion."""
     counts = ff.describe(four_bar(ff.Revolute)).mobility
     assert (counts.motions, counts.grubler, counts.redundant) == (1, -2, 3)
-    assert counts.freedoms == 1
+    assert counts.degrees_of_freedom == 1
     # hinges that leave translations along their axes: each bar but the planar motion slides
     loose = ff.describe(four_bar(ff.PointOnLine)).mobility
     assert loose.redundant == 0
@@ -225,19 +225,19 @@ def test_sheets_are_held_by_their_edges() -> None:
         model = ff.Model(surface=mesh)
         model.add(ff.Shell("sheet", SKIN, edges={"sheet_left": rule}))
         counts = ff.describe(model).mobility
-        left[rule] = (counts.motions, counts.supports, counts.held)
+        left[rule] = (counts.motions, counts.supports, counts.fixed)
     assert left == {"clamped": (0, 6, 9), "hinged": (1, 5, 9), "symmetric x": (3, 3, 3)}
 
 
 def test_plane_of_symmetry_may_be_oblique() -> None:
-    """Nodes there have axes of their own, in which their supports are told."""
+    """Nodes there have axes of their own, in which their supports are given."""
     R = so3.exp(np.array([0.3, 0.5, -0.7]))  # is not its own inverse
     mesh = ff.SurfaceMesh.grid("sheet", [0.0, 0.5, 1.0], [0.0, 0.5, 1.0], lambda p: p @ R[:2])
     model = ff.Model(surface=mesh)
     model.add(ff.Shell("sheet", SKIN, edges={"sheet_left": "symmetric"}))
     counts = ff.describe(model).mobility
     # (2, 4, 3) where axes are turned the wrong way
-    assert (counts.motions, counts.supports, counts.held) == (3, 3, 3)
+    assert (counts.motions, counts.supports, counts.fixed) == (3, 3, 3)
 
 
 def test_matrix_entries_are_those_of_the_tangent() -> None:
@@ -274,7 +274,7 @@ def test_text_and_numbers() -> None:
         assert words in text
     values = json.loads(json.dumps(summary.as_dict()))
     assert values["total"]["mass"] == summary.total.mass
-    assert values["degrees_of_freedom"] == summary.mobility.freedoms
+    assert values["degrees_of_freedom"] == summary.mobility.degrees_of_freedom
     assert [joint["role"] for joint in values["joints"]] == ["joints", "drives", "forces"]
 
 

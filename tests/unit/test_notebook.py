@@ -78,7 +78,7 @@ def _pendulum(function) -> ff.Model:
 
 @pytest.mark.serial
 def test_interrupted_run_keeps_its_results():
-    """As a kernel does: the signal comes to the main thread, and the process goes on."""
+    """As a kernel does: the signal comes to the main thread, and the process continues."""
     options = ff.RunOptions(dt=0.01, t_end=1.0, quiet=True)
 
     def height(t: float, s: ff.MarkerState) -> list[float]:

@@ -351,7 +351,7 @@ def test_frames_that_cannot_be_interpolated_are_refused():
     curve = ff.NurbsCurve.fit(
         lambda u: np.column_stack([np.cos(12 * u), np.sin(12 * u), u]), degree=7, elements=9
     )
-    with pytest.raises(ValueError, match="frames turn too much inside the element at parameter"):
+    with pytest.raises(ValueError, match="frames rotate too much inside the element at parameter"):
         control_frames(curve)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """NURBS elements against an assembly by DOLFINx on a broken space, with Bezier extraction.
 
-The reference knows neither the forms nor the loops of the element: strain energy and kinetic energy
+The reference uses neither the forms nor the loops of the element: strain energy and kinetic energy
 are written as functionals of fields in a space that is discontinuous from one element to the next
 (homogeneous coordinates, polynomials of the elements' degree), differentiated by UFL and assembled
 by DOLFINx. A matrix M takes the nodes' local twists to those fields.

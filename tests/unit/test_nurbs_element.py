@@ -232,7 +232,7 @@ def test_superposed_rigid_motion_changes_neither_strain_nor_local_force(
     moved = beam.beams.resultants_at(beam.block.frames, places)[0]
     # round-off, which grows with the distance; interpolated total rotations change it by 1e-2
     assert beam.largest(moved - strain) <= 1e-13 * 20.0
-    # inertia too: without gravity the local residual does not know the orientation
+    # inertia too: without gravity the local residual does not depend on the orientation
     assert beam.largest(beam.residual() - force) <= 1e-13 * beam.largest(force) * 20.0
     assert beam.energy() == pytest.approx(stored, rel=1e-13)
 

@@ -14,7 +14,7 @@ from flexfem.system.system import System
 @pytest.mark.parametrize(
     ("misses", "chosen"),
     [
-        # at rest all are alike up to rounding
+        # at rest all are equal up to rounding
         ((1.0, 1.0, 1.0), Prediction.VELOCITY),
         ((1.0, 1.0 + 1e-5, 1.0 - 1e-5), Prediction.VELOCITY),
         ((1.0 - 1e-5, 1.0, 1.0), Prediction.VELOCITY),
@@ -27,7 +27,7 @@ from flexfem.system.system import System
 def test_the_best_prediction_is_chosen(
     misses: tuple[float, float, float], chosen: Prediction
 ) -> None:
-    """The largest miss of any block on any rank counts; what is alike is left to velocities."""
+    """The largest error of any block on any rank counts; velocities decide between equal ones."""
     comm = MPI.COMM_WORLD
     own = misses if comm.rank == comm.size - 1 else (0.0, 0.0, 0.0)
     system = SimpleNamespace(comm=comm)

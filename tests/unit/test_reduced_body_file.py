@@ -109,7 +109,7 @@ def test_bad_files_are_refused_by_all_ranks(shared_tmp_path: Path, damage: str) 
     assert "\n" not in str(caught.value)
 
 
-#: Changes of a file whose checksum is computed anew, and what is said of them.
+#: Changes of a file whose checksum is computed again, and what is said of them.
 FORGERIES: dict[str, tuple[Callable[[Any], object], str]] = {
     "missing": (lambda f: f.__delitem__("stiffness"), 'it has no "stiffness"'),
     "shape": (replaced("stiffness", data=np.zeros((3, 3))), "stiffness must hold 12 x 12 numbers"),
@@ -148,7 +148,7 @@ def test_forged_files_are_refused_by_all_ranks(kind: str, shared_tmp_path: Path)
     if COMM.rank == 0:
         with h5py.File(path, "r+") as file:
             change(file)
-            with suppress(ValueError):  # of what cannot be read no checksum is asked
+            with suppress(ValueError):  # no checksum is needed of an unreadable file
                 file.attrs["digest"] = _digest(PlainFile(file, path.stat().st_size))
     COMM.Barrier()
     with pytest.raises(ValueError, match=rf"^reduced body '.*rod.h5': .*{reason}") as caught:

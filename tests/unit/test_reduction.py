@@ -85,7 +85,7 @@ def test_inertia_of_moving_frames_is_that_of_the_nodes() -> None:
     body = box((3, 1, 1), degree=1)
     reduced = ff.reduce_body(body, ENDS, modes=4)
     surface = reduced.recovery
-    assert surface is not None  # of linear cells it has all nodes and all there is to know
+    assert surface is not None  # for linear cells it has all nodes and all data
     space = fem.functionspace(body.space.mesh, ("Lagrange", 1))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     nodes = fem.assemble_matrix(fem.form(7850.0 * u * v * ufl.dx)).to_dense()

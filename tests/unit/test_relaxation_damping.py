@@ -89,7 +89,7 @@ def test_steps_grow_with_the_root_of_the_condition() -> None:
 
 @pytest.mark.parametrize("stiffness", [1e-3, 1e-4])
 def test_viscous_damping_is_critical(stiffness: float) -> None:
-    """Steps of the vibration at hand take ``exp(-sqrt(stiffness))`` each, both roots alike."""
+    """Steps of the vibration at hand take ``exp(-sqrt(stiffness))`` each, with equal roots."""
     damping = DAMPINGS["viscous"]()
     damping.learn(stiffness)
     keep, smooth, push = damping.factors(Motion(energy=1.0, uphill=-1.0))

@@ -321,7 +321,7 @@ def test_without_a_folder_nothing_is_written(tmp_path: Path, monkeypatch: Any) -
 
 
 def test_failed_run_keeps_a_checkpoint_of_its_last_good_state(shared_tmp_path: Path) -> None:
-    """The motor's angle jumps out of reach of any step; with a tame motor the run goes on."""
+    """The motor's angle jumps out of reach of any step; with a smooth motor the run continues."""
 
     def build(jump: float | None) -> ff.Model:
         model = ff.Model("jump")

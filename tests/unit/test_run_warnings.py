@@ -68,7 +68,7 @@ def beam(gravity: float) -> ff.Model:
     [ff.StaticOptions(load_steps=1), ff.ModeOptions(modes=1), ff.RunOptions(dt=1e-3, t_end=1e-3)],
 )
 def test_every_analysis_tells_what_the_checks_find(options: ff.StaticOptions) -> None:
-    """Gravity in mm/s^2, which ``flexfem info`` finds too; in m/s^2 nothing is told."""
+    """Gravity in mm/s^2, which ``flexfem info`` finds too; in m/s^2 there is no warning."""
     drivers = {
         ff.StaticOptions: ff.solve_static, ff.ModeOptions: ff.find_modes,
         ff.RunOptions: ff.simulate,

@@ -123,7 +123,7 @@ BAD = [
     ("kind,diameter\ncircle,1\n", 'line 1: column "name" is missing; there are kind, diameter'),
     ("name,diameter\na,1\n", 'line 1: column "kind" is missing'),
     ("name,kind,colour\na,circle,red\n", "line 1: column 'colour' is not known; known are name, "),
-    ("name,kind,kind\na,circle,b\n", 'line 1: column "kind" is there twice'),
+    ("name,kind,kind\na,circle,b\n", 'line 1: column "kind" occurs twice'),
     ("name,kind,diameter [in]\na,circle,1\n", "is in 'in', it may be in m, cm, mm"),
     ("name,kind,k2 [mm]\na,circle,1\n", "is in 'mm', it may be in no unit"),
     ("#\n" + HEAD + "\na,circle,steel,x\n", "line 4 \"a\": diameter must be a number, got 'x'"),
@@ -148,7 +148,7 @@ BAD = [
         "name,kind,material,width,height,thickness\na,angle,steel,1,1,2\n",
         'line 2 "a": thickness and fillet must be less than the width 1, got 2',
     ),
-    (HEAD + "a,circle,steel,1\na,circle,steel,2\n", 'line 3: the name "a" is there twice'),
+    (HEAD + "a,circle,steel,1\na,circle,steel,2\n", 'line 3: the name "a" occurs twice'),
     (HEAD + ",circle,steel,1\n", "line 2: name is missing"),
     (HEAD + "a,circle,steel,1,,,,,5\n", "line 2: 9 fields for 8 columns"),
 ]

@@ -67,7 +67,7 @@ def test_torsion_of_rectangles(ratio, k, upright):
     stress = section.walls[0].stress[:, 1, T]
     # the table has three digits; the sides exchanged are off by 5 % and more, from a ratio of 1.2
     assert stress.max() * 0.01**3 * ratio == pytest.approx(1 / k, rel=2.5e-3)
-    long = 0 if upright else 1  # the coordinate that the middles of the long sides have
+    long = 0 if upright else 1  # the coordinate of the midpoints of the long sides
     where = section.walls[0].points[np.argmax(stress)]
     if ratio > 1.0:
         assert abs(where[long]) == pytest.approx(0.005)

@@ -198,7 +198,7 @@ def test_outline_counts_folds(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (["plot", "{}", "{}/other", "--path", "tip"], "no column 'tip_z'"),
         (["plot", "{}", "{}/other", "--outline"], "--outline: takes one RESULTS_DIR, got 2"),
         (["plot", "{}", "--outline"], "no series of shells"),
-        (["plot", "{}", "--time", "0.1"], "--time: goes with --outline"),
+        (["plot", "{}", "--time", "0.1"], "--time: needs --outline"),
         (
             ["plot", "{}", "{}/other", "--clip", "--path", "tip"],
             "--clip: changes nothing with --path",
@@ -211,8 +211,8 @@ def test_outline_counts_folds(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (["plot", "{}", "--path", "tip", "--columns", "tip_x"], "--columns: changes nothing with"),
         (["plot", "{}", "--outline", "--path", "tip"], "--path: changes nothing with --outline"),
         (["plot", "{}", "--campbell", "--x", "tip_x"], "--x: changes nothing with --campbell"),
-        (["plot", "{}", "--planes", "xy"], "--planes: goes with --path"),
-        (["plot", "{}", "--orders", "4"], "--orders: goes with --campbell"),
+        (["plot", "{}", "--planes", "xy"], "--planes: needs --path"),
+        (["plot", "{}", "--orders", "4"], "--orders: needs --campbell"),
         (["plot", "{}", "--after", "1"], "--after: takes several RESULTS_DIR"),
     ],
 )

@@ -64,7 +64,7 @@ def test_the_rest_is_as_if_nothing_had_been(shared_tmp_path: Path, gravity: str)
         return
     written = read_history(folder / "history.csv")
     for name, column in whole.history.items():
-        # gravity or forces that are missing, or work that begins anew, change the first digits
+        # gravity or forces that are missing, or work that starts again, change the first digits
         largest = max(np.abs(column).max(), 1e-3)
         assert np.abs(rest.history[name] - column).max() < 1e-9 * largest, name
         assert np.array_equal(written[name], rest.history[name])
@@ -72,7 +72,7 @@ def test_the_rest_is_as_if_nothing_had_been(shared_tmp_path: Path, gravity: str)
 
 
 def test_an_interruption_leaves_a_checkpoint(shared_tmp_path: Path) -> None:
-    """The last rank gets a signal; the run goes on with steps of another size."""
+    """The last rank gets a signal; the run continues with steps of another size."""
     sent: list[float] = []
 
     def grows(t: float) -> float:
@@ -102,7 +102,7 @@ def test_an_interruption_leaves_a_checkpoint(shared_tmp_path: Path) -> None:
 
 @pytest.mark.serial
 def test_critical_points_are_kept(tmp_path: Path) -> None:
-    """A column that buckles in the first part of the steps is told of at the end of the second."""
+    """A column that buckles in the first part of the steps is reported at the end of the second."""
 
     def column() -> ff.Model:
         model = ff.Model(
@@ -131,7 +131,7 @@ def test_critical_points_are_kept(tmp_path: Path) -> None:
     assert rest.status == "ok"
     (first,), (second,) = (x.summary["critical_points"] for x in (whole, rest))
     assert (second["kind"], second["unstable"]) == ("bifurcation", [0, 1])
-    # Euler's load of a cantilever, with six elements; one found anew would be beyond t = 0.9
+    # Euler's load of a cantilever, with six elements; one found again would be beyond t = 0.9
     euler = 0.25 * np.pi**2 * 2.1e11 * 0.02 * 0.01**3 / 12.0 / 1500.0
     assert second["t"] == pytest.approx(first["t"], rel=1e-5)
     assert second["t"] == pytest.approx(euler, rel=1e-2)

@@ -322,7 +322,7 @@ def test_one_sweep_in_a_folder(driven: Path) -> None:
 
 
 def test_an_interrupted_sweep_goes_on_by_the_command_it_shows(driven: Path) -> None:
-    """Runs on two ranks write checkpoints when the sweep is asked to end."""
+    """Runs on two ranks write checkpoints when the sweep is interrupted."""
     (driven.parent / "slow").touch()
     line = "--vary speed=2 --ranks 2 --every 1 --output study --quiet"
     command = [sys.executable, "-m", "flexfem", "sweep", str(driven), *line.split()]

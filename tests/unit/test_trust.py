@@ -23,7 +23,7 @@ ME = os.geteuid()
 
 @pytest.fixture(autouse=True)
 def forgotten() -> Iterator[None]:
-    """What was looked at before is looked at anew."""
+    """What was looked at before is looked at again."""
     for memory in (module._tell, module._user, module._group, _folder):
         memory.cache_clear()
     module._GOOD.clear()

@@ -198,7 +198,7 @@ class Cable(ff.UFLBody):
 
 
 def test_a_family_of_the_user_has_a_block_of_its_own():
-    """It follows those of the package, and its bodies join and are asked for like theirs."""
+    """It follows those of the package, and its bodies are joined and probed like theirs."""
     model = ff.Model("two")
     for kind, name in ((ff.UFLBody, "rope"), (Cable, "cable")):
         model.add(kind(name, line(), bar, density=1.0, parameters={"EA": 1e3}))
@@ -231,7 +231,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_energies_that_are_none_are_refused_in_one_line(name):
-    """On all ranks alike."""
+    """The same on all ranks."""
     energy, parameters, words = REFUSED[name]
     model = ff.Model("test")
     model.add(ff.UFLBody("rope", line(), energy, density=1.0, parameters=parameters))

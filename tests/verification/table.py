@@ -106,7 +106,7 @@ def page(parts: dict[str, list[str]]) -> str:
 
 
 def told(path: Path) -> re.Match[str]:
-    """Where a text tells the number of values.
+    """Places in the texts with the number of values.
 
     Raises:
         ValueError: It does not, or more than once.

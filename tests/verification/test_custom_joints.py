@@ -250,7 +250,7 @@ def test_restart(shared_tmp_path: Path) -> None:
 
 @pytest.mark.serial
 def test_inspection_knows_what_functions_hold() -> None:
-    """A body that a function of its position holds is not told to be free along it."""
+    """A body that a function of its position constrains is not reported as free along it."""
     for force, motions in ((lambda x, v: 3.0 * x, 0), (lambda x, v: 3.0 * v, 1)):
         made = ff.Model("held")
         made.add(

@@ -361,7 +361,7 @@ def test_a_drive_is_let_go_and_held():
             t = history["t"]
             free = 5.0 * 0.0305**2 + 0.305 * (t - 0.0305)
             expected = np.where(t < 0.0305, 5.0 * t * t, np.minimum(free, free[0] + 0.305 * 0.0605))
-            # a motor that goes on pulling the disk would put it at 0.05 rad
+            # a motor that keeps pulling the disk would put it at 0.05 rad
             np.testing.assert_allclose(history["angle"], expected, atol=3e-6)
 
 

@@ -145,5 +145,5 @@ def test_a_run_goes_on_with_other_kernels(element: str, shared_tmp_path: Path) -
         rows = len(rest.history["t"])
         assert 0 < rows < len(whole.history["t"])
         late = {name: values[-rows:] for name, values in whole.history.items()}
-        # factors of thin shells are made anew at a restart: what the tolerance of Newton leaves
+        # factors of thin shells are renewed at a restart: what the tolerance of Newton leaves
         assert_same(rest.history, late, 1e-6)

@@ -258,7 +258,7 @@ def test_whirls_are_followed_through_zero_frequency_in_turning_axes(sign):
     outcome = ff.sweep_spin(model, options)
     assert outcome.status == "ok"
     # of seven speeds together: where a frequency passes zero, rounding is all that can be reached,
-    # and told; none is missing
+    # and reported; none is missing
     checks = outcome.summary["checks"]
     assert options.accuracy < checks["largest_residual"] < 1e-6
     assert (checks["missing"], checks["not_counted"]) == (0, None)
@@ -403,7 +403,7 @@ MISTAKES = {
     "more than exist": ({"modes": 4}, {}, "modes must not exceed the 3 degrees of freedom"),
     "gravity": ({"modes": 1, "spin": 1.0}, {"gravity": (0, -9.81, 0)}, "gravity is not along"),
     "joint off the axis": ({"modes": 1, "spin": 1.0}, {"at": (0.5, 0, 0.5)},
-                           'Spherical "tip": does not let the model turn about the axis (0, 0, 1)'),
+                           'Spherical "tip": prevents rotation of the model about the axis'),
 }  # fmt: skip
 
 

@@ -174,7 +174,7 @@ def _cantilever(cells: tuple[int, int], clamped: bool, ratio: float) -> float:
     [((5, 2), 0.0, 2e-5), ((5, 2), 0.3, 5e-3), ((20, 2), 0.3, 1.5e-3)],
 )
 def test_clamped_line(cells, ratio, limit):
-    """Two strips clamped together bend as one that is meshed alike."""
+    """Two strips clamped together bend as one with the same mesh."""
     one, parts = (_cantilever(cells, clamped, ratio) for clamped in (False, True))
     assert abs(parts / one - 1.0) < limit
 

@@ -80,7 +80,7 @@ def test_displacement_prescribed_up_to_a_force():
         load_steps=3, t_end=0.225, stop_column="force_fz", stop_value=-360.0, quiet=True
     )
     history = ff.solve_static(model, options).history
-    # forces of the accepted state instead of the trial's never reach the value: the run goes on
+    # forces of the accepted state instead of the trial's never reach the value: the run continues
     assert history["force_fz"][-1] == pytest.approx(-360.0, rel=1e-8)
     # 29.3 with 64x16 cells, measured 30.6; half or twice the quarter of the force that the model
     # bears is off by tens of per cents

@@ -165,7 +165,7 @@ def test_element_passed_within_a_refined_step(formulation, position, monkeypatch
     assert found.status == alone.status == "ok"
     assert found.summary["newton_iterations"] == alone.summary["newton_iterations"]
     if COMM.rank == 0:
-        # round-off; ranks of which one factorises anew end in MPI, or sum numbers of two matrices
+        # round-off; ranks of which one factorises again end in MPI, or sum numbers of two matrices
         assert _largest_difference(alone.history, found.history) < 1e-9
 
 
@@ -238,7 +238,7 @@ def test_slider_that_leaves_its_carrier(formulation, shared_tmp_path):
 
 @FORMULATIONS
 def test_released_slider_may_leave(formulation):
-    """It flies on along the cable's direction, and the run goes on."""
+    """It flies on along the cable's direction, and the run continues."""
 
     def let_go(slide: ff.Sliding) -> ff.Event:
         return ff.Event("go", (), lambda t: t - 0.02, ff.ReleaseJoint(slide.name))

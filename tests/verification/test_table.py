@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The written table: a part for each module, the number of its values wherever it is told."""
+"""The written table: a part for each module, and the number of its values in all texts."""
 
 from pathlib import Path
 

@@ -232,7 +232,7 @@ def dome(p: np.ndarray) -> np.ndarray:
 
 
 def test_a_sheet_under_load_and_weight_beside_a_minimum_of_its_energy():
-    """Dead loads against SciPy's minimum of the energy, coded anew triangle by triangle."""
+    """Dead loads against SciPy's minimum of the energy, coded again triangle by triangle."""
     mu, h, load = 3e4, 2e-3, 30.0
     ticks = np.linspace(0.0, 1.0, 5)
     surface = ff.SurfaceMesh.grid("sheet", ticks, ticks, dome)
@@ -303,7 +303,7 @@ def test_a_solid_of_ten_node_tetrahedra_stretches_as_its_law_says():
     )  # fmt: skip
     J = stretch * side**2
     pressure = mu * (stretch - 1 / stretch) + lam * np.log(J) / stretch
-    # of quadratic triangles the middles of the edges carry a third each
+    # of quadratic triangles the midside nodes carry a third each
     faces = [
         [node for node in cell if X[node, 0] == 1.0] for cell in mesh.cells.tolist()
     ]  # fmt: skip

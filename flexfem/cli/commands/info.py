@@ -16,7 +16,7 @@ from flexfem.options import Settings
 SUMMARY = "sum up and check the model of a case: flexfem info NAME [options]"
 
 _DESCRIPTION = """\
-Print bodies, masses, joints, freedoms, sizes and warnings of the model of a case.
+Print bodies, masses, joints, degrees of freedom, sizes and warnings of the model of a case.
 
 Nothing is computed or written. The exit code is 0, with --strict 1 if there are warnings.
 """

@@ -20,7 +20,7 @@ _OF_ONE = {"campbell": False, "axes": "fixed", "orders": 3, "outline": False, "t
 _OF_SEVERAL = {"after": None, "clip": False, "across": 1}
 #: Other options with their values when not given.
 _OF_ALL = {"columns": None, "x": "t", "path": None, "planes": "xy,xz"}
-#: What an option goes with, and what changes nothing beside one.
+#: Options that an option needs, and those that have no effect beside one.
 _WITH = {"planes": "path", "axes": "campbell", "orders": "campbell", "time": "outline"}
 _INSTEAD = {
     "outline": ("campbell", "columns", "x", "path"),
@@ -54,7 +54,7 @@ def _fit_together(options: argparse.Namespace) -> None:
     }
     for name, other in _WITH.items():
         if name in given and other not in given:
-            raise UsageError(f"argument --{name}: goes with --{other}")
+            raise UsageError(f"argument --{name}: needs --{other}")
     for name, others in _INSTEAD.items():
         for other in others:
             if name in given and other in given:

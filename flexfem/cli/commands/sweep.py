@@ -46,7 +46,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
     try:
         check_output(output)
         if own.plot is not None:
-            script("compare_runs")  # what it needs is missed before the first run
+            script("compare_runs")  # missing packages are found before the first run
         made = _sweep(argv[0], case, own, given, output)
         for _ in made:
             pass
@@ -116,7 +116,7 @@ def _sweep(name: str, case: Case, own: Any, given: dict[str, Any], output: Path)
         varied[option] = values
     reduced = [one for text in own.reduce for one in text.split(",")]
     if own.clip and own.plot is None:
-        raise ValueError("--clip goes with --plot")
+        raise ValueError("--clip needs --plot")
     return sweep(
         name, varied, options=given, together=own.zip, reduce=reduced, output=output,
         columns=[] if own.plot is None else own.plot.split(","),

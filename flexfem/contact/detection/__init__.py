@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What touches what: broad phase, neighbour lists, narrow phase, sides of triangles."""
+"""Contact detection: broad phase, neighbour lists, narrow phase, sides of triangles."""

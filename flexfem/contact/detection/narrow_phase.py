@@ -28,7 +28,7 @@ from flexfem.contact.detection.closest import (
     signed_distance,
 )
 from flexfem.contact.detection.regions import FACE, dot, unit_normal
-from flexfem.contact.law.closed_contacts import MOST_HELD
+from flexfem.contact.law.closed_contacts import MOST_CLOSED
 from flexfem.contact.law.data import (
     AREAS,
     BEND,
@@ -51,7 +51,7 @@ from flexfem.kernels.records import Memory, unpack
 __all__ = ["MOST", "find_contacts", "normals_into"]
 
 #: Contacts of one node with one surface, at most.
-MOST = MOST_HELD
+MOST = MOST_CLOSED
 #: Cosine of the angle of normals beyond which contacts of one node are two.
 _APART = 0.5
 
@@ -85,7 +85,7 @@ def _way(points: FloatArray, a: int, b: int) -> tuple[float, float, float]:
 
 @inlined
 def _geometry(points: FloatArray, i: int, j: int, k: int, region: int, contact: FloatArray) -> None:
-    """Write directions, turns and curvatures of a contact from its normal and distance."""
+    """Write directions, rotations and curvatures of a contact from its normal and distance."""
     n, e, f = contact[NORMAL : NORMAL + 3], contact[FIRST : FIRST + 3], contact[SECOND : SECOND + 3]
     contact[TURN : TURN + 6] = 0.0
     contact[BEND] = contact[BEND + 1] = 0.0
@@ -170,7 +170,7 @@ def _minima(
 def find_contacts(
     points: FloatArray, slaves: Memory, masters: Memory, candidates: Memory, found: Memory
 ) -> None:
-    """Write all contacts: what they are between, their geometry, gaps and reaches.
+    """Write all contacts: their nodes and triangles, geometry, gaps and reaches.
 
     ``points`` (n, 3) are positions, m; normals are up to date.
     """

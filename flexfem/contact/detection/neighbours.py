@@ -40,7 +40,7 @@ def find_candidates(
 
     Args:
         points: Positions, shape (n, 3), metres.
-        slaves: What may touch.
+        slaves: Nodes that may touch.
         triangles: Node indices, shape (m, 3).
         thickness: Half the thickness of each triangle, shape (m,), metres.
         skin: Farthest gap, metres.

@@ -56,10 +56,10 @@ def _settled(masters: Masters, candidates: Candidates, i: int) -> bool:
 
 @kernel
 def label_candidates(masters: Memory, candidates: Memory) -> None:
-    """Number alike those candidates of each slave that share nodes, directly or through others.
+    """Give one number to those candidates of each slave that are connected by nodes.
 
-    Only triangles of one connected part are numbered alike, and all of a part of which only one
-    side acts: the triangles on its other side are no other layer.
+    Only triangles of one connected part share a number, and all of a part of which only one side
+    acts: the triangles on its other side are no other layer.
     """
     touched, own = unpack(Masters, masters), unpack(Candidates, candidates)
     triangles, parts, starts, labels = touched.triangles, touched.parts, own.starts, own.labels

@@ -8,13 +8,13 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
-from flexfem.contact.law.friction import held_forces, held_losses
+from flexfem.contact.law.friction import friction_forces, friction_losses
 from flexfem.kernels.compiled import kernel
 
-__all__ = ["MOST_HELD", "ContactLaw", "HeldContacts"]
+__all__ = ["MOST_CLOSED", "ClosedContacts", "ContactLaw"]
 
 #: Contacts of one node with one surface, at most.
-MOST_HELD = 4
+MOST_CLOSED = 4
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class ContactLaw:
 
 
 @dataclass
-class HeldContacts:
+class ClosedContacts:
     """Contacts closed at the last accepted state, ascending by slave.
 
     Attributes:
@@ -91,7 +91,7 @@ class HeldContacts:
         """Forces and tangents for relative displacements (c, 3), m, in a step of ``h`` seconds."""
         self._numbers[2] = self.law.damping / h if h > 0.0 else 0.0
         self._slips = slips
-        held_forces(
+        friction_forces(
             slips, self.normals, self.pushes, self.pulls, self.stiffness, self._numbers,
             self.forces, self.tangents,
         )  # fmt: skip
@@ -100,19 +100,21 @@ class HeldContacts:
     def stored(self) -> float:
         """Energy stored by sticking at the start of the step, J."""
         sticking = self._sticking()
-        held = sticking > 0.0
-        return float(0.5 * ((self.pulls[held] ** 2).sum(1) / sticking[held]).sum())
+        stuck = sticking > 0.0
+        return float(0.5 * ((self.pulls[stuck] ** 2).sum(1) / sticking[stuck]).sum())
 
     def follow(
         self, slaves: IntArray, normals: FloatArray, pushes: FloatArray, stiffness: FloatArray
-    ) -> "HeldContacts":
+    ) -> "ClosedContacts":
         """The contacts of the next step, from those that are closed at its start.
 
-        Tangential forces are turned into the new planes; those of contacts that have opened are
-        lost, with what they have stored.
+        Tangential forces are rotated into the new planes; those of contacts that have opened are
+        lost, with their stored energy.
         """
         sticking = self._sticking()
-        lost = self.lost + held_losses(self._slips, self.normals, self.pulls, sticking, self.forces)
+        lost = self.lost + friction_losses(
+            self._slips, self.normals, self.pulls, sticking, self.forces
+        )
         pulls = np.zeros((len(slaves), 3))
         before = 0.0
         if self.law.friction > 0.0:
@@ -121,12 +123,12 @@ class HeldContacts:
             )
             _carry(self.slaves, self.normals, tangential, slaves, normals, pulls)
             before = float(0.5 * ((tangential**2).sum(1) / sticking).sum())
-        made = HeldContacts(self.law, slaves, normals, pushes, pulls, stiffness, lost)
+        made = ClosedContacts(self.law, slaves, normals, pushes, pulls, stiffness, lost)
         made.lost += before - made.stored
         return made
 
     def packed(self, count: int, extra: FloatArray) -> FloatArray:
-        """The contacts of each of some slaves in a row, shape (count, MOST_HELD (8 + k)).
+        """The contacts of each of some slaves in a row, shape (count, MOST_CLOSED (8 + k)).
 
         Args:
             count: Number of slaves.
@@ -135,17 +137,17 @@ class HeldContacts:
         ones = np.ones((len(self.slaves), 2))
         ones[:, 1] = self.pushes
         every = np.concatenate([ones, self.normals, self.pulls, extra], axis=1)
-        rows = np.zeros((count, MOST_HELD, every.shape[1]))
+        rows = np.zeros((count, MOST_CLOSED, every.shape[1]))
         first = np.searchsorted(self.slaves, self.slaves)
         rows[self.slaves, np.arange(len(self.slaves)) - first] = every
-        return rows.reshape(count, MOST_HELD * every.shape[1])
+        return rows.reshape(count, MOST_CLOSED * every.shape[1])
 
     @classmethod
     def unpacked(
         cls, law: ContactLaw, rows: FloatArray, stiffness: FloatArray
     ) -> tuple[Self, FloatArray]:
         """Contacts and their further numbers from rows; the slaves have the stiffness (s,)."""
-        every = rows.reshape(len(rows), MOST_HELD, rows.shape[1] // MOST_HELD)
+        every = rows.reshape(len(rows), MOST_CLOSED, rows.shape[1] // MOST_CLOSED)
         slaves, place = np.nonzero(every[:, :, 0] > 0.0)
         found = every[slaves, place]
         normals, pulls = found[:, 2:5].copy(), found[:, 5:8].copy()

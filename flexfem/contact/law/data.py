@@ -49,7 +49,7 @@ REACH = 15
 DISTANCE = 16
 #: With triangles: three area coordinates of the closest point.
 AREAS = 17
-#: With triangles: how the normal turns about the first direction with each node, then about the
+#: With triangles: rotation of the normal about the first direction with each node, then about the
 #: second, 1/m.
 TURN = 20
 #: Numbers of a contact with a triangle.
@@ -133,7 +133,7 @@ class Found(Record):
     """Contacts at the trial state.
 
     Attributes:
-        closed: How many there are, shape (1,); they have the first rows of what follows.
+        closed: Number of closed contacts, shape (1,); they are the first rows of the arrays below.
         ends: Slave, and the triangle if there is one, shape (c, 2) or (c, 1).
         numbers: Of each, shape (c, FIELDS) or (c, RIGID_FIELDS).
     """

@@ -16,11 +16,11 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import kernel
 
-__all__ = ["held_forces", "held_losses"]
+__all__ = ["friction_forces", "friction_losses"]
 
 
 @kernel
-def held_forces(
+def friction_forces(
     slips: FloatArray, normals: FloatArray, pushes: FloatArray, pulls: FloatArray,
     stiffness: FloatArray, law: FloatArray, forces: FloatArray, tangents: FloatArray,
 ) -> None:  # fmt: skip
@@ -34,7 +34,7 @@ def held_forces(
         stiffness: Normal stiffness, shape (c,), N/m.
         law: Coefficient of friction, and over the normal stiffness the tangential one and the
             damping divided by the step, shape (3,).
-        forces: What the residual of the node gets; that of the surface gets the opposite.
+        forces: Added to the residual of the node; the opposite to that of the surface.
         tangents: Derivatives of the forces by the slips.
     """
     t = np.empty(3)
@@ -61,11 +61,11 @@ def held_forces(
 
 
 @kernel
-def held_losses(
+def friction_losses(
     slips: FloatArray, normals: FloatArray, pulls: FloatArray, sticking: FloatArray,
     forces: FloatArray,
 ) -> float:  # fmt: skip
-    """Energy lost in a step, J: that of the ``forces`` on what is sliding and approach."""
+    """Energy lost in a step, J: work of the ``forces`` in sliding and approach."""
     lost = 0.0
     for c in range(len(slips)):
         n, along, way = normals[c], 0.0, 0.0

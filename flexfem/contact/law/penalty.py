@@ -8,8 +8,8 @@ fixed area coordinates, the normal n and an orthonormal basis e_c of the plane a
     dg = n . dr,   d2g = sum_c (-2 A_c B_c - s B_c^2 + kappa_c A_c^2),
     A_c = e_c . dr,   B_c = sum_i D_ci n . dx_i,
 
-s the distance. B_c says how the normal turns about the other direction as the nodes move. Along a
-face or an edge kappa = 0; across an edge and at a node, where the distance is that to a line or a
+s the distance. B_c is the rotation of the normal about the other direction as the nodes move. Along
+a face or an edge kappa = 0; across an edge and at a node, where the distance is that to a line or a
 point, B = 0 and kappa = 1 / s. These are the second derivatives of the distance of a point to the
 closest point that slides: the tangent is exact and symmetric.
 """
@@ -99,7 +99,7 @@ def add_actions(
         contact, slave, triangle = contacts[c], nodes[i], triangles[t]
         _changes(contact, slave, triangle, steps, change)
         k, g, s = scale * stiffness[i], contact[FORCE], contact[DISTANCE]
-        # dual to n . dr, to A_c (along e_c), and to B_c
+        # forces conjugate to n . dr, A_c (along e_c) and B_c
         a0 = k * contact[SLOPE] * change[0]
         a1 = k * g * (contact[BEND] * change[1] - change[3])
         a2 = k * g * (contact[BEND + 1] * change[2] - change[4])

@@ -3,8 +3,8 @@
 
 A point at the arm a in the axes of a node with the frame (x, R) is at ``x + R a``. With local steps
 (u, theta) of the node it moves by ``R (u + theta x a)``; a force f on it acts on the node with
-``g = R^T f`` and the moment ``a x g``, which change by ``g x theta`` as the node turns. Nodes with
-three unknowns have no arms and do not turn. Points between others are their weighted means.
+``g = R^T f`` and the moment ``a x g``, which change by ``g x theta`` as the node rotates. Nodes
+with three unknowns have no arms and do not turn. Points between others are their weighted means.
 """
 
 import numpy as np
@@ -97,7 +97,7 @@ def add_carried(nodes: Memory, carried: Memory, forces: FloatArray, loads: Float
 
 @kernel
 def add_turned(nodes: Memory, carried: Memory, scale: float) -> None:
-    """Add ``scale`` times what the loads change as the nodes turn by their steps."""
+    """Add ``scale`` times the change of the loads with the rotation of the nodes by their steps."""
     state, own, g = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3)
     steps, residual = state.step, state.residual
     local, arms, loads = own.local, own.arms, own.loads

@@ -9,10 +9,10 @@ __all__ = ["ObstacleContacts"]
 
 
 class ObstacleContacts:
-    """What slaves have in contact with an obstacle.
+    """Contacts of the slave nodes with an obstacle.
 
     Attributes:
-        slaves: What touches.
+        slaves: Nodes that touch.
         found: Contacts at the trial state.
     """
 

@@ -49,7 +49,7 @@ def winding_numbers(points: FloatArray, corners: FloatArray) -> FloatArray:
 def first_crossing(
     points: FloatArray, edges: IntArray, triangles: IntArray, excluded: Rows
 ) -> tuple[int, int]:
-    """Return the first edge that goes through a triangle, and the triangle; (-1, -1) without.
+    """Return the first edge that intersects a triangle, and the triangle; (-1, -1) without.
 
     Args:
         points: Positions, shape (n, 3), metres.
@@ -73,7 +73,7 @@ def _cross_first(
     points: FloatArray, edges: IntArray, triangles: IntArray, ex_starts: IntArray,
     ex_nodes: IntArray, starts: IntArray, found: IntArray, crossing: IntArray,
 ) -> None:  # fmt: skip
-    """Write the first edge and the triangle it goes through."""
+    """Write the first edge and the triangle that it intersects."""
     crossing[:] = -1
     x = np.empty((5, 3))
     for e in range(len(edges)):

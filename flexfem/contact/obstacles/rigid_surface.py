@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.contact.law.closed_contacts import ContactLaw, HeldContacts
+from flexfem.contact.law.closed_contacts import ClosedContacts, ContactLaw
 from flexfem.contact.law.data import FORCE, NORMAL, PLACE, RIGID_FIELDS, Found, Slaves
 from flexfem.contact.law.stiffening import stiffen
 from flexfem.contact.obstacles import shapes as rigid
@@ -34,14 +34,14 @@ class RigidContact(ObstacleContacts):
     """Contacts of slaves with a rigid surface at the trial state.
 
     Attributes:
-        slaves, shape: What touches.
+        slaves, shape: Nodes and surface.
         found: Contacts at the trial state.
-        held: What friction and damping act on.
+        closed: Closed contacts, on which friction and damping act.
         stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
 
     def __init__(self, slaves: Slaves, shape: Shape, law: ContactLaw | None = None) -> None:
-        """Describe what touches."""
+        """Take nodes and surface."""
         self.slaves, self.shape, count = slaves, shape, len(slaves.nodes)
         self.stiffer = 1.0
         self.found = Found(
@@ -52,7 +52,7 @@ class RigidContact(ObstacleContacts):
             frame=np.zeros(12), kind=int(shape.kind), radius=shape.radius, length=shape.length
         )
         self._law = ContactLaw() if law is None else law
-        self.held = HeldContacts.none(self._law)
+        self.closed = ClosedContacts.none(self._law)
         self._arms, self._start = np.zeros((0, 3)), np.zeros((0, 3))
 
     def distances(self, points: FloatArray, frame: FloatArray) -> FloatArray:
@@ -68,10 +68,10 @@ class RigidContact(ObstacleContacts):
             points, self.slaves.memory, self._surface.memory, self.found.memory
         )
         stiffen(self.found.memory, self.stiffer)
-        if len(self.held.slaves):
+        if len(self.closed.slaves):
             places = frame[:3] + self._arms @ frame[3:].reshape(3, 3).T
-            nodes = self.slaves.nodes[self.held.slaves]
-            self.held.evaluate(points[nodes] - places - self._start, h)
+            nodes = self.slaves.nodes[self.closed.slaves]
+            self.closed.evaluate(points[nodes] - places - self._start, h)
 
     def accept(self, points: FloatArray) -> None:
         """End a step: the contacts evaluated last are those that friction acts on now."""
@@ -80,21 +80,23 @@ class RigidContact(ObstacleContacts):
         c, slaves, R = self.contacts, self.ends[:, 0], self._rotation
         stiffness = self.slaves.stiffness[slaves]
         normals = c[:, NORMAL : NORMAL + 3] @ R.T
-        self.held = self.held.follow(slaves.copy(), normals, -stiffness * c[:, FORCE], stiffness)
+        self.closed = self.closed.follow(
+            slaves.copy(), normals, -stiffness * c[:, FORCE], stiffness
+        )
         self._arms = c[:, PLACE : PLACE + 3].copy()
         places = self._surface.frame[:3] + self._arms @ R.T
         self._start = points[self.slaves.nodes[slaves]] - places
 
     def memory(self) -> FloatArray:
-        """The contacts that are held, a row for each slave."""
-        return self.held.packed(len(self.slaves.nodes), self._arms)
+        """The closed contacts, a row for each slave."""
+        return self.closed.packed(len(self.slaves.nodes), self._arms)
 
     def recall(self, points: FloatArray, frame: FloatArray, memory: FloatArray) -> None:
-        """Take back what :meth:`memory` returned, at the same positions."""
+        """Restore the return value of :meth:`memory`, at the same positions."""
         self._surface.frame[:] = frame
-        self.held, self._arms = HeldContacts.unpacked(self._law, memory, self.slaves.stiffness)
+        self.closed, self._arms = ClosedContacts.unpacked(self._law, memory, self.slaves.stiffness)
         places = frame[:3] + self._arms @ self._rotation.T
-        self._start = points[self.slaves.nodes[self.held.slaves]] - places
+        self._start = points[self.slaves.nodes[self.closed.slaves]] - places
 
     @property
     def _rotation(self) -> FloatArray:
@@ -117,8 +119,8 @@ class RigidContact(ObstacleContacts):
         """
         slaves, surface, found = self.slaves.memory, self._surface.memory, self.found.memory
         rigid.add_rigid_forces(slaves, surface, found, scale, residual, wrench)
-        if len(self.held.slaves):
-            self._add_held(scale * self.held.forces, residual, wrench)
+        if len(self.closed.slaves):
+            self._add_closed(scale * self.closed.forces, residual, wrench)
 
     def add_actions(
         self, steps: FloatArray, twist: FloatArray, residual: FloatArray, wrench: FloatArray,
@@ -127,44 +129,44 @@ class RigidContact(ObstacleContacts):
         """Add ``scale`` times the tangent applied to steps (n, 3) and a local twist (6,)."""
         slaves, surface, found = self.slaves.memory, self._surface.memory, self.found.memory
         rigid.add_rigid_actions(slaves, surface, found, scale, steps, twist, residual, wrench)
-        if len(self.held.slaves):
+        if len(self.closed.slaves):
             moved = (twist[:3] + np.cross(twist[3:], self._arms)) @ self._rotation.T
-            slips = steps[self.slaves.nodes[self.held.slaves]] - moved
-            forces = np.einsum("cij,cj->ci", self.held.tangents, slips)
-            self._add_held(scale * forces, residual, wrench)
+            slips = steps[self.slaves.nodes[self.closed.slaves]] - moved
+            forces = np.einsum("cij,cj->ci", self.closed.tangents, slips)
+            self._add_closed(scale * forces, residual, wrench)
             # forces keep their inertial axes, while those of the frame turn
-            back = scale * self.held.forces @ self._rotation
+            back = scale * self.closed.forces @ self._rotation
             turned = np.cross(back, twist[3:])
             wrench[:3] -= turned.sum(0)
             wrench[3:] -= np.cross(self._arms, turned).sum(0)
 
     def blocks(self, scale: float = 1.0) -> tuple[IntArray, FloatArray]:
         """Nodes (c,) and ``scale`` times the tangents (c, 9, 9): node, then twist of the frame."""
-        s, held = self.slaves, self.held
+        s, closed = self.slaves, self.closed
         blocks = np.empty((self.count, 9, 9))
         rigid.rigid_blocks_into(s.memory, self._surface.memory, self.found.memory, scale, blocks)
         nodes = s.nodes[self.ends[:, 0]]
-        if not len(held.slaves):
+        if not len(closed.slaves):
             return nodes, blocks
         return (
-            np.concatenate([nodes, s.nodes[held.slaves]]),
-            np.concatenate([blocks, scale * self._held_blocks()]),
+            np.concatenate([nodes, s.nodes[closed.slaves]]),
+            np.concatenate([blocks, scale * self._closed_blocks()]),
         )
 
-    def _held_blocks(self) -> FloatArray:
+    def _closed_blocks(self) -> FloatArray:
         """Tangents (c, 9, 9) of friction and damping."""
         count, R = len(self._arms), self._rotation
         J = np.zeros((count, 3, 9))
-        arms, forces = _cross(self._arms), _cross(self.held.forces @ R)
+        arms, forces = _cross(self._arms), _cross(self.closed.forces @ R)
         J[:, :, :3], J[:, :, 3:6], J[:, :, 6:] = np.eye(3), -R, R @ arms
-        blocks = J.swapaxes(1, 2) @ self.held.tangents @ J
+        blocks = J.swapaxes(1, 2) @ self.closed.tangents @ J
         blocks[:, 3:6, 6:] -= forces
         blocks[:, 6:, 6:] -= arms @ forces
         return blocks
 
-    def _add_held(self, forces: FloatArray, residual: FloatArray, wrench: FloatArray) -> None:
-        """Add forces (c, 3) on the nodes, and what they do to the frame."""
-        np.add.at(residual, self.slaves.nodes[self.held.slaves], forces)
+    def _add_closed(self, forces: FloatArray, residual: FloatArray, wrench: FloatArray) -> None:
+        """Add forces (c, 3) on the nodes, and their reaction on the frame."""
+        np.add.at(residual, self.slaves.nodes[self.closed.slaves], forces)
         back = forces @ self._rotation
         wrench[:3] -= back.sum(0)
         wrench[3:] -= np.cross(self._arms, back).sum(0)

@@ -12,7 +12,7 @@ from flexfem.contact.detection.narrow_phase import MOST, find_contacts, normals_
 from flexfem.contact.detection.neighbours import Rows, find_candidates, largest_move
 from flexfem.contact.detection.sides import carry_sides, label_candidates, settle_sides
 from flexfem.contact.law import penalty
-from flexfem.contact.law.closed_contacts import ContactLaw, HeldContacts
+from flexfem.contact.law.closed_contacts import ClosedContacts, ContactLaw
 from flexfem.contact.law.data import (
     AREAS,
     FIELDS,
@@ -38,13 +38,13 @@ class TriangleContact(ObstacleContacts):
     """Contacts of slaves with master triangles at the trial state.
 
     Attributes:
-        slaves, masters: What touches.
+        slaves, masters: Nodes and triangles.
         skin: How far candidates are looked for, m: nothing gets through a surface that moves by
             less than half of it, relative to the surface, in a step.
         candidates: Triangles near the slaves.
         found: Contacts at the trial state.
         version: Number of the present list of candidates.
-        held: What friction and damping act on.
+        closed: Closed contacts, on which friction and damping act.
         stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
 
@@ -56,7 +56,7 @@ class TriangleContact(ObstacleContacts):
         excluded: Rows | None = None,
         law: ContactLaw | None = None,
     ) -> None:
-        """Describe what touches; call :meth:`update` before anything else."""
+        """Take nodes and triangles; call :meth:`update` before anything else."""
         self.slaves, self.masters, self.skin = slaves, masters, skin
         count = len(slaves.nodes)
         self._excluded = Rows.empty(count) if excluded is None else excluded
@@ -75,8 +75,8 @@ class TriangleContact(ObstacleContacts):
         self._built: FloatArray | None = None
         self._before: FloatArray | None = None
         self._law = ContactLaw() if law is None else law
-        self.held = HeldContacts.none(self._law)
-        self._held_nodes, self._held_weights = np.zeros((0, 4), np.int64), np.zeros((0, 4))
+        self.closed = ClosedContacts.none(self._law)
+        self._closed_nodes, self._closed_weights = np.zeros((0, 4), np.int64), np.zeros((0, 4))
         self._start = np.zeros((0, 3))
 
     def update(self, points: FloatArray) -> bool:
@@ -141,10 +141,10 @@ class TriangleContact(ObstacleContacts):
         normals_into(points, masters, candidates)
         find_contacts(points, self.slaves.memory, masters, candidates, self.found.memory)
         stiffen(self.found.memory, self.stiffer)
-        if len(self.held.slaves):
-            slips = np.empty((len(self.held.slaves), 3))
-            _slips_into(points - self._start, self._held_nodes, self._held_weights, slips)
-            self.held.evaluate(slips, h)
+        if len(self.closed.slaves):
+            slips = np.empty((len(self.closed.slaves), 3))
+            _slips_into(points - self._start, self._closed_nodes, self._closed_weights, slips)
+            self.closed.evaluate(slips, h)
 
     def accept(self, points: FloatArray) -> None:
         """End a step: the contacts evaluated last are those that friction acts on now."""
@@ -152,19 +152,19 @@ class TriangleContact(ObstacleContacts):
             return
         c, (slaves, triangles) = self.contacts, self.ends.T
         stiffness = self.slaves.stiffness[slaves]
-        self.held = self.held.follow(
+        self.closed = self.closed.follow(
             slaves.copy(), c[:, NORMAL : NORMAL + 3].copy(), -stiffness * c[:, FORCE], stiffness
         )
-        self._held_nodes = np.column_stack(
+        self._closed_nodes = np.column_stack(
             [self.slaves.nodes[slaves], self.masters.triangles[triangles]]
         )
-        self._held_weights = np.column_stack([np.ones(len(c)), -c[:, AREAS : AREAS + 3]])
+        self._closed_weights = np.column_stack([np.ones(len(c)), -c[:, AREAS : AREAS + 3]])
         self._start = points.copy()
 
     def memory(self, points: FloatArray) -> FloatArray:
         """Memory of the contact beyond the accepted state, a row for each slave.
 
-        These are the triangles that a node has got through, and the contacts that are held.
+        These are the triangles that a node has got through, and the closed contacts.
         """
         c = self.candidates
         kept = c.sides.copy()
@@ -173,27 +173,27 @@ class TriangleContact(ObstacleContacts):
         fresh, c.sides = c.sides, kept
         rows = np.full((len(self.slaves.nodes), 2 * _THROUGH), -1.0)
         _pack_sides(c.memory, fresh, rows)
-        extra = np.concatenate([self._held_nodes[:, 1:], self._held_weights[:, 1:]], axis=1)
-        return np.concatenate([rows, self.held.packed(len(rows), extra)], axis=1)
+        extra = np.concatenate([self._closed_nodes[:, 1:], self._closed_weights[:, 1:]], axis=1)
+        return np.concatenate([rows, self.closed.packed(len(rows), extra)], axis=1)
 
     def doubts(self, memory: FloatArray, count: int) -> str:
         """Says that :meth:`memory` never returned this, with ``count`` points; empty if it may."""
-        _, held = np.split(memory, [2 * _THROUGH], axis=1)
-        _, extra = HeldContacts.unpacked(self._law, held, self.slaves.stiffness)
+        _, closed = np.split(memory, [2 * _THROUGH], axis=1)
+        _, extra = ClosedContacts.unpacked(self._law, closed, self.slaves.stiffness)
         nodes = extra[:, :3]
         good = (nodes >= 0.0) & (nodes < count) & (nodes % 1.0 == 0.0)
-        return "" if good.all() else "a contact is held by a node that is not there"
+        return "" if good.all() else "a contact belongs to a node that does not exist"
 
     def recall(self, points: FloatArray, memory: FloatArray) -> None:
-        """Take back what :meth:`memory` returned, at the same positions."""
+        """Restore the return value of :meth:`memory`, at the same positions."""
         self.candidates.sides[:] = self.masters.sides[self.candidates.triangles]
         self.settle(points)
-        sides, held = np.split(memory, [2 * _THROUGH], axis=1)
+        sides, closed = np.split(memory, [2 * _THROUGH], axis=1)
         _unpack_sides(self.candidates.memory, sides)
-        self.held, extra = HeldContacts.unpacked(self._law, held, self.slaves.stiffness)
-        nodes = self.slaves.nodes[self.held.slaves]
-        self._held_nodes = np.column_stack([nodes, extra[:, :3].astype(np.int64)])
-        self._held_weights = np.column_stack([np.ones(len(nodes)), extra[:, 3:]])
+        self.closed, extra = ClosedContacts.unpacked(self._law, closed, self.slaves.stiffness)
+        nodes = self.slaves.nodes[self.closed.slaves]
+        self._closed_nodes = np.column_stack([nodes, extra[:, :3].astype(np.int64)])
+        self._closed_weights = np.column_stack([np.ones(len(nodes)), extra[:, 3:]])
         self._start = points.copy()
 
     @property
@@ -207,30 +207,30 @@ class TriangleContact(ObstacleContacts):
         """Add ``scale`` times the forces to the residual of all nodes (n, 3), inertial axes."""
         slaves, masters, found = self.slaves.memory, self.masters.memory, self.found.memory
         penalty.add_forces(slaves, masters, found, scale, residual)
-        if len(self.held.slaves):
-            _spread(self.held.forces, self._held_nodes, self._held_weights, scale, residual)
+        if len(self.closed.slaves):
+            _spread(self.closed.forces, self._closed_nodes, self._closed_weights, scale, residual)
 
     def add_actions(self, steps: FloatArray, residual: FloatArray, scale: float = 1.0) -> None:
         """Add ``scale`` times the tangent applied to steps (n, 3) to the residual (n, 3)."""
         slaves, masters, found = self.slaves.memory, self.masters.memory, self.found.memory
         penalty.add_actions(slaves, masters, found, scale, steps, residual)
-        if len(self.held.slaves):
-            slips = np.empty((len(self.held.slaves), 3))
-            _slips_into(steps, self._held_nodes, self._held_weights, slips)
-            forces = np.einsum("cij,cj->ci", self.held.tangents, slips)
-            _spread(forces, self._held_nodes, self._held_weights, scale, residual)
+        if len(self.closed.slaves):
+            slips = np.empty((len(self.closed.slaves), 3))
+            _slips_into(steps, self._closed_nodes, self._closed_weights, slips)
+            forces = np.einsum("cij,cj->ci", self.closed.tangents, slips)
+            _spread(forces, self._closed_nodes, self._closed_weights, scale, residual)
 
     def blocks(self, scale: float = 1.0) -> tuple[IntArray, FloatArray]:
         """Nodes (c, 4), slave first, and ``scale`` times the tangents (c, 12, 12)."""
-        count, held = self.count, self.held.tangents
+        count, closed = self.count, self.closed.tangents
         nodes, blocks = np.empty((count, 4), np.int64), np.empty((count, 12, 12))
         slaves, masters, found = self.slaves.memory, self.masters.memory, self.found.memory
         penalty.blocks_into(slaves, masters, found, scale, nodes, blocks)
-        if not len(held):
+        if not len(closed):
             return nodes, blocks
-        w = self._held_weights
-        rest = scale * np.einsum("cp,cq,cab->cpaqb", w, w, held).reshape(-1, 12, 12)
-        return np.concatenate([nodes, self._held_nodes]), np.concatenate([blocks, rest])
+        w = self._closed_weights
+        rest = scale * np.einsum("cp,cq,cab->cpaqb", w, w, closed).reshape(-1, 12, 12)
+        return np.concatenate([nodes, self._closed_nodes]), np.concatenate([blocks, rest])
 
 
 @kernel

@@ -25,7 +25,7 @@ __all__ = ["FrameBlock"]
 
 #: law of prediction that stays at the accepted state
 _NOTHING = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
-#: How far rotations of a long motion are from being such at most.
+#: Largest departure of rotation matrices from orthogonality after a long motion.
 _ROUND_OFF = 1e-6
 
 
@@ -134,7 +134,7 @@ class FrameBlock:
         return self._owned[1]
 
     def hold(self, forces: FloatArray) -> FloatArray:
-        """Set forces (n_owned, width) along held unknowns to zero, in place; returns them."""
+        """Set forces (n_owned, width) along fixed unknowns to zero, in place; returns them."""
         if self.dirichlet is not None:
             forces[self.dirichlet[: self.owned]] = 0.0
         return forces
@@ -275,7 +275,7 @@ class FrameBlock:
         self.reset()
 
     def trial(self) -> dict[str, FloatArray]:
-        """Trial state of the local nodes: what matrices are computed from."""
+        """Trial state of the local nodes, from which matrices are computed."""
         return {
             "frames": self.frames,
             "velocity": self.velocity,
@@ -289,7 +289,7 @@ class FrameBlock:
             self._step.scatter_forward()
 
     def add_ghosts(self) -> None:
-        """Add what ghosts collected in the residual to their owners."""
+        """Add the residual of ghosts to their owners (reverse halo exchange)."""
         if self.has_ghosts:
             from dolfinx import la
 

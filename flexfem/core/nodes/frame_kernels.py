@@ -168,9 +168,9 @@ def step_rates(memory: Memory, shifts: FloatArray, inertial: bool, out: FloatArr
 
 @kernel
 def step_changes(memory: Memory, shifts: FloatArray, inertial: bool) -> None:
-    """Write what changes of the nodes along their steps, for tangents that are applied to them.
+    """Write the changes of the nodes along their steps, for the action of tangents.
 
-    ``shifts`` holds dv/dn, dw/dn and k, the factor of the stiffness and so of the turns.
+    ``shifts`` holds dv/dn, dw/dn and k, the factor of the stiffness and so of the rotations.
     """
     nodes, by_v, by_w = unpack(Nodes, memory), np.empty(36), np.empty(36)
     v, w, step = nodes.velocity, nodes.acceleration, nodes.step
@@ -289,7 +289,7 @@ def _orthonormalise(H: FloatArray) -> None:
 
 @kernel
 def orthonormalise(frames: FloatArray) -> None:
-    """Remove what rounding did to the rotations of all frames (n, 12)."""
+    """Remove the rounding errors of the rotations of all frames (n, 12)."""
     for i in range(len(frames)):
         _orthonormalise(frames[i])
 

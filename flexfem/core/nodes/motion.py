@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Kinetic energy, momenta and mass of inertia that sits at a node, for compiled loops.
+"""Kinetic energy, momenta and mass of inertia concentrated at a node, for compiled loops.
 
 They are summed into one array ``motion`` (11,), all components inertial:
 
@@ -33,7 +33,7 @@ KINETIC, MASS, FIRST, LINEAR, ANGULAR, WIDTH = 0, 1, 2, 5, 8, 11
 def add_motion(
     H: FloatArray, v: FloatArray, M: FloatArray, scale: float, p: FloatArray, motion: FloatArray
 ) -> None:
-    """Add ``scale`` times what an inertia matrix fixed to a frame contributes.
+    """Add ``scale`` times the contribution of an inertia matrix fixed to a frame.
 
     Args:
         H: (12,) frame.

@@ -5,7 +5,7 @@ from enum import IntEnum
 
 __all__ = ["Misses", "Prediction"]
 
-#: How far off the predictions below were, in their order, m or rad.
+#: Errors of the predictions below, in their order, m or rad.
 Misses = tuple[float, float, float]
 
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loops over nodes whose step lies between two states: kinematics and lumped inertia.
 
-A node turns by the Cayley map, ``R_1 = R_0 cay(phi)``, with which ``R_1 - R_0 = skew(R_1 phi)
-(R_0 + R_1)/2`` holds exactly: every product of positions and rotations has an exact discrete
-derivative made of averages. Inertial velocities of mass centres and angular velocities in node axes
-follow from the increments by one law (see :mod:`flexfem.integrators.energy_momentum.scheme`).
+A node rotates by the Cayley map, ``R_1 = R_0 cay(phi)``, with which
+``R_1 - R_0 = skew(R_1 phi) (R_0 + R_1)/2`` holds exactly: every product of positions and rotations
+has an exact discrete derivative made of averages. Inertial velocities of mass centres and angular
+velocities in node axes follow from the increments by one law (see
+:mod:`flexfem.integrators.energy_momentum.scheme`).
 
 The balance of spin momentum in this form is that of Simo and Wong, Int. J. Numer. Methods Eng. 31
 (1991) 19-52: ``R_1 J Omega_1 - R_0 J Omega_0 = h m`` with ``phi = h (Omega_0 + Omega_1)/2`` keeps
@@ -46,7 +47,7 @@ class StepNodes(Record):
         rates0, rates: (n, 6) at both ends.
         centres: (n, 3) in node axes, m.
         jumps: (n, 6) last change of the rates, for a step as long as this one.
-        base: (n, 6) rates at the end but for what follows the increments.
+        base: (n, 6) rates at the end without the part proportional to the increments.
         velocity: (n, 6) local twists of the nodes at the end.
         step, residual: (n, 6) Newton step and right-hand side.
         gravity: (3,) in inertial axes, m/s^2.
@@ -119,7 +120,7 @@ def _spin_momentum(lump: FloatArray, v: Triple) -> Triple:
 
 @inlined
 def increment_rate(phi: Triple, theta: Triple) -> Triple:
-    """Change of the Cayley vector ``phi`` as the turned node turns by ``theta`` in its own axes."""
+    """Change of the Cayley vector ``phi`` of a node that rotates by ``theta`` in its own axes."""
     c, d = cross(phi, theta), 0.25 * dot(phi, theta)
     return (
         theta[0] + 0.5 * c[0] + d * phi[0],
@@ -166,7 +167,7 @@ def start(memory: Memory, law: FloatArray) -> None:
         for k in range(6):
             n[i, k] = law[0] * rates0[i, k] + law[1] * jumps[i, k]
             base[i, k] = law[2] * rates0[i, k] + law[3] * jumps[i, k]
-        # rates are those of the centre: the node's own increment lacks what its arm turns
+        # rates are those of the centre: the node's own increment lacks the rotation of its arm
         phi, c = triple(n[i], 3), triple(nodes.centres[i], 0)
         arm = turn(nodes.frames0[i], cross(phi, c))
         for k in range(3):
@@ -224,7 +225,7 @@ def momentum_force(
         lump: (13,) mass (kg), first moment (kg m) and rotary inertia (kg m^2, row by row) about
             the centre of the node, in its axes.
         nodes: over the step.
-        node: which of them.
+        node: its number.
         h: step size, s.
         out: (12,) becomes the force and the moment about the node in inertial axes, and the same
             in the node's axes at the end.

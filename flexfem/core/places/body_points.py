@@ -188,7 +188,7 @@ def _by_coordinates(
     V: FloatArray, B: FloatArray, P: FloatArray, M: FloatArray, w: FloatArray, A: FloatArray,
     D: FloatArray,
 ) -> None:  # fmt: skip
-    """Changes by coordinates and ``xi`` of what a wrench ``w`` (6,) does, at a constant wrench.
+    """Derivatives by coordinates and ``xi`` of the virtual work of a constant wrench ``w`` (6,).
 
     ``A`` (6, n + 1) is that of ``Ad(X^-1)^T w``, ``D`` (n + 1, n + 1) that of ``M^T w``.
     """

@@ -26,7 +26,8 @@ __all__ = [
     "write_second",
 ]
 
-#: Where closed forms of the derivatives of g lose digits, and terms of its series up to there.
+#: Argument below which closed forms of the derivatives of g lose digits, and the number of series
+#: terms used there.
 _NEAR, _TERMS = 0.2, 24
 
 

@@ -4,7 +4,7 @@
 A point lies at ``xi``, 0 at an element's first end and 1 at its second, of one of two kinds of
 elements: ``SE3``, the helix ``H = H_1 exp(xi d)`` with ``d = log(H_1^-1 H_2)`` between two frames,
 and ``NURBS``, see ``nurbs_points``, or ``NURBS_VECTORS``, see ``nurbs_vector_points``. Frames are
-those of the sections; where these are turned against the nodes, the functions ``turn_*`` lead to
+those of the sections; where these are rotated against the nodes, the functions ``turn_*`` lead to
 and from the nodes. Points of surfaces, see ``surface_points``, are of two more kinds, ``TRIANGLE``
 and ``FIXED`` (inertial axes): nothing of theirs depends on ``xi``, and the first column of the
 shape functions' coefficients holds weights. Lines that rigid bodies and bodies in floating frames
@@ -271,7 +271,7 @@ def add_line_second(
 
 @kernel
 def turn_frames(frames: FloatArray, turns: FloatArray, out: FloatArray) -> None:
-    """Frames of sections (k, 12) from those of their nodes and the constant turns (k, 9)."""
+    """Frames of sections (k, 12) from those of their nodes and the constant rotations (k, 9)."""
     for node in range(frames.shape[0]):
         for i in range(3):
             out[node, i] = frames[node, i]

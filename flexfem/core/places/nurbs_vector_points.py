@@ -11,8 +11,8 @@ derivative by ``xi``, the local rotation of the point is
     theta = T(v) dv + exp(-v) theta_r,    dv = sum N_I dv_I + v' dxi,
     dv_I = T^-1(v_I) theta_I - T^-1(-v_I) theta_r .
 
-A moment m at the point is ``b = T^T m`` dual to v, ``N_I T^-T(v_I) b`` at the control points, and
-``exp(v) m - sum N_I T^-1(v_I) b`` at r besides, since ``T^-T(-v) = T^-1(v)``.
+A moment m at the point is ``b = T^T m``, conjugate to v, ``N_I T^-T(v_I) b`` at the control points,
+and ``exp(v) m - sum N_I T^-1(v_I) b`` at r besides, since ``T^-T(-v) = T^-1(v)``.
 """
 
 import numpy as np
@@ -171,7 +171,7 @@ def _add_moment_part(
             continue  # translations turn nothing
         tangent_derivative_into(v[0], D[k, :, c].copy(), dT)
         _apply_transposed(dT, m, db)
-        for i in range(3):  # exp(v) turns by T dv in its own axes
+        for i in range(3):  # exp(v) rotates by T dv in its own axes
             w[i] = T[3 * i] * D[k, 0, c] + T[3 * i + 1] * D[k, 1, c] + T[3 * i + 2] * D[k, 2, c]
         for i in range(3):
             j, n = (i + 1) % 3, (i + 2) % 3

@@ -2,16 +2,16 @@
 """Compiled frames at points of surfaces as functions of nodal positions, with derivatives.
 
 A point has the position ``x = sum N_I x_I`` with constant weights N_I, which are area coordinates
-in a triangle and those of an interpolation along an edge. What carries it has the axes
+in a triangle and those of an interpolation along an edge. Its carrier has the axes
 
 - of a triangle, by side alignment (Shi, Liu, Hong 2018): e1 along the side from its first node to
   its second, e3 the unit normal, e2 = e3 x e1; or
 - none of its own, inertial ones that never turn, where nodes alone say nothing of a rotation.
 
 With the sides ``a = x_1 - x_0 = (l, 0, 0)`` and ``b = x_2 - x_0 = (b_1, b_2, 0)`` in the triangle's
-axes, and changes p and q of these sides in the same axes, the triangle turns by ``theta = ((q_3 -
-b_1 p_3 / l) / b_2, -p_3 / l, p_2 / l) = sum W_I R^T dx_I``. Nodes have frames: ``dx_I = R_I u_I``
-with their local twists (u_I, theta_I), and rotations of nodes move nothing.
+axes, and changes p and q of these sides in the same axes, the triangle rotates by
+``theta = ((q_3 - b_1 p_3 / l) / b_2, -p_3 / l, p_2 / l) = sum W_I R^T dx_I``. Nodes have frames:
+``dx_I = R_I u_I`` with their local twists (u_I, theta_I), and rotations of nodes move nothing.
 """
 
 import numpy as np

@@ -25,7 +25,7 @@ from flexfem.options import Option
 
 #: Columns of printed help.
 _WIDTH = "84"
-#: Names of defaults in the sources, and what they say.
+#: Names of defaults in the sources, and the texts for them.
 _DEFAULTS = {"_ZERO": "(0.0, 0.0, 0.0)", "MappingProxyType({})": "{}", "mappingproxy({})": "{}"}
 
 
@@ -81,7 +81,7 @@ def _documented(name: str) -> str:
 
 
 def _inherited(value: type) -> list[tuple[str, str]]:
-    """Return what a class inherits inside the package, with directives that describe it.
+    """Return the inherited members of a class inside the package, with their directives.
 
     These are constructors, and of a model its mechanical part.
     """
@@ -97,7 +97,7 @@ def _inherited(value: type) -> list[tuple[str, str]]:
 
 
 def _constant(name: str, value: Any) -> str:
-    """A constant, with the comment above it in its module and what it consists of."""
+    """A constant, with the comment above it in its module and its items."""
     module = ModuleAnalyzer.for_module(f"flexfem.{PLACES[name]}")
     module.analyze()
     lines = [line for line in module.attr_docs.get(("", name.rpartition(".")[2]), []) if line]
@@ -134,7 +134,7 @@ def _described(name: str, case: Case) -> str:
 
 
 def _option_table(options: Iterable[Option]) -> str:
-    """Options with what they may be, as a list table."""
+    """Options with their admissible values, as a list table."""
     rows = ["\n.. list-table::", "   :header-rows: 1", "   :widths: 22 48 14 16\n"]
     rows += [_row("option", "", "default", "admissible")]
     for option in options:

@@ -14,7 +14,7 @@ from sphinx.util import logging
 
 _LOGGER = logging.getLogger(__name__)
 
-#: What pages need of MathJax; the whole of it is twenty times as large.
+#: Components of MathJax that the pages need; all of it is twenty times as large.
 _SCRIPT, _FONTS = "tex-chtml.js", "output/chtml/fonts/woff-v2"
 
 
@@ -48,7 +48,7 @@ def _copy(app: Sphinx, error: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register what checks formulas and what copies MathJax."""
+    """Register the check of formulas and the copy of MathJax."""
     app.setup_extension("sphinx.ext.mathjax")
     app.config.mathjax_path = f"mathjax/{_SCRIPT}"
     app.connect("doctree-read", _check)

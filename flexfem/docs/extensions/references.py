@@ -2,7 +2,7 @@
 """References of docstrings, without the network.
 
 Types of other packages are shown without a link. A name of flexfem may be shortened to its end, as
-docstrings do, if one thing alone that is documented ends so; what is internal is named only. All
+docstrings do, if one thing alone that is documented ends so; internal names have no target. All
 other references that lead nowhere are warnings.
 """
 
@@ -20,7 +20,7 @@ _STRANGERS = {
     "mpi4py", "np", "npt", "numpy", "pathlib", "petsc4py", "scipy", "typing", "ufl",
 }  # fmt: skip
 
-#: Names of classes begin with capitals; what docstrings say before a colon is taken for a type.
+#: Names of classes begin with capitals; text before a colon in docstrings is taken for a type.
 _CLASS = re.compile(r"[\w.]*\b_?[A-Z]\w+")
 
 
@@ -57,6 +57,6 @@ def _is_internal(target: str) -> bool:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register what looks for targets that Sphinx does not find."""
+    """Register the search for targets that Sphinx does not find."""
     app.connect("missing-reference", _resolve)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

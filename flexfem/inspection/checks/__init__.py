@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Checks of models, one file each.
 
-A check has a function ``find(inspection)`` that returns or yields findings. It tells what is
-admissible but hardly meant; what cannot be computed is refused by ``flexfem.model.validate``.
+A check has a function ``find(inspection)`` that returns or yields findings. Findings are admissible
+but probably unintended; models that cannot be computed are refused by ``flexfem.model.validate``.
 """

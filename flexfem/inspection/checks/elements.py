@@ -28,7 +28,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         if lengths[at] < _TINY * median:
             yield Finding(
                 "elements", owner,
-                f"its shortest {what} at {_place(mesh.middles[at])} has {lengths[at]:.3g} m, the "
+                f"its shortest {what} at {_place(mesh.centroids[at])} has {lengths[at]:.3g} m, the "
                 f"median is {median:.3g} m",
                 "merge points that almost coincide, or mesh more evenly",
             )  # fmt: skip
@@ -55,7 +55,7 @@ def _needles(inspection: Inspection, mesh: MeshFacts, owner: str) -> Iterator[Fi
         yield Finding(
             "elements", owner,
             f"{int((flat < _NEEDLE).sum())} triangles are needles, that at "
-            f"{_place(mesh.middles[at])} has a height of {flat[at]:.2g} of its longest edge",
+            f"{_place(mesh.centroids[at])} has a height of {flat[at]:.2g} of its longest edge",
             "mesh it with triangles of better shape",
         )  # fmt: skip
 

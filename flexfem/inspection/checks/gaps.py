@@ -22,5 +22,5 @@ def find(inspection: Inspection) -> Iterator[Finding]:
             yield Finding(
                 "gaps", owner,
                 f"{ends} are {joint.tilt:.4g} rad from the directions in which it holds them",
-                f"turn bodies or axes, or let flexfem.assemble do it{drive}",
+                f"rotate bodies or axes, or let flexfem.assemble do it{drive}",
             )  # fmt: skip

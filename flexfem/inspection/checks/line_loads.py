@@ -17,8 +17,8 @@ from flexfem.layout.lines import Line
 from flexfem.layout.placed_loads import load_at_points
 from flexfem.loads.line_load import LineLoad
 
-#: Difference of both sums in one element, by the whole of the load, from which it is told. A jump
-#: in one of a hundred elements is ten times this; a kink in one of ten a tenth.
+#: Smallest reported difference of both sums in one element, relative to the whole load. A jump in
+#: one of a hundred elements is ten times this; a kink in one of ten a tenth.
 _SEEN = 1e-4
 
 

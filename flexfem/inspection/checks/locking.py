@@ -3,9 +3,9 @@
 
 In smooth splines the stretch of a bent element cannot vanish at all its quadrature points: bending
 stores stretching energy, ``(l/d)^2`` times as much as is due for elements of length l and depth d,
-and times a power of the angle a by which an element turns. Computed cantilevers (arcs of 90 and 215
-degrees, an elastica; slenderness 100 and 1000; 4 to 32 elements) are too stiff by ``c (l/d)^2 a^m``
-within a factor of three, m and c by the degree.
+and times a power of the angle a by which an element rotates. Computed cantilevers (arcs of 90 and
+215 degrees, an elastica; slenderness 100 and 1000; 4 to 32 elements) are too stiff by
+``c (l/d)^2 a^m`` within a factor of three, m and c by the degree.
 """
 
 from collections.abc import Iterator, Sequence
@@ -69,7 +69,7 @@ def locked(energies: FloatArray) -> float:
 
 
 def percent(share: float) -> str:
-    """In per cent, one digit that counts: no law of locking knows more."""
+    """In per cent, with one significant digit: laws of locking are no more accurate."""
     return f"{float(f'{100.0 * min(share, 1.0):.1g}'):g}"
 
 

@@ -11,10 +11,10 @@ from flexfem.system.memory import memory_of_run
 
 __all__ = ["find"]
 
-#: Part of what is left above which a computer may begin to swap: estimates miss contact, which
-#: takes some more, and results.
+#: Part of the available memory above which a computer may begin to swap: estimates miss contact,
+#: which takes some more, and results.
 _PART = 0.5
-#: Bytes that nobody need be told of.
+#: Memory below which nothing is reported, bytes.
 _LITTLE = 1e9
 
 

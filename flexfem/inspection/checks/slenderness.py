@@ -10,7 +10,7 @@ from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.model.bodies.basic import Beam
 
-#: Length by depth above which beams and shells are hardly meant. Tethers in space have more than
+#: Slenderness above which beams and shells are probably unintended. Tethers in space have more than
 #: the first, membranes of solar sails less than the second.
 _LONG, _WIDE = 1e5, 3e6
 #: Length by depth below which a beam is none.

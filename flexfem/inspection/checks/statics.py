@@ -10,7 +10,7 @@ from flexfem.inspection.mobility import free_motions, holding
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
-    """Free motions in statics; contact may hold what it touches."""
+    """Free motions in statics; contacts may support the bodies."""
     options, model = inspection.options, inspection.model
     if not isinstance(options, StaticOptions) or options.stabilise or model.contacts:
         return

@@ -14,7 +14,7 @@ _TURN = 0.5
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
-    """The fastest body or drive, if it turns too far in a step."""
+    """The fastest body or drive, if its rotation in a step is too large."""
     dt = getattr(inspection.options, "dt", None)
     if dt is None:
         return

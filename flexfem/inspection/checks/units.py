@@ -17,7 +17,8 @@ _SPEED = (8.0, 3e4)
 #: Young's modulus, Pa: soft foams and gels have some kPa, carbon nanotubes 1 TPa. Fabrics and
 #: ideal models may have less.
 _MODULUS = (1e2, 5e12)
-#: Density, kg/m^3, of what fills the outline: osmium has 22,600, hollow sections of foil little.
+#: Density, kg/m^3, of the material in the outline: osmium has 22,600, hollow sections of foil
+#: little.
 _DENSITY = (1e-2, 3e4)
 #: Gravity, m/s^2: the Sun has 274, centrifuges in laboratories less than this.
 _GRAVITY = 400.0

@@ -45,7 +45,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 
 
 def _functions(model: Model) -> Iterator[tuple[str, Callable[[float], object]]]:
-    """Functions of time of loads and drives, and what they belong to."""
+    """Functions of time of loads and drives, and their owners."""
     for load in model.loads:
         if load.amplitude is not None:
             yield owner_of(load), load.amplitude
@@ -58,7 +58,7 @@ def _functions(model: Model) -> Iterator[tuple[str, Callable[[float], object]]]:
 def _around(spline: Spline, h: float, t_end: float) -> FloatArray:
     """(n, 3) values of a smooth spline within steps of h (s), each between the step's ends.
 
-    What is not smooth, at the ends of the spline or of degree 1, steps meet anyway.
+    Steps meet kinks, at the ends of the spline or of degree 1, anyway.
     """
     inner = spline.times[1:-1] if spline.degree > 1 else spline.times[:0]
     inner = inner[(inner > 0.0) & (inner < t_end)]
@@ -77,7 +77,7 @@ def _between(
     """Compare a function within steps with the lines between its values at their ends.
 
     Args:
-        owner: what it belongs to.
+        owner: its owner.
         function: the function.
         times: (n, 3) beginning of a step, a time within it, end of the step.
         share: part of them that may be off.
@@ -89,7 +89,7 @@ def _between(
         values = np.array([[float(function(t)) for t in row] for row in times.tolist()])  # type: ignore[arg-type]
     except FAILURES:  # of several values, of more than time, or wrong: the run says so
         return
-    if not np.abs(values).max() < _HUGE:  # nor what is not finite
+    if not np.abs(values).max() < _HUGE:  # nor values that are not finite
         return
     change = max(float(np.ptp(values)), range_of_values)
     within = (times[:, 1] - times[:, 0]) / (times[:, 2] - times[:, 0])

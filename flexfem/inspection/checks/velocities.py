@@ -55,7 +55,7 @@ def drive_rates(inspection: Inspection) -> FloatArray:
 
 
 def _fastest(inspection: Inspection) -> float:
-    """Largest speed of the nodes that joints touch, turns as ways of the model's size, m/s."""
+    """Largest speed of nodes with joints; rotations count as angle times model size, m/s."""
     twists = np.abs(inspection.rows.rows.interface.velocities)
     turn = inspection.scale * float(twists[:, 3:].max(initial=0.0))
     return max(float(twists[:, :3].max(initial=0.0)), turn)

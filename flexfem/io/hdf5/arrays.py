@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """h5py with its own HDF5 library, and arrays in files that may be forged.
 
-Only what the package writes itself is read: a file of this format may name other files as its
+Only files as the package writes them are read: a file of this format may name other files as its
 contents, claim more numbers than it has bytes, or have its numbers made by filters. Arrays of ours
 are whole, in the file, and take as many bytes there as in memory.
 """

@@ -44,7 +44,7 @@ _TAG = 1203  # of the messages between ranks that take turns
 _BLOCK = 512  # bytes of the user block: the least that HDF5 has
 _SEAL = re.compile(rb"flexfem checkpoint\nformat (\d+)\nbytes (\d+)\nblake2b ([0-9a-f]{64})\n")
 _MARK = b"flexfem checkpoint\n"
-#: What can be done about a damaged one: the last two are kept.
+#: Advice about a damaged checkpoint: the last two are kept.
 _OTHER = "use the other one that is kept"
 
 
@@ -60,7 +60,7 @@ def write_checkpoint(
     Args:
         path: the file; its folder must exist.
         comm: communicator.
-        header: what JSON can hold; the first rank's is written.
+        header: JSON-compatible data; the first rank's is written.
         state: this rank's part.
         numberings: where the rows of the state are, by the names of their groups.
 
@@ -96,7 +96,7 @@ class Checkpoint:
 
     Attributes:
         path: the file.
-        header: what was written as such.
+        header: header as written.
     """
 
     def __init__(self, path: Path, comm: MPI.Comm) -> None:

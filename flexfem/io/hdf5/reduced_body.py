@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["load_reduced_body", "save_reduced_body"]
 
-#: What a body may be said to be made with.
+#: Methods of reduction that a file of a body may name.
 type Parameter = bool | float | str
 _NOTHING: Mapping[str, Parameter] = MappingProxyType({})
 #: Layout of the file; another one is refused.
@@ -141,10 +141,10 @@ def _communicator(comm: MPI.Intracomm | None) -> MPI.Intracomm:
 
 
 def _check_made_with(raw: bytes, wanted: Mapping[str, Parameter]) -> None:
-    """Check what a body was made with.
+    """Check the method that a body was reduced by.
 
     Raises:
-        ValueError: it was made with something else, or the file does not say with what.
+        ValueError: it was reduced by another method, or the file does not state the method.
     """
     with load_h5py().File(io.BytesIO(raw), "r") as opened:
         text = _made_with(PlainFile(opened, len(raw)))

@@ -72,7 +72,7 @@ def read_structure(path: str) -> None:
 
 
 def _look_at(name: str, item: Any) -> None:
-    """Ask for what readers ask for."""
+    """Read the properties that readers use."""
     dict(item.attrs)
     if hasattr(item, "keys"):
         for link in item:

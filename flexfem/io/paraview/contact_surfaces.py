@@ -32,17 +32,17 @@ class ContactSurfaceWriter:
     """Series ``contact_surfaces``: the rigid surfaces of all contacts.
 
     Triangles show the side that nodes are kept on: with hidden back faces one looks into hollow
-    surfaces, and through planes from below. What acts on both sides is there twice.
+    surfaces, and through planes from below. Surfaces that act on both sides occur twice.
     """
 
     def __init__(
         self, folder: Path, system: System, serial: NumberedModel, resume: float | None = None
     ) -> None:
-        """Declare the series; without surfaces it only removes what is there.
+        """Declare the series; without surfaces it only removes earlier files.
 
         Args:
             folder: result folder.
-            system: whose state is written.
+            system: system whose state is written.
             serial: serial data of its model.
             resume: keep the instants of an earlier run up to this time (s).
         """
@@ -110,7 +110,7 @@ def _placed(
 
 
 def _surface(surface: RigidSurface, box: FloatArray, start: FloatArray) -> Surface:
-    """Triangles of a surface in its axes; what has no end, as far as the model reaches."""
+    """Triangles of a surface in its axes; infinite ones as far as the model reaches."""
     reach = _BEYOND * (float(np.linalg.norm(box[1] - box[0])) or 1.0)
     near = se3.rotation(start).T @ (box.mean(axis=0) - se3.position(start))
     match surface:

@@ -2,7 +2,7 @@
 """Series for ParaView of the bodies of the families: beams, shells, rigid and floating bodies.
 
 Every class gets the parts of all families that name it in ``Family.series``, maybe none: then it
-only removes what an earlier run left. All calls are collective.
+only removes files of an earlier run. All calls are collective.
 """
 
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ class Series(Protocol):
         """Write the accepted state at a time, s."""
 
     def close(self) -> None:
-        """End the series; one that was never written removes what is there."""
+        """End the series; one that was never written removes earlier files."""
 
 
 class BeamSeries:
@@ -122,7 +122,7 @@ class RigidSeries:
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._parts = list(parts)
-        # an inertia that drives or brakes must not hide what is flexible
+        # the box of a large inertia must not hide flexible bodies
         largest = _BODY * model_extent(serial) if len(serial.nodes) else np.inf
         surfaces = [
             body_surface(b.shape, b.mass, b.inertia, b.centre, largest)

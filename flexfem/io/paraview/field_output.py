@@ -30,11 +30,11 @@ class FieldOutput:
     def __init__(
         self, folder: Path, system: System, serial: NumberedModel, resume: float | None = None
     ) -> None:
-        """Declare all series; those without anything to show only remove what is there.
+        """Declare all series; those without anything to show only remove earlier files.
 
         Args:
             folder: result folder.
-            system: whose state is written.
+            system: system whose state is written.
             serial: serial data of its model.
             resume: keep the instants of an earlier run up to this time (s).
 
@@ -49,7 +49,7 @@ class FieldOutput:
             parts = [part for part in system.parts if part.family.series == name]
             self._bodies.append(_series(name)(folder, comm, parts, serial, resume))
         self._obstacles = ContactSurfaceWriter(folder, system, serial, resume)
-        # what locks elastic coordinates is inside a body and not shown
+        # locks of elastic coordinates are inside a body and not shown
         self._shown = np.array([not isinstance(j, ElasticLock) for j in serial.joints], dtype=bool)
         kinds = [j.owner.partition(" ")[0] for j in serial.joints]
         size = _GLYPH * model_extent(serial)

@@ -107,7 +107,7 @@ class HistoryWriter:
             self._stream.write(",".join(map(repr, [float(t), *row.tolist()])) + "\n")
             self._stream.flush()
         except OSError:
-            # what the disk does not take is not tried again when Python ends
+            # rows that the disk does not take are not written again when Python ends
             with contextlib.suppress(OSError):
                 self.close()
             with contextlib.suppress(OSError):
@@ -244,7 +244,7 @@ def read_history(path: Path) -> dict[str, NDArray[np.float64]]:
 
 
 def _cut_torn_row(path: Path) -> None:
-    """Remove what follows the last complete row."""
+    """Remove the text after the last complete row."""
     with path.open("r+b") as file:
         file.truncate(file.read().rfind(b"\n") + 1)
 

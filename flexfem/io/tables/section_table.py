@@ -46,7 +46,7 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "t_section": ("width", "height", "web", "flange"),
     "constants": ("A", "I2", "I3", "J", "k2", "k3"),
 }
-#: Kinds that may have a fillet, and that know their shear centre.
+#: Kinds that may have a fillet, and whose shear centre is known.
 _PROFILES = ("i_section", "channel", "angle", "t_section")
 _CENTRES = ("mass_y", "mass_z", "shear_y", "shear_z")
 
@@ -131,7 +131,7 @@ def _section(row: "_Row", materials: Mapping[str, Material]) -> Section:
     factors = (row.number("k2"), row.number("k3")) if row.fields.get("k2") else None
     mass_y, mass_z, shear_y, shear_z = (row.optional(column) or 0.0 for column in _CENTRES)
     more: dict[str, Any] = {"mass_centre": (mass_y, mass_z), "shear_factor": factors}
-    # profiles know their own shear centre
+    # profiles have a shear centre
     if not profile or row.fields.get("shear_y") or row.fields.get("shear_z"):
         more["shear_centre"] = (shear_y, shear_z)
     if profile:
@@ -181,13 +181,13 @@ class _Table:
             )
 
     def things[Thing](self, make: "Callable[[_Row], Thing]") -> dict[str, Thing]:
-        """Return what is made of each row by its name."""
+        """Return the object of each row by its name."""
         found: dict[str, Thing] = {}
         for line, fields in self.rows:
             row = _Row(f"{self.owner}, line {line}", self, fields)
             name = row.text("name")
             if name in found:
-                row.fail(f'the name "{name}" is there twice')
+                row.fail(f'the name "{name}" occurs twice')
             row.owner += f' "{name}"'
             try:
                 found[name] = make(row)
@@ -211,7 +211,7 @@ class _Table:
                 f"{', '.join(['name', *sorted(known - {'name'})])}"
             )
         if name in self.columns:
-            raise ValueError(f'{owner}: column "{name}" is there twice')
+            raise ValueError(f'{owner}: column "{name}" occurs twice')
         units = _UNITS[_COLUMNS.get(name, "")]
         if bracket and unit not in units:
             raise ValueError(
@@ -236,7 +236,7 @@ class _Row:
         self.fields = dict(zip(table.columns, fields, strict=False))
 
     def fail(self, reason: str) -> NoReturn:
-        """Raise for what is wrong in the line."""
+        """Raise for an error in the line."""
         raise _RowError(f"{self.owner}: {reason}")
 
     def text(self, column: str) -> str:

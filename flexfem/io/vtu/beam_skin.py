@@ -110,7 +110,7 @@ class BeamSkin:
             k, m = len(one.points), len(cells)
             node.append(np.repeat(beams.cells[cells].reshape(-1), k))
             cell.append(np.repeat(cells, 2 * k))
-            # section axes are turned against those of the node, for good
+            # section axes are rotated against those of the node, for good
             turn = beams.turn[cells, :, :, 1:]
             arm.append(np.einsum("meij,mkj->meki", turn, table[of]).reshape(-1, 3))
             first = start + 2 * k * np.arange(m)
@@ -156,7 +156,7 @@ class BeamSkin:
 
 
 def _free_ends(beams: BeamFields, sections: int) -> NDArray[np.bool_]:
-    """Return flags (m, 2): first and last nodes where no cell of the same section goes on."""
+    """Return flags (m, 2): first and last nodes without a next cell of the same section."""
     key = beams.cells * sections + beams.section[:, None]
     _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
     free: NDArray[np.bool_] = (counts[inverse] == 1).reshape(-1, 2)

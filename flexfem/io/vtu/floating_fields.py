@@ -36,7 +36,7 @@ class FloatingState:
         frame: (12,) floating frame.
         twist: (6,) its velocity and angular velocity in its own axes.
         coordinates, rates: (n,) all of the reduced body, those of the frame's interface are zero.
-        strains: (n,) the coordinates without what moves points but causes no stress.
+        strains: (n,) the coordinates without motions that cause no stress.
     """
 
     frame: FloatArray

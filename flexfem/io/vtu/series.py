@@ -73,7 +73,7 @@ class _Piece:
     cell_data: tuple[_Array, ...]
 
     def header(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Attributes of the point and cell arrays: what all ranks have to agree on."""
+        """Attributes of the point and cell arrays: data on which all ranks must agree."""
         return (
             tuple(a.attributes() for a in self.point_data),
             tuple(a.attributes() for a in self.cell_data),
@@ -183,7 +183,7 @@ class VtuSeries:
     def close(self) -> None:
         """End the series; collective: on return its files are complete for every rank.
 
-        Of a series that was never written, what an earlier run left is removed.
+        Files of an earlier run of a series that was never written are removed.
         """
         if not self._closed:
             if not self._started:
@@ -199,7 +199,7 @@ class VtuSeries:
         return f"{self.name}_{step:06d}"
 
     def _start(self) -> None:
-        """Remove what an earlier run of this series left; collective."""
+        """Remove the files of an earlier run of this series; collective."""
         error: Exception | None = None
         if self.comm.rank == 0:
             try:
@@ -225,7 +225,7 @@ class VtuSeries:
 
     def _clean(self) -> None:
         pvd = self.folder / f"{self.name}.pvd"
-        # The index goes first: it must never name a file that is gone.
+        # The index is removed first: it must never name a file that is gone.
         if self._instants:
             self._write_pvd()
         else:

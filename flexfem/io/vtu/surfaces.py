@@ -194,7 +194,7 @@ class Instances:
         self.cell_owner: IntArray = np.repeat(index, [len(s.triangles) for s in surfaces])
 
     def arms(self, frames: FloatArray) -> FloatArray:
-        """Vectors from each copy's origin to its points, turned by its frame (n, 3, 3)."""
+        """Vectors from each copy's origin to its points, rotated by its frame (n, 3, 3)."""
         if not len(self.local):
             return self.local
         turned: FloatArray = np.matmul(frames[self.owner], self.local[:, :, None])[:, :, 0]

@@ -50,7 +50,7 @@ def distributed_mesh(
         starts = (offsets[mine.start : mine.stop + 1] - first).astype(np.int32)
         return dolfinx.graph.adjacencylist(links, starts)._cpp_object
 
-    # its stub does not know the base class of the elements
+    # its type stub lacks the base class of the elements
     element: Any = basix.ufl.element("Lagrange", cell, 1, shape=(3,))
     mesh = dolfinx.mesh.create_mesh(
         comm, cells[mine].astype(np.int64), element, points[share(len(points))], partitioner,

@@ -9,7 +9,7 @@ body after another (Fiduccia, Mattheyses 1982, 10.1109/DAC.1982.1585498). Weight
 ties go to the body that comes first, so that every rank finds the same. A body is cut only when it
 is larger than a rank's share and large enough to be worth it.
 
-PT-SCOTCH and KaHIP, of DOLFINx or petsc4py, find as few rows or fewer where all bodies are alike,
+PT-SCOTCH and KaHIP, of DOLFINx or petsc4py, find as few rows or fewer where all bodies are equal,
 but take no weights of vertices from Python: one of two ranks gets 1.9 times the mean weight of a
 chain with large and small bodies (``tests/benchmarks/partitioners.py``).
 """
@@ -26,7 +26,7 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 
 __all__ = ["partition_bodies", "strips"]
 
-#: What n rows between ranks cost in elements: n / 6 + n^2 / 500, being solved for as a full matrix.
+#: Cost of n rows between ranks, in elements: n / 6 + n^2 / 500, solved for as a full matrix.
 _ROW, _ROW_SQUARED = 1.0 / 6.0, 1.0 / 500.0
 #: On the way to better halves they may be uneven by this part, moves in vain after which a pass
 #: ends, and passes.
@@ -39,7 +39,7 @@ def partition_bodies(
 ) -> list[IntArray]:  # fmt: skip
     """Distribute bodies over ranks: even weights, few rows between ranks.
 
-    Bodies that are split fill the first ranks, the others share what room is left.
+    Bodies that are split fill the first ranks, the others share the rest.
 
     Args:
         elements: numbers of elements of the bodies, in the order of the model.

@@ -71,7 +71,7 @@ def group_order(cells: IntArray) -> IntArray | None:
 
 
 def orient(cells: IntArray) -> IntArray:
-    """Return the cells with those turned round that run against the first cell of their line."""
+    """Return the cells with those reversed that run against the first cell of their line."""
     result = cells.copy()
     for line in trace_lines(cells):
         turned = line.cells[line.reversed]
@@ -129,7 +129,7 @@ def _link(ends: IntArray) -> list[IntArray]:
     free = np.flatnonzero(follower[np.arange(len(follower)) ^ 1] < 0)
     used = [False] * len(ends)
     paths = []
-    # What is left after the lines with free ends are closed lines
+    # The rest, after the lines with free ends, are closed lines
     for start in chain(free.tolist(), range(0, 2 * len(ends), 2)):
         path = []
         way = start
@@ -143,7 +143,7 @@ def _link(ends: IntArray) -> list[IntArray]:
 
 
 def _line(cells: IntArray, first: IntArray, last: IntArray, path: IntArray) -> Line:
-    """Return the line along the given ways, turned to the direction of its lowest cell."""
+    """Return the line along the given paths, in the direction of its lowest cell."""
     if path[np.argmin(path)] & 1:
         path = path[::-1] ^ 1
     stretch = path >> 1

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Nodes, elements, sets and surfaces of an Abaqus input file (.inp).
 
-Read here and not with meshio, which takes one *NODE block only, drops what a set says in names of
-other sets, and knows neither parts and instances nor surfaces.
+Read here and not with meshio, which takes one *NODE block only, drops the contents of sets with
+names of other sets, and knows neither parts and instances nor surfaces.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
 __all__ = ["read"]
 
-#: What changes or makes nodes and elements in ways that are not read here.
+#: Keywords that change or generate nodes and elements and are not supported.
 _REFUSED = (
     "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "SUBSTRUCTURE GENERATE",
 )  # fmt: skip
@@ -50,7 +50,7 @@ class _Reader:
         self.defined = ""  # its name in lower case
 
     def take(self, statement: Statement) -> None:
-        """Take what a statement says."""
+        """Read a statement."""
         if statement.keyword in _REFUSED:
             self.fail(statement, "cannot be read; write nodes and elements one by one")
         take = {
@@ -69,7 +69,7 @@ class _Reader:
             take(statement)
 
     def fail(self, statement: Statement, reason: str, line: int | None = None) -> NoReturn:
-        """Raise for what is wrong in a statement."""
+        """Raise for an error in a statement."""
         raise ValueError(
             f'mesh file "{statement.path}", line {line or statement.line}: '
             f"*{statement.keyword}: {reason}"
@@ -92,14 +92,14 @@ class _Reader:
         self.deck = self.model
 
     def _instance(self, statement: Statement) -> None:
-        """Begin an instance: what its part has, and what follows up to its end."""
+        """Begin an instance: the contents of its part, and the statements up to its end."""
         self._end_instance()
         name = self._option(statement, "NAME")
         part = self.parts.get(self._option(statement, "PART").lower())
         if part is None:
             self.fail(statement, f'instance "{name}" is of a part that is not in the file')
         if name.lower() in self.instances:
-            self.fail(statement, f'instance "{name}" is there twice')
+            self.fail(statement, f'instance "{name}" occurs twice')
         try:
             self.move = placement(
                 [self._floats(statement, line, row) for line, row in statement.rows]
@@ -112,7 +112,7 @@ class _Reader:
         self.defined = name.lower()
 
     def _end_instance(self) -> None:
-        """Put what an instance has, its part's and its own, where it is placed."""
+        """Move the contents of an instance, its part's and its own, to its place."""
         if self.move is None:
             return
         name, deck = self.instances[self.defined]
@@ -270,7 +270,7 @@ class _Reader:
     def _named(
         self, statement: Statement, kind: str, line: int, row: list[str]
     ) -> Sequence[Key | Run]:
-        """Return what the first field of a line of a surface names, by a number or a set."""
+        """Return the elements of the first field of a line of a surface, a number or a set."""
         first = row[0] if row else ""
         number = whole(first)
         if number is None:

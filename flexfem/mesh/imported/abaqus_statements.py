@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Statements of an Abaqus input file, and what its element types are."""
+"""Statements of an Abaqus input file, and its element types."""
 
 import re
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ __all__ = ["FACES", "Statement", "element_kind", "statements"]
 
 type Faces = dict[str, tuple[int, ...]]
 
-# Families by how their names begin; what follows are options (reduced, hybrid, thermal, ...).
+# Families by the prefix of their names; the rest are options (reduced, hybrid, thermal, ...).
 _TYPES = tuple(
     (re.compile(pattern), kind)
     for pattern, kind in (
@@ -129,7 +129,7 @@ def _in_file(path: Path, files: TextFiles) -> Iterator[Statement]:
                     yield current
                 current, begin = None, number
             head.append(text)
-            if not text.endswith(","):  # else the keyword goes on in the next line
+            if not text.endswith(","):  # else the keyword continues in the next line
                 current, head = _statement(path, begin, "".join(head)), []
         elif current is None:
             raise ValueError(

@@ -22,7 +22,7 @@ class CurveParts:
     """A curve as its file has it.
 
     Attributes:
-        number: What the file calls it.
+        number: Its number in the file.
         name: Of the curve, "" without one.
         degree: Of the basis.
         knots: Clamped or not, shape (n + p + 1,).

@@ -24,9 +24,9 @@ def cut_solids(shape: str, cells: IntArray) -> tuple[IntArray, IntArray]:
     """Return the tetrahedra of cells and the row of the cell that each is of.
 
     A cell is the pyramids of its lowest node over the faces without it, quadrilaterals being cut
-    through their lowest node: both cells at a face cut it alike (Dompierre, Labbé, Vallet and
-    Camarero, How to subdivide pyramids, prisms and hexahedra into tetrahedra, Proceedings of the
-    8th International Meshing Roundtable, 1999).
+    through their lowest node: both cells at a face cut it along the same diagonal (Dompierre,
+    Labbé, Vallet and Camarero, How to subdivide pyramids, prisms and hexahedra into tetrahedra,
+    Proceedings of the 8th International Meshing Roundtable, 1999).
     """
     top = cells.min(axis=1)
     pieces, rows = [np.empty((0, 4), dtype=np.int64)], [np.empty(0, dtype=np.int64)]

@@ -92,7 +92,7 @@ class Deck:
         return other
 
     def fail(self, reason: str, line: int | None = None) -> NoReturn:
-        """Raise for what is wrong in the file.
+        """Raise for an error in the file.
 
         Raises:
             ValueError: Always.
@@ -110,7 +110,7 @@ class Deck:
             self.fail(f"node {number_of(key)} is at {position}", line)
         if self.nodes.setdefault(key, position) != position:
             self.fail(
-                f"node {number_of(key)} is there twice, at {self.nodes[key]} and {position}", line
+                f"node {number_of(key)} occurs twice, at {self.nodes[key]} and {position}", line
             )
 
     def add_element(self, key: Key, kind: str, nodes: tuple[Key, ...], line: int) -> None:
@@ -120,7 +120,7 @@ class Deck:
             ValueError: There is one of this number, or it has a corner twice.
         """
         if self.elements.get(key, ("",))[0]:
-            self.fail(f"element {number_of(key)} is there twice", line)
+            self.fail(f"element {number_of(key)} occurs twice", line)
         if kind and len(set(nodes)) < len(nodes):
             self.fail(f"element {number_of(key)} has a node twice: {_numbers(nodes)}", line)
         self.elements[key] = (kind, nodes)

@@ -42,7 +42,7 @@ def distribute(
         None if data is None else (data.kind, data.groups, data.facets.shape[1])
     )
     cell, degree = _CELLS[kind]
-    # its stub does not know the base class of the elements
+    # its type stub lacks the base class of the elements
     element: Any = basix.ufl.element("Lagrange", cell.name, degree, shape=(3,))
     count = KINDS[kind].nodes
     cells = np.empty((0, count), dtype=np.int64)

@@ -78,7 +78,7 @@ class _File:
         return FORMATS.get(self.version, {})
 
     def _section(self, name: str, start: int) -> int:
-        """Take what is in a section and return where it ends."""
+        """Read a section and return its end."""
         if name == "MeshFormat":
             return self._end(name, self._format(start))
         if not self.version and name in _OLD:
@@ -186,7 +186,7 @@ class _Mesh:
         again = np.flatnonzero(np.diff(tags) == 0)
         if (elsewhere := (points[again] != points[again + 1]).any(axis=1)).any():
             number = tags[again[np.argmax(elsewhere)]]
-            raise ValueError(f"{self.owner}: node {number} is there twice, at different places")
+            raise ValueError(f"{self.owner}: node {number} occurs twice, at different places")
         return np.delete(tags, again), np.delete(points, again, axis=0)
 
     def _rows(self, nodes: IntArray) -> IntArray:

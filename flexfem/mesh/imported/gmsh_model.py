@@ -14,7 +14,7 @@ from flexfem.mesh.geometry.topology import edge_keys
 
 
 class _Kind(NamedTuple):
-    """Elements of first order of a dimension: gmsh's number and what they are called."""
+    """Elements of first order of a dimension: gmsh's number and name."""
 
     number: int
     plural: str

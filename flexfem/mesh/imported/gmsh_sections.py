@@ -146,7 +146,7 @@ def _cut_off(numbers: Numbers) -> NoReturn:
 
 
 def _alike(values: IntArray, width: int, columns: list[int]) -> IntArray:
-    """Return the first rows of a width that are alike in some columns."""
+    """Return the first rows of a width that agree in some columns."""
     rows = values[: len(values) // width * width].reshape(-1, width)
     count, step = min(1, len(rows)), 64
     while count < len(rows):  # in growing pieces: each of many short runs must not look at all
@@ -245,7 +245,7 @@ def _entities(numbers: Numbers, contents: Contents, point: int, parts: bool = Fa
 
     Args:
         numbers: Of the section.
-        contents: What they are added to.
+        contents: Contents that are extended.
         point: How many coordinates a point has, those of a box or its own.
         parts: Whether the entities are parts of others.
     """

@@ -21,7 +21,7 @@ _TEXT = re.compile(r"\s*([0-9]{1,9})H")
 _CURVE, _TRANSFORMATION = 126, 124
 #: Metres in the units of the file by their flags, as IGES numbers them.
 _UNITS = {1: 0.0254, 2: 1e-3, 4: 0.3048, 6: 1.0, 7: 1e3, 8: 2.54e-5, 9: 1e-6, 10: 1e-2, 11: 2.54e-8}
-#: Where the scale of the model and the flag of its units are among the global parameters.
+#: Positions of the model's scale and unit flag among the global parameters.
 _SCALE, _UNIT = 12, 13
 #: Use of entities in the parameters of a surface.
 _PLANE = "05"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Limits of a mesh file: memory in proportion to its size, text that is text, numbers.
 
-Files come from anywhere. What one says about itself (counts, ranges, other files, compression) is
-compared here with what it holds before anything is allocated, so that a few bytes cannot ask for
-gigabytes or hours.
+Files may come from anywhere. Their counts, ranges, other files and compression are compared here
+with their contents before anything is allocated, so that a few bytes cannot ask for gigabytes or
+hours.
 """
 
 import math
@@ -30,7 +30,7 @@ __all__ = [
 #: Bytes of a file that is read at once.
 LARGEST = 16_000_000_000
 
-#: Bytes that any file may ask for beyond what it holds, and how many more for each byte of it.
+#: Bytes that any file may need beyond its size, and further bytes for each byte of it.
 _BASE, _PER_BYTE = 400_000_000, 100
 #: Characters of a line, files that include each other, and all files of a mesh.
 _LINE, _DEPTH, _FILES = 1_000_000, 20, 1000
@@ -46,16 +46,16 @@ _BARE = re.compile(_DIGITS + r"(?:[EeDd]?([+-][0-9]{1,4})|[EeDd]([0-9]{1,4}))?")
 
 
 class Allowance:
-    """Memory that reading a file may take for what it names but does not hold."""
+    """Memory that reading a file may take for data that it implies but does not contain."""
 
     def __init__(self, path: Path) -> None:
-        """Begin with what a file of this size may ask for."""
+        """Begin with the allowance of a file of this size."""
         self.path = path
         self._left = float(_BASE)
         self.hold(path)
 
     def hold(self, path: Path) -> None:
-        """Add what another file of the mesh may ask for."""
+        """Add the allowance of another file of the mesh."""
         self._left += _PER_BYTE * path.stat().st_size
 
     def take(self, size: float, what: str) -> None:

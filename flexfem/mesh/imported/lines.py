@@ -32,7 +32,7 @@ def line_data(
     Lines of second order are two lines with their middle nodes.
 
     Args:
-        file: What was read.
+        file: Contents of the file.
         lines: Element sets to take, None for all.
         points: Node sets to take, None for those of one node.
         separate: Give each group nodes of its own; those that it shared with others are points

@@ -69,7 +69,7 @@ class _Reader:
         self.default_property = {"CBAR": "", "CBEAM": ""}
 
     def take(self, card: Card) -> None:
-        """Take what a card says."""
+        """Read a card."""
         if card.name in ("GRID", "GRDSET") or card.name in SYSTEMS:
             self.points.take(card)
         elif card.name in _ELEMENTS:
@@ -154,7 +154,7 @@ class _Reader:
     def _listed(self, card: Card, items: list[str]) -> dict[int, bool]:
         """Return the numbers of a set, 1, 2, 5 THRU 9 EXCEPT 7, and whether they must be there.
 
-        Of a range, only what the file has.
+        Of a range, only the numbers that the file has.
         """
         found: dict[int, bool] = {}
         words = [item.upper() for item in items if item]

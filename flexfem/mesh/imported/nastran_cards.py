@@ -33,7 +33,7 @@ class Card:
         return self.fields[number - 2] if number - 2 < len(self.fields) else ""
 
     def fail(self, reason: str) -> NoReturn:
-        """Raise for what is wrong on the card.
+        """Raise for an error on the card.
 
         Raises:
             ValueError: Always.

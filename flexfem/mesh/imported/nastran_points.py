@@ -33,20 +33,20 @@ class GridPoints:
         """Take a point, a system, or the default system of points.
 
         Raises:
-            ValueError: A number is there twice with something else, or a field is wrong.
+            ValueError: A number occurs twice with something else, or a field is wrong.
         """
         if card.name == "GRID":
             number = card.integer(2)
             other = self._points.setdefault(number, card)
             if other.fields != card.fields:
-                card.fail(f"point {number} is there twice, also in line {other.line}")
+                card.fail(f"point {number} occurs twice, also in line {other.line}")
         elif card.name == "GRDSET":
             self._default = card.field(3)
         else:  # a card of grid points may have two systems
             for first in (2, 6) if card.name.startswith("CORD1") and card.field(6) else (2,):
                 other, _ = self._systems.setdefault(card.integer(first), (card, first))
                 if other.fields != card.fields:
-                    card.fail(f"system {card.integer(first)} is there twice")
+                    card.fail(f"system {card.integer(first)} occurs twice")
 
     def positions(self) -> dict[int, tuple[Card, tuple[float, float, float]]]:
         """Return card and position of each point in the basic system.
@@ -55,7 +55,7 @@ class GridPoints:
             ValueError: A system is not there, has no axes, or is defined by itself.
         """
         found = {}
-        with np.errstate(all="ignore"):  # what is not finite is refused with its node
+        with np.errstate(all="ignore"):  # values that are not finite are refused with their node
             for number, card in self._points.items():
                 x, y, z = self._position(number).tolist()
                 found[number] = (card, (x, y, z))

@@ -29,7 +29,7 @@ _EDGES = {
         (0, 4), (1, 5), (2, 6), (3, 7),
     ),
 }  # fmt: skip
-# Corners around the middles of faces and of the cell, in the order of VTK
+# Corners around the centres of faces and of the cell, in the order of VTK
 _MIDDLES: dict[str, tuple[tuple[int, ...], ...]] = {
     "triangle6": (),
     "quad9": ((0, 1, 2, 3),),
@@ -57,7 +57,7 @@ def is_straight(points: FloatArray, kind: str, nodes: IntArray) -> bool:
 
 
 def full_order(points: FloatArray, kind: str, nodes: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return points and cells with the middles of faces and cells that serendipity cells lack.
+    """Return points and cells with the central nodes that serendipity cells lack.
 
     These are where the shape functions of the cell have them, so that its form is the same: the
     polynomials of 8 and 20 nodes are among those of 9 and 27.

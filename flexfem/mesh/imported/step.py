@@ -46,7 +46,7 @@ def read(path: Path, text: str, scale: float | None) -> list[CurveParts]:
     Args:
         path: For messages.
         text: Of the file.
-        scale: Metres in its unit, None for what it says.
+        scale: Metres in its unit, None for the unit that it states.
 
     Raises:
         ValueError: It is not such a file, or something in it cannot be read.
@@ -72,7 +72,7 @@ def _fail(path: Path, reason: str) -> NoReturn:
 
 
 def _statements(path: Path, text: str) -> Iterator[str]:
-    """Yield what is between semicolons, without comments."""
+    """Yield the statements between semicolons, without comments."""
     parts: list[str] = []
     start = at = 0
     while found := _SPECIAL.search(text, at):
@@ -171,7 +171,7 @@ def _curve(
     if all(len(point) == 2 for point in points):
         return None
     times = [_whole(k) for k in knots[0]]
-    # what the file says is compared with what it holds before anything is repeated
+    # counts in the file are compared with its contents before anything is repeated
     if min(times) < 1 or sum(times) != len(points) + _whole(degree) + 1:
         raise ValueError
     return CurveParts(

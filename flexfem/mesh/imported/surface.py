@@ -35,7 +35,7 @@ def surface_data(
 ) -> SurfaceData:
     """Return the triangles in named element sets, with lines and nodes on them.
 
-    Quadrilaterals are cut in two. Middle nodes of second order say where the middles of edges
+    Quadrilaterals are cut in two. Middle nodes of second order say where the midpoints of edges
     are.
 
     Raises:
@@ -45,10 +45,10 @@ def surface_data(
     sets = file.chosen("bodies", 2, bodies, disjoint=True)
     taken = np.zeros(len(file.dimensions), dtype=np.bool_)
     taken[np.concatenate(list(sets.values()))] = True
-    element, corners, middles = _triangles(file)
+    element, corners, midpoints = _triangles(file)
     order = np.argsort(element, kind="stable")
     order = order[taken[element[order]]]
-    element, corners, middles = element[order], corners[order], middles[order]
+    element, corners, midpoints = element[order], corners[order], midpoints[order]
     rows, triangles = np.unique(corners, return_inverse=True)
     triangles = triangles.reshape(-1, 3)
     used = np.zeros(len(file.points), dtype=np.bool_)
@@ -63,15 +63,15 @@ def surface_data(
         {name: np.flatnonzero(owners == number) for number, name in enumerate(sets)},
         _Lines(file, rows, triangles, owners).found(lines),
         {name: int(np.searchsorted(rows, node)) for name, node in named.items()},
-        None if np.isnan(middles).all() else middles,
+        None if np.isnan(midpoints).all() else midpoints,
     )
 
 
 def split_quadrilaterals(points: FloatArray, quads: IntArray) -> IntArray:
     """Return the two triangles of each quadrilateral, as columns of it, shape (m, 2, 3).
 
-    They are cut along the shorter diagonal, from the first to the third node when both are
-    equally long: grids whose cells are numbered alike get parallel diagonals.
+    They are cut along the shorter diagonal, from the first to the third node when both are equally
+    long: grids whose cells are numbered in the same order get parallel diagonals.
     """
     a, b, c, d = (points[quads[:, i]] for i in range(4))
     first, second = np.linalg.norm(c - a, axis=1), np.linalg.norm(d - b, axis=1)
@@ -82,14 +82,14 @@ def split_quadrilaterals(points: FloatArray, quads: IntArray) -> IntArray:
 
 
 def _triangles(file: MeshFile) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return element numbers, corners (m, 3) and middles of edges (m, 3, 3) of all triangles."""
+    """Return element numbers, corners (m, 3) and midpoints of edges (m, 3, 3) of all triangles."""
     elements, corners = [np.empty(0, dtype=np.int64)], [np.empty((0, 3), dtype=np.int64)]
-    middles = [np.empty((0, 3, 3))]
+    midpoints = [np.empty((0, 3, 3))]
     for kind in ("triangle", "triangle6"):
         nodes = file.cells.get(kind, np.empty((0, 6), dtype=np.int64))
         elements.append(file.numbered(kind))
         corners.append(nodes[:, :3])
-        middles.append(
+        midpoints.append(
             file.points[nodes[:, [4, 5, 3]]]  # opposite to the corners
             if kind == "triangle6"
             else np.full((len(nodes), 3, 3), np.nan)
@@ -103,14 +103,14 @@ def _triangles(file: MeshFile) -> tuple[IntArray, IntArray, FloatArray]:
                 -1, 3
             )
         )
-        middles.append(_quadrilateral_middles(file.points, kind, nodes, local))
-    return np.concatenate(elements), np.concatenate(corners), np.concatenate(middles)
+        midpoints.append(_quadrilateral_midpoints(file.points, kind, nodes, local))
+    return np.concatenate(elements), np.concatenate(corners), np.concatenate(midpoints)
 
 
-def _quadrilateral_middles(
+def _quadrilateral_midpoints(
     points: FloatArray, kind: str, nodes: IntArray, local: IntArray
 ) -> FloatArray:
-    """Return the middles of the edges opposite to the corners of the halves, shape (2 m, 3, 3)."""
+    """Return midpoints of the edges opposite to the corners of the halves, shape (2 m, 3, 3)."""
     count = 2 * len(nodes)
     if kind == "quad" or count == 0:
         return np.full((count, 3, 3), np.nan)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Points, cells and whole-numbered data of VTK files.
 
-Read here and not with meshio, which believes what a file says of its sizes and indices: some bytes
-ask for any memory, and an index of -1 is the last point.
+Read here and not with meshio, which trusts the sizes and indices in a file: some bytes ask for any
+memory, and an index of -1 is the last point.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
 __all__ = ["VtkGrid", "mesh_file"]
 
-# What programs write for themselves
+# Arrays that programs write for their own use
 _OWN = ("vtk", "Global", "ObjectId", "PedigreeIds")
 
 _KINDS = {
@@ -92,7 +92,7 @@ def mesh_file(path: Path, grid: VtkGrid) -> MeshFile:
 
 
 def _starts(path: Path, grid: VtkGrid) -> IntArray:
-    """Return where the nodes of each cell begin, all within what there is."""
+    """Return where the nodes of each cell begin, all within the list."""
     if len(grid.offsets) != len(grid.types):
         _fail(path, f"{len(grid.offsets)} cells and {len(grid.types)} types of cells")
     starts = np.concatenate([np.zeros(1, dtype=np.int64), grid.offsets[:-1]])[: len(grid.offsets)]

@@ -64,7 +64,7 @@ class _File:
             self._take(words)
 
     def _take(self, words: list[str]) -> None:
-        """Take what begins with some words."""
+        """Take the block that begins with some words."""
         take = {
             "DATASET": self._dataset,
             "POINTS": self._points,

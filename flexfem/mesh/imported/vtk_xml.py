@@ -110,7 +110,7 @@ class _File:
         used = int(offsets[-1]) if cells else 0
         connectivity = self._whole(own["connectivity"], used)
         if connectivity.size and not 0 <= connectivity.min() <= connectivity.max() < count:
-            self._fail(f"a cell has a node that is none of 0 to {count - 1}")
+            self._fail(f"a cell has a node that is not one of 0 to {count - 1}")
         types = self._whole(own["types"], cells)
         data = dict(self._data(piece, "PointData", count))
         return VtkGrid(

@@ -8,7 +8,7 @@ from flexfem._memory import LINE_NODE, check_run
 from flexfem._types import FloatArray
 from flexfem.mesh.nurbs.basis import bernstein_powers, extraction, knot_spans, power_table, rational
 
-#: What the messages speak of
+#: Subject of the messages
 OWNER = "NurbsCurve"
 #: Beyond it, coefficients in powers of xi lose too many digits
 MAX_DEGREE = 7

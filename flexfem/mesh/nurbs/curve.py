@@ -375,7 +375,7 @@ class NurbsCurve:
         return nurbs_refine.parameters(self.elements, wanted.ravel()).reshape(wanted.shape)
 
     def deviation(self, path: Callable[[FloatArray], npt.ArrayLike] | npt.ArrayLike) -> float:
-        """Return the largest distance from what the curve was fitted to, metres.
+        """Return the largest distance from the fitted points, metres.
 
         Args:
             path: Function or points as for `fit`, compared at the same parameters, which bounds

@@ -9,7 +9,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.nurbs.basis import bernstein_powers, extraction, knot_spans, power_table, rational
 
 # Numbers of Chebyshev points tried for the speed of an element; with more of them, rounding errors
-# of the powers of xi outgrow what is gained
+# of the powers of xi exceed the gain
 _SAMPLES = (6, 12, 18, 24)
 # Error of the speed relative to its mean in the element: wanted, and still accepted
 _WANTED = 2e-15

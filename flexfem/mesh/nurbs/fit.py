@@ -17,7 +17,7 @@ from flexfem.mesh.nurbs.refine import Basis, interpolate
 
 # A function is compared with its fit at this many places of each element
 _SAMPLES = 12
-# Where the search for enough elements ends
+# Number of elements at which the search ends
 _MOST_ELEMENTS = 5000
 # Distances from a straight line relative to coordinates that are taken for rounding errors
 _ROUND_OFF = 1e-14

@@ -17,7 +17,7 @@ from flexfem.mesh.nurbs.elements import evaluate
 if TYPE_CHECKING:
     from flexfem.mesh.nurbs.curve import NurbsCurve
 
-# Turn of the tangent at a knot, radians, above which it is a corner (degree 2 and higher)
+# Angle of the tangent at a knot, radians, above which it is a corner (degree 2 and higher)
 _KINK = np.deg2rad(1.0)
 # Steps of an element when a normal is carried along the curve: the error of the double
 # reflection falls with their fourth power
@@ -114,7 +114,7 @@ def control_frames(
 
     Raises:
         TypeError: as for `section_rotations`.
-        ValueError: as for `section_rotations`, or the frames turn too much inside an element.
+        ValueError: as for `section_rotations`, or the frames rotate too much inside an element.
     """
     wanted = control_rotations(curve, orientation)
     rotations = wanted if curve.degree == 1 else _control_points(curve, wanted, vectors)
@@ -122,7 +122,7 @@ def control_frames(
 
 
 def refuse_corners(curve: "NurbsCurve") -> None:
-    """Check that the tangent turns at no knot.
+    """Check that the tangent has a kink at no knot.
 
     Section frames follow the tangent, and at a corner there are two of them. With degree 1 turns
     up to `flexfem.mesh.geometry.frames.CORNER_ANGLE` are those of a smooth curve's polygon.
@@ -198,7 +198,7 @@ def _control_points(curve: "NurbsCurve", wanted: FloatArray, vectors: bool) -> F
             return rotations
         rotations = rotations @ so3.exp(factor.solve(missing))
     raise ValueError(
-        f"{OWNER}: the frames turn too much inside the element at parameter "
+        f"{OWNER}: the frames rotate too much inside the element at parameter "
         f"{curve.elements.spans[index[int(np.argmax(np.abs(missing).max(axis=1)))], 0]:g}, "
         "refine the curve"
     )

@@ -24,7 +24,7 @@ _PARALLEL = 0.25
 
 @dataclass(frozen=True)
 class DirectorNodes:
-    """Nodes of the triangles of director shells: first their corners, then the middles of edges.
+    """Nodes of the triangles of director shells: their corners, then the midside nodes.
 
     All shells with an edge have one node there and turn with it, also at kinks and where many meet.
 
@@ -34,9 +34,9 @@ class DirectorNodes:
         nodes: nodes of each triangle, corners, then midside nodes of the opposite edges, (t, 6).
         frames: at the start, (c + e, 12); e3 of a middle is the director of its first triangle.
         directors: at the start, inertial axes, (t, 3, 3).
-        turning: nodes with whose frames the directors turn, (t, 3); the middles.
-        held: unknowns that nothing resists, (c + e, 6): turns of corners, and those about the
-            director where all directors of an edge are parallel.
+        turning: nodes whose frames rotate the directors, (t, 3): the midside nodes.
+        held: fixed unknowns without stiffness, (c + e, 6): rotations of corners, and those about
+            the director where all directors of an edge are parallel.
     """
 
     corners: IntArray
@@ -71,7 +71,7 @@ def director_nodes(
         kink: angle between normals beyond which surfaces are not smooth, rad.
 
     Raises:
-        ValueError: The middles of edges turn a triangle inside out.
+        ValueError: The midpoints of edges invert a triangle.
     """
     triangles = surface.triangles[rows]
     corners, own = np.unique(triangles, return_inverse=True)
@@ -80,15 +80,15 @@ def director_nodes(
         edge_keys(np.column_stack([start, end]), len(surface.points)), return_inverse=True
     )
     edges = np.column_stack(np.divmod(keys, len(surface.points)))
-    middles = surface.points[edges].mean(1)
-    middles += _offsets(number, len(edges), *_heights(surface, rows, kink), np.cos(kink))
+    midpoints = surface.points[edges].mean(1)
+    midpoints += _offsets(number, len(edges), *_heights(surface, rows, kink), np.cos(kink))
     given = surface.midpoints
     if given is not None:
         known = given[rows].reshape(-1, 3)
         there = np.isfinite(known).all(1)
-        middles[number[there]] = known[there]
+        midpoints[number[there]] = known[there]
     nodes = np.concatenate([own.reshape(-1, 3), len(corners) + number.reshape(-1, 3)], 1)
-    places = np.concatenate([surface.points[corners], middles])
+    places = np.concatenate([surface.points[corners], midpoints])
     normals = _edge_normals(surface, rows, places[nodes])
     if planes is not None:
         normals -= np.einsum("tka,tka->tk", normals, planes)[..., None] * planes
@@ -122,10 +122,10 @@ def _heights(surface: SurfaceMesh, rows: IntArray, kink: float) -> tuple[FloatAr
 def _offsets(
     number: IntArray, count: int, heights: FloatArray, normals: FloatArray, limit: float
 ) -> FloatArray:
-    """Vectors (count, 3) from the chords of edges to their middles.
+    """Vectors (count, 3) from the chords of edges to their midpoints.
 
-    They are the means of what the sides of an edge say. Where surfaces meet at a kink, their common
-    edge is on both: the shortest vector with all these heights.
+    They are the means over both sides of an edge. Where surfaces meet at a kink, their common edge
+    is on both: the shortest vector with all these heights.
     """
     result, sides = np.zeros((count, 3)), np.bincount(number, minlength=count)
     np.add.at(result, number, heights[:, None] * normals)
@@ -141,20 +141,18 @@ def _offsets(
 
 
 def _edge_normals(surface: SurfaceMesh, rows: IntArray, places: FloatArray) -> FloatArray:
-    """Unit normals (t, 3, 3) of the curved triangles in the middles of their edges."""
-    corners, middles = places[:, :3], places[:, 3:]
+    """Unit normals (t, 3, 3) of the curved triangles at the midpoints of their edges."""
+    corners, midpoints = places[:, :3], places[:, 3:]
     following, last = np.roll(corners, -1, 1), np.roll(corners, -2, 1)
     # along the edge, and from it towards the opposite corner
-    inward = 2.0 * (np.roll(middles, -1, 1) + np.roll(middles, -2, 1) - middles)
+    inward = 2.0 * (np.roll(midpoints, -1, 1) + np.roll(midpoints, -2, 1) - midpoints)
     inward -= corners + 0.5 * (following + last)
     normals = np.cross(last - following, inward)
     turned = np.einsum("tka,ta->tk", normals, surface.normals[rows])
     if (turned <= 0.0).any():
         row = int(rows[np.argmax((turned <= 0.0).any(1))])
         at = _checks.show(surface.points[surface.triangles[row]].mean(0).tolist())
-        raise ValueError(
-            f"SurfaceMesh: the midpoints of its edges turn triangle {row} at {at} inside out"
-        )
+        raise ValueError(f"SurfaceMesh: the midpoints of its edges invert triangle {row} at {at}")
     unit: FloatArray = normals / np.linalg.norm(normals, axis=2)[..., None]
     return unit
 

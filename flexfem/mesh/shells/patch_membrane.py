@@ -20,11 +20,11 @@ def smoothed_gradients(local: FloatArray, around: FloatArray, present: BoolArray
     """Maps (m, 2, 6) from positions to the mean of the derivatives at the three edges.
 
     At an edge they are the mean of those of both triangles, at one without neighbour those of the
-    triangle. So a triangle also knows how the membrane changes around it.
+    triangle. So a triangle also takes account of the change of the membrane around it.
 
     Args:
         local: corners (m, 3, 2).
-        around: nodes opposite to the edges, turned into the plane, (m, 3, 2).
+        around: nodes opposite to the edges, rotated into the plane, (m, 3, 2).
         present: whether they exist, (m, 3).
     """
     own = plane_gradients(local)

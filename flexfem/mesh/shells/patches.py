@@ -5,7 +5,7 @@ A triangle and the neighbours over its three edges have six nodes, which is what
 quadratic ``q(x, y) = [1, x, y, x^2, xy, y^2] c`` needs (Phaal, Calladine, Int. J. Numer. Methods
 Eng. 35 (1992) 955-977). Its second derivatives are the curvature vectors ``k = B q`` of the
 triangle, in R^3 each; along the unit normal n they are the curvatures ``n . k``. The coordinates
-(x, y) are those of the nodes at the start after the neighbours have been turned about the shared
+(x, y) are those of the nodes at the start after the neighbours have been rotated about the shared
 edges into the plane of the triangle: neither bending of the start nor a kink makes a patch bad.
 
 With these curvatures alone, deflections converge to the right limit where the mesh is, up to few
@@ -82,7 +82,7 @@ class Patches:
         curvatures: B, from positions to (k_11, k_22, 2 k_12), 1/m^2, (m, 3, p); zero columns for
             missing nodes. NaN where the nodes of a patch of six lie on one conic.
         slopes: S, from the tangents of clamped edges, 1/m, (m, 3, p - 3); zero columns otherwise.
-        clamps: which edges these are, 3 x triangle + edge, (m, p - 3); 0 where there is none.
+        clamps: edge numbers, 3 x triangle + edge, (m, p - 3); 0 where there is none.
         tangents: unit vectors t at the start, outwards across clamped edges, (m, 3, 3), else 0.
         conditions: condition number of the own quadratic in coordinates scaled by the size of the
             triangle, (m,); infinite where it has no solution. About 10 for good meshes.
@@ -166,7 +166,7 @@ def curvature_patches(
     factors = np.ones(len(triangles)) if weights is None else weights
     maps *= factors[:, None, None]
 
-    # what a column stands for: the position of a node, or the tangent of an edge
+    # meaning of a column: the position of a node, or the tangent of an edge
     tangential = (places >= 3) & sloped[owners, np.maximum(places, 3) - 3]
     clamps = np.where(tangential, 3 * owners + places - 3, 0)
     outwards = np.einsum("mka,mab->mkb", _edge_normals(local), axes[:, :2])
@@ -216,7 +216,7 @@ def _edge_normals(local: FloatArray) -> FloatArray:
 def _unfolded(
     points: FloatArray, corners: FloatArray, local: FloatArray, opposites: IndexArray
 ) -> FloatArray:
-    """Coordinates (m, 3, 2) of opposite nodes, neighbours turned into the triangle's plane."""
+    """Coordinates (m, 3, 2) of opposite nodes, neighbours rotated into the triangle's plane."""
     start, end = np.roll(corners, -1, 1), np.roll(corners, -2, 1)
     edge = end - start
     edge /= np.linalg.norm(edge, axis=2)[:, :, None]

@@ -82,9 +82,9 @@ def check_triangles(points: FloatArray, triangles: IntArray) -> None:
 def oriented(
     points: FloatArray, triangles: IntArray, body: IntArray, names: list[str]
 ) -> tuple[IntArray, Sides]:
-    """Return the triangles, those turned that run against the first of their connected part.
+    """Return the triangles, those flipped that run against the first of their connected part.
 
-    A triangle (a, b, c) is turned into (a, c, b).
+    A triangle (a, b, c) is flipped to (a, c, b).
 
     Raises:
         ValueError: An edge has more than two triangles of one body, or a body has one side only.
@@ -131,7 +131,7 @@ def line_pairs(name: object, pairs: object, edges: IntArray, nodes: int) -> tupl
     if (counts > 1).any():
         low, high = divmod(int(values[np.argmax(counts > 1)]), nodes)
         raise ValueError(
-            f'{_OWNER}: line "{key}": the edge between nodes {low} and {high} is there twice'
+            f'{_OWNER}: line "{key}": the edge between nodes {low} and {high} occurs twice'
         )
     return key, found
 

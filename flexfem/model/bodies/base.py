@@ -13,7 +13,7 @@ __all__ = ["Body"]
 
 
 class Body(ABC):
-    """Body of a family that a model knows by this class only.
+    """Base class of bodies whose family may be defined outside of the package.
 
     Attributes:
         name: Unique name in the model.
@@ -51,7 +51,7 @@ class Body(ABC):
 
     @property
     def holds(self) -> int:
-        """How many unknowns stay as they are."""
+        """Number of fixed unknowns."""
         return 0
 
     @property
@@ -62,14 +62,15 @@ class Body(ABC):
     @property
     @abstractmethod
     def details(self) -> str:
-        """The most telling values, for the table of the model."""
+        """The most important values, for the table of the model."""
 
     @abstractmethod
     def node(self, marker: Marker) -> int:
         """Return the number of the node of a marker, in the order of :attr:`points`.
 
-        Its point is None, a name, a fraction in [0, 1] or a place at the start; the body says which
-        of them it knows. A body whose nodes have no axes refuses offsets: nothing else does.
+        Its point is None, a name, a fraction in [0, 1] or a place at the start; the body defines
+        which of them it accepts. A body whose nodes have no axes refuses offsets: nothing else
+        does.
 
         Raises:
             ValueError: There is no such node, or the marker has an offset where none can be.

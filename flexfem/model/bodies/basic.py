@@ -88,7 +88,7 @@ class Beam:
     angular_velocity: Array = vector(default=ZERO)
 
     def __post_init__(self) -> None:
-        """Settle what depends on whether there is a curve."""
+        """Set the defaults that depend on the curve."""
         owner = _checks.named(self, self.name)
         formulation, degree = _formulation(
             owner, self.group, self.curve, self.degree, self.formulation
@@ -115,7 +115,7 @@ class RigidBody:
         name: Unique name in the model.
         mass: Mass, kg.
         inertia: Inertia tensor about the centre of mass in body axes, shape (3, 3), kg m^2; its
-            diagonal (3,) will do.
+            diagonal (3,) is accepted as well.
         position: Initial position of the reference point, inertial axes, shape (3,), metres.
         rotation: Initial orientation of the body axes in inertial axes, shape (3, 3), None for
             none.
@@ -123,7 +123,7 @@ class RigidBody:
         velocity: Initial velocity of the reference point, inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s. It may be
             given in body axes instead, as ``local_angular_velocity``.
-        shape: Looks of the body in pictures, None for a small default.
+        shape: Appearance of the body in pictures, None for a small default.
 
     Raises:
         TypeError: An argument has the wrong type.
@@ -163,7 +163,7 @@ class RigidBody:
 
 
 def inertia_matrix(mass: float, moment: FloatArray, inertia: FloatArray) -> FloatArray:
-    """Inertia matrix (6, 6), translation first, from what is known about one point.
+    """Inertia matrix (6, 6), translation first, from mass and moments about one point.
 
     Args:
         mass: kg.
@@ -182,7 +182,7 @@ class PointMass:
     Attributes:
         name: Unique name in the model.
         mass: Mass, kg.
-        marker: Where it sits.
+        marker: Marker that carries it.
 
     Raises:
         TypeError: An argument has the wrong type.
@@ -272,8 +272,8 @@ def set_spin(body: Any, local: npt.ArrayLike | None) -> None:
     """Set the angular velocity of a body at the start, inertial axes, shape (3,).
 
     Args:
-        body: The body, with its axes at the start, and what is given in inertial axes, or None.
-        local: Given in body axes, or None.
+        body: The body, with its axes at the start and the velocity in inertial axes, or None.
+        local: Angular velocity in body axes, or None.
 
     Raises:
         TypeError: One does not hold numbers.

@@ -43,24 +43,24 @@ class FloatingBody:
         name: Unique name in the model.
         reduced: Its elastic and inertial data, see ``reduce_body``.
         frame: Name of the interface whose frame is the floating one ("node-fixed"), or "mean_axes"
-            for the frame relative to which the body as a whole neither moves nor turns. None for
+            for the frame relative to which the body as a whole neither moves nor rotates. None for
             that of the first interface, without any the mean axes.
         position: Origin of the body's axes at the start, inertial axes, shape (3,), metres.
         rotation: Body axes at the start in inertial axes, shape (3, 3).
         velocity: Initial velocity of the origin, inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s. It may be
             given in body axes instead, as ``local_angular_velocity``.
-        stiffening: Forces and accelerations change the stiffness (geometric stiffening by stress
-            of the frame's acceleration and of the interfaces' displacements); the reduced data
-            must hold what it takes.
+        stiffening: Forces and accelerations change the stiffness (geometric stiffening by stress of
+            the frame's acceleration and of the interfaces' displacements); the reduced data must
+            contain its terms.
 
     Its markers: the name of an interface as ``point``, or None for the floating frame. The names
     of the interfaces are those in ``reduced``, and so are those of lines for sliders (``Carrier``).
 
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: A wrong shape, NaN, both angular velocities, a frame that the body has not, or
-            no data for geometric stiffening.
+        ValueError: A wrong shape, NaN, both angular velocities, a frame that the body does not
+            have, or no data for geometric stiffening.
     """
 
     name: str
@@ -75,7 +75,7 @@ class FloatingBody:
     stiffening: bool = flag(default=False)
 
     def __post_init__(self, local: npt.ArrayLike | None) -> None:
-        """Choose the frame, and check that the reduced data have what it and stiffening take."""
+        """Choose the frame, and check that the reduced data suffice for it and for stiffening."""
         owner, reduced = _checks.named(self, self.name), self.reduced
         names = [interface.name for interface in reduced.interfaces]
         frame = self.frame

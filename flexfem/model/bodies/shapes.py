@@ -122,6 +122,6 @@ class CompoundShape:
     parts: Sequence[tuple["Shape", Pose]] = checked(_parts)
 
 
-#: Looks of a rigid body.
+#: Appearance of a rigid body.
 Shape = Box | Sphere | Cylinder | SurfaceShape | CompoundShape
 SHAPES = (Box, Sphere, Cylinder, SurfaceShape, CompoundShape)

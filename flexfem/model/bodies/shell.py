@@ -69,32 +69,32 @@ class Shell:
     """Shell on a body of the model's surface mesh.
 
     Shells whose bodies share nodes are hinged there: they share positions, not slopes. Those with
-    directors turn as one at shared edges.
+    directors rotate as one at shared edges.
 
     Attributes:
         name: Unique name in the model.
         section: Stiffness and mass.
         body: Name of the body in the surface mesh; None for that of the name of the shell.
         element: Formulation: "rotation_free" for triangles with nodal positions alone, "director"
-            for quadratic triangles with directors amid their edges, which shear across their
-            thickness, turn as one where edges are shared, also at kinks, and do on any mesh. All
-            shells of a model have the same.
+            for quadratic triangles with directors at the midpoints of their edges, which shear
+            across their thickness, rotate as one at shared edges, also at kinks, and suit any mesh.
+            All shells of a model have the same.
         edges: Rules along lines of the mesh, by the line's name: "clamped" keeps positions
             and slopes, "hinged" positions only, "symmetric" keeps the positions in the plane of
             the line, and the shell at right angles to it. Others are free. The plane of a straight
             line on a curved shell must be given by its normal: "symmetric x", "symmetric y" or
             "symmetric z".
-        fixed: Directions in which lines or named nodes are held, some of "xyz", by their name.
+        fixed: Directions in which lines or named nodes are fixed, some of "xyz", by their name.
         direction: Approximate direction of the material axis e1 in inertial axes: a vector, or a
             function of points (n, 3) that returns vectors (n, 3); None for that of the first side
-            of each triangle, which does for isotropic sections.
+            of each triangle, which suffices for isotropic sections.
         averaged: True if slopes are averaged at the edges of triangles, which any mesh but one of
             parallel diagonals needs and which couples twelve nodes instead of six; None: where the
             mesh needs it.
         membrane: Strains of the membrane of rotation-free triangles: "constant", from the triangle
-            alone, or "smoothed", means over it and its neighbours, which bend without stretching
-            on much coarser meshes, and take a tenth more time for forces and tangents. Smoothed
-            strains near planes of symmetry and of very curved starts are less accurate.
+            alone, or "smoothed", means over it and its neighbours, which bend without stretching on
+            much coarser meshes, and take a tenth more time for forces and tangents. Smoothed
+            strains near planes of symmetry and of strongly curved initial shapes are less accurate.
         mass: "lumped" at the nodes, or "consistent" with linear velocities.
         damping: Stiffness-proportional damping, seconds.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,
@@ -104,8 +104,7 @@ class Shell:
 
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: A wrong shape, NaN, a zero direction, negative damping, or a word that is not
-            known.
+        ValueError: A wrong shape, NaN, a zero direction, negative damping, or an unknown word.
     """
 
     name: str

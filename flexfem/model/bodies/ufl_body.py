@@ -88,7 +88,7 @@ class UFLBody(Body):
             bodies without contact.
         quadrature: Degree of polynomials that are integrated exactly; None for
             twice that of the shape functions.
-        fixed: Directions in which sets of nodes are held, some of "xyz", by the set's name.
+        fixed: Directions in which sets of nodes are fixed, some of "xyz", by the set's name.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,
             inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
@@ -211,11 +211,11 @@ class UFLBody(Body):
         """Return the body moved rigidly with its initial velocities.
 
         Raises:
-            ValueError: Nodes are held along axes that would not be those of space.
+            ValueError: Nodes are fixed along axes that would not be inertial.
         """
         turn = motion.rotation
         if self.fixed and not np.array_equal(turn, np.eye(3)):
-            raise ValueError(f'UFLBody "{self.name}": held nodes cannot be rotated')
+            raise ValueError(f'UFLBody "{self.name}": fixed nodes cannot be rotated')
         mesh, spin = self.mesh, turn @ self.angular_velocity
         points = motion.apply(mesh.points)
         return UFLBody(
@@ -233,7 +233,7 @@ class UFLBody(Body):
 
     @property
     def held(self) -> npt.NDArray[np.bool_]:
-        """(n, 3) directions in which nodes are held."""
+        """(n, 3) directions in which nodes are fixed."""
         held = np.zeros((len(self.mesh.points), 3), dtype=np.bool_)
         for name, axes in self.fixed.items():
             held[np.ix_(self.mesh.nodes[name], ["xyz".index(axis) for axis in axes])] = True

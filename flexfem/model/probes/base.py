@@ -19,8 +19,8 @@ from flexfem.model.structure.structure import Structure
 class MarkerState:
     """Motion of a marker at one instant, all in inertial axes.
 
-    Axes at a node of a shell or of a :class:`UFLBody` are turned with the elements around it at the
-    end of each step, of shells with directors not about their normal; ``angular_velocity`` and
+    Axes at a node of a shell or of a :class:`UFLBody` are rotated with the elements around it at
+    the end of each step, of shells with directors not about their normal; ``angular_velocity`` and
     ``angular_acceleration`` are nan there.
 
     Attributes:
@@ -33,10 +33,10 @@ class MarkerState:
         arc_rate: Its time derivative, m/s.
         start: The rotation in the model as it was given, shape (3, 3); identity for a
             ``SlidingMarker``.
-        acceleration: Shape (3,), m/s^2, the integrator's own at the time of the row: vibrations
-            that steps do not resolve are in it, with ``energy_momentum`` it is a mean over the
+        acceleration: Shape (3,), m/s^2, as computed by the integrator at the time of the row, with
+            vibrations that steps do not resolve; with ``energy_momentum`` it is a mean over the
             step; zero in statics, nan for a ``SlidingMarker``.
-        angular_acceleration: Shape (3,), rad/s^2, alike.
+        angular_acceleration: Shape (3,), rad/s^2, in the same axes.
     """
 
     position: FloatArray
@@ -71,7 +71,7 @@ class AnyProbe:
     markers: tuple[Observed, ...] = ()
 
     def check(self, model: Structure) -> None:
-        """Check what the probe refers to by name.
+        """Check the names that the probe refers to.
 
         Raises:
             ValueError: The model has no such thing.
@@ -95,7 +95,7 @@ def check_columns(owner: str, columns: tuple[str, ...], unwrap: tuple[str, ...] 
         if "," in column:
             raise ValueError(f'{owner}: column "{column}" must not contain a comma')
         if columns.count(column) > 1:
-            raise ValueError(f'{owner}: column "{column}" is there twice')
+            raise ValueError(f'{owner}: column "{column}" occurs twice')
     for column in unwrap:
         if column not in columns:
             raise ValueError(f'{owner}: unwrap "{column}" is none of its columns')

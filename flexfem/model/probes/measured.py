@@ -97,14 +97,14 @@ class EnergyProbe(_BodiesProbe):
     - kinetic: as in the equations of motion;
     - strain: of beams, shells, springs and contacts;
     - gravity: potential of the weight, zero at the start;
-    - work: done since the start by loads and by drives, and, where only some bodies are meant, by
-      the joints and springs that connect them with others;
+    - work: done since the start by loads and by drives, and, for a part of the bodies, by the
+      joints and springs that connect them with others;
     - dissipation: taken since the start by dampers, contacts and the damping of beams and shells;
     - balance: kinetic + strain + gravity - work + dissipation minus the same at the start. It is
-      what the time integration has lost (negative) or made up (positive), and what impacts, joints
-      that lock and springs that are released by events have taken. Steps end within a tolerance,
-      and the forces that it leaves out of balance do work, too: with thin shells, above all
-      damped ones, that may be as much as the dissipation (take ``tolerance=1e-8`` then).
+      energy that the time integration has dissipated (negative) or generated (positive), and that
+      impacts, joints that lock and springs that are released by events have taken. Steps end within
+      a tolerance, and the forces that it leaves out of balance do work, too: with thin shells,
+      above all damped ones, that may be as much as the dissipation (take ``tolerance=1e-8`` then).
 
     Work and dissipation are integrated from row to row of the history, a mean force times a
     displacement, or a mean force times a mean rate times the step: of second order, and exact for
@@ -139,9 +139,9 @@ class ReactionProbe(AnyProbe):
     """Force (N) and moment (N m) that a joint, drive or spring exerts on the body of its marker b.
 
     Columns name_fx, _fy, _fz, _mx, _my, _mz; the moment is about the origin of marker b. A body
-    that hangs from the ground (marker a) on a joint feels the opposite of its weight. Marker a's
-    body feels the opposite force at the same place. Of a joint of lines of shells it is the
-    resultant in inertial axes, the moment about the first node of the second line, or about the
+    that hangs from the ground (marker a) on a joint is acted on by the opposite of its weight. The
+    opposite force acts on marker a's body at the same place. Of a joint of lines of shells it is
+    the resultant in inertial axes, the moment about the first node of the second line, or about the
     marker of the body that it holds a line to.
 
     In motions the force belongs to the time of the row and to accelerations that satisfy the
@@ -184,8 +184,8 @@ class StrainProbe(AnyProbe):
 
     Columns: extension and shears name_gamma1 to _gamma3, twist and bendings (1/m) name_kappa1 to
     _kappa3, both relative to the shape at the start; forces (N) name_n1 to _n3 and moments (N m)
-    name_m1 to _m3 without what damping adds. On SE(3) beams they are those of the element whose
-    middle is nearest, on NURBS beams those at the fraction.
+    name_m1 to _m3 without damping forces. On SE(3) beams they are those of the element whose middle
+    is nearest, on NURBS beams those at the fraction.
 
     Attributes:
         name: Unique name in the model.
@@ -235,9 +235,9 @@ class StrainProbe(AnyProbe):
 class ShellEnergyProbe(_BodiesProbe):
     """Strain energies of shells by kind, J, in the columns name_membrane, _bending and _shear.
 
-    Each is what the strains of its kind alone would store: forces in the plane, moments, and in
-    shells with directors the shear across the thickness, which is zero in the others. They add up
-    to the strain energy of the shells where sections and laws do not couple membrane and bending.
+    Each is the energy of the strains of its kind alone: forces in the plane, moments, and in shells
+    with directors the shear across the thickness, which is zero in the others. They add up to the
+    strain energy of the shells where sections and laws do not couple membrane and bending.
 
     Attributes:
         name: Unique name in the model.
@@ -264,11 +264,11 @@ class ShellEnergyProbe(_BodiesProbe):
 class ElongationProbe(AnyProbe):
     """Elongation of the axis of a body since the start, m, in one column.
 
-    It is what normal forces stretch: an end that comes nearer because the axis bends, by about
-    ``0.6 w^2/l`` in a cantilever, is no elongation. Of an SE(3) beam it is the extension of all
-    elements times their lengths; of a body in a floating frame the displacement of two interfaces
-    against one another along the line that joins them at rest, the axial displacement of linear
-    elements, from which with ``stiffening`` the shortening by bending is taken away.
+    It is the stretch by normal forces: the shortening of the chord by bending, about ``0.6 w^2/l``
+    in a cantilever, does not count. Of an SE(3) beam it is the extension of all elements times
+    their lengths; of a body in a floating frame the displacement of two interfaces against one
+    another along the line that joins them at rest, the axial displacement of linear elements, from
+    which with ``stiffening`` the shortening by bending is taken away.
 
     Attributes:
         name: Unique name in the model, and of the column.
@@ -326,7 +326,7 @@ class ShellStrainProbe(AnyProbe):
     Columns: membrane strains name_eps11, _eps22 and _eps12, the last one twice the shear strain;
     curvatures (1/m) relative to the shape at the start name_kappa11, _kappa22 and _kappa12, the
     last one twice the twist; forces per length (N/m) name_n11, _n22, _n12 and moments per length
-    (N) name_m11, _m22, _m12 without what damping adds. In shells with directors they are means over
+    (N) name_m11, _m22, _m12 without damping forces. In shells with directors they are means over
     the triangle, and those of the shear across the thickness are left out.
 
     Attributes:

@@ -14,7 +14,7 @@ _NEAR = 0.25
 
 
 def line_stiffness(mesh: SurfaceMesh, shell: Shell, sides: IntArray) -> FloatArray:
-    """Moments per length and angle (k,), N, by which triangles at a line resist being turned there.
+    """Moments per length and angle (k,), N, by which triangles at a line resist rotation there.
 
     A rotation-free triangle of height d that ends at a free edge bends so that no moment acts there
     (``mesh.shells.patches``). Turning the edge by an angle theta against that adds a curvature of 2

@@ -16,7 +16,7 @@ _SAME = 1e-10
 
 @dataclass(frozen=True)
 class Place:
-    """Where a marker is on a beam: at a node, or inside an element of a curve.
+    """Position of a marker on a beam: at a node, or inside an element of a curve.
 
     A place at the common end of two elements is in the second one.
 
@@ -39,7 +39,7 @@ class Place:
 
 
 def place_in(parts: NurbsElements, element: int, xi: float) -> Place:
-    """Place in an element: a node where the curve goes through a control point.
+    """Place in an element: a node where the curve passes through a control point.
 
     It does so at its ends and at knots whose multiplicity is the degree.
     """

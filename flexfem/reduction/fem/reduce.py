@@ -52,8 +52,9 @@ def reduce_body(
         frequency: or all up to this frequency, Hz;
         participation: or as few as move this part of the mass along each axis.
         basis: internal functions: "craig_bampton", modes with the interfaces at rest (Craig and
-            Bampton 1968); "free_free", modes of the free body and what the inertia of rigid
-            motions does, in the same coordinates (Craig and Chang 1977); "full", all of the mesh.
+            Bampton 1968); "free_free", modes of the free body and the response to the inertia of
+            rigid motions does, in the same coordinates (Craig and Chang 1977); "full", all of the
+            mesh.
         ties: "rigid" (the region moves as one) or "average" (the frame has the region's mean
             motion) by names; rigid if not named.
         positions: (3,) of the frames at rest, body axes, by names; the region's centroid if not
@@ -61,10 +62,10 @@ def reduce_body(
         damping_ratio: of all elastic modes of the free reduced body.
         stiffness_damping: factor of the stiffness in the damping, s.
         geometric_stiffness: compute how stresses by acceleration and by interface motion stiffen.
-        recovery: compute what pictures need.
+        recovery: compute the data for pictures.
         lines: points (p, 3) at rest along lines of the body, body axes, m, by the names of these:
-            what slides on them is on a cubic spline through the points (``Carrier``). Take them
-            closer than the mesh has nodes where the line bends.
+            sliders on them follow a cubic spline through the points (``Carrier``). Take them closer
+            than the mesh has nodes where the line bends.
 
     Raises:
         TypeError: an argument has the wrong type.

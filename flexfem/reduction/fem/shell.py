@@ -18,7 +18,8 @@ from flexfem.reduction.fem.body.linear_body import LinearBody, MassField
 
 __all__ = ["shell_body"]
 
-#: Stiffness against a turn about the normal that differs from the facet's, of that in shear.
+#: Drilling stiffness: against a rotation about the normal that differs from the facet's, relative
+#: to that in shear.
 _DRILLING = 1e-3
 #: Asymmetry of an isotropic section that is round-off.
 _ROUND_OFF = 1e-9

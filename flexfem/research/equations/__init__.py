@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Equations of motion in a vector of coordinates: what the studies of single papers integrate.
+"""Equations of motion in a vector of coordinates: as the studies of single papers integrate them.
 
 vector_equations  base class of the equations, their state and pictures, protocol of a scheme
 vector_stepper    common parts of schemes in time

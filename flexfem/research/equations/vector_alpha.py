@@ -43,7 +43,7 @@ class VectorAlpha(VectorStepper):
         zero = equations.tangent(0.0, q, v, a, multipliers, 0.0, 0.0)
         matrix = equations.tangent(0.0, q, v, a, multipliers, 0.0, 1.0)
         stiffness = _square(zero, n)
-        matrix = matrix - stiffness  # what is left by the accelerations, and the constraints
+        matrix = matrix - stiffness  # residual of the accelerations, and the constraints
         if m:
             rhs[n:] = -self._constraint_rates(q, v, options.dt)
         solve = factor(matrix)

@@ -25,7 +25,7 @@ from flexfem.core.status import Status
 
 __all__ = ["DRIVER", "Motion", "Picture", "Stepper", "VectorEquations"]
 
-#: What carries out the motion in time of a source of equations.
+#: Module that integrates the motion of a source of equations.
 DRIVER = "flexfem.research.equations.run.simulate:simulate_equations"
 
 
@@ -128,7 +128,7 @@ class VectorEquations:
         return {}
 
     def identity(self) -> Mapping[str, str]:
-        """Return the texts that a checkpoint must agree with, by the names of what is compared."""
+        """Return the texts that a checkpoint must agree with, by the names of the compared data."""
         return {
             "equations": type(self).__name__,
             "unknowns": f"{self.size} + {self.multipliers}",
@@ -151,7 +151,7 @@ class Stepper(Protocol):
         """Start consistently at t = 0; ``options`` are the ``RunOptions``.
 
         Raises:
-            InputError: the start violates the constraints, or the options ask for what is not here.
+            InputError: the start violates the constraints, or the options do not apply here.
         """
 
     def step(self, h: float) -> Status:
@@ -163,4 +163,4 @@ class Stepper(Protocol):
     def restore(
         self, equations: VectorEquations, options: Any, state: Mapping[str, FloatArray]
     ) -> None:
-        """Go on from what :meth:`state` returned."""
+        """Continue from the return value of :meth:`state`."""

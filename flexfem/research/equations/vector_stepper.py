@@ -25,7 +25,7 @@ class VectorStepper:
     """State, counts and kept matrix of a scheme; see :class:`Stepper`.
 
     A scheme brings ``begin``, ``_set``, which takes the equations and options, ``_attempt``, a step
-    with a kept or with fresh matrices, and what it remembers besides the motion.
+    with a kept or with fresh matrices, and its memory besides the motion.
 
     Attributes:
         motion: the accepted state.
@@ -53,7 +53,7 @@ class VectorStepper:
         raise NotImplementedError
 
     def _recall(self, state: Mapping[str, FloatArray]) -> None:
-        """Take back what :meth:`_memory` returned."""
+        """Restore the return value of :meth:`_memory`."""
         raise NotImplementedError
 
     def step(self, h: float) -> Status:

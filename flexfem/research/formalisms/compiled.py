@@ -124,8 +124,8 @@ class CompiledJoint:
 
     Attributes:
         entries: (k,) of its coordinates in the vector of all.
-        count: how many numbers its function returns.
-        distinct: whether no coordinate that is not held comes twice.
+        count: number of values that its function returns.
+        distinct: True if no free coordinate occurs twice.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class CompiledJoint:
                 node, 0 for the frame alone.
             places: (ends, 3) local coordinates of the nodes.
             entries: (k,) of each end's frame and node in the vector of all coordinates.
-            held: the entry of coordinates that are held.
+            held: the entry of fixed coordinates.
 
         Raises:
             ValueError: the function does not return numbers.

@@ -26,7 +26,8 @@ from flexfem.research.formalisms.derivation import BodyEnergies, kernel_parts
 
 __all__ = ["FORMS", "Count", "count_form", "count_formalism"]
 
-#: What a formalism evaluates for its equations of motion. Maggi's are combinations of Lagrange's.
+#: Expressions that a formalism evaluates for its equations of motion. Maggi's are combinations of
+#: Lagrange's.
 FORMS = {
     "lagrange": ("lagrange",),
     "gibbs_appell": ("gibbs_appell",),

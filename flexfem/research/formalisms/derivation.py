@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Energies of a body in a floating frame, and what the four formalisms make of them.
+"""Energies of a body in a floating frame, and the equations of the four formalisms.
 
 All coordinates of a cell, elastic ones and those of the frame, are one coefficient q of a mixed
 element; the frame's part is constant over the cell and shared by all cells. So one operator,
 ``ufl.derivative``, serves both: velocities are ``dr/dq [q']``, accelerations one more total time
 derivative, and an equation of motion is the derivative of an energy in the direction of a test
-function of the mixed space, whose components are the rows of nodes and frame alike.
+function of the mixed space, whose components are the rows of both nodes and frame.
 
 Kinetic energy and energy of accelerations are the same quadratic form, of velocities and of
 accelerations: Ec = T(v) and Ea = T(a), T(w) = 1/2 int rho w.w.
@@ -34,8 +34,8 @@ _D = ufl.derivative
 def kernel_parts(form: Form) -> list[Form]:
     """Parts of a form that may be compiled each as one kernel; those that vanish are left out.
 
-    FFCx takes what has a rule of one point for constant over the cell, and then finds that value
-    also where another rule of the same kernel asks for its own. So one-point rules go apart.
+    FFCx takes an integrand with a rule of one point for constant over the cell, and then finds that
+    value also where another rule of the same kernel asks for its own. So one-point rules go apart.
     """
     rules: dict[bool, list[Any]] = {}
     for integral in form.integrals():
@@ -51,7 +51,7 @@ class BodyEnergies:
     """Symbolic energies of bodies of one kind of matter in one kind of frame.
 
     Args:
-        matter: what the bodies are made of; its numbers do not enter the forms.
+        matter: materials of the bodies; the numbers do not enter the forms.
         frame: coordinates of their frames.
     """
 

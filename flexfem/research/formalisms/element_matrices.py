@@ -13,9 +13,9 @@ delta, and omega, epsilon angular velocity and acceleration of the frame, all in
         = q + q* - q_i(eps) - q_i(omega) - m_Oi a_O
 
 with a_O the acceleration of the frame's origin in local components, q the forces on the element and
-q* those of its neighbours. All of it follows from the integrals of rho N_i N_j, rho N_i a_j and
-rho N_i over the undeformed element, which know nothing of the frame's motion: they are taken once,
-and combined for as many motions as one likes.
+q* those of its neighbours. All of it follows from the integrals of rho N_i N_j, rho N_i a_j and rho
+N_i over the undeformed element, which do not depend on the frame's motion: they are taken once, and
+combined for as many motions as one likes.
 
 Vlase, Marin, Negrean, Mathematics 10 (2022) 257. There c is written without its 2, which the
 equations of motion then have.
@@ -57,7 +57,7 @@ class ElementMatrices:
         m_origin: (n, 3) forces by a unit acceleration of the frame's origin along each local axis.
         points: (n, 3) nodes of the displacements, local, m.
         components: (n,) which displacement of its node each is, from 0.
-        free: (n,) which are not held in the frame.
+        free: (n,) free coordinates in the frame.
     """
 
     m: FloatArray
@@ -73,7 +73,7 @@ class ElementMatrices:
     free: BoolArray
 
     def of_free(self) -> "ElementMatrices":
-        """Those of the displacements that are not held in the frame."""
+        """Those of the displacements that are free in the frame."""
         parts = {}
         for one in fields(self):
             value = getattr(self, one.name)[self.free]
@@ -131,7 +131,7 @@ def _in_space(a: Any) -> Any:
 
 
 class InertiaIntegrals:
-    """Integrals over a body or one of its elements that know nothing of the frame's motion.
+    """Integrals over a body or one of its elements that do not depend on the frame's motion.
 
     Their size is nine matrices of all displacements.
 

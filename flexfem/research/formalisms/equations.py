@@ -37,7 +37,7 @@ class MechanismEquations:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        """Make the meshes and compile what all formalisms need (collective).
+        """Make the meshes and compile the loops of all formalisms (collective).
 
         Raises:
             ValueError: a mistake in the mechanism.
@@ -68,7 +68,7 @@ class MechanismEquations:
         self._fields = np.zeros((3, self.size + 1))
 
     def _all_joints(self) -> list[Constraint]:
-        """Joints, and what holds frames: a prescribed motion, or the norm of Euler parameters."""
+        """Joints, and constraints of frames: prescribed motions or norms of Euler parameters."""
         held = []
         for body in self.mechanism.bodies:
             end = (End(body.name),)
@@ -102,7 +102,7 @@ class MechanismEquations:
         return sum(len(body.entries) for body in self.bodies)
 
     def _set(self, *parts: FloatArray) -> FloatArray:
-        """Fields with a zero for entries that are held."""
+        """Fields with a zero for fixed entries."""
         for row, part in zip(self._fields, parts, strict=False):
             row[:-1] = part
         return self._fields

@@ -72,7 +72,7 @@ def partition(G: FloatArray, preferred: BoolArray) -> Partition:
     """Choose dependent coordinates by pivoting, largest first.
 
     Those of frames are preferred: elastic forces do not depend on them, so that the stiff part of
-    A^T K A stays the same while a body turns, and a matrix can be kept.
+    A^T K A stays the same while a body rotates, and a matrix can be kept.
 
     Args:
         G: constraint Jacobian (m, n).
@@ -121,7 +121,7 @@ def accelerations(
     zero, n = np.zeros_like(q), equations.size
     applied = equations.forces(q, t)
     if formalism == "hamilton":
-        # the state of this formalism is (q, p), and what it gives is (q', p')
+        # the state of this formalism is (q, p), and its rate is (q', p')
         p = equations.vector("momentum", q, qd)
         M = equations.matrix("hamilton", (1.0,), q, qd)
         speeds = solve_constrained(M, G, p, equations.prescribed_rates(t))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loops over cells whose coordinates are entries of one vector.
 
-Every cell names its entries of the vector of all coordinates; entries that are held name the one
-after the last, which is zero, and what is added there is dropped.
+Every cell names its entries of the vector of all coordinates; fixed entries name the one after the
+last, which is zero, and sums there are dropped.
 """
 
 import numpy as np

@@ -22,11 +22,11 @@ class BodyNodes:
 
     Attributes:
         first: its first coordinate among those of the mechanism.
-        size: how many it has.
+        size: number of nodes.
         mesh: the DOLFINx mesh.
         space: space of the elastic displacement.
-        elastic: (nodes, components) coordinate of each elastic displacement, -1 where held.
-        cells: (m, k) coordinates of each cell, elastic ones and those of the frame, -1 where held.
+        elastic: (nodes, components) coordinate of each elastic displacement, -1 where fixed.
+        cells: (m, k) coordinates of each cell, elastic ones and those of the frame, -1 where fixed.
         points: (m, 3 corners) corners of each cell, m.
         x: (nodes, 3) local coordinates of the nodes, m.
     """
@@ -84,7 +84,7 @@ class BodyNodes:
         return nearest
 
     def end(self, owner: str, point: tuple[float, ...] | None) -> tuple[IntArray, FloatArray]:
-        """Coordinates of the frame and of a node, -1 where held, and the place of the node."""
+        """Coordinates of the frame and of a node, -1 where fixed, and the place of the node."""
         frame = np.arange(self.first, self.first + self.body.frame.count)
         if point is None:
             return frame, np.zeros(3)
@@ -100,7 +100,7 @@ class BodyNodes:
 
     def displacements(self, q: FloatArray) -> FloatArray:
         """Elastic displacements (nodes, components) in the frame."""
-        extended = np.append(q, 0.0)  # what is held names the last entry
+        extended = np.append(q, 0.0)  # fixed coordinates name the last entry
         return extended[self.elastic]
 
     def positions(self, q: FloatArray) -> FloatArray:

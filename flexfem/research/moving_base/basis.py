@@ -110,7 +110,7 @@ def modal_basis(
 
     Args:
         properties: the beam.
-        effects: what is taken into account.
+        effects: effects taken into account.
         modes: number of modes.
         elements: about as many cubic elements.
         stretch: besides, two static functions: the displacements under the loads rho and rho x
@@ -208,7 +208,7 @@ def analytic_basis(
 
     Args:
         properties: the beam.
-        effects: what is taken into account; sections stay normal to the axis.
+        effects: effects taken into account; sections stay normal to the axis.
         counts: numbers of functions of s, u2, u3 and theta1: ``sin((2k - 1) pi x/(2 L))`` for s and
             theta1, clamped-free bending modes for u2 and u3.
         points: elements for the integrals.

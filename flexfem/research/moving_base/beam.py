@@ -4,7 +4,7 @@
 Three theories with assumed modes, and when each fails:
 
 - *consistent* (Kane, Ryan, Banerjee 1987): the stretch of the axis is a coordinate, not the axial
-  displacement, sections turn by theta1 about a1, then theta2 about a2, then theta3 about a3, and
+  displacement, sections rotate by theta1 about a1, then theta2 about a2, then theta3 about a3, and
   velocities are linearised only after what has to be differentiated has been. Spinning stiffens the
   beam. The equations are linear in the modal coordinates: deflections must be small against the
   length, twist and slopes against one radian. Of forces that grow with the deformation only those
@@ -12,19 +12,19 @@ Three theories with assumed modes, and when each fails:
   section which twists takes its bending axes along, and that bending in two planes twists: thin
   open sections feel it long before deflections are large. Spun up to 6 rad/s 8 m from the axis, the
   channel of ``manipulator.py`` twists by 33 degrees, exact elements by 43, which bend out of the
-  plane by 0.03 m to the other side on the way. From 8 s on the twist is within 2.5 degrees, the
-  lag is 4 per cent less at its peak, and the steady state agrees.
+  plane by 0.03 m to the other side on the way. From 8 s on the twist is within 2.5 degrees, the lag
+  is 4 per cent less at its peak, and the steady state agrees.
 - *premature*: axial displacement, deflection and rotation of sections are linear in the coordinates
   from the start. The softening by the spin is there, the stiffening that outweighs it is not: the
   lowest bending mode in the plane of rotation diverges once the spin exceeds its frequency. Out of
   the plane frequencies do not change with the spin at all.
-- *conventional*: besides, what moves with the base are mass points on the axis, as in early codes
-  for flexible bodies: no moments of inertia of sections, no eccentric mass centres. The functions
-  are still modes of the whole beam; the mass matrix is that of the points, so that modes which
-  twist have hardly any mass. It diverges at the same spin, and eccentric masses do not twist it.
+- *conventional*: besides, mass points on the axis move with the base, as in early codes for
+  flexible bodies: no moments of inertia of sections, no eccentric mass centres. The functions are
+  still modes of the whole beam; the mass matrix is that of the points, so that modes which twist
+  have hardly any mass. It diverges at the same spin, and eccentric masses do not twist it.
 
 Which rotation is linear in theta makes a difference of second order in the place of eccentric mass
-centres, on which the forces of the undeformed beam work. With sections that turn about the vector
+centres, on which the forces of the undeformed beam work. With sections that rotate about the vector
 theta (``Effects(rotations="vector")``) the channel is twisted by 41 degrees, but still by 28 at 10
 s, where exact elements have 6 and the published sequence has 8.
 
@@ -50,12 +50,12 @@ __all__ = ["MovingBaseBeam"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MovingBaseBeam:
-    """A beam built into a rigid base; what a case's ``build`` may return.
+    """A beam built into a rigid base; a case's ``build`` may return it.
 
     Attributes:
         properties: the beam's sections.
-        base: how the base moves.
-        effects: what the theory takes into account.
+        base: motion of the base.
+        effects: effects that the theory takes into account.
         modes: number of modes; two static functions of the stretch come on top.
         elements: about as many finite elements for them.
         analytic: numbers of analytic functions of s, u2, u3 and theta1 instead; None for modes.

@@ -24,9 +24,8 @@ class Effects:
     Attributes:
         stiffening: the axial displacement follows from stretch and deflection to second order,
             ``u1 = s - 1/2 int (u2'^2 + u3'^2)``; without it u1 = s as in early codes.
-        section_inertia: what moves with the base are sections, with eccentric mass centres and
-            moments of inertia; without it mass points on the axis, whatever the functions are
-            modes of.
+        section_inertia: sections move with the base, with eccentric mass centres and moments of
+            inertia; without it mass points on the axis, whatever the functions are modes of.
         extension: stretch s.
         in_plane: displacement u2 and rotation theta3.
         out_of_plane: displacement u3 and rotation theta2.
@@ -37,7 +36,7 @@ class Effects:
         torsional_inertia: moment of inertia of sections about the axis.
         rotary_inertia_2, rotary_inertia_3: moments of inertia of sections about a2 and a3.
         eccentricity_2, eccentricity_3: of the mass centre.
-        rotations: how sections are turned, to second order: "sequence", by theta1 about a1, then
+        rotations: rotations of sections, to second order: "sequence", by theta1 about a1, then
             theta2 about a2, then theta3 about a3, axes of the base, as published; "vector", about
             the vector theta; "linear", to first order only. They differ where mass centres are
             eccentric, and in the sections' moments of inertia.

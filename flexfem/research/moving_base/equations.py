@@ -27,7 +27,7 @@ class Setting:
     """Data besides the integrals from which equations are made.
 
     Attributes:
-        effects: what the theory takes into account.
+        effects: effects that the theory takes into account.
         damping_ratio: of every function with the base at rest, or one for each, lowest frequency
             first; those that are not given are the last one.
         displacement, velocity: relative to the base at the start.

@@ -21,7 +21,7 @@ Matrix = Any
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Stiffness and inertia at the points of a quadrature, with effects left out as asked.
+    """Stiffness and inertia at quadrature points, without the effects that are switched off.
 
     Attributes:
         stiffness: (6, p): of s', u2' - theta3, u3' + theta2, theta1', theta2', theta3'.

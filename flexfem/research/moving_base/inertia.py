@@ -7,10 +7,10 @@ Kane, Ryan, Banerjee, "Dynamics of a cantilever beam attached to a moving base",
 ``r = (x - 1/2 int_0^x (u2'^2 + u3'^2)) a1 + u + R e``, ``R = R3(theta3) R2(theta2) R1(theta1)``,
 
 with (u, theta) = (s, u2, u3, theta1, theta2, theta3) linear in q, and both expanded to second order
-in q, which is what equations linear in q need. In what way these are derived does not matter, but
-which parameters of the rotation are linear in q does: another choice changes r by terms of second
-order, on which the inertia of the undeformed beam does work. The sequence of rotations about the
-axes a1, a2, a3 of the base, in this order, is
+in q, as equations linear in q need. The derivation of these does not matter, but which parameters
+of the rotation are linear in q does: another choice changes r by terms of second order, on which
+the inertia of the undeformed beam does work. The sequence of rotations about the axes a1, a2, a3 of
+the base, in this order, is
 
 ``R = 1 + theta~ + 1/2 (theta~ theta~ + c~)``, ``c = (-theta2 theta3, theta1 theta3, -theta1
 theta2)``,

@@ -19,7 +19,8 @@ TIP_FIELDS = ("s", "u2", "u3", "theta1")
 #: Values at the tip by names, or a function of points x (m), (k,), to all six fields, (6, k).
 Shape = Mapping[str, float] | Callable[[FloatArray], npt.ArrayLike]
 
-#: What functions may leave of a given shape, in parts of its size (root of the inertia).
+#: Largest admissible residual of the fit to a given shape, relative to its size (root of the
+#: inertia).
 _LEFT = 0.1
 
 

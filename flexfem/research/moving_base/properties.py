@@ -86,7 +86,7 @@ class BeamProperties:
     eccentricity_3: Property = 0.0
 
     def __post_init__(self) -> None:
-        """Check what can be checked without a mesh.
+        """Check the data that need no mesh.
 
         Raises:
             TypeError: a property is neither number nor function.

@@ -9,8 +9,8 @@ from flexfem._types import FloatArray
 
 __all__ = ["PERMUTATION", "ROTATIONS", "rotation_matrices", "second_derivatives"]
 
-#: Names: a sequence of turns about the axes of the base, one about the vector theta, none but the
-#: first order.
+#: Names: a sequence of rotations about the axes of the base, one about the vector theta, none but
+#: the first order.
 ROTATIONS = ("sequence", "vector", "linear")
 
 #: Permutation symbol.

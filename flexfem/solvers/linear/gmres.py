@@ -43,7 +43,7 @@ def minimal_residual(
 
     Returns:
         The solution, not finite where residual or operator are not, which is left to the caller;
-        whether it is as accurate as asked for.
+        whether it is as accurate as required.
     """
     if norm <= tolerance or norm == 0.0 or not isfinite(norm):
         # one sweep of the fixed point, as good as B is close to one

@@ -25,8 +25,8 @@ __all__ = ["Fronts"]
 _ZERO = 1e-14
 
 #: Fronts whose other rows differ by up to so many become one, which eliminates up to so many rows,
-#: or up to this part of the others: zeros cost less than further passes over what is left, until
-#: the pivots' rows cost more.
+#: or up to this part of the others: zeros cost less than further passes over the rest, until the
+#: pivots' rows cost more.
 _MORE, _MOST, _PART = 8, 18, 0.2
 
 
@@ -36,14 +36,14 @@ class _Tree(NamedTuple):
     Attributes:
         sizes: (f,) rows of each front.
         pivots: (f,) how many of them, the first ones, it eliminates.
-        parents: (f,) front that gets what is left, -1 without one.
+        parents: (f,) parent front that takes the complement, -1 without one.
         start: (f + 1,) where the rows of each front begin.
         rows: rows of all fronts.
         into: place of each of them in the front's parent.
         at: (f + 1,) where the factors of each front begin.
         entry_start: (f + 1,) where the entries of each front begin.
         entries: entries of the matrix by front.
-        to: where each of them goes in its front.
+        to: position of each of them in its front.
     """
 
     sizes: IntArray
@@ -165,7 +165,7 @@ def _tree(
 
     Args:
         fronts: positions of the rows of each front.
-        pivots: how many it eliminates.
+        pivots: number of eliminated unknowns.
         owner: front of every position.
         places: of the positions in each front.
         position: of every row.
@@ -255,7 +255,7 @@ def _copy(source: FloatArray, out: FloatArray) -> None:
 
 @subroutine
 def _take_over(tree: _Tree, child: int, stack: FloatArray, top: int, F: FloatArray) -> int:
-    """Add what a front has left on top of the stack to its parent's; the new top."""
+    """Add the complement of a front on top of the stack to its parent's; the new top."""
     m = tree.sizes[child] - tree.pivots[child]
     top -= m * m
     into = tree.into[tree.start[child + 1] - m : tree.start[child + 1]]
@@ -271,7 +271,7 @@ def _eliminate(F: FloatArray, upper: FloatArray, lower: FloatArray) -> bool:
     """Eliminate the first rows of a front; False if a pivot vanishes.
 
     Args:
-        F: (n, n) the front; its other rows lose what the first ones hold of them.
+        F: (n, n) the front; the pivot rows are eliminated from its other rows.
         upper: (m, n) becomes the factors in the first rows.
         lower: (m, n - m) becomes those in the other rows, transposed: long loops.
     """

@@ -163,7 +163,7 @@ class InterfaceSystem:
 
         Args:
             values: one number per entry of the pattern.
-            regular: what this rank knows already.
+            regular: False if this rank has found its part singular.
         """
         regular = self._own.factor(values) and regular
         if self._comm.size == 1 and not self._sharing:

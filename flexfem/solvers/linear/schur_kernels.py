@@ -35,7 +35,7 @@ class BodyColumns(Record):
         column_start: (bodies + 1,).
         node_column: (nodes,) first column of each interface node within its body.
         node_active: (nodes,) number of columns of each interface node.
-        sides: (k, 3) term, side and interface node of what acts on the bodies, equal interface
+        sides: (k, 3) term, side and interface node of the forces on the bodies, equal interface
             nodes side by side.
         side_start: (bodies + 1,).
         ranges: (j, 2) columns (first, end) that are acted on; a slider visits the others later.

@@ -27,7 +27,7 @@ from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 __all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with_contacts"]
 
 
-#: Stiffness of unknowns that are held, with a mass of 1 kg: their frequency is above all others.
+#: Stiffness of fixed unknowns, with a mass of 1 kg: their frequency is above all others.
 _STIFF = 1e20
 
 
@@ -140,7 +140,7 @@ class TangentSolver:
         self.matrix.assemble()
 
     def _add_contacts(self, shifts: Shifts) -> None:
-        """Make the nest anew with the present contacts, whose pattern changes (collective)."""
+        """Create the block matrix again for the sparsity of the present contacts (collective)."""
         parts = self.system.parts
         entries = self.system.contacts[0].entries(shifts.scale * shifts.stiffness)
         closed = any(len(values) for *_, values in entries.values())
@@ -171,7 +171,7 @@ class TangentSolver:
     def row_sums(self) -> list[FloatArray]:
         """(n_owned, width) sums of the sizes of the entries in each row, multipliers left out.
 
-        They are zero where unknowns are held.
+        They are zero for fixed unknowns.
         """
         every = []
         for i, part in enumerate(self.system.parts):
@@ -291,7 +291,7 @@ def part_values(
 
     Args:
         system: at the trial state.
-        part: whose matrix it is.
+        part: part of the system that has the matrix.
         shifts: factors of the scheme.
         request: of its elements, None for that of ``shifts`` at the present stresses.
         mechanics: the equations.
@@ -310,7 +310,7 @@ def part_values(
 
 
 def _held_unknowns(block: FrameBlock) -> IntArray:
-    """Global numbers of the held unknowns that this rank owns."""
+    """Global numbers of the fixed unknowns that this rank owns."""
     assert block.dirichlet is not None
     return block.width * block.offset + np.flatnonzero(block.dirichlet[: block.owned])
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Linearised equations of motion, their eigenmodes and what is made of these."""
+"""Linearised equations of motion, their eigenmodes and reduced equations."""

@@ -222,7 +222,7 @@ class Linearization:
         return total
 
     def _row_scales(self) -> tuple[FloatArray, FloatArray]:
-        """Factors (r,) of the rows' equations, and 0 where a law lets no force change, else 1.
+        """Factors (r,) of the rows' equations, 0 where a law keeps the force constant, else 1.
 
         A spring's equation is divided by its slope, which makes the matrix symmetric.
         """
@@ -245,7 +245,7 @@ class Linearization:
             values += [self._couplings.side_values(a, gradient) for gradient in gradients]
         self._mats[which].assemble(np.concatenate([*values, diagonal]))
 
-    def held(self) -> FloatArray:
+    def rigid_rows(self) -> FloatArray:
         """1 for the rigid rows in this rank's range, 0 for all other unknowns."""
         rows = self.system.constraints
         rigid = rows.rigid[rows.owned_rows].astype(np.float64)
@@ -299,7 +299,7 @@ class Linearization:
         """A matrix times each of the shapes (k, n) of this rank's nodes (collective).
 
         Args:
-            matrix: whose columns of multipliers do not count.
+            matrix: matrix, without its columns of multipliers.
             shapes: (k, n).
             laws: with the forces of rows with laws, which act by the columns of this matrix.
         """

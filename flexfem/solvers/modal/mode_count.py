@@ -2,7 +2,7 @@
 r"""Number of modes in a range: a count by inertia (Sylvester) that needs no eigenvalue.
 
 By Sylvester's law a symmetric matrix has as many negative eigenvalues as pivots, and
-``[[P, G^T], [G, 0]]`` with m conditions has m more than P has on the motions that G lets be. N is
+``[[P, G^T], [G, 0]]`` with m conditions has m more than P has on the motions that G admits. N is
 the number of those of P.
 
 **Without a term in lambda** ``N(K - s M)`` is the number of ``omega^2 < s``.
@@ -18,13 +18,13 @@ omega m``, where ``k = u^H K u, m = u^H M u, c = u^H i C u``. As ``u^H P u = k -
 
 the modes of positive energy between a and b less those of negative energy (Krein's signature).
 
-- K positive: every energy is positive, and the difference is the number of modes. ``N(K + a^2 M) =
-  0`` is enough: then ``k > -a^2 m > -omega^2 m``. That lets rigid motions be.
+- K positive: every energy is positive, and the difference is the number of modes.
+  ``N(K + a^2 M) = 0`` is enough: then ``k > -a^2 m > -omega^2 m``. That admits rigid motions.
 - Otherwise, as in rotors above a critical speed, ``N(a) - N(b)`` with ``b -> infinity``, where P
-  has n negative eigenvalues for n freedoms, is ``n_up - n_down``, and there are n modes at most:
-  ``n_up <= N(a)/2``. Where so many of negative energy have been found, no other one is there, and
-  those of positive energy are counted. Where fewer have been found, a count that differs from the
-  energies of those found still tells of lost ones, and one that agrees tells nothing.
+  has n negative eigenvalues for n degrees of freedom, is ``n_up - n_down``, and there are n modes
+  at most: ``n_up <= N(a)/2``. Where so many of negative energy have been found, no other one is
+  there, and those of positive energy are counted. Where fewer have been found, a count that differs
+  from the energies of those found still tells of lost ones, and one that agrees tells nothing.
 
 Complex matrices are factorised in their real form, which has every eigenvalue twice.
 
@@ -47,7 +47,7 @@ __all__ = ["count_below", "gyroscopic_count", "missing_modes"]
 
 #: Distances that differ less are those of a multiple eigenvalue.
 _EQUAL = 1e-6
-#: Where the count of a gyroscopic problem begins, relative to the slowest mode found.
+#: Start of the count of a gyroscopic problem, relative to the slowest mode found.
 _LOW = 1e-3
 #: Growth of modes, relative to their frequency, that is round-off.
 _STEADY = 1e-6
@@ -71,7 +71,7 @@ def missing_modes(
     Args:
         pencil: the problem.
         solution: eigenpairs, nearest first, complete as far as is known.
-        count: how many of them matter.
+        count: number of those that matter.
         target: rad/s.
 
     Returns:

@@ -34,7 +34,7 @@ class Solution:
         values: (k,) lambda in the upper half plane or real, 1/s. Of undamped problems ``i omega``,
             or real where ``omega^2`` is negative.
         vectors: (k, n) of this rank's nodes.
-        zero: (k,) those that are zero for all that rounding lets one know.
+        zero: (k,) those that are zero within rounding.
         errors: (k,) of ``lambda^2``, to first order, by the residuals, 1/s^2.
         noise: (k,) estimate of the round-off in ``lambda^2``, 1/s^2.
         missing: modes among those found that were not found; None where they cannot be counted.
@@ -65,11 +65,11 @@ class Solution:
         return np.where(known, 0.5 * self.errors / np.where(known, size, 1.0), unknown)
 
     def doubtful(self, accuracy: float) -> BoolArray:
-        """(k,) those whose errors are neither as small as asked for nor round-off."""
+        """(k,) those whose errors are neither below the tolerance nor round-off."""
         squares = np.abs(self.values) ** 2
         softest = float(squares.min(initial=np.inf, where=~self.zero))
         ratio = np.maximum(squares / softest, 1.0)
-        # one shift for all keeps so many digits; what is inverted has the noise of the softest
+        # one shift for all keeps so many digits; the inverse has the noise of the softest
         size = np.where(self.zero | (squares == 0.0), 1.0, squares)
         rounded = _ROUNDED * (
             np.finfo(float).eps * ratio.max(initial=1.0) + self.noise * ratio / size

@@ -44,9 +44,9 @@ class Modes:
             order of the parts; n counts numbers), ``u^H M u = 1``.
         momenta: (k, n) M times the shapes.
         masses: (k, 3) effective masses along the inertial axes, kg.
-        residuals: (k,) of the eigenvalues, relative, to first order what they are off by; those of
-            rigid motions relative to the largest eigenvalue.
-        doubtful: (k,) those whose residuals are neither as small as asked for nor round-off.
+        residuals: (k,) of the eigenvalues, relative, to first order their errors; those of rigid
+            motions relative to the largest eigenvalue.
+        doubtful: (k,) those whose residuals are neither below the tolerance nor round-off.
         missing: number of modes nearer than the last that were not found, of rotating models
             without those that are zero; None where they cannot be counted.
         uncounted: why they cannot: damping, or a stiffness that is not symmetric or, under
@@ -54,7 +54,7 @@ class Modes:
         zero_below: angular frequencies below this count as zero, rad/s.
         state_error: largest residual, of those that are neither zero nor doubtful, where the
             equilibrium is one step of Newton's method more accurate; None unless it was looked at.
-        unsettled: it is neither as small as asked for nor round-off.
+        unsettled: it is neither below the tolerance nor round-off.
     """
 
     linearization: Linearization

@@ -57,9 +57,9 @@ def solve_pencil(
 ) -> Solution:  # fmt: skip
     """Eigenpairs nearest to a frequency, with their errors (collective).
 
-    Where residuals of the first ``count`` are too large, the problem is inverted anew at a distance
-    from zero that is that of these eigenvalues: what is far below the shift drowns in it. Where
-    modes are missing among those found, more are looked for.
+    Where residuals of the first ``count`` are too large, the problem is inverted again at a
+    distance from zero that is that of these eigenvalues: eigenvalues far below the shift are lost
+    in rounding. Where modes are missing among those found, more are looked for.
 
     Args:
         pencil: the problem.
@@ -127,7 +127,7 @@ def _roots(squares: npt.NDArray[Any]) -> ComplexArray:
 
 
 def _spectral(transformation: SLEPc.ST, inverse: ShiftedInverse) -> None:
-    """Shift-and-invert by what is factorised."""
+    """Shift-and-invert with the factorised matrix."""
     transformation.setType(SLEPc.ST.Type.SINVERT)
     transformation.setMatMode(SLEPc.ST.MatMode.SHELL)
     ksp = transformation.getKSP()
@@ -270,7 +270,7 @@ def _proper(
 
 
 def _solve_densely(pencil: Pencil, shift: float) -> _Found:
-    """All finite eigenvalues by the same inverses, alike on every rank."""
+    """All finite eigenvalues by the same inverses, the same on every rank."""
     lin = pencil.linearization
     K, C, M = (
         gather_rows(mat)

@@ -83,7 +83,7 @@ def _turned(matrix: PETSc.Mat, sign: float) -> float:
 
 
 def _hold(linearization: Linearization, matrices: Matrices) -> None:
-    """Give unknowns that are held no mass: their frequencies are infinite, as those of rows."""
+    """Give fixed unknowns no mass: their frequencies are infinite, as those of rows."""
     masks = [
         np.zeros(p.block.sizes[0], dtype=np.bool_)
         if p.block.dirichlet is None
@@ -104,7 +104,7 @@ def _hold(linearization: Linearization, matrices: Matrices) -> None:
 
 
 def _spring_diagonal(linearization: Linearization, K: PETSc.Mat) -> FloatArray:
-    """Diagonal of what rows with force laws add to the stiffness of this rank's nodes."""
+    """Diagonal of the stiffness that rows with force laws add to this rank's nodes."""
     start, index, values = K.getValuesCSR()
     squares = PETSc.Mat().createAIJ(
         (linearization.sizes, linearization.sizes), csr=(start, index, values**2), comm=K.comm

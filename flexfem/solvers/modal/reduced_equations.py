@@ -22,7 +22,7 @@ _DEPENDENT = 1e-10
 
 @dataclass(frozen=True)
 class Reduction:
-    """``M q'' + C (q', s') + K (q, s) + N s'' = F a`` with ``u = T q + S s``, alike on all ranks.
+    """``M q'' + C (q', s') + K (q, s) + N s'' = F a``, ``u = T q + S s``, equal on all ranks.
 
     The drives' coordinates s are the changes of the targets of the rows of driven joints, ``G u =
     s``; S is the least solution of this.
@@ -113,7 +113,7 @@ def _bases(
     lin, comm = linearization, linearization.system.comm
     if shapes is not None:
         return _spanned(lin, shapes), _driven(lin, matrices, targets)
-    kinds = lin.held()
+    kinds = lin.rigid_rows()
     kinds[: lin.unknowns] = -1.0
     kinds = np.concatenate(comm.allgather(kinds))
     G = gather_rows(matrices.stiffness)[np.ix_(kinds > 0.0, kinds < 0.0)]

@@ -103,16 +103,16 @@ def constraint_solver(
 
     Args:
         linearization: numbering of the unknowns.
-        matrices: whose stiffness has G.
+        matrices: matrices whose stiffness contains G.
         weight: W, None for the unit matrix.
     """
     nodes, rows, others = (linearization.vector() for _ in range(3))
-    held = linearization.held()
+    rigid = linearization.rigid_rows()
     index = np.zeros(linearization.size)
     index[: linearization.unknowns] = 1.0
-    rows.setArray(held)
+    rows.setArray(rigid)
     nodes.setArray(index)
-    others.setArray(1.0 - index - held)  # rows with force laws stay out
+    others.setArray(1.0 - index - rigid)  # rows with force laws stay out
     matrix, upper = matrices.stiffness.copy(), matrices.stiffness.copy()
     matrix.diagonalScale(rows, None)
     upper.diagonalScale(nodes, rows)
@@ -128,7 +128,7 @@ def constraint_solver(
 def _solver(
     linearization: Linearization, matrix: PETSc.Mat
 ) -> Callable[[FloatArray], PETSc.Vec | None]:
-    """Factorise once; what is returned solves, or returns None if the matrix is singular."""
+    """Factorise once; the returned function solves, or returns None if the matrix is singular."""
     solver = DirectSolver(matrix, "equilibrium_")
     regular = solver.factor(matrix)
 
@@ -148,8 +148,8 @@ def find_equilibrium(
     """Move the system from its present state to the equilibrium (collective).
 
     Starts from the present configuration with all loads and the whole spin; where Newton's method
-    fails, or finds what no body can be, loads and spin grow in steps, each half as large as the
-    last failed one.
+    fails, or finds an impossible state of a body, loads and spin grow in steps, each half as large
+    as the last failed one.
 
     Args:
         linearization: of the system.
@@ -252,7 +252,7 @@ def _step(
 
 
 def _limited(step: FloatArray, largest: float) -> FloatArray:
-    """A step shortened so that no node turns by more than about a radian."""
+    """A step shortened so that no node rotates by more than about a radian."""
     return step if largest <= 1.0 else step / largest
 
 
@@ -276,7 +276,7 @@ def _fixed(
     if linearization.system.comm.rank == _first_rank(linearization):
         block = linearization.system.parts[0].block
         for xi in free:
-            # the node farthest from the axis is turned the most
+            # the node farthest from the axis is moved the most
             t = (se3.adjoint(se3.inverse(block.frames[: block.owned])) @ xi)[:, : block.width]
             node = int(np.argmax(np.linalg.norm(t[:, :3], axis=1)))
             n = t[node] / np.linalg.norm(t[node])
@@ -308,7 +308,7 @@ def _is_free(linearization: Linearization, xi: FloatArray) -> bool:
 def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
     """Raise where the model cannot rotate steadily about the axis (collective).
 
-    Drives may stand against the rotation: they are taken as turning with it.
+    Drives may stand against the rotation: they are taken as rotating with it.
 
     Raises:
         InputError: gravity, a dead load or a joint to the ground is not the same after a turn.
@@ -325,7 +325,7 @@ def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
     if found is not None:
         owner, change = found
         raise InputError(
-            f"{owner}: does not let the model turn about {_line(rotation)}, "
+            f"{owner}: prevents rotation of the model about {_line(rotation)}, "
             f"which changes the joint by {change:.3g}"
         )
 
@@ -342,7 +342,7 @@ def _line(rotation: Rotation) -> str:
 
 
 def _standing(system: System, rotation: Rotation) -> tuple[str, float] | None:
-    """Owner of the first joint whose coordinates change as the whole model turns (collective)."""
+    """Owner of the first joint whose coordinates change as the whole model rotates (collective)."""
     rows = system.constraints
     frames = [part.block.frames.copy() for part in system.parts]
     set_spin(system, rotation.at(0.0))

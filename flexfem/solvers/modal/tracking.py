@@ -12,7 +12,7 @@ from flexfem.solvers.modal.mode_shapes import Modes
 
 __all__ = ["follow", "whirl"]
 
-#: How fast the score of a candidate falls with its distance from the expected eigenvalue.
+#: Decay of a candidate's score with its distance from the expected eigenvalue.
 _DISTANCE = 4.0
 #: Shapes that correlate less are not the same mode.
 _ALIKE = 0.3
@@ -23,13 +23,13 @@ def follow(steps: Sequence[Modes], count: int) -> list[IntArray]:
 
     Modes are compared from the last step to the first, where equal frequencies of a symmetric model
     at rest may leave the choice open. Both a mode and its complex conjugate are candidates: a whirl
-    whose frequency in rotating axes passes zero goes on as the conjugate one. The score is the
+    whose frequency in rotating axes passes zero continues as the conjugate one. The score is the
     mass-weighted correlation of the shapes, reduced by the distance of the eigenvalue from the one
     that is extrapolated.
 
     Args:
         steps: modes at each value of the parameter, equally spaced; their number may differ.
-        count: how many of the last step are followed.
+        count: number of modes of the last step to follow.
 
     Returns:
         For each step the (k,) mode that continues mode i of the last step, -1 where none is left.

@@ -41,8 +41,8 @@ class Damping(Protocol):
 
     Attributes:
         stable: largest eigenvalue of ``M^-1 K`` below which all steps are stable.
-        slow: whether :meth:`learn` wants Rayleigh's quotient of the slow motion.
-        memory: two numbers, what the next factors depend on besides the motion.
+        slow: whether :meth:`learn` needs Rayleigh's quotient of the slow motion.
+        memory: two numbers on which the next factors depend besides the motion.
     """
 
     stable: float

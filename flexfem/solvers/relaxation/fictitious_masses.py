@@ -33,7 +33,7 @@ def fictitious_masses(
 
     Args:
         tangent: exact matrix, rows and blocks evaluated.
-        limit: largest eigenvalue of ``M^-1 K`` that is let.
+        limit: largest admissible eigenvalue of ``M^-1 K``.
         least: of a node's three masses for translations, and for rotations, none is below this
             part of the largest; 1 makes them equal.
         physical: masses that are multiplied by one factor instead; positive.
@@ -61,7 +61,7 @@ def fictitious_masses(
     for values in needed:
         for kind, first in enumerate(range(0, values.shape[1], 3)):
             group = values[:, first : first + 3]
-            group[group == 0.0] = largest[kind]  # what nothing holds moves like what is held most
+            group[group == 0.0] = largest[kind]  # unsupported unknowns move like the stiffest ones
     return needed
 
 

@@ -26,7 +26,7 @@ def measure(
         residual: (n, 6) or more rows, of which the first n count.
         previous: (n, width) residual one step before.
         velocity: (n, width) the last step.
-        inverse: (n, width) inverse masses, zero where an unknown is held.
+        inverse: (n, width) inverse masses, zero where an unknown is fixed.
         sums: (SUMS,).
     """
     for i in range(inverse.shape[0]):
@@ -69,7 +69,7 @@ def measure_way(
         residual: (n, 6) or more rows, of which the first n count.
         first: (n, width) residual where the way begins.
         way: (n, width) sum of the steps since.
-        inverse: (n, width) inverse masses, zero where an unknown is held.
+        inverse: (n, width) inverse masses, zero where an unknown is fixed.
         sums: (2,).
     """
     for i in range(inverse.shape[0]):

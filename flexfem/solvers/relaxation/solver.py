@@ -43,7 +43,7 @@ class Scheme:
         margin: masses relative to the smallest that are stable for sure.
         least: smallest mass of a node relative to its largest, for translations and rotations.
         physical: masses of the model times one factor.
-        renew: iterations after which masses are computed anew.
+        renew: iterations after which masses are computed again.
     """
 
     damping: str = "accelerated"
@@ -74,7 +74,7 @@ class Relaxation:
 
     Attributes:
         iteration: number of steps taken.
-        renewals: how often masses were computed.
+        renewals: number of computations of the masses.
         progress: at the last evaluation.
     """
 
@@ -107,7 +107,7 @@ class Relaxation:
         self._damping: Damping = DAMPINGS[scheme.damping]()
         self._quick = 0  # steps in a row whose motion was too fast
         self._applied = self._first = 0.0  # norms of the applied forces and of the first residual
-        self._started = self._evaluated = False  # since masses or positions are what they are
+        self._started = self._evaluated = False  # for the present masses and positions
         for part in parts:
             part.block.velocity[:] = part.block.acceleration[:] = 0.0
             part.block.take()
@@ -190,7 +190,7 @@ class Relaxation:
         self._quick = self._quick + 1 if quick else 0
         fast = self._quick >= _ROW
         if fast or (self.iteration and self.iteration % self._scheme.renew == 0):
-            if fast:  # what swings too fast would soon grow without bounds
+            if fast:  # a too fast vibration would soon grow without bounds
                 self._stop()
             elif damping.slow:
                 damping.learn(self._rayleigh())
@@ -224,7 +224,7 @@ class Relaxation:
     def _rayleigh(self) -> float:
         """Rayleigh's quotient of the way since masses were computed (collective).
 
-        Over many steps what swings quickly cancels: the quotient is that of the slow motion, which
+        Over many steps quick vibrations cancel: the quotient is that of the slow motion, which
         viscous damping is for.
         """
         sums = np.zeros(2)
@@ -301,7 +301,7 @@ class Relaxation:
         return self.system.state() | State(values, rows)
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned (collective)."""
+        """Restore the return value of :meth:`state` (collective)."""
         system = self.system
         system.restore(state)
         system.set_time(self._at_time)

@@ -39,7 +39,7 @@ class ArcLength:
         """Find the tangent at the present equilibrium (collective).
 
         Args:
-            previous: whose direction it continues; growing load if there is none.
+            previous: step whose direction is continued; None for growing load.
 
         Returns:
             False if the matrix is singular or nothing depends on the load parameter.

@@ -3,7 +3,7 @@
 
 With the matrices A_0 and A_1 of two equilibria at t_0 and t_1, ``A_0 x = mu (A_0 - A_1) x`` gives
 ``t = t_0 + mu (t_1 - t_0)``. It is exact where the state before buckling changes little, as in a
-straight column; where it does not, the singular points of the exact path are what counts.
+straight column; where it does not, the singular points of the exact path count.
 """
 
 from petsc4py import PETSc
@@ -40,7 +40,7 @@ class LinearBuckling:
         """Load parameters of least distance from the first equilibrium (collective).
 
         Args:
-            count: how many.
+            count: number of modes.
 
         Returns:
             Load parameter and motion, (n_owned, width) of each block; fewer than ``count`` if there

@@ -85,7 +85,7 @@ class Loading:
         """Remember full gravity.
 
         Args:
-            system: whose loads are set.
+            system: system whose loads are set.
             growing: (n_loads,) loads in proportion to t.
             gravity_grows: gravity is in proportion to t, too.
             span: end of the parameter.
@@ -137,7 +137,7 @@ class Equilibrium:
     """Newton's iteration for the equilibrium of a system at rest.
 
     Attributes:
-        system, tangent, loading: what is solved.
+        system, tangent, loading: the equations to solve.
         size: of the model, m, by which displacements are measured.
         shifts: stiffness alone, with the scale of the residual.
         weights: (n_owned, width) of each block, scaled stiffness of its nodes at the start, the
@@ -193,7 +193,7 @@ class Equilibrium:
         self.loading.set(0.0)
         END_POINT.evaluate(system, self.shifts)
         self.assemble()
-        # what is held has a stiffness of no meaning
+        # the stiffness of fixed unknowns has no meaning
         diagonals = [
             p.block.hold(abs(d))
             for p, d in zip(system.parts, self.tangent.diagonals(), strict=True)
@@ -220,7 +220,7 @@ class Equilibrium:
         assert not len(values)
 
     def release(self) -> None:
-        """Give dampers and springs back what dynamics needs of them."""
+        """Restore the dampers and springs for dynamics."""
         self.system.constraints.elastic[:] = self._elastic
 
     def keep(self) -> Snapshot:
@@ -359,7 +359,7 @@ class Equilibrium:
 
 
 def settle(equilibrium: Equilibrium) -> Status:
-    """Bring a system from its start to equilibrium under what acts at t = 0 (collective).
+    """Bring a system from its start to equilibrium under the loads at t = 0 (collective).
 
     At once where that converges, else by growing the loads from nothing in adaptive steps.
     """

@@ -15,13 +15,13 @@ __all__ = ["LinearSolution", "solve_linear"]
 #: Displacement (relative) or rotation (rad) over which columns are differentiated: central
 #: differences are off by its square, rounding by 1e-16 over it.
 _SMALL = 1e-4
-#: Largest part that is told of what the next iteration would change.
+#: Upper limit of the reported relative change by the next iteration.
 _MOST = 1e9
 
 
 @dataclass(frozen=True)
 class LinearSolution:
-    """Displacements and multipliers in proportion to what acts.
+    """Displacements and multipliers in proportion to the loads.
 
     Attributes:
         start: the state that they are counted from.

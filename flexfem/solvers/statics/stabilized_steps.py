@@ -98,7 +98,7 @@ class HeldEquilibrium(Equilibrium):
         """Move by the blocks' steps, shortened where contacts close, and the multipliers' step.
 
         The work that the forces do on the step is followed along it. A contact that pushes back is
-        as good as linear in what goes too far, so that secants lead to where it holds the balance.
+        almost linear in the overshoot, so that secants lead to where it holds the balance.
         """
         system = self.system
         if not system.contacts:

@@ -85,7 +85,7 @@ class Rod:
     def at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Control points that matter at s; their functions and two derivatives, (3, degree + 1)."""
         p = self.degree
-        # The last polynomial goes on a little beyond the end.
+        # The last polynomial continues a little beyond the end.
         span = int(np.clip(np.searchsorted(self.knots, s, side="right") - 1, p, self.n - 1))
         basis = BSpline(self.knots[span - p : span + p + 2], np.eye(p + 1), p)
         return np.arange(span - p, span + 1), np.array([basis(s, i) for i in range(3)])

@@ -67,7 +67,7 @@ def results(full: bool = True) -> list[Result]:
     elements, h = (16, 1e-3) if full else (4, 8e-3)
     history = dict(run(build(elements), h, 1.0))
     for k in (1, 2):
-        # from the middles of the first two elements to the root
+        # from the midpoints of the first two elements to the root
         history[f"M{k}"] = 1.5 * history[f"root_m{k}"] - 0.5 * history[f"next_m{k}"]
     mesh = f"3 x {elements} elements, h = {h:g} s"
     return [

@@ -86,7 +86,7 @@ def results(full: bool = True) -> list[Result]:
     elements, h = (64, 2.5e-4) if full else (24, 5e-4)
     history = dict(run(build(elements), h, 0.14))
     for k in (1, 2, 3):
-        # from the middles of the first two elements to the root
+        # from the midpoints of the first two elements to the root
         history[f"M{k}"] = 1.5 * history[f"root_m{k}"] - 0.5 * history[f"next_m{k}"]
     mesh = f"{elements} elements, h = {h:g} s"
     # the moment of an instability: a mesh too stiff buckles later and is off by half

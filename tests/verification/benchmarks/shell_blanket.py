@@ -2,7 +2,7 @@
 """Two panels of a solar array that are pulled straight: free hinges, and a fold that holds.
 
 The model is that of ``cases/solar_array.py``. With free hinges the blanket gets flat, and the
-spring has the tension asked for. A clamped fold keeps both panels along it as they lay in the pile:
+spring has the given tension. A clamped fold keeps both panels along it as they lay in the pile:
 each is an elastica of length l that begins across the pull and ends in a hinge,
 ``D theta'' = p sin theta`` with the pull p per width, which tells the tension and the energy.
 """

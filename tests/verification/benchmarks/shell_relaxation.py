@@ -70,7 +70,7 @@ def hanging_strip(cells: int) -> ff.Model:
         ff.Gravity((0.0, 0.0, -9.81)),
     )
     for name, part in (("middle", 2), ("quarter", 4)):
-        point = mesh.points[cells + 1 + cells // part]  # on the line amid the strip
+        point = mesh.points[cells + 1 + cells // part]  # on the centre line of the strip
         model.add(ff.PositionProbe(name, ff.Marker("strip", point)))
     return model
 

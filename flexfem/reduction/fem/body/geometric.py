@@ -42,8 +42,8 @@ class GeometricStiffness:
     def of_interfaces(self, ties: Ties, static: FloatArray, basis: FloatArray) -> FloatArray:
         """(6 k, n, n) matrices for the static functions of the interfaces (collective).
 
-        Rigid motions cause no stress: what the first interface causes is the opposite of what all
-        others cause that move with it.
+        Rigid motions cause no stress: the effect of the first interface is the opposite of that of
+        all others cause that move with it.
         """
         matrices = np.zeros((static.shape[1], basis.shape[1], basis.shape[1]))
         moving = np.flatnonzero(~ties.held)

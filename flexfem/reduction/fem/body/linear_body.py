@@ -41,7 +41,7 @@ class MassField:
 
 @dataclass(frozen=True, eq=False)
 class LinearBody:
-    """A linear elastic body: a space of functions and what they cost, move and carry.
+    """A linear elastic body: a function space with energy, mass and loads.
 
     Attributes:
         space: DOLFINx function space of the displacements (and rotations) of the body.
@@ -73,7 +73,7 @@ class LinearBody:
     name: str = "body"
 
     def __post_init__(self) -> None:
-        """Check what can be checked without computing.
+        """Check the arguments that need no computation.
 
         Raises:
             TypeError: a field has the wrong type.

@@ -73,8 +73,8 @@ def _located(
     gaps, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int32)
     if len(own):
         tree = geometry.bb_tree(domain, dimension, entities=own)
-        middles = geometry.create_midpoint_tree(domain, dimension, own)
-        nearest = geometry.compute_closest_entity(tree, middles, domain, points)
+        midpoints = geometry.create_midpoint_tree(domain, dimension, own)
+        nearest = geometry.compute_closest_entity(tree, midpoints, domain, points)
         gaps = np.sqrt(geometry.squared_distance(domain, dimension, nearest, points))
     best = np.empty_like(gaps)
     comm.Allreduce(gaps, best, op=MPI.MIN)

@@ -43,7 +43,7 @@ class Region:
 
 
 def find_region(owner: str, domain: mesh.Mesh, where: Any) -> Region:
-    """Find the facets or the vertex that are meant (collective).
+    """Find the facets or the vertex of a region (collective).
 
     Args:
         owner: for messages.

@@ -31,7 +31,7 @@ class Ties:
 
     Attributes:
         interfaces: the frames.
-        held: (6 k,) coordinates that the body does not have.
+        held: (6 k,) fixed coordinates, which the body does not have.
         fixed: this rank's rows in rigid regions.
         motion: (rows, 6 k) displacement of the fixed rows by each coordinate, zero elsewhere.
         conditions: (rows, c) the means as functionals.
@@ -76,7 +76,7 @@ def tie(
 
     Raises:
         TypeError: an argument has the wrong type.
-        ValueError: a name that is no interface's, a region that is not there, that cannot turn or
+        ValueError: a name that is no interface's, a region that is not there, that cannot rotate or
             has no surface to average over, or regions that overlap.
     """
     comm, rows = body.space.mesh.comm, own_rows(body.space)

@@ -59,9 +59,9 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
 
     Args:
         owner: for messages.
-        pieces: what they are made of.
+        pieces: parts of the modes.
         basis: of BASES.
-        choice: how many modes.
+        choice: number of modes.
 
     Raises:
         ValueError: more modes than there are.
@@ -113,7 +113,7 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
         )
     modes = choose(free)
     inner = modes - pieces.static @ _interface_motion(pieces, modes)
-    # what the forces of inertia of rigid motions do: with the static functions these are the
+    # responses to the inertia forces of rigid motions: with the static functions these are the
     # attachment functions of a free body
     relief = pieces.response.respond(multiply(pieces.mass, pieces.rigid))
     functions = _orthonormal(pieces, np.hstack([relief, inner]))
@@ -157,7 +157,7 @@ class FreeResponse:
     """Displacements by forces less their rigid part, interfaces free to move, mean axes."""
 
     def __init__(self, pieces: Pieces) -> None:
-        """Prepare what small matrices there are (collective)."""
+        """Prepare the small matrices (collective)."""
         self._pieces = pieces
         self._comm = pieces.stiffness.comm.tompi4py()
         self._static = pieces.static[:, ~pieces.ties.held]

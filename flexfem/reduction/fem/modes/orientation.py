@@ -50,7 +50,7 @@ class Orientation:
                 for m in body.masses
             )
         )
-        rng = np.random.default_rng(1)  # any numbers will do if they are the same everywhere
+        rng = np.random.default_rng(1)  # arbitrary numbers, the same on all ranks
         self.forces = np.zeros((rows, _FAMILY))
         for i in range(_FAMILY):
             wave.value[:] = rng.uniform(1.0, 6.0, 3) / size
@@ -66,7 +66,7 @@ class Orientation:
         return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
     def turn(self, modes: FloatArray, eigenvalues: FloatArray) -> FloatArray:
-        """The modes, each family turned (collective)."""
+        """The modes, each family in its chosen orientation (collective)."""
         work = projected(self._comm, self.forces, modes)
         turned = modes.copy()
         for family in self.families(eigenvalues):

@@ -9,7 +9,7 @@ that its motion has no part of a rigid one), are met by their multipliers::
 
 A body without rigid interfaces is pinned in as many rows as it has rigid motions R, which are
 superposed again: pins carry nothing, since the multipliers balance the force,
-``R^T (f - C lambda) = 0`` (Farhat, Géradin 1998). So one Cholesky factorisation serves all.
+``R^T (f - C lambda) = 0`` (Farhat, Géradin 1998). So one Cholesky factorisation suffices.
 """
 
 from mpi4py import MPI
@@ -46,7 +46,7 @@ class StaticResponse:
             rigid: R, this rank's rows of the rigid motions that the body has.
 
         Raises:
-            ArithmeticError: the body is not held by its interfaces.
+            ArithmeticError: fixed interfaces leave the body free to move.
         """
         self._comm, self._stiffness, self._conditions = comm, stiffness, conditions
         self._rigid = rigid if total(comm, np.array([len(fixed)]))[0] == 0 else rigid[:, :0]

@@ -86,7 +86,7 @@ class Spectrum:
             compute: from a count to at least that many eigenvalues and modes, if there are.
             available: number of modes that `compute` gives whatever the count, None if it gives
                 as many as it is asked for.
-            most: what it may be asked for then.
+            most: largest number of modes then.
         """
         self._compute, self._available, self.most = compute, available, available or most
         self.endless = available is None
@@ -114,8 +114,8 @@ def choose_modes(
 
     Args:
         owner: for messages.
-        choice: which.
-        spectrum: of which.
+        choice: choice of modes.
+        spectrum: of choice of modes.
         orientation: gives them signs.
         moved: from modes to the part of the body's mass that each moves along each axis, (3, m);
             zero for axes along which the body does not move.

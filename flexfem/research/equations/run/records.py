@@ -42,7 +42,7 @@ class EquationRecords:
         comm: MPI.Intracomm,
         resume: State | None,
     ) -> None:
-        """Open the history; with a saved state ``resume`` it goes on after that instant."""
+        """Open the history; with a saved state ``resume`` it continues after that instant."""
         self._simulation, self._equations = simulation, simulation.equations
         self._comm, self._every, equations = comm, options.every, simulation.equations
         self._columns = list(equations.columns)
@@ -104,14 +104,14 @@ class EquationRecords:
             self._table, self._broken = None, True
 
     def picture(self, step: int) -> None:
-        """Write what is seen, unless something has failed (collective)."""
+        """Write the pictures, unless something has failed (collective)."""
         self._look_after_the_table()
         if self._folder is not None and agreed(self._faults, self._comm) is None:
             with self._faults.files():
                 self._picture(self._folder, step, self._simulation.stepper.motion)
 
     def _look_after_the_table(self) -> None:
-        """Write it anew where it was removed; the run ends then."""
+        """Write the table again where it was removed; the run ends then."""
         table = self._table
         if table is not None and table.lost:
             self._faults.note(FolderLostError(table.path.parent, table.path.exists()))
@@ -124,7 +124,7 @@ class EquationRecords:
                 table.write_anew(self._rows)
 
     def _picture(self, folder: Path, step: int, motion: Motion) -> None:
-        """Write what is seen (collective); the first rank has all of it."""
+        """Write the pictures (collective); the first rank has all data."""
         for name, seen in self._equations.pictures(motion).items():
             if name not in self._series:
                 self._series[name] = VtuSeries(folder, name, self._comm, resume=self._resume)

@@ -31,7 +31,7 @@ from flexfem.simulation.run.time_grid import TimeGrid
 
 __all__ = ["Source", "simulate_equations"]
 
-#: Options of multibody models that equations know nothing of, with the values they must have.
+#: Options of multibody models that do not apply to equations, with the values they must have.
 _FOREIGN = {
     "integrator": "generalized_alpha", "redundant_constraints": "refuse", "start": "given",
     "adaptive": False, "kernels": "fast",
@@ -69,7 +69,7 @@ def simulate_equations(
     """Run equations of motion to the end and write the results (collective).
 
     Args:
-        source: what has the equations, the same on every rank.
+        source: source of the equations, the same on every rank.
         options: step size, end, output folder and so on.
         case: name for the summary.
         results: function of the history's columns that returns the headline results.
@@ -82,10 +82,10 @@ def simulate_equations(
         InputError: a mistake in the data, or an option that has no meaning here, before anything is
             written (a ValueError).
         TypeError: the options are those of another analysis.
-        FunctionError: a function of the model failed after the start; a checkpoint and what was
-            computed are written (a RuntimeError).
+        FunctionError: a function of the model failed after the start; a checkpoint and the results
+            so far are written (a RuntimeError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and what was computed are
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and the results so far are
             written.
     """
     _checks.instance("simulate_equations", "options", options, RunOptions)

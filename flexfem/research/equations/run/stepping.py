@@ -58,7 +58,7 @@ class SteppedEquations:
     def begin(self) -> None:
         """Start at t = 0."""
         self.status = Status.DIVERGED  # unless all functions can be called
-        # what is not finite becomes a status
+        # values that are not finite become a status
         with np.errstate(all="ignore"), self._functions():
             self.status = self.stepper.begin(self.equations, self.options)
 
@@ -105,6 +105,6 @@ class SteppedEquations:
         return State({"steps": counts, **self.stepper.state()})
 
     def restore(self, state: State) -> None:
-        """Go on from what :meth:`state` returned."""
+        """Continue from the return value of :meth:`state`."""
         self.steps, self.rejected = counts("steps", state.values["steps"])
         self.stepper.restore(self.equations, self.options, state.values)

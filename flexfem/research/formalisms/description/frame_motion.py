@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Prescribed motions of floating frames.
 
-The rotation is a product of turns about given axes, so that Euler parameters and their two time
+The rotation is a product of rotations about given axes, so that Euler parameters and their two time
 derivatives are products too: smooth in time over any number of turns, without a sign to choose.
 """
 
@@ -46,7 +46,7 @@ def values_of(owner: str, motion: Motion, t: float, count: int) -> tuple[FloatAr
 
 
 def check_rates(owner: str, motion: Motion, count: int) -> None:
-    """Compare rates and second rates with differences of what they are rates of.
+    """Compare rates and second rates with differences of their integrals.
 
     One place may have a kink, or lie where the function cannot be called: two must disagree.
 
@@ -83,9 +83,9 @@ class FrameMotion:
     Args:
         translation: displacement of the frame's origin from where the body is declared, inertial
             axes, m; None for an origin at rest.
-        rotations: turns (axis, angle in rad) one after the other, each about an axis in the frame
-            as the turns before have left it; the first starts from the declared rotation. Turns
-            about space-fixed axes are the same in reverse order.
+        rotations: rotations (axis, angle in rad) one after the other, each about an axis in the
+            frame as the previous rotations have left it; the first starts from the declared
+            rotation. Turns about space-fixed axes are the same in reverse order.
 
     Raises:
         TypeError: an argument has the wrong type.
@@ -113,7 +113,7 @@ class FrameMotion:
         object.__setattr__(self, "rotations", tuple(turns))
 
     def check(self, owner: str, frame: Frame) -> None:
-        """Compare rates with differences, and the motion with what the frame can do.
+        """Compare rates with differences, and the motion with the degrees of freedom of the frame.
 
         Raises:
             ValueError: they do not fit.
@@ -138,7 +138,7 @@ class FrameMotion:
         """Coordinates of the frame with their first and second rates at t.
 
         Args:
-            owner: who is told of a function that returns something else.
+            owner: prefix of the message about a function that returns something else.
             frame: kind of the frame.
             start: its coordinates as declared.
             t: s.

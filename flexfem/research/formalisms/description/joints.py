@@ -93,9 +93,9 @@ class Constraint:
 
     Args:
         name: of the joint.
-        ends: what it connects.
+        ends: connected points.
         function: called with an `EndState` for each end and ``data`` in UFL, returns the numbers.
-        data: numbers of the function; changing them compiles nothing anew.
+        data: numbers of the function; changing them recompiles nothing.
         motion: function of time (s) returning value, rate and second rate; None for zero.
 
     Raises:
@@ -127,7 +127,7 @@ class AppliedForce:
 
     Args:
         name: of the force.
-        ends: what it acts on.
+        ends: points of action.
         function: as for `Constraint`; an angle makes the force a moment.
         force: function of time (s) returning one force (N or N m) for each number.
         data: numbers of the function.

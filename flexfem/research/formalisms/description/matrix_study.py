@@ -16,7 +16,7 @@ class ElementMatrixStudy:
     """Bodies of which the matrices of one element are wanted, see `ElementMatrices`.
 
     Args:
-        bodies: by what tells them apart in the table, in the order of ``labels``.
+        bodies: by their labels in the table, in the order of ``labels``.
         labels: names of the columns that tell the bodies apart, such as ("element", "motion").
         omega: angular velocity of the frames, local components, rad/s.
         epsilon: their angular acceleration, local components, rad/s^2.

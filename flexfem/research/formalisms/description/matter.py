@@ -2,8 +2,8 @@
 """Matter of bodies: the positions of their points and their strain energy, in UFL.
 
 Matter says of which cells the mesh is, which fields describe the elastic displacement, where a
-point is in the floating frame and what energy a displacement stores. Everything else is derived.
-Matter of one's own is one more class with these members; numbers that may change between runs are
+point is in the floating frame and the energy of a displacement. Everything else is derived. Matter
+of one's own is one more class with these members; numbers that may change between runs are
 ``parameters``, so that no form is compiled twice for another value.
 
 A beam is its axis and, for the rotary inertia of its sections, the vectors along their axes that
@@ -286,7 +286,7 @@ class Solid(_Continuum):
 
 
 def _check(matter: Any, *sizes: str) -> None:
-    """Check what all matter has, and sizes that must be positive."""
+    """Check the common data of all kinds, and sizes that must be positive."""
     owner = type(matter).__name__
     _checks.instance(owner, "material", matter.material, Material)
     for name in sizes:

@@ -33,7 +33,7 @@ class EnergyBody:
 
     Args:
         name: of the body.
-        matter: what it is made of, see `flexfem.research.formalisms.description.matter`.
+        matter: its material, see `flexfem.research.formalisms.description.matter`.
         frame: `PlanarFrame` or `SpatialFrame`.
         mesh: function of an MPI communicator that returns a DOLFINx mesh in local coordinates (m);
             it is called with a communicator of one process.
@@ -45,7 +45,7 @@ class EnergyBody:
         velocity: of the origin at the start, m/s.
         angular_velocity: of the frame at the start, inertial axes, rad/s.
         motion: of the frame if it is prescribed, from ``origin`` and ``rotation`` on; velocities
-            follow from it. None for a frame that moves as forces and joints let it.
+            follow from it. None for a frame that moves freely under forces and joints.
 
     Raises:
         TypeError: an argument has the wrong type.
@@ -96,7 +96,7 @@ class EnergyBody:
         return self.motion.coordinates(f'EnergyBody "{self.name}"', self.frame, declared, t)
 
     def holds(self, x: FloatArray) -> BoolArray:
-        """Elastic coordinates that are held, (n, components), of nodes at x (n, 3).
+        """Fixed elastic coordinates, (n, components), of nodes at x (n, 3).
 
         Raises:
             ValueError: the function of the user returns something else.
@@ -123,7 +123,7 @@ class Mechanism:
         joints: see `Constraint`.
         forces: see `AppliedForce`.
         gravity: acceleration, m/s^2.
-        formalism: which of `FORMALISMS` sets up its equations of motion.
+        formalism: one of `FORMALISMS`, which sets up its equations of motion.
         observed: end whose position a simulation records; None for the last body's frame.
     """
 

@@ -13,13 +13,13 @@ __all__ = ["FormalismStudy"]
 
 @dataclass(frozen=True, repr=False)
 class FormalismStudy:
-    """Mechanisms whose equations several formalisms set up, with what each costs.
+    """Mechanisms whose equations several formalisms set up, with the cost of each.
 
     The first mechanism is simulated to the end by all formalisms side by side; all of them take a
     few steps for the table.
 
     Args:
-        mechanisms: by what tells them apart in the table, in the order of ``labels``.
+        mechanisms: by their labels in the table, in the order of ``labels``.
         labels: names of the columns that tell the mechanisms apart, such as ("element", "motion").
         formalisms: names among `FORMALISMS`.
         steps: that are timed for the table.

@@ -74,11 +74,11 @@ def compare_formalisms(
     study: FormalismStudy, options: RunOptions, *, case: str = "study",
     results: Results | None = None, comm: MPI.Intracomm | None = None,
 ) -> Outcome:  # fmt: skip
-    """Run the first mechanism of a study by all its formalisms, and measure what they cost.
+    """Run the first mechanism of a study by all its formalisms, and measure their costs.
 
-    Writes what a run writes, ``table.csv`` of the formalisms and ``energies.csv`` of kinetic energy
-    and energy of accelerations; prints both and what is seen in them unless the options ask for
-    quiet (collective). Arguments, result and errors as of `simulate_mechanism`.
+    Writes the files of a run, ``table.csv`` of the formalisms and ``energies.csv`` of kinetic
+    energy and energy of accelerations; prints both and the findings in them unless the options ask
+    for quiet (collective). Arguments, result and errors as of `simulate_mechanism`.
     """
     _checks.instance("compare_formalisms", "options", options, RunOptions)
     comm = comm or MPI.COMM_WORLD

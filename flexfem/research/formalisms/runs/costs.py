@@ -30,7 +30,7 @@ __all__ = ["cost_rows", "energy_rows"]
 
 #: Cells of a loop whose time is measured: enough to forget how it is called.
 _CELLS = 200
-#: How often the steps of the table are repeated.
+#: Number of repetitions of the steps of the table.
 _RUNS = 7
 #: The energies whose derivatives are the inertia of Lagrange's and of Gibbs and Appell's equations.
 _ENERGIES = ("kinetic", "of_accelerations")

@@ -24,7 +24,7 @@ from flexfem.simulation.run.outcome import Outcome, Results, conclude
 
 __all__ = ["tabulate_elements"]
 
-#: How the paper calls them, by attribute.
+#: Names in the paper, by attribute.
 _TITLES = {
     "m": "m", "c": "c", "k": "k", "k_epsilon": "k(eps)", "k_omega": "k(omega)",
     "q_epsilon": "q_i(eps)", "q_omega": "q_i(omega)", "m_origin": "m_Oi",

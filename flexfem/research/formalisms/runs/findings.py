@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Costs of the formalisms as a table for the screen, and what its figures say."""
+"""Costs of the formalisms as a table for the screen, and findings from its figures."""
 
 from __future__ import annotations
 
@@ -72,7 +72,8 @@ def findings(rows: Sequence[Row], labels: Sequence[str], energies: Sequence[Row]
     return textwrap.fill(" ".join(sentences), 100)
 
 
-#: Words for what is compared, and where the quartiles of the ratios are if it is a time.
+#: Words for the compared quantities, and the columns where the quartiles of the ratios are if it is
+#: a time.
 _QUANTITIES = {
     "operations": ("operations per cell", ""), "unknowns": ("unknowns", ""),
     "microseconds_per_cell": ("time per evaluation", "cell_ratio"),

@@ -7,9 +7,9 @@ of which hold to round-off at the end of every step. The equations are A^T (F - 
 basis of the null space of G, so that no multipliers appear; those that the derivative of A calls
 for in the iteration matrix are recovered from the dependent rows.
 
-The split is made anew when the constraints no longer determine the dependent coordinates well.
-The acceleration-like variable of the scheme is carried for all coordinates, so that a new split
-does not disturb it.
+The split is made again when the constraints no longer determine the dependent coordinates well. The
+acceleration-like variable of the scheme is carried for all coordinates, so that a new split does
+not disturb it.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ __all__ = ["MaggiAlpha"]
 _MOST_CLOSINGS = 12
 #: Relative size of the last correction of dependent coordinates.
 _CLOSED = 1e-12
-#: Entry of A above which the coordinates are split anew.
+#: Entry of A above which the coordinates are split again.
 _LARGEST = 20.0
 
 
@@ -41,7 +41,7 @@ _LARGEST = 20.0
 class _Point:
     """A state on the constraints, with the slopes of dependent by independent coordinates.
 
-    They are what is not the identity in the basis A of the null space.
+    They are the part of the basis A of the null space beside the identity.
     """
 
     q: FloatArray
@@ -180,5 +180,5 @@ class MaggiAlpha(VectorStepper):
         self._w = np.array(state["motion_w"])
         dependent = np.array(counts("motion_dependent", state["motion_dependent"]), dtype=np.int64)
         if len(np.unique(dependent)) < len(dependent) or dependent.max(initial=0) >= len(self._w):
-            raise ValueError('"motion_dependent" holds coordinates that there are not')
+            raise ValueError('"motion_dependent" names coordinates that do not exist')
         self._split = Partition(dependent, np.setdiff1d(np.arange(len(self._w)), dependent))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The same beam on the same base as a multibody model of geometrically exact elements.
 
-Nothing in the model knows of centrifugal forces or stiffening: only the motion of the root is
+The model has no terms for centrifugal forces or stiffening: only the motion of the root is
 prescribed. Elements have no warping freedom: beams with a warping constant get the torsion constant
 that twists as much under an end torque (Vlasov, warping held at the segment's start).
 """
@@ -59,7 +59,7 @@ def segment_sections(properties: BeamProperties, *, warping: bool = True) -> lis
 
     Args:
         properties: the beam, each property a number or piecewise.
-        warping: whether torsion constants include held warping.
+        warping: whether torsion constants include restrained warping.
 
     Raises:
         ValueError: a property is a function.
@@ -101,7 +101,7 @@ def _section_inertia(mass: float, centre: FloatArray, rotary: FloatArray) -> Flo
 def tip_in_base(base: PrescribedBase, t: float, tip: MarkerState) -> FloatArray:
     """Displacements u2, u3 (m) and twist theta1 (rad) of the tip relative to the base.
 
-    The twist is that of the rotation's part about a1: the tip section turns by theta1 about a1,
+    The twist is that of the rotation's part about a1: the tip section rotates by theta1 about a1,
     then its axis is swung to where it points.
     """
     frame = base.frame(t)
@@ -140,7 +140,7 @@ def exact_model(
         properties: the beam, each property a number or piecewise.
         base: its motion with ``position`` and ``rotation``.
         elements: about as many two-node SE(3) elements.
-        warping: whether torsion constants include held warping.
+        warping: whether torsion constants include restrained warping.
         name: of the model.
 
     Raises:

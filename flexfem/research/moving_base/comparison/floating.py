@@ -3,8 +3,8 @@
 
 Every segment of the beam is one or several bodies, rigidly joined, each reduced to the motion of
 its ends and some modes, with geometric stiffening: within a body displacements are small relative
-to the frame at its start, from body to body they add up. What a body leaves out are deformations
-beyond second order in its own displacements: more bodies bend and twist further.
+to the frame at its start, from body to body they add up. A body leaves out deformations beyond
+second order in its own displacements: more bodies bend and twist further.
 """
 
 from collections.abc import Sequence
@@ -48,9 +48,9 @@ def floating_model(
         properties: the beam, each property a number or piecewise.
         base: its motion with ``position`` and ``rotation``.
         bodies: so many in each segment.
-        modes: of each body, with its ends held.
+        modes: of each body, with its ends fixed.
         elements: about as many along the beam.
-        warping: whether torsion constants include held warping.
+        warping: whether torsion constants include restrained warping.
         stiffening: whether forces and accelerations change the stiffness.
         name: of the model.
 
@@ -101,7 +101,7 @@ def _reduced(
 
 
 def _stretch(lengths: Sequence[float], states: Sequence[MarkerState]) -> float:
-    """Sum over the bodies of the chord's part along the axis, and of what bending takes from it.
+    """Sum over the bodies of the chord's part along the axis, and of its reduction by bending.
 
     A cubic that leaves its start straight and ends at w with slope q is shorter by
     ``(3/5) w^2/L - w q/10 + L q^2/15``.

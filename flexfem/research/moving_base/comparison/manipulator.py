@@ -2,7 +2,7 @@
 """Outboard link of a space manipulator: its two segments, and the motion of its base.
 
 Data and manoeuvres of Kane, Ryan, Banerjee (1987); what is lost of the printed equations is derived
-anew. Joint 1 turns link L1 about the vertical n3 by psi1; joints 2 and 3 have parallel horizontal
+anew. Joint 1 rotates link L1 about the vertical n3 by psi1; joints 2 and 3 have parallel horizontal
 axes across L1. With ``e = (cos psi1, sin psi1, 0)``: ``a3 = e x n3``,
 ``a1 = cos(psi2 + psi3) e + sin(psi2 + psi3) n3`` along the undeformed beam, root at
 ``l1 e + l2 (cos psi2 e + sin psi2 n3)``.
@@ -31,7 +31,7 @@ __all__ = [
 #: An angle (rad), its rate and its acceleration at a time (s).
 Angle = Callable[[float], tuple[float, float, float]]
 
-#: Section properties of box and channel: unit, bound, values, and what they are.
+#: Section properties of box and channel: unit, bound, values, and description.
 _SECTIONS: dict[str, tuple[str | None, dict[str, float], float, float, str]] = {
     "area": ("m^2", {"above": 0.0}, 3.84e-4, 7.3e-5, "of the section"),
     "second_moment_2": ("m^4", {"above": 0.0}, 1.5e-7, 4.8746e-9, "resists u3"),
@@ -141,7 +141,7 @@ def manipulator_base(
     """Motion of the outboard link's root and axes.
 
     Args:
-        psi1: turn of the inner link about the vertical.
+        psi1: rotation of the inner link about the vertical.
         psi2: of the outer rigid link about a horizontal axis.
         psi3: of the base relative to that link, about a parallel axis.
         link_1: length of the inner link, m.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["THEORY_OPTIONS", "beam_by_theory"]
 
-#: What is left out where nothing is.
+#: Omitted effects of the complete theory.
 _NOTHING = "none"
 
 
@@ -67,7 +67,7 @@ _ASSUMED = (
 
 #: Options of a case that are arguments of :func:`beam_by_theory`.
 THEORY_OPTIONS = (
-    Option("theory", str, "consistent", "what the beam is computed with",
+    Option("theory", str, "consistent", "theory of the beam",
            choices=(*THEORIES, "beam", "floating")),
     Option("assumed_modes", int, 10,
            "modes of the assumed-modes theories, besides two static functions of the stretch",
@@ -75,7 +75,7 @@ THEORY_OPTIONS = (
     Option("elements", int, 24, "elements along the beam, also for modes", minimum=3),
     Option("bodies", int, 8, "of theory floating in each segment", minimum=1),
     Option("body_modes", int, 0, "modes of each of these bodies", minimum=0),
-    Option("warping", bool, True, "torsion of the channel with its warping held"),
+    Option("warping", bool, True, "torsion of the channel with restrained warping"),
     *_ASSUMED,
 )  # fmt: skip
 
@@ -97,7 +97,7 @@ def beam_by_theory(
         elements: along the beam.
         bodies: floating ones in each segment.
         body_modes: of each of them.
-        warping: whether torsion includes held warping.
+        warping: whether torsion includes restrained warping.
         assumed: of the assumed-modes theories: "rotations" of sections ("theory": its own),
             "leave_out" (effects joined by +), "damping_ratio" of all functions, "initial_u2",
             "initial_u3" (m) and "initial_theta1" (rad) of the tip at the start, and their rates
@@ -105,7 +105,7 @@ def beam_by_theory(
 
     Raises:
         TypeError: an argument has no such name.
-        ValueError: other theories were given what assumed modes have.
+        ValueError: options of assumed modes were given for other theories.
     """
     defaults = {option.name: option.default for option in _ASSUMED}
     for key, value in assumed.items():
