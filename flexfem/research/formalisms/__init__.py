@@ -13,7 +13,7 @@ counting      how large the derived expressions and the generated code are
 study         declaration of a comparison
 joints        constraints and forces between bodies as UFL expressions
 mechanism     declaration of bodies, joints and forces
-loops         compiled loops over cells
+coordinates   the coordinates as loops over cells take them
 compiled      kernels and connectivity of a body or a joint
 nodes         meshes of the bodies, and where their nodes are among the coordinates
 equations     the equations of a mechanism: residuals, matrices, constraints
