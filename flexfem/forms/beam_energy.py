@@ -9,8 +9,10 @@ roots and polynomials (:mod:`flexfem.forms.discrete`). The element force is the 
 twist along that derivative: its work over the step is exactly the change of the strain energy,
 and it vanishes for rigid motions about the mean positions, which keeps both momenta.
 
-Test motions are constants of the cell, nine in number: the difference of the translations of both
-ends and their rotations, all in inertial axes.
+Test motions are constants of the cell: the translations and rotations of both nodes in their own
+axes at the end of the step, from which the axes of the sections may be turned. Forces and their
+derivatives are found for nine inertial motions, the difference of the translations and both
+rotations, and turned into these axes last, which costs least.
 """
 
 from dataclasses import dataclass
@@ -32,7 +34,7 @@ class BeamEnergyForms:
 
     Attributes:
         residual: rank 1, mean internal force over the step.
-        tangent: rank 2, its exact derivative along the same nine motions of the end of the step.
+        tangent: rank 2, its exact derivative along the same motions of the end of the step.
         coefficients: the fields by name, in the order in which a cell's data is packed.
     """
 
@@ -48,12 +50,13 @@ def _constant(mesh: ufl.Mesh, size: int) -> ufl.FunctionSpace:
 
 
 def _coefficients(mesh: ufl.Mesh) -> dict[str, ufl.Coefficient]:
-    """Data of a cell; rotations are those of both ends."""
+    """Data of a cell; positions and rotations are those of its nodes, turns those from there."""
     layout = {
-        "arm": 3,
+        "position": 6,
         "rotation": 18,
-        "start_arm": 3,
+        "start_position": 6,
         "start_rotation": 18,
+        "turn": 18,
         "relative_twist": 6,
         "last_change": 6,
         "length": 1,
@@ -87,7 +90,7 @@ def _factors(trace: Change) -> tuple[Change, Change]:
 
 def _log(y: Change) -> Change:
     """Twist of a frame; ``y`` (8,) holds its position r, a and both factors."""
-    r, a = _part(y, 0), _part(y, 3)
+    r, a = (Change(*(_part(v, first) for v in y.values)) for first in (0, 3))
     turn, second = (Change(*(v[i] for v in y.values)) for i in (6, 7))
     p = cross(a, r)
     u = r - 0.5 * (turn * p) + second * cross(a, p)
@@ -95,9 +98,9 @@ def _log(y: Change) -> Change:
     return Change(*(_join(v, w) for v, w in zip(u.values, theta.values, strict=True)))
 
 
-def _part(y: Change, first: int) -> Change:
+def _part(values: Expr, first: int) -> Expr:
     """Three entries in a row."""
-    return Change(*(ufl.as_vector([v[first + i] for i in range(3)]) for v in y.values))
+    return ufl.as_vector([values[first + i] for i in range(3)])
 
 
 def _join(*vectors: Expr) -> Expr:
@@ -115,17 +118,25 @@ def _extend(y: Expr, factors: list[Expr]) -> Expr:
     return ufl.as_vector([*(y[i] for i in range(6)), *factors])
 
 
+def _extension(slopes: list[Expr]) -> Expr:
+    """Derivatives (8, 7) of what :func:`_extend` returns, given those of both factors."""
+    same = [[1.0 if i == j else 0.0 for j in range(7)] for i in range(6)]
+    return ufl.as_matrix([*same, *([0.0] * 6 + [slope] for slope in slopes)])
+
+
 def _thirds(motion: Expr) -> list[Expr]:
     """Difference of translations and both rotations."""
-    return [ufl.as_vector([motion[3 * k + i] for i in range(3)]) for k in range(3)]
+    return [_part(motion, 3 * k) for k in range(3)]
 
 
 def _relative(fields: dict[str, ufl.Coefficient], test: Expr, shift: Expr) -> Change:
     """Invariants of the relative frame, the end of the step moved by ``shift``."""
     (stretch, *turns), (e, *phi) = _thirds(shift), _thirds(test)
-    arm = Change(fields["start_arm"], fields["arm"] + stretch, e)
-    R_0 = [_rows(fields["start_rotation"], 9 * side) for side in range(2)]
-    R_1 = [_rows(fields["rotation"], 9 * side) for side in range(2)]
+    before, after = (
+        _part(fields[name], 3) - _part(fields[name], 0) for name in ("start_position", "position")
+    )
+    arm = Change(before, after + stretch, e)
+    R_0, R_1 = _sections(fields, "start_rotation"), _sections(fields, "rotation")
     R_1 = [R + skew(turn) * R for R, turn in zip(R_1, turns, strict=True)]
     mean = [0.5 * (a + b) for a, b in zip(R_0, R_1, strict=True)]
     return Change(
@@ -136,6 +147,20 @@ def _relative(fields: dict[str, ufl.Coefficient], test: Expr, shift: Expr) -> Ch
             mean[0].T * skew(phi[1] - phi[0]) * mean[1],
         ),
     )
+
+
+def _sections(fields: dict[str, ufl.Coefficient], name: str) -> list[Expr]:
+    """Rotations of the sections at both nodes."""
+    return [_rows(fields[name], 9 * k) * _rows(fields["turn"], 9 * k) for k in range(2)]
+
+
+def _inertial(rotations: list[Expr], motion: Expr) -> Expr:
+    """Difference of translations and both rotations in inertial axes from those of the nodes."""
+    u, theta = (
+        [R * _part(motion, 6 * side + first) for side, R in enumerate(rotations)]
+        for first in (0, 3)
+    )
+    return _join(u[1] - u[0], *theta)
 
 
 def _stress(fields: dict[str, ufl.Coefficient], constants: Expr, d: Change) -> Expr:
@@ -152,34 +177,40 @@ def beam_energy_forms() -> BeamEnergyForms:
     Their constants are half the dissipation and 1/h.
     """
     mesh = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(3,)))
-    fields, space = _coefficients(mesh), _constant(mesh, 9)
+    fields, space, inertial = _coefficients(mesh), _constant(mesh, 12), _constant(mesh, 9)
     test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
-    # a small motion from the state at the end, for the derivative alone
-    shift = ufl.Coefficient(space)
+    # small motions from the state at the end in inertial axes, for the derivatives alone
+    motion, shift = ufl.Coefficient(inertial), ufl.Coefficient(inertial)
     constants = ufl.Constant(mesh, shape=(2,))
-    y = _relative(fields, test, shift)
+    y = _relative(fields, motion, shift)
 
     def still(expression: Expr) -> Expr:
-        return ufl.replace(expression, {shift: ufl.zero(9)})
+        expanded = ufl.algorithms.expand_derivatives(expression)
+        return ufl.replace(expanded, {motion: ufl.zero(9), shift: ufl.zero(9)})
 
-    def moved(expression: Expr) -> Expr:
-        change = ufl.derivative(expression, shift, trial)
-        return still(ufl.algorithms.expand_derivatives(change))
-
+    by_motion = ufl.diff(y.d, motion)
+    bent = still(ufl.diff(by_motion, shift))
+    by_motion, by_shift = still(by_motion), still(ufl.diff(y.end, shift))
     trace = ufl.variable(still(y.end[6]))
-    turned, slope = moved(y.end[6]), still(y.d[6])
     factors = _factors(Change(y.start[6], trace, ufl.as_ufl(1.0)))
-    first, last = [f.start for f in factors], [f.end for f in factors]
+    first, last, rates = ([v[k] for v in (f.values for f in factors)] for k in range(3))
     # the work is linear in the change of the invariants: eight forces, 8 x 8 second derivatives
     end = ufl.variable(_extend(still(y.end), last))
     d = ufl.variable(ufl.as_vector([ufl.as_ufl(0.0)] * 8))
     twist = _log(Change(_extend(y.start, first), end, d))
     force = ufl.diff(ufl.dot(_stress(fields, constants, twist), twist.d), d)
-    change = _extend(still(y.d), [f.d * slope for f in factors])
-    end_turned = _extend(moved(y.end), [ufl.diff(f, trace) * turned for f in last])
-    change_turned = _extend(
-        moved(y.d),
-        [ufl.diff(f.d, trace) * turned * slope + f.d * moved(y.d[6]) for f in factors],
-    )
-    tangent = ufl.dot(change, ufl.diff(force, end) * end_turned) + ufl.dot(force, change_turned)
-    return BeamEnergyForms(_work(mesh, ufl.dot(force, change)), _work(mesh, tangent), fields)
+    # the same with the trace in the place of both factors, and by small motions
+    change = _extension(rates)
+    own, slopes = change.T * force, [ufl.diff(f, trace) for f in last]
+    steepening = sum(force[6 + k] * ufl.diff(rate, trace) for k, rate in enumerate(rates))
+    last_entry = [[steepening if i == j == 6 else 0.0 for j in range(7)] for i in range(7)]
+    K = change.T * ufl.diff(force, end) * _extension(slopes) + ufl.as_matrix(last_entry)
+    inertial_force = by_motion.T * own
+    inertial_K = by_motion.T * K * by_shift + ufl.dot(own, bent)
+    # and in the axes of the nodes, which turn with them
+    rotations = [_rows(fields["rotation"], 9 * side) for side in range(2)]
+    turned = [R * skew(_part(trial, 6 * side + 3)) for side, R in enumerate(rotations)]
+    work, change_of_axes = _inertial(rotations, test), _inertial(turned, test)
+    tangent = ufl.dot(work, inertial_K * _inertial(rotations, trial))
+    tangent += ufl.dot(inertial_force, change_of_axes)
+    return BeamEnergyForms(_work(mesh, ufl.dot(inertial_force, work)), _work(mesh, tangent), fields)

@@ -9,60 +9,42 @@ c; where the section of a cell is turned against the node, its centre lies at th
 arms they are the balance of angular momentum, too.
 """
 
+import numpy as np
+
 from flexfem._types import FloatArray
 from flexfem.core.nodes.step_kernels import (
     StepNodes,
     add,
     increment_rate,
     mean_turn,
+    momentum_force,
+    momentum_tangent,
     turn,
     turn_back,
     unit,
 )
-from flexfem.kernels.compiled import inlined, subroutine
-from flexfem.kernels.records import Bool1D, Float2D, Float3D, Index2D, Int1D, Record
+from flexfem.kernels.compiled import inlined, kernel, subroutine
+from flexfem.kernels.records import Float1D, Float3D, Index2D, Memory, Record, unpack
 from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
 
-__all__ = ["StepCells", "add_mass_tangent", "mass_force"]
+__all__ = ["StepMasses", "add_mass_forces", "add_mass_tangents"]
 
 
-class StepCells(Record):
-    """Constant data of the cells of beams, and the kernels of ``forms.beam_energy``.
+class StepMasses(Record):
+    """Masses of the cells of beams.
 
     Attributes:
-        force, stiffness: addresses of the kernels.
-        offsets: (10,) where each coefficient of these starts, and their number.
         nodes: (m, 2).
-        turned: (m,) section axes differ from the axes of the nodes.
-        turns: (m, 2, 9) rotations from the sections' axes to those of the nodes; one row where
-            none is turned.
-        constants: (m, 14) relative twist at the start, its change over the last step, length (m)
-            and damping (s).
-        section: (m,) number of the section.
-        sections: (s, 42) inertia per length and stiffness of each section.
+        masses: (m,) kg.
         ends: (m, 2, 16) arm from the centre of the node to that of the end in node axes (m), and
             the lump of half the cell that has rotary inertia alone, see
             ``core.nodes.step_kernels.momentum_force``.
     """
 
-    force: int
-    stiffness: int
-    offsets: Int1D
     nodes: Index2D
-    turned: Bool1D
-    turns: Float3D
-    constants: Float2D
-    section: Int1D
-    sections: Float2D
+    masses: Float1D
     ends: Float3D
-
-
-@inlined
-def _mass(cells: StepCells, c: int) -> float:
-    """Mass of a cell."""
-    mass: float = cells.sections[cells.section[c], 0] * cells.constants[c, 12]
-    return mass
 
 
 @inlined
@@ -82,8 +64,8 @@ def _spin(r0: FloatArray, r1: FloatArray, arm: Triple, h: float) -> Triple:
 
 
 @subroutine
-def mass_force(
-    cells: StepCells, c: int, side: int, nodes: StepNodes, h: float, out: FloatArray
+def _mass_force(
+    cells: StepMasses, c: int, side: int, nodes: StepNodes, h: float, out: FloatArray
 ) -> None:
     """Mean inertia force minus weight at one end of a cell over the step.
 
@@ -96,7 +78,7 @@ def mass_force(
         out: (12,) becomes the force, without and with the weight, in inertial axes, then force and
             moment about the node in its axes at the end.
     """
-    node, other, mass = cells.nodes[c, side], cells.nodes[c, 1 - side], _mass(cells, c)
+    node, other, mass = cells.nodes[c, side], cells.nodes[c, 1 - side], cells.masses[c]
     H0, H1, arm = nodes.frames0[node], nodes.frames[node], triple(cells.ends[c, side], 0)
     own = _speed_change(nodes, node, arm)
     far = _speed_change(nodes, other, triple(cells.ends[c, 1 - side], 0))
@@ -129,11 +111,11 @@ def _own_change(
 
 
 @subroutine
-def add_mass_tangent(
-    cells: StepCells, c: int, a: int, b: int, nodes: StepNodes, h: float, force: FloatArray,
+def _add_mass_tangent(
+    cells: StepMasses, c: int, a: int, b: int, nodes: StepNodes, h: float, force: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the derivative of :func:`mass_force` at end ``a`` along the twist of end ``b``.
+    """Add the derivative of :func:`_mass_force` at end ``a`` along the twist of end ``b``.
 
     ``force`` (12,) is what it wrote for end ``a``, ``out`` (12, 12) the matrix of the cell.
     """
@@ -143,7 +125,7 @@ def add_mass_tangent(
     lever = add(triple(nodes.centres[node], 0), 1.0, arm)
     swing = _spin(nodes.rates0[node], nodes.rates[node], arm, h)
     mean = mean_turn(H0, H1, add(lever, 1.0, swing))
-    share = _mass(cells, c) / (6.0 * h) * (2.0 if a == b else 1.0)
+    share = cells.masses[c] / (6.0 * h) * (2.0 if a == b else 1.0)
     still = dot(centre, centre) + dot(far_arm, far_arm) == 0.0
     for k in range(6):
         if still and a != b and k > 2:
@@ -167,3 +149,42 @@ def add_mass_tangent(
         for i in range(3):
             out[6 * a + i, 6 * b + k] += df[i]
             out[6 * a + 3 + i, 6 * b + k] += dm[i]
+
+
+@kernel
+def add_mass_forces(cells: Memory, nodes: Memory, scale: float) -> None:
+    """Add ``scale`` times the mean inertia forces minus weights to the residual of the nodes.
+
+    Args:
+        cells: ``StepMasses``.
+        nodes: ``StepNodes``.
+        scale: see above.
+    """
+    own, state = unpack(StepMasses, cells), unpack(StepNodes, nodes)
+    residual, h, out = state.residual, 1.0 / state.law[1], np.empty(12)
+    for c in range(own.nodes.shape[0]):
+        for side in range(2):
+            node = own.nodes[c, side]
+            _mass_force(own, c, side, state, h, out)
+            for i in range(6):
+                residual[node, i] += scale * out[6 + i]
+            momentum_force(own.ends[c, side, 3:], state, node, h, out)
+            for i in range(6):
+                residual[node, i] += scale * out[6 + i]
+
+
+@kernel
+def add_mass_tangents(cells: Memory, nodes: Memory, values: FloatArray) -> None:
+    """Add the derivatives of :func:`add_mass_forces` along local twists to ``values`` (m, 144)."""
+    own, state = unpack(StepMasses, cells), unpack(StepNodes, nodes)
+    h, out, lump = 1.0 / state.law[1], np.empty(12), np.empty((6, 6))
+    for c in range(own.nodes.shape[0]):
+        result = values[c].reshape(12, 12)
+        for a in range(2):
+            _mass_force(own, c, a, state, h, out)
+            for b in range(2):
+                _add_mass_tangent(own, c, a, b, state, h, out, result)
+            momentum_tangent(own.ends[c, a, 3:], state, own.nodes[c, a], h, lump)
+            for i in range(6):
+                for j in range(6):
+                    result[6 * a + i, 6 * a + j] += lump[i, j]
