@@ -5,7 +5,8 @@ A kernel is called by address with FFCx's signature: it adds to a tensor what it
 coefficients of one cell, or of ``LANES`` cells side by side. :class:`CellKernel` says where each
 nodal array, the data of the cell and the data of its section go among the coefficients, and
 :class:`Cells` holds them. :func:`add_forces` adds the results to nodes (residuals, actions of a
-tangent), :func:`evaluate` keeps them by cell, and :func:`evaluate_tangents` combines derivatives by
+tangent), :func:`add_entries` to a vector or a matrix of nodes with one number each,
+:func:`evaluate` keeps them by cell, and :func:`evaluate_tangents` combines derivatives by
 configuration, velocity and acceleration to one matrix a cell.
 """
 
@@ -36,6 +37,7 @@ __all__ = [
     "CellKernel",
     "Cells",
     "Nodal",
+    "add_entries",
     "add_forces",
     "cell_kernel",
     "evaluate",
@@ -58,11 +60,11 @@ class Nodal(IntEnum):
     ROTATION = 1
     #: Translation and rotation of a twist, or of its change, in the axes of the node.
     TWIST = 2
+    #: One number, whatever it is.
+    NUMBER = 3
 
 
-_POSITION, _ROTATION = int(Nodal.POSITION), int(Nodal.ROTATION)
-#: First column of each kind in its array, and number of columns.
-_COLUMNS = {Nodal.POSITION: (0, 3), Nodal.ROTATION: (3, 9), Nodal.TWIST: (0, 6)}
+_POSITION, _ROTATION, _NUMBER = int(Nodal.POSITION), int(Nodal.ROTATION), int(Nodal.NUMBER)
 
 
 class CellKernel(Record):
@@ -210,7 +212,9 @@ def _gather(
         values = array_at(nodes, kernel.nodal[g, 1])
         for j in range(cells.nodes.shape[1]):
             node = cells.nodes[c, j]
-            if kind == _POSITION:
+            if kind == _NUMBER:
+                data[at + j, lane] = values[node, 0]
+            elif kind == _POSITION:
                 _put_position(data, at + 3 * j, lane, values[node])
             elif kind == _ROTATION:
                 _put_rotation(data, at + 9 * j, lane, values[node], turned, cells.turns[turn, j])
@@ -303,6 +307,33 @@ def add_forces(
         _evaluate_batch(call, own, nodes, first, held, data, constants, results)
         for lane in range(min(width, count - first)):
             _add_to_nodes(own, first + lane, results, lane, scale, target)
+
+
+@kernel
+def add_entries(
+    kernel: Memory, cells: Memory, nodes: Memory, constants: FloatArray, target: FloatArray
+) -> None:
+    """Add the results of all cells to the entries of their nodes, which have one number each.
+
+    Args:
+        kernel: a :class:`CellKernel` with one result for each of k nodes, or each pair of them.
+        cells: :class:`Cells`.
+        nodes: record of the nodes.
+        constants: of the kernel.
+        target: a vector (n, 1), or a matrix (n, n) for pairs.
+    """
+    call, own = unpack(CellKernel, kernel), unpack(Cells, cells)
+    width, (count, k), paired = call.lanes, own.nodes.shape, target.shape[1] > 1
+    data, results = np.empty((call.coefficients, width)), np.empty((call.size, width))
+    held, columns = np.full(width, -1), call.size // k
+    for first in range(0, count, width):
+        _evaluate_batch(call, own, nodes, first, held, data, constants, results)
+        for lane in range(min(width, count - first)):
+            ends = own.nodes[first + lane]
+            for i in range(k):
+                for j in range(columns):
+                    to = ends[j] if paired else 0
+                    target[ends[i], to] += results[columns * i + j, lane]
 
 
 @kernel

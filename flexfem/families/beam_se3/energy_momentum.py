@@ -2,23 +2,50 @@
 """SE(3) beams of linear material over a step that conserves energy.
 
 The physics is in ``flexfem.forms.beam_energy``; here is its data per cell and the calls of the
-compiled loops.
+driver of kernels.
 """
 
 from mpi4py import MPI
 
 import numpy as np
+import ufl
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.step_kernels import StepNodes
-from flexfem.families.beam_se3.energy_momentum_inertia import StepCells
-from flexfem.families.beam_se3.energy_momentum_loops import add_force, add_tangent, relative_frames
 from flexfem.families.beam_se3.group import BeamGroup
 from flexfem.forms.beam_energy import beam_energy_forms
+from flexfem.kernels.driver import (
+    CellKernel,
+    Nodal,
+    add_forces,
+    cell_kernel,
+    evaluate,
+    plain_cells,
+)
 from flexfem.kernels.ffcx import compile_kernel
-from flexfem.lie import se3
 
 __all__ = ["EnergyBeams"]
+
+#: Nodal data of the forms in the record of the nodes.
+_NODAL = {
+    "position": (Nodal.POSITION, StepNodes.word("frames")),
+    "rotation": (Nodal.ROTATION, StepNodes.word("frames")),
+    "start_position": (Nodal.POSITION, StepNodes.word("frames0")),
+    "start_rotation": (Nodal.ROTATION, StepNodes.word("frames0")),
+    "increments": (Nodal.TWIST, StepNodes.word("increments")),
+    "rates": (Nodal.TWIST, StepNodes.word("rates")),
+    "start_rates": (Nodal.TWIST, StepNodes.word("rates0")),
+    "centres": (Nodal.POSITION, StepNodes.word("centres")),
+}
+#: Columns of the change over the last step in the data of cells.
+_LAST = slice(6, 12)
+#: First column and number of columns of each of these data.
+_OWN = {
+    "relative_twist": (0, 6), "last_change": (6, 6), "length": (12, 1), "damping": (13, 1),
+    "turn": (14, 18),
+}  # fmt: skip
+#: The same of the data of sections.
+_SECTION = {"inertia": (0, 21), "stiffness": (21, 21)}
 
 
 class EnergyBeams:
@@ -32,56 +59,50 @@ class EnergyBeams:
 
     def __init__(self, comm: MPI.Intracomm, beams: BeamGroup, count: int) -> None:
         """Compile the kernels (collective) and prepare the cells at ``count`` nodes."""
-        own = beams.cells
-        constants, ends = np.zeros((len(own.nodes), 14)), np.zeros((len(own.nodes), 2, 16))
-        constants[:, :6], constants[:, 12:] = own.own[:, :6], own.own[:, 6:]
-        arms, rotary = _ends(beams)
+        own, self._beams = beams.cells, beams
+        # one row of turns for all cells if none is turned
+        turns = np.broadcast_to(own.turns.reshape(-1, 2, 3, 3), (len(own.nodes), 2, 3, 3))
+        centres = beams.centres[own.section]
         self.centres = np.zeros((count, 3))
-        self.centres[own.nodes] = beams.centres[own.section][:, np.newaxis]
-        arms -= self.centres[own.nodes]
+        self.centres[own.nodes] = centres[:, np.newaxis]
+        arms = np.einsum("csij,cj->csi", turns, centres) - self.centres[own.nodes]
         self.offset = bool(np.any(np.abs(arms) > 1e-12 * np.abs(beams.centres).max(initial=0.0)))
-        ends[:, :, :3], ends[:, :, 7:] = arms, rotary.reshape(-1, 2, 9)
+        last = np.zeros((len(own.nodes), 6))
+        data = np.column_stack([own.own[:, :6], last, own.own[:, 6:], turns.reshape(-1, 18)])
+        self._cells = plain_cells(data, own.nodes, section=own.section, sections=own.sections)
         forms = beam_energy_forms()
-        coefficients = tuple(forms.coefficients.values())
-        force = compile_kernel(comm, forms.residual, coefficients)
-        stiffness = compile_kernel(comm, forms.tangent, coefficients)
-        self._cells = StepCells(
-            force=force.address, stiffness=stiffness.address, offsets=force.offsets,
-            nodes=own.nodes, turned=own.turned, turns=own.turns, constants=constants,
-            section=own.section, sections=own.sections, ends=ends,
-        )  # fmt: skip
+
+        def compiled(form: ufl.Form, size: int, *, batched: bool = False) -> CellKernel:
+            fields = tuple(forms.coefficients.values())
+            kernel = compile_kernel(comm, form, fields, batched=batched)
+            return cell_kernel(kernel, size, forms.coefficients, _NODAL, _OWN, _SECTION)
+
+        self._force = compiled(forms.residual, 12, batched=True)
+        self._stiffness = compiled(forms.tangent, 144)
 
     def twists(self, frames: FloatArray) -> FloatArray:
         """Relative twists (m, 6) of all cells."""
-        out = np.empty((len(self._cells.nodes), 12))
-        relative_frames(self._cells.memory, frames, out)
-        return se3.log(out)
+        return self._beams.twists(frames)
 
     @property
     def last_change(self) -> FloatArray:
         """Change (m, 6) of the relative twists over the last step; to be written to."""
-        return self._cells.constants[:, 6:12]
+        return self._cells.own[:, _LAST]
 
     def add_force(self, state: StepNodes, scale: float) -> None:
         """Add ``scale`` times the mean force over the step to the residual of the nodes."""
-        add_force(self._cells.memory, state.memory, scale)
+        memories = self._force.memory, self._cells.memory, state.memory
+        add_forces(*memories, _constants(state), scale, state.residual)
 
     def tangent(self, state: StepNodes, scale: float) -> FloatArray:
         """``scale`` times the derivatives (m, 12, 12) along local twists at the end."""
         values = np.empty((len(self._cells.nodes), 144))
-        add_tangent(self._cells.memory, state.memory, scale, values)
+        memories = self._stiffness.memory, self._cells.memory, state.memory
+        evaluate(*memories, _constants(state), values)
+        values *= scale
         return values.reshape(-1, 12, 12)
 
 
-def _ends(beams: BeamGroup) -> tuple[FloatArray, FloatArray]:
-    """Of the ends of all cells, in node axes: mass centre (m, 2, 3), rotary inertia (m, 2, 3, 3).
-
-    The latter is about the centre, and that of half a cell.
-    """
-    own, lengths = beams.cells, beams.lengths
-    cells, turned, turns, sections = own.nodes, own.turned, own.turns, own.section
-    at = np.where(turned, np.arange(len(cells)), 0)
-    Q = turns.reshape(-1, 2, 3, 3)[at]
-    half = 0.5 * lengths[:, np.newaxis, np.newaxis] * beams.rotary[sections]
-    arms = np.einsum("csij,cj->csi", Q, beams.centres[sections])
-    return arms, np.einsum("csij,cjk,cslk->csil", Q, half, Q)
+def _constants(state: StepNodes) -> FloatArray:
+    """Constants of the kernels."""
+    return np.concatenate([state.law, state.gravity])

@@ -129,7 +129,7 @@ class BeamGroup:
         if strains is None:
             return cells
         own = cells.own.copy()
-        own[:, :6] = self._strain(block.frames)[0] - strains
+        own[:, :6] = self.twists(block.frames) - strains
         return Cells(
             nodes=cells.nodes, turned=cells.turned, turns=cells.turns, own=own,
             section=cells.section, sections=cells.sections, corners=cells.corners,
@@ -176,7 +176,7 @@ class BeamGroup:
         leave no membrane stress of second order in the tangent (Magisano, Leonetti, Garcea, Int.
         J. Numer. Methods Eng. 109 (2017) 1237-1262).
         """
-        twists = self._strain(frames)[0]
+        twists = self.twists(frames)
         back = np.swapaxes(self._turns.reshape(-1, 2, 3, 3), -1, -2)
         halves = steps[self.data.cells].reshape(-1, 2, 2, 3)
         turned = (back[:, :, np.newaxis] @ halves[..., np.newaxis]).reshape(-1, 2, 6)
@@ -190,13 +190,19 @@ class BeamGroup:
         """True if the material of the cells is viscous: it resists the rate of strain."""
         return self._material.viscous
 
+    def twists(self, frames: FloatArray, at: IntArray | None = None) -> FloatArray:
+        """Relative twists (m, 6) of both ends of the given cells, all by default."""
+        at = self._every if at is None else at
+        twists = np.empty((len(at), 6))
+        cell_twists(self.cells.memory, at, frames, twists)
+        return twists
+
     def _strain(
         self, frames: FloatArray, at: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Relative twists and strains (m, 6) of the given cells, all by default."""
         at = self._every if at is None else at
-        twists = np.empty((len(at), 6))
-        cell_twists(self.cells.memory, at, frames, twists)
+        twists = self.twists(frames, at)
         return twists, (twists - self._twists[at]) / self.lengths[at, np.newaxis]
 
     def stretches(self, frames: FloatArray) -> FloatArray:

@@ -6,15 +6,14 @@ from copy import copy
 from functools import cache
 from typing import Any
 
-from mpi4py import MPI
-
 import basix.ufl
 import numpy as np
 import ufl
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.kernels.ffcx import Kernel, compile_kernel
-from flexfem.research.formalisms import loops
+from flexfem.kernels.driver import CellKernel, add_entries, evaluate, plain_cells
+from flexfem.kernels.records import Memory
+from flexfem.research.formalisms.coordinates import Coordinates, coordinate_kernel
 from flexfem.research.formalisms.derivation import BodyEnergies, kernel_parts
 from flexfem.research.formalisms.description.frames import Frame
 from flexfem.research.formalisms.description.joints import AppliedForce, Constraint, EndState
@@ -37,13 +36,13 @@ _ENERGIES: dict[tuple[Any, ...], BodyEnergies] = {}
 
 
 @cache
-def _body_kernels(energies_id: int, name: str) -> list[tuple[Kernel, tuple[str, ...]]]:
+def _body_kernels(energies_id: int, name: str) -> list[tuple[CellKernel, tuple[str, ...]]]:
     """Kernels of a form of some energies, and the names of their constants in their order."""
     energies = next(e for e in _ENERGIES.values() if id(e) == energies_id)
     names = {constant: name for name, constant in energies.constants.items()}
     return [
         (
-            compile_kernel(MPI.COMM_WORLD, part, energies.fields),
+            coordinate_kernel(part, energies.fields),
             tuple(names[constant] for constant in part.constants()),
         )
         for part in kernel_parts(getattr(energies, name))
@@ -64,59 +63,69 @@ class CompiledBody:
         numbers: Mapping[str, float], gravity: FloatArray,
     ) -> None:  # fmt: skip
         """Note connectivity and numbers; kernels are compiled when first used."""
-        self.energies, self.entries, self.points = energies, entries, points
+        self.energies = energies
+        self._connect(entries, points)
         self._numbers = {name: np.array([value]) for name, value in numbers.items()}
         axes = energies.constants["gravity"].ufl_shape[0]
         self._numbers["gravity"] = gravity[:axes].copy()
-        self._calls: dict[str, list[tuple[tuple[Any, ...], FloatArray]]] = {}
+        self._calls: dict[str, list[tuple[Memory, FloatArray, FloatArray]]] = {}
+
+    def _connect(self, entries: IntArray, points: FloatArray) -> None:
+        """Take cells."""
+        self.entries, self.points = entries, points
+        nothing = np.empty((len(entries), 0))
+        self._cells = plain_cells(nothing, entries.astype(np.int32), np.ascontiguousarray(points))
 
     def tiled(self, count: int) -> "CompiledBody":
         """The same with its cells repeated up to a number, for timings of kernels."""
         times = -(-count // len(self.entries))
         other = copy(self)
-        other.entries = np.tile(self.entries, (times, 1))[:count]
-        other.points = np.tile(self.points, (times, 1))[:count]
-        other._calls = {}
+        other._connect(
+            np.tile(self.entries, (times, 1))[:count], np.tile(self.points, (times, 1))[:count]
+        )
         return other
 
-    def _call(self, name: str, weights: Sequence[float]) -> list[tuple[Any, ...]]:
-        """Return arguments of loops over cells, before the fields, for each kernel of a form."""
+    def _call(
+        self, name: str, weights: Sequence[float]
+    ) -> list[tuple[Memory, FloatArray, FloatArray]]:
+        """Kernels of a form, their constants, and the weights' place among these."""
         if name not in self._calls:
             kernels = _body_kernels(id(self.energies), name)
-            self._calls[name] = [self._data(*pair) for pair in kernels]
+            self._calls[name] = [
+                (kernel.memory, *self._constants(names)) for kernel, names in kernels
+            ]
         if weights:
-            for _, room in self._calls[name]:
+            for _, _, room in self._calls[name]:
                 room[:] = 0.0
                 room[: len(weights)] = weights
-        return [data for data, _ in self._calls[name]]
+        return self._calls[name]
 
-    def _data(self, kernel: Kernel, names: tuple[str, ...]) -> tuple[tuple[Any, ...], FloatArray]:
-        """Return the arguments of a loop before the fields, and the weights' place among them."""
+    def _constants(self, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
         numbers = self._numbers | {"weights": np.zeros(4)}
         constants = np.concatenate([*(numbers[n] for n in names), np.zeros(4)])
         before = names[: names.index("weights")] if "weights" in names else names
         at = sum(len(numbers[n]) for n in before)  # behind all constants if there are no weights
-        data = (kernel.address, kernel.offsets, self.entries, self.points, constants)
-        return data, constants[at : at + 4]
+        return constants, constants[at : at + 4]
 
-    def add_vector(self, name: str, fields: FloatArray, out: FloatArray) -> None:
-        """Add the vector of a form, for example "lagrange", to ``out`` (n + 1)."""
-        for data in self._call(name, ()):
-            loops.add_vector(*data, fields, out)  # type: ignore[call-arg]
+    def add(self, name: str, weights: Sequence[float], state: Coordinates, out: FloatArray) -> None:
+        """Add the vector or the matrix of a form, for example "lagrange", with these weights.
 
-    def add_matrix(
-        self, name: str, weights: Sequence[float], fields: FloatArray, out: FloatArray
-    ) -> None:
-        """Add the matrix of a form with these weights to ``out`` (n + 1, n + 1)."""
-        for data in self._call(name, weights):
-            loops.add_matrix(*data, fields, out)  # type: ignore[call-arg]
+        Args:
+            name: of the form.
+            weights: of its parts, none for all alike.
+            state: of the mechanism.
+            out: (n + 1, 1) for a vector, (n + 1, n + 1) for a matrix.
+        """
+        for kernel, constants, _ in self._call(name, weights):
+            add_entries(kernel, self._cells.memory, state.memory, constants, out)
 
-    def value(self, name: str, weights: Sequence[float], fields: FloatArray) -> float:
+    def value(self, name: str, weights: Sequence[float], state: Coordinates) -> float:
         """Value of a form without arguments."""
-        total = 0.0
-        for data in self._call(name, weights):
-            total += loops.evaluate(*data, fields, 1)[0]  # type: ignore[call-arg]
-        return float(total)
+        total, values = 0.0, np.empty((len(self.entries), 1))
+        for kernel, constants, _ in self._call(name, weights):
+            evaluate(kernel, self._cells.memory, state.memory, constants, values)
+            total += float(values.sum())
+        return total
 
 
 class CompiledJoint:
@@ -146,6 +155,7 @@ class CompiledJoint:
             ValueError: the function does not return numbers.
         """
         self.entries = entries
+        self._cell = plain_cells(np.empty((1, 0)), entries[np.newaxis].astype(np.int32))
         free = entries[entries != held]
         self.distinct = len(np.unique(free)) == len(free)
         cell = basix.ufl.element("Lagrange", "interval", 1, shape=(1,))
@@ -181,52 +191,47 @@ class CompiledJoint:
             "stiffness": _D(_D(work, z, own), z, change),
         }
 
-    def _compile(self, form: ufl.Form) -> tuple[Any, ...] | None:
-        """Return a form's evaluator and multipliers among its constants; None if it vanishes."""
+    def _compile(self, form: ufl.Form) -> tuple[CellKernel, FloatArray, FloatArray] | None:
+        """A form's kernel, its constants and the multipliers among these; None if it vanishes."""
         if ufl.algorithms.expand_derivatives(form).empty():
             return None
-        kernel = compile_kernel(MPI.COMM_WORLD, form, (self._z, self._zd))
         constants, at = np.zeros(1), 0
         numbers = self._numbers | {self._multipliers: np.zeros(self.count)}
         for c in form.constants():
             at = len(constants) - 1 if c is self._multipliers else at
             constants = np.concatenate([constants[:-1], numbers[c], [0.0]])
-        data = (kernel.address, kernel.offsets, self.entries[None], _UNIT, constants)
-        return kernel, data, constants[at : at + self.count]
+        kernel = coordinate_kernel(form, (self._z, self._zd))
+        return kernel, constants, constants[at : at + self.count]
 
     def _evaluate(
-        self, name: str, fields: FloatArray, size: int, multipliers: FloatArray | None = None
+        self, name: str, state: Coordinates, size: int, multipliers: FloatArray | None = None
     ) -> FloatArray:
-        compiled = self._kernels[name]
-        if compiled is None:
-            return np.zeros(size)
-        _, data, room = compiled
-        if multipliers is not None:
-            room[:] = multipliers
-        result: FloatArray = loops.evaluate(*data, fields, size)  # type: ignore[call-arg]
+        result, compiled = np.zeros(size), self._kernels[name]
+        if compiled is not None:
+            kernel, constants, room = compiled
+            if multipliers is not None:
+                room[:] = multipliers
+            values = result.reshape(1, size)
+            evaluate(kernel.memory, self._cell.memory, state.memory, constants, values)
         return result
 
-    def values(self, fields: FloatArray) -> FloatArray:
+    def values(self, state: Coordinates) -> FloatArray:
         """The numbers (count)."""
-        return self._evaluate("values", fields, self.count)
+        return self._evaluate("values", state, self.count)
 
-    def jacobian(self, fields: FloatArray) -> FloatArray:
+    def jacobian(self, state: Coordinates) -> FloatArray:
         """Their derivatives (count, k)."""
         k = len(self.entries)
-        return self._evaluate("jacobian", fields, self.count * k).reshape(self.count, k)
+        return self._evaluate("jacobian", state, self.count * k).reshape(self.count, k)
 
-    def bias(self, fields: FloatArray) -> FloatArray:
+    def bias(self, state: Coordinates) -> FloatArray:
         """Their second time derivatives (count) without accelerations."""
-        return self._evaluate("bias", fields, self.count)
+        return self._evaluate("bias", state, self.count)
 
-    def stiffness(self, fields: FloatArray, multipliers: FloatArray) -> FloatArray:
+    def stiffness(self, state: Coordinates, multipliers: FloatArray) -> FloatArray:
         """Derivative (k, k) of the Jacobian's transpose times given multipliers."""
         k = len(self.entries)
-        return self._evaluate("stiffness", fields, k * k, multipliers).reshape(k, k)
-
-
-#: Corners of a cell of unit length.
-_UNIT = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+        return self._evaluate("stiffness", state, k * k, multipliers).reshape(k, k)
 
 
 def _states(

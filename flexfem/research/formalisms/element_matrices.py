@@ -24,17 +24,15 @@ equations of motion then have.
 from dataclasses import dataclass, fields
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 import ufl
 
 from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.kernels.ffcx import Kernel, compile_kernel
-from flexfem.research.formalisms import loops
+from flexfem.kernels.driver import CellKernel, add_entries, plain_cells
 from flexfem.research.formalisms.compiled import energies_of
+from flexfem.research.formalisms.coordinates import Coordinates, coordinate_kernel
 from flexfem.research.formalisms.derivation import BodyEnergies
 from flexfem.research.formalisms.description.mechanism import EnergyBody
 from flexfem.research.formalisms.nodes import BodyNodes
@@ -87,10 +85,10 @@ _ROWS = ("m_origin", "points")
 
 
 #: Kernels and the names of their constants, by the identity of energies, which live on.
-_KERNELS: dict[int, list[tuple[Kernel, tuple[str, ...]]]] = {}
+_KERNELS: dict[int, list[tuple[CellKernel, tuple[str, ...]]]] = {}
 
 
-def _kernels(energies: BodyEnergies) -> list[tuple[Kernel, tuple[str, ...]]]:
+def _kernels(energies: BodyEnergies) -> list[tuple[CellKernel, tuple[str, ...]]]:
     """Kernels of the inertia's matrix, of its vector and of the stiffness (collective).
 
     The matrix is sum W_ij rho N_i N_j and the vector sum W_ij rho N_i a_j + w_i rho N_i, with W and
@@ -119,8 +117,7 @@ def _kernels(energies: BodyEnergies) -> list[tuple[Kernel, tuple[str, ...]]]:
     names = {c: name for name, c in energies.constants.items()}
     names |= {weights: "weights", of_origin: "of_origin"}
     _KERNELS[id(energies)] = [
-        (compile_kernel(MPI.COMM_WORLD, form, (u,)), tuple(names[c] for c in form.constants()))
-        for form in forms
+        (coordinate_kernel(form, (u,)), tuple(names[c] for c in form.constants())) for form in forms
     ]
     return _KERNELS[id(energies)]
 
@@ -186,22 +183,18 @@ class InertiaIntegrals:
         matrix, vector, stiffness = _kernels(energies_of(body.matter, body.frame))
         n = len(self.points)
         numbers = {name: np.array([value]) for name, value in body.matter.parameters.items()}
-        undeformed = np.zeros((1, n + 1))
+        undeformed, nothing = Coordinates.zeros(n), np.empty((len(entries), 0))
+        cells = plain_cells(nothing, entries.astype(np.int32), np.ascontiguousarray(points))
 
         def sum_up(
-            compiled: tuple[Kernel, tuple[str, ...]], W: FloatArray, w: FloatArray
+            compiled: tuple[CellKernel, tuple[str, ...]], W: FloatArray, w: FloatArray
         ) -> FloatArray:
             kernel, names = compiled
             given = numbers | {"weights": W.ravel(), "of_origin": w}
             constants = np.concatenate([*(given[name] for name in names), np.zeros(1)])
-            data = (kernel.address, kernel.offsets, entries, points, constants, undeformed)
-            if compiled is vector:
-                out = np.zeros(n + 1)
-                loops.add_vector(*data, out)
-                return out[:-1]
-            square = np.zeros((n + 1, n + 1))
-            loops.add_matrix(*data, square)
-            return square[:-1, :-1]
+            out = np.zeros((n + 1, 1 if compiled is vector else n + 1))
+            add_entries(kernel.memory, cells.memory, undeformed.memory, constants, out)
+            return out[:-1, 0] if compiled is vector else out[:-1, :-1]
 
         unit, none = np.zeros((3, 3)), np.zeros(3)
         self.products: FloatArray = np.empty((3, 3, n, n))

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.research.formalisms.compiled import CompiledBody, CompiledJoint, energies_of
+from flexfem.research.formalisms.coordinates import Coordinates
 from flexfem.research.formalisms.description.joints import (
     AppliedForce,
     Constraint,
@@ -37,7 +38,7 @@ class MechanismEquations:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        """Make the meshes and compile the loops of all formalisms (collective).
+        """Make the meshes and compile what all formalisms need (collective).
 
         Raises:
             ValueError: a mistake in the mechanism.
@@ -65,10 +66,10 @@ class MechanismEquations:
         self._joints = [(j, self._compile_joint(j)) for j in self._all_joints()]
         self._forces = [(f, self._compile_joint(f)) for f in mechanism.forces]
         self.constraints = sum(joint.count for _, joint in self._joints)
-        self._fields = np.zeros((3, self.size + 1))
+        self._state = Coordinates.zeros(self.size)
 
     def _all_joints(self) -> list[Constraint]:
-        """Joints, and constraints of frames: prescribed motions or norms of Euler parameters."""
+        """Joints, and what holds frames: a prescribed motion, or the norm of Euler parameters."""
         held = []
         for body in self.mechanism.bodies:
             end = (End(body.name),)
@@ -101,54 +102,56 @@ class MechanismEquations:
         """Number of cells of all bodies."""
         return sum(len(body.entries) for body in self.bodies)
 
-    def _set(self, *parts: FloatArray) -> FloatArray:
-        """Fields with a zero for fixed entries."""
-        for row, part in zip(self._fields, parts, strict=False):
-            row[:-1] = part
-        return self._fields
+    def _at(self, *parts: FloatArray) -> Coordinates:
+        """The state (q, q', q'') or the first of these."""
+        self._state.put(*parts)
+        return self._state
 
     def vector(self, name: str, *state: FloatArray) -> FloatArray:
         """Vector of a form of the bodies at a state (q, q', q'') or the first of these."""
-        fields, out = self._set(*state), np.zeros(self.size + 1)
-        for body in self.bodies:
-            body.add_vector(name, fields, out)
-        return out[:-1]
+        return self._added(name, (), state, 1)[:-1, 0]
 
     def matrix(self, name: str, weights: Sequence[float], *state: FloatArray) -> FloatArray:
         """Matrix of a form of the bodies with these weights."""
-        fields, out = self._set(*state), np.zeros((self.size + 1, self.size + 1))
+        return self._added(name, weights, state, self.size + 1)[:-1, :-1]
+
+    def _added(
+        self, name: str, weights: Sequence[float], state: Sequence[FloatArray], columns: int
+    ) -> FloatArray:
+        """Vector or matrix of a form of the bodies with the rows of what is held."""
+        fields, out = self._at(*state), np.zeros((self.size + 1, columns))
         for body in self.bodies:
-            body.add_matrix(name, weights, fields, out)
-        return out[:-1, :-1]
+            body.add(name, weights, fields, out)
+        return out
 
     def energy(self, q: FloatArray, qd: FloatArray) -> tuple[float, float]:
         """Kinetic and potential energy."""
-        fields = self._set(q, qd)
+        state = self._at(q, qd)
         parts = ((1.0, 0.0), (0.0, 1.0))
         kinetic, potential = (
-            sum(body.value("energy", part, fields) for body in self.bodies) for part in parts
+            sum(body.value("energy", part, state) for body in self.bodies) for part in parts
         )
         return kinetic, potential
 
     def forces(self, q: FloatArray, t: float) -> FloatArray:
         """Applied forces Q on all coordinates."""
-        fields, out = self._set(q), np.zeros(self.size + 1)
+        state, out = self._at(q), np.zeros(self.size + 1)
         for force, joint in self._forces:
             given = np.broadcast_to(np.asarray(force.force(t), dtype=np.float64), (joint.count,))
-            np.add.at(out, joint.entries, given @ joint.jacobian(fields))
+            np.add.at(out, joint.entries, given @ joint.jacobian(state))
         return out[:-1]
 
     def gaps(self, q: FloatArray, t: float) -> FloatArray:
         """Constraints Phi(q, t), (m,)."""
-        fields = self._set(q)
-        parts = [joint.values(fields) - self._target(c, joint, t)[0] for c, joint in self._joints]
+        state = self._at(q)
+        parts = [joint.values(state) - self._target(c, joint, t)[0] for c, joint in self._joints]
         return np.concatenate([np.zeros(0), *parts])
 
     def jacobian(self, q: FloatArray) -> FloatArray:
         """G = dPhi/dq, (m, n)."""
-        fields, out, row = self._set(q), np.zeros((self.constraints, self.size + 1)), 0
+        state, out, row = self._at(q), np.zeros((self.constraints, self.size + 1)), 0
         for _, joint in self._joints:
-            block, rows = joint.jacobian(fields), slice(row, row + joint.count)
+            block, rows = joint.jacobian(state), slice(row, row + joint.count)
             if joint.distinct:
                 out[rows, joint.entries] = block
             else:  # two ends share a frame
@@ -163,15 +166,15 @@ class MechanismEquations:
 
     def prescribed_accelerations(self, q: FloatArray, qd: FloatArray, t: float) -> FloatArray:
         """Accelerations that the constraints prescribe: G q'' equals them, (m,)."""
-        fields = self._set(q, qd)
-        parts = [self._target(c, joint, t)[2] - joint.bias(fields) for c, joint in self._joints]
+        state = self._at(q, qd)
+        parts = [self._target(c, joint, t)[2] - joint.bias(state) for c, joint in self._joints]
         return np.concatenate([np.zeros(0), *parts])
 
     def add_constraint_stiffness(
         self, q: FloatArray, t: float, multipliers: FloatArray, out: FloatArray
     ) -> None:
         """Add to ``out`` (n, n) the derivative of G^T lambda - Q."""
-        fields, row = self._set(q), 0
+        state, row = self._at(q), 0
         given = []
         for _, joint in self._joints:
             given.append((joint, multipliers[row : row + joint.count]))
@@ -182,7 +185,7 @@ class MechanismEquations:
         for joint, value in given:
             free = joint.entries < self.size
             rows = joint.entries[free]
-            block = joint.stiffness(fields, np.ascontiguousarray(value))[np.ix_(free, free)]
+            block = joint.stiffness(state, np.ascontiguousarray(value))[np.ix_(free, free)]
             np.add.at(out, (rows[:, None], rows[None, :]), block)
 
     def projected(self, q: FloatArray) -> FloatArray:

@@ -13,10 +13,10 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
 from flexfem.research.formalisms.compiled import CompiledBody, energies_of
+from flexfem.research.formalisms.coordinates import Coordinates
 from flexfem.research.formalisms.counting import FORMS, Count, count_form, count_formalism
 from flexfem.research.formalisms.derivation import BodyEnergies
 from flexfem.research.formalisms.description.mechanism import Mechanism
@@ -88,8 +88,8 @@ def energy_rows(study: FormalismStudy, comm: MPI.Comm) -> list[dict[str, Any]]:
     rows = []
     for key, mechanism in study.mechanisms.items():
         model = MechanismEquations(mechanism)
-        body, fields = _cells_at_start(SchemedMotion(model, "lagrange"))
-        calls = {name: partial(body.value, name, (), fields) for name in _ENERGIES}
+        body, state = _cells_at_start(SchemedMotion(model, "lagrange"))
+        calls = {name: partial(body.value, name, (), state) for name in _ENERGIES}
         times = timed_in_turns(calls)
         for name in _ENERGIES:
             count = _count(mechanism, comm, partial(_count_energy, name))
@@ -118,23 +118,23 @@ def _count_energy(name: str, energies: BodyEnergies) -> Count:
     return count_form(getattr(energies, name))
 
 
-def _cells_at_start(motion: SchemedMotion) -> tuple[CompiledBody, FloatArray]:
+def _cells_at_start(motion: SchemedMotion) -> tuple[CompiledBody, Coordinates]:
     """Many cells of the first body, and coordinates with their rates at the start."""
     model = motion.model
     q, v = motion.start()
-    fields = np.zeros((3, model.size + 1))
-    fields[:, :-1] = q, v, accelerations(motion.formalism, model, q, v)
-    return model.bodies[0].tiled(_CELLS), fields
+    state = Coordinates.zeros(model.size)
+    state.put(q, v, accelerations(motion.formalism, model, q, v))
+    return model.bodies[0].tiled(_CELLS), state
 
 
 def _equations(motion: SchemedMotion) -> Callable[[], None]:
     """Evaluation of the kernels of a formalism."""
-    body, fields = _cells_at_start(motion)
-    out = np.zeros(motion.model.size + 1)
+    body, state = _cells_at_start(motion)
+    out = np.zeros((motion.model.size + 1, 1))
 
     def evaluate() -> None:
         for name in FORMS[motion.formalism]:
-            body.add_vector(name, fields, out)
+            body.add(name, (), state, out)
 
     return evaluate
 
