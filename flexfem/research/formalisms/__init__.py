@@ -2,13 +2,13 @@
 """Equations of motion that UFL derives from energies, by four formalisms of mechanics.
 
 Bodies are described in floating frames, ``r_M = r_O + R (r + u)``, with every degree of freedom of
-a DOLFINx mesh as an elastic coordinate. What is written by hand are positions of material points,
-their densities and a strain energy; velocities, accelerations, inertia, gyroscopic and centrifugal
-terms and all Jacobians come out of ``ufl.derivative``.
+a DOLFINx mesh as an elastic coordinate. Written by hand are positions of material points, their
+densities and a strain energy; velocities, accelerations, inertia, gyroscopic and centrifugal terms
+and all Jacobians come out of ``ufl.derivative``.
 
 frames        coordinates of planar and spatial floating frames
-matter        what a body is made of: beams, plane stress, solids
-derivation    energies of a body, and what the four formalisms make of them
+matter        material and elements of a body: beams, plane stress, solids
+derivation    energies of a body, and the equations of the four formalisms
 counting      how large the derived expressions and the generated code are
 study         declaration of a comparison
 joints        constraints and forces between bodies as UFL expressions

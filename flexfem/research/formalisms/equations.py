@@ -69,7 +69,7 @@ class MechanismEquations:
         self._state = Coordinates.zeros(self.size)
 
     def _all_joints(self) -> list[Constraint]:
-        """Joints, and what holds frames: a prescribed motion, or the norm of Euler parameters."""
+        """Joints, and constraints of frames: prescribed motions or norms of Euler parameters."""
         held = []
         for body in self.mechanism.bodies:
             end = (End(body.name),)
