@@ -3,7 +3,9 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -222,20 +224,19 @@ def options(name: str, output: Path | None = None, **more: Any) -> ff.RunOptions
 
 
 @pytest.fixture(scope="module")
-def full() -> dict[tuple[str, str], ff.Outcome]:
-    """Uninterrupted runs."""
-    return {
-        (name, policy): ff.simulate(MODELS[name][0](), options(name, iteration_matrix=policy))
-        for name, policy in RUNS
-    }
+def full() -> Callable[[str, str], ff.Outcome]:
+    """Makes uninterrupted runs of models with a policy, each once."""
+    return cache(
+        lambda name, policy: ff.simulate(MODELS[name][0](), options(name, iteration_matrix=policy))
+    )
 
 
 @pytest.mark.parametrize(("name", "policy"), RUNS)
 def test_restarted_run_repeats_the_history(
-    name: str, policy: str, full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
+    name: str, policy: str, full: Callable[[str, str], ff.Outcome], shared_tmp_path: Path
 ) -> None:
     """Into another folder: the history starts at the checkpoint."""
-    reference = full[name, policy]
+    reference = full(name, policy)
     steps = round(MODELS[name][1]["t_end"] / MODELS[name][1]["dt"])
     stop = 5 * steps // 9
     run = options(name, shared_tmp_path / "a", iteration_matrix=policy)
@@ -260,11 +261,9 @@ def test_restarted_run_repeats_the_history(
     assert reference.summary["restarted_at_step"] is None
 
 
-def test_same_folder_goes_on(
-    full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
-) -> None:
+def test_same_folder_goes_on(full: Callable[[str, str], ff.Outcome], shared_tmp_path: Path) -> None:
     """History and fields are cut at the checkpoint and continued, the two last files are kept."""
-    reference = full["driven", "auto"]
+    reference = full("driven", "auto")
     run = options("driven", shared_tmp_path, checkpoint_every=10)
     ff.simulate(driven(), replace(run, t_end=0.046))  # 23 steps
     COMM.barrier()
@@ -302,10 +301,10 @@ def test_later_end_keeps_the_instants(shared_tmp_path: Path) -> None:
 
 
 def test_restart_of_a_restart(
-    full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
+    full: Callable[[str, str], ff.Outcome], shared_tmp_path: Path
 ) -> None:
     """From checkpoint to checkpoint, one step at a time where the iteration matrix changes."""
-    reference = full["slider_crank", "auto"]
+    reference = full("slider_crank", "auto")
     build, run = MODELS["slider_crank"][0], options("slider_crank", shared_tmp_path)
     stops = [1, 2, 24, 25, 54]
     for before, stop in zip([None, *stops], stops, strict=False):
