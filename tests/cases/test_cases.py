@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -15,6 +14,7 @@ import pytest
 from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.cli import load_case
 from flexfem.io import read_history
+from tests.cases.conftest import RunCases
 from tests.cases.left_results import SUMMARY_KEYS, instants
 
 pytestmark = pytest.mark.serial
@@ -33,18 +33,6 @@ RUNS = {
     3: [("auto", WHOLE), ("auto", SPLIT)],
 }
 
-# Runs files of cases as scripts, one after the other; one argument a run: the file and its options.
-SCRIPTS = """\
-import runpy, sys
-
-for line in sys.argv[1:]:
-    sys.argv = line.split("|")
-    try:
-        runpy.run_path(sys.argv[0], run_name="__main__")
-    except SystemExit as end:
-        if end.code:
-            sys.exit(f"{sys.argv} ended with {end.code}")
-"""
 # Enough elements for a share of each of three ranks.
 MORE = {
     "slider_crank": ["--elements", "5"],
@@ -65,20 +53,14 @@ WARNING = re.compile(
 
 
 @pytest.fixture(scope="module")
-def scripts(
-    run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory
-) -> Callable[[int, list[list[str]]], str]:
-    """Run cases in one process (of each rank): to start one costs more than such a run."""
+def scripts(run_cases: RunCases) -> Callable[[int, list[list[str]]], str]:
+    """Run cases; what they print."""
 
     def start(ranks: int, runs: list[list[str]]) -> str:
-        script = tmp_path_factory.mktemp("scripts") / "scripts.py"
-        script.write_text(SCRIPTS)
-        files = ("|".join([str(ROOT / "cases" / f"{case}.py"), *more]) for case, *more in runs)
-        ended = run(ranks, script, *files, timeout=600)
-        assert ended.returncode == 0, ended.stderr
+        ended = run_cases(ranks, runs)
         warnings = ended.stderr.splitlines()
         assert [line for line in warnings if not WARNING.fullmatch(line)] == []
-        return str(ended.stdout)
+        return ended.stdout
 
     return start
 
