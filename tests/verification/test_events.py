@@ -44,7 +44,7 @@ def _times(outcome) -> np.ndarray:
 
 
 @pytest.mark.parametrize("integrator", SCHEMES)
-@pytest.mark.parametrize("policy", ["auto", "updated"])
+@pytest.mark.parametrize("policy", ["auto", pytest.param("updated", marks=pytest.mark.serial)])
 def test_bouncing_ball(integrator, policy):
     for dt in (0.05, 0.03):
         options = RunOptions(
@@ -249,6 +249,7 @@ def test_a_function_as_action():
     assert seen == pytest.approx([0.2], abs=2e-9)
 
 
+@pytest.mark.serial
 def test_directions_and_repetition():
     """A pendulum of angular frequency 2 pi / s passes its rest position twice a second."""
     counts = {}
