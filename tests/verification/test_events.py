@@ -188,8 +188,10 @@ def _kick(t: float) -> float:
     return float(np.sin(np.pi * min(max((t - 0.093) / 0.03, 0.0), 1.0)) ** 4)
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("integrator", SCHEMES)
+@pytest.mark.parametrize(
+    "integrator",
+    [pytest.param("generalized_alpha", marks=pytest.mark.three_ranks), "stabilized_index2"],
+)
 def test_any_number_of_ranks_gives_the_same_events(integrator):
     """Error control, an event and a flexible body; each rank alone against all together."""
     options = RunOptions(
