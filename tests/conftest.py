@@ -25,6 +25,8 @@ with contextlib.suppress(ImportError):
 
 # Several processes of tests compile already.
 os.environ.setdefault("FLEXFEM_COMPILE_BESIDE", "0")
+# Ranks of MPICH that tests start poll while they wait; here they leave their core to other tests.
+os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
 
 #: Seconds that a rank on which a test failed waits for the others.
 PATIENCE = 60.0
@@ -32,6 +34,8 @@ PATIENCE = 60.0
 FAILED, MEETING = pytest.StashKey[bool](), pytest.StashKey[Any]()
 #: Modules after the last test, and whether objects of the present file are hidden from the search.
 MODULES, HIDDEN = pytest.StashKey[int](), pytest.StashKey[bool]()
+#: The line of a file all of whose tests need one process.
+FOR_ONE = "\npytestmark = pytest.mark.serial\n"
 LAUNCHED = any(name in os.environ for name in ("PMI_RANK", "PMIX_RANK", "OMPI_COMM_WORLD_RANK"))
 
 
@@ -51,6 +55,19 @@ def command_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(sys, "excepthook", sys.excepthook)
     return tmp_path
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out files without a test for several ranks: to read one is quicker than to import it.
+
+    Half of the files have none, and each rank would import them.
+    """
+    comm = _communicator() if LAUNCHED else None
+    if comm is None or comm.size == 1 or not collection_path.match("test_*.py"):
+        return None
+    text = collection_path.read_text()
+    without = config.option.markexpr == "three_ranks" and "three_ranks" not in text
+    return True if without or FOR_ONE in text else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -4,7 +4,9 @@
 import ast
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from graphlib import TopologicalSorter
+from itertools import groupby
 from pathlib import Path
 
 import pytest
@@ -93,6 +95,16 @@ def part(path: Path) -> str:
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
+#: The files of each part.
+PARTS = {name: list(files) for name, files in groupby(sorted(FILES, key=part), key=part)}
+
+
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    """All nodes of a file, the whole module first; each file is read once."""
+    return tuple(ast.walk(ast.parse(path.read_text())))
+
+
 def imports(tree: ast.AST) -> Iterator[str]:
     """Dotted names of everything imported, also inside functions, but not for type checkers."""
     for node in ast.iter_child_nodes(tree):
@@ -107,36 +119,36 @@ def imports(tree: ast.AST) -> Iterator[str]:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_imports_point_downwards(path: Path) -> None:
+@pytest.mark.parametrize("here", PARTS)
+def test_imports_point_downwards(here: str) -> None:
     """Lower layers never import higher ones; siblings never import each other."""
-    here = part(path)
     if here == "__init__":
         return
     assert here in LEVEL, f"{here} has no place among the layers"
-    forbidden = set() if {path, *path.parents} & set(EXEMPT) else FORBIDDEN.get(here, set())
-    for name in imports(ast.parse(path.read_text())):
-        top, *rest = name.split(".")
-        assert top, f"relative import {name}"
-        assert top not in {"cases", "meshes", "tests", "postprocess"}
-        assert top not in forbidden, name
-        other = rest[0] if top == "flexfem" and rest else here
-        if other in LEVEL and other != here:
-            assert not any({here, other} <= group for group in STRANGERS), name
-            assert LEVEL[other] < LEVEL[here] or LEVEL[here] == 0, f"{name} is not below {here}"
+    for path in PARTS[here]:
+        forbidden = set() if {path, *path.parents} & set(EXEMPT) else FORBIDDEN.get(here, set())
+        for name in imports(nodes_of(path)[0]):
+            top, *rest = name.split(".")
+            assert top, f"{path}: relative import {name}"
+            assert top not in {"cases", "meshes", "tests", "postprocess"}, path
+            assert top not in forbidden, f"{path}: {name}"
+            other = rest[0] if top == "flexfem" and rest else here
+            if other in LEVEL and other != here:
+                assert not any({here, other} <= group for group in STRANGERS), f"{path}: {name}"
+                below = LEVEL[other] < LEVEL[here] or LEVEL[here] == 0
+                assert below, f"{path}: {name} is not below {here}"
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_only_io_opens_files(path: Path) -> None:
+@pytest.mark.parametrize("here", PARTS)
+def test_only_io_opens_files(here: str) -> None:
     """Result files are written in one place."""
-    if part(path) in {"io", "mesh", "_files"}:  # meshes are input, and so is what the last opens
+    if here in {"io", "mesh", "_files"}:  # meshes are input, and so is what the last opens
         return
-    calls = (
-        node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)
-    )
-    names = {ast.unparse(call).split(".")[-1] for call in calls}
-    assert not names & {"open", "write_text", "write_bytes", "savetxt", "savez", "tofile", "File"}
+    opening = {"open", "write_text", "write_bytes", "savetxt", "savez", "tofile", "File"}
+    for path in PARTS[here]:
+        calls = (node.func for node in nodes_of(path) if isinstance(node, ast.Call))
+        assert not opening & {ast.unparse(call).split(".")[-1] for call in calls}, path
 
 
 def dotted(path: Path) -> str:
@@ -144,16 +156,22 @@ def dotted(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
-def imported_modules(path: Path, modules: Mapping[str, Path]) -> set[str]:
-    """Modules of the package that one imports, also inside functions and for type checkers."""
+@cache
+def imported_names(path: Path) -> frozenset[str]:
+    """Dotted names that a file imports, also inside functions and for type checkers."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         if isinstance(node, ast.ImportFrom):
             for name in node.names:
                 found |= {f"{node.module}.{name.name}", str(node.module)}
         elif isinstance(node, ast.Import):
             found |= {name.name for name in node.names}
-    return found & modules.keys()
+    return frozenset(found)
+
+
+def imported_modules(path: Path, modules: Mapping[str, Path]) -> set[str]:
+    """Modules of the package that one imports, also inside functions and for type checkers."""
+    return set(imported_names(path) & modules.keys())
 
 
 @pytest.mark.serial
@@ -271,17 +289,18 @@ def test_modes_set_around_calls_are_seen() -> None:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_modes_are_set_around_calls(path: Path) -> None:
+@pytest.mark.parametrize("here", PARTS)
+def test_no_modes_are_set_around_calls(here: str) -> None:
     """What a call does is said by its arguments."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.FunctionDef):
-            assert set(set_around_calls(node)) <= SET_AROUND_CALLS.keys(), node.name
+    for path in PARTS[here]:
+        for node in nodes_of(path):
+            if isinstance(node, ast.FunctionDef):
+                assert set(set_around_calls(node)) <= SET_AROUND_CALLS.keys(), (path, node.name)
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize("path", sorted((ROOT / "postprocess").glob("*.py")), ids=lambda p: p.name)
 def test_postprocessing_reads_files_only(path: Path) -> None:
     """Figures come from result files, not from the code that made them."""
-    tops = {name.split(".")[0] for name in imports(ast.parse(path.read_text()))}
+    tops = {name.split(".")[0] for name in imports(nodes_of(path)[0])}
     assert not tops & (HEAVY | {"flexfem"})

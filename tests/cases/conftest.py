@@ -5,7 +5,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[2]
 #: Lines about fewer bodies than ranks, and fewer cores.
 IN_VAIN = re.compile(r"^warning: \d+ (of \d+ )?ranks .*\n", re.MULTILINE)
 Run = Callable[..., subprocess.CompletedProcess[str]]
+RunCases = Callable[[int, Sequence[Sequence[object]]], subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture(scope="session")
@@ -66,6 +67,37 @@ def run(environment: dict[str, str], command_line: Callable[..., list[str]]) -> 
             timeout=timeout,
         )
         ended.stderr = IN_VAIN.sub("", ended.stderr)
+        return ended
+
+    return start
+
+
+# Runs files of cases as scripts, one after the other; one argument a run: the file and its options.
+SCRIPTS = """\
+import runpy, sys
+
+for line in sys.argv[1:]:
+    sys.argv = line.split("|")
+    try:
+        runpy.run_path(sys.argv[0], run_name="__main__")
+    except SystemExit as end:
+        if end.code:
+            sys.exit(f"{sys.argv} ended with {end.code}")
+"""
+
+
+@pytest.fixture(scope="session")
+def run_cases(run: Run, tmp_path_factory: pytest.TempPathFactory) -> RunCases:
+    """Run cases in one process (of each rank): to start one costs more than such a run."""
+
+    def start(ranks: int, runs: Sequence[Sequence[object]]) -> subprocess.CompletedProcess[str]:
+        script = tmp_path_factory.mktemp("scripts") / "scripts.py"
+        script.write_text(SCRIPTS)
+        files = (
+            "|".join([str(ROOT / "cases" / f"{case}.py"), *map(str, more)]) for case, *more in runs
+        )
+        ended = run(ranks, script, *files, timeout=600)
+        assert ended.returncode == 0, ended.stderr
         return ended
 
     return start

@@ -5,11 +5,30 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
+# Runs scripts as Python does, with --smoke those that have a command line.
+IN_TURN = """\
+import contextlib, os, runpy, sys, traceback
+
+scripts, path = sys.argv[1:], list(sys.path)
+for script in scripts:
+    folder = os.path.dirname(script)
+    os.chdir(folder)
+    sys.path[:] = [folder, *path]
+    smoke = ["--smoke"] if "ff.main(" in open(script).read() else []
+    sys.argv = [script, *smoke]
+    with open("printed", "w") as stream, contextlib.redirect_stdout(stream):
+        try:
+            runpy.run_path(script, run_name="__main__")
+        except BaseException as error:
+            if not isinstance(error, SystemExit) or error.code:
+                traceback.print_exc(file=stream)
+"""
 NUMBER = re.compile(r"(-?\d+(?:\.\d*)?(?:e-?\d+)?)")
 
 
@@ -32,16 +51,29 @@ def complete_examples(text: str) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
-def assert_runs(text: str, folder: Path) -> None:
-    """Run an example in a folder; every print is followed by a comment with its output."""
-    script = folder / "example.py"
-    script.write_text(text)
+def run_in_turn(texts: Sequence[str], folder: Path) -> list[str]:
+    """What examples print, each a script in a folder of its own, or its traceback.
+
+    One process runs them all: to start one with the package takes longer than most examples.
+    """
+    scripts = []
+    for number, text in enumerate(texts):
+        scripts.append(folder / str(number) / "example.py")
+        scripts[-1].parent.mkdir()
+        scripts[-1].write_text(text)
+    python("-c", IN_TURN, *scripts, folder=folder)
+    return [(script.parent / "printed").read_text() for script in scripts]
+
+
+def assert_printed(text: str, printed: str) -> None:
+    """An example ran; every print of it is followed by a comment with its output."""
+    assert "Traceback" not in printed, printed
     if "ff.main(" in text:
-        assert "results are in" in python(script, "--smoke", folder=folder)
+        assert "results are in" in printed
         return
-    lines = python(script, folder=folder).splitlines()
+    lines = printed.splitlines()
     shown = re.findall(r"^print\(.*\)\n# (.*)$", text, re.MULTILINE)
-    assert len(lines) == len(shown) > 0
+    assert len(lines) == len(shown) > 0, printed
     for line, expected in zip(lines, shown, strict=True):
         assert_alike(line, expected)
 

@@ -2,23 +2,22 @@
 """The documentation names all that there is, and its examples run."""
 
 import re
-from pathlib import Path
 
 import pytest
 
 from flexfem.docs.extensions.topics import PLACES, SOURCES, arguments_of, cases_of, names_of
 from flexfem.docs.pictures import PICTURES
 from flexfem.resources import shipped_files
-from tests.cases.examples import assert_runs, complete_examples
+from tests.cases.examples import assert_printed, complete_examples, run_in_turn
 
 pytestmark = pytest.mark.serial
 
 PAGES = sorted(SOURCES.rglob("*.md"))
-EXAMPLES = [
-    pytest.param(text, id=f"{page.relative_to(SOURCES)}-{number}")
+EXAMPLES = {
+    f"{page.relative_to(SOURCES)}-{number}": text
     for page in PAGES
     for number, text in enumerate(complete_examples(page.read_text()))
-]
+}
 
 
 def test_every_public_name_is_on_one_page() -> None:
@@ -59,6 +58,13 @@ def test_quoted_parts_of_cases_exist() -> None:
                 assert mark.removeprefix(quote).removesuffix(quote) in text, (page.name, mark)
 
 
-@pytest.mark.parametrize("text", EXAMPLES)
-def test_examples_run(text: str, tmp_path: Path) -> None:
-    assert_runs(text, tmp_path)
+@pytest.fixture(scope="module")
+def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What the examples print."""
+    texts = run_in_turn(list(EXAMPLES.values()), tmp_path_factory.mktemp("examples"))
+    return dict(zip(EXAMPLES, texts, strict=True))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_run(name: str, printed: dict[str, str]) -> None:
+    assert_printed(EXAMPLES[name], printed[name])

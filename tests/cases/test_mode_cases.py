@@ -2,6 +2,7 @@
 """Shipped cases of eigenanalysis as a user runs them."""
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,26 +15,33 @@ import pytest
 import flexfem as ff
 from flexfem.cli import command
 from flexfem.io import read_history
+from tests.cases.conftest import RunCases
 
 pytestmark = pytest.mark.serial
 
 ROOT = Path(__file__).parents[2]
+RUNS = {"blade": ["--frames", 4, "--amplitude", 0.1], "campbell": []}
 
 
-@pytest.mark.parametrize("case", ["blade", "campbell"])
-def test_same_table_on_any_number_of_ranks(
-    case: str, run: Callable[..., Any], tmp_path: Path
-) -> None:
+@pytest.fixture(scope="module")
+def folders(run_cases: RunCases, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """Folders of the runs on one, two and three ranks."""
+    made = {ranks: tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2, 3)}
+    for ranks, folder in made.items():
+        common = ["--smoke", "--split-above", 1, "--output"]
+        runs = [[case, *own, *common, folder / case] for case, own in RUNS.items()]
+        assert run_cases(ranks, runs).stderr == ""
+    return made
+
+
+@pytest.mark.parametrize("case", RUNS)
+def test_same_table_on_any_number_of_ranks(case: str, folders: dict[int, Path]) -> None:
     tables = []
-    for ranks in (1, 2, 3):
-        output = tmp_path / f"{case}_{ranks}"
-        file = ROOT / "cases" / f"{case}.py"
-        ended = run(ranks, file, "--smoke", "--split-above", 1, "--output", output)
-        assert (ended.returncode, ended.stderr) == (0, "")
-        summary = json.loads((output / "summary.json").read_text())
+    for ranks, folder in folders.items():
+        summary = json.loads((folder / case / "summary.json").read_text())
         assert (summary["case"], summary["ranks"], summary["status"]) == (case, ranks, "ok")
         assert summary["results"]
-        tables.append(read_history(output / "history.csv"))
+        tables.append(read_history(folder / case / "history.csv"))
     for table in tables[1:]:
         assert list(table) == list(tables[0])
         for column, values in tables[0].items():
@@ -43,13 +51,11 @@ def test_same_table_on_any_number_of_ranks(
             np.testing.assert_allclose(table[column], values, rtol=0, atol=bound, err_msg=column)
 
 
-def test_modes_are_animated_over_one_period(run: Callable[..., Any], tmp_path: Path) -> None:
-    arguments = ("--smoke", "--frames", 4, "--amplitude", 0.1, "--output", tmp_path)
-    ended = run(2, ROOT / "cases" / "blade.py", *arguments)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    table = read_history(tmp_path / "history.csv")
+def test_modes_are_animated_over_one_period(folders: dict[int, Path]) -> None:
+    folder = folders[2] / "blade"
+    table = read_history(folder / "history.csv")
     for number, frequency in zip(table["t"], table["frequency"], strict=True):
-        text = (tmp_path / f"mode_{int(number):02d}" / "beams.pvd").read_text()
+        text = (folder / f"mode_{int(number):02d}" / "beams.pvd").read_text()
         times = [float(part.split('"')[0]) for part in text.split('timestep="')[1:]]
         # quarters of the period; whole periods or Hz for rad/s would be off by factors
         np.testing.assert_allclose(times, np.arange(4) / (4 * frequency), rtol=1e-6)
@@ -83,10 +89,9 @@ def test_speeds_before_one_without_an_equilibrium(
     assert read_history(command_folder / "results" / "history.csv")["t"].tolist() == [0.0, 25.0]
 
 
-def test_diagram_is_drawn_from_files_alone(run: Callable[..., Any], tmp_path: Path) -> None:
+def test_diagram_is_drawn_from_files_alone(folders: dict[int, Path], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    ended = run(1, ROOT / "cases" / "campbell.py", "--smoke", "--quiet", "--output", tmp_path)
-    assert ended.returncode == 0
+    shutil.copytree(folders[1] / "campbell", tmp_path, dirs_exist_ok=True)
     program = [sys.executable, ROOT / "postprocess" / "plot_campbell.py", tmp_path]
     for axes in ("fixed", "turning"):
         picture = tmp_path / f"{axes}.png"

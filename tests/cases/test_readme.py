@@ -8,7 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem import research
-from tests.cases.examples import assert_runs, complete_examples, python
+from tests.cases.examples import assert_printed, complete_examples, python, run_in_turn
 
 pytestmark = pytest.mark.serial
 
@@ -18,9 +18,10 @@ README = (ROOT / "README.md").read_text()
 EXAMPLES = complete_examples(README)
 
 
-@pytest.mark.parametrize("number", range(len(EXAMPLES)))
-def test_examples_run(number: int, tmp_path: Path) -> None:
-    assert_runs(EXAMPLES[number], tmp_path)
+def test_examples_run(tmp_path: Path) -> None:
+    assert EXAMPLES
+    for text, printed in zip(EXAMPLES, run_in_turn(EXAMPLES, tmp_path), strict=True):
+        assert_printed(text, printed)
 
 
 def test_all_cases_are_listed() -> None:

@@ -16,7 +16,7 @@ __all__ = ["FORGERIES", "HEADERS", "each_kind", "endless", "forge", "seal"]
 _BLOCK = 512
 
 
-def each_kind(kinds: Iterable[str], *on_ranks: str) -> list[Any]:
+def each_kind[T](kinds: Iterable[T], *on_ranks: T) -> list[Any]:
     """Parameters of a test of all kinds on one process, and of the named ones on three ranks, too.
 
     What one rank refuses it refuses for all, so that one kind of each way to do so is enough.

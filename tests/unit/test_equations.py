@@ -143,7 +143,9 @@ def test_linear_equations_are_solved_to_second_order_with_one_iteration_a_step()
         assert errors[1] < 2e-3
 
 
-@pytest.mark.parametrize("matrix", ["auto", "frozen", "updated"])
+@pytest.mark.parametrize(
+    "matrix", ["auto", pytest.param("frozen", marks=pytest.mark.serial), "updated"]
+)
 def test_constraints_hold_and_multipliers_are_those_of_the_pendulum(matrix: str) -> None:
     out = run(
         lambda: Pendulum(sparse=matrix == "auto"), dt=2e-3, t_end=1.5, iteration_matrix=matrix,

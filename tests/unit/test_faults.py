@@ -117,6 +117,8 @@ LINES = {
     "action": 'Event "passes": act (…): ValueError: two lines',
     "probe": 'Probe "own": function must return 2 numbers, got shape (1,), from shown (…)',
 }
+#: Tried on three ranks as well: a load, a law that is sampled, an action, and a probe.
+ON_THREE = ("amplitude", "sampled", "action", "probe")
 
 
 def assert_told(line: str, what: str) -> None:
@@ -135,8 +137,13 @@ def options(folder: Path | None, **more: Any) -> ff.RunOptions:
     return ff.RunOptions(**given | more)
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("what", LINES)
+@pytest.mark.parametrize(
+    "what",
+    [
+        pytest.param(what, marks=[pytest.mark.three_ranks] if what in ON_THREE else [])
+        for what in LINES
+    ],
+)
 @pytest.mark.parametrize("only", [EVERY, LAST], ids=["everywhere", "on one rank"])
 def test_a_function_fails_during_the_run(
     what: str, only: int | None, shared_tmp_path: Path

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import pyvista
 import ufl
 
 import flexfem as ff
@@ -95,6 +94,8 @@ def stretched(x: Any, X: Any, p: Any) -> Any:
 @pytest.mark.parametrize("kind", ["se3", "nurbs", "rotation_free", "director", "ufl", "rigid"])
 def test_written_velocities_are_those_of_one_rigid_motion(kind: str, tmp_path: Path) -> None:
     """Every point of ParaView's files at x moves with ``velocity + angular_velocity x x``."""
+    import pyvista  # its plotting, which pytest would load with the name of a module, takes seconds
+
     if kind in ("se3", "nurbs"):
         model, body = rod("body", kind)
     elif kind in ("rotation_free", "director"):

@@ -3,7 +3,9 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,9 @@ from flexfem.cli import load_case
 from flexfem.io import read_history
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.simulation.motion.stepping import Simulation
+from tests.unit.forged import each_kind
 
 COMM = MPI.COMM_WORLD
-POLICIES = ("auto", "frozen", "updated")
 
 
 def driven() -> ff.Model:
@@ -200,6 +202,16 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "energy": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "energy_momentum"}),
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }
+#: What is kept of the iteration matrix, "auto" as "frozen", is the same for all models but that of
+#: steps of other sizes and of rows that come and go.
+RUNS = [
+    *((name, "auto") for name in MODELS),
+    *(("bouncing", policy) for policy in ("frozen", "updated")),
+    *(
+        pytest.param("slider_crank", policy, marks=pytest.mark.serial)
+        for policy in ("frozen", "updated")
+    ),
+]
 
 
 def close(one: dict[str, np.ndarray], other: dict[str, np.ndarray], tolerance: float) -> None:
@@ -217,22 +229,19 @@ def options(name: str, output: Path | None = None, **more: Any) -> ff.RunOptions
 
 
 @pytest.fixture(scope="module")
-def full() -> dict[tuple[str, str], ff.Outcome]:
-    """Uninterrupted runs."""
-    return {
-        (name, policy): ff.simulate(build(), options(name, iteration_matrix=policy))
-        for name, (build, _) in MODELS.items()
-        for policy in POLICIES
-    }
+def full() -> Callable[[str, str], ff.Outcome]:
+    """Makes uninterrupted runs of models with a policy, each once."""
+    return cache(
+        lambda name, policy: ff.simulate(MODELS[name][0](), options(name, iteration_matrix=policy))
+    )
 
 
-@pytest.mark.parametrize("policy", POLICIES)
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize(("name", "policy"), RUNS)
 def test_restarted_run_repeats_the_history(
-    name: str, policy: str, full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
+    name: str, policy: str, full: Callable[[str, str], ff.Outcome], shared_tmp_path: Path
 ) -> None:
     """Into another folder: the history starts at the checkpoint."""
-    reference = full[name, policy]
+    reference = full(name, policy)
     steps = round(MODELS[name][1]["t_end"] / MODELS[name][1]["dt"])
     stop = 5 * steps // 9
     run = options(name, shared_tmp_path / "a", iteration_matrix=policy)
@@ -257,11 +266,9 @@ def test_restarted_run_repeats_the_history(
     assert reference.summary["restarted_at_step"] is None
 
 
-def test_same_folder_goes_on(
-    full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
-) -> None:
+def test_same_folder_goes_on(full: Callable[[str, str], ff.Outcome], shared_tmp_path: Path) -> None:
     """History and fields are cut at the checkpoint and continued, the two last files are kept."""
-    reference = full["driven", "auto"]
+    reference = full("driven", "auto")
     run = options("driven", shared_tmp_path, checkpoint_every=10)
     ff.simulate(driven(), replace(run, t_end=0.046))  # 23 steps
     COMM.barrier()
@@ -299,10 +306,10 @@ def test_later_end_keeps_the_instants(shared_tmp_path: Path) -> None:
 
 
 def test_restart_of_a_restart(
-    full: dict[tuple[str, str], ff.Outcome], shared_tmp_path: Path
+    full: Callable[[str, str], ff.Outcome], shared_tmp_path: Path
 ) -> None:
     """From checkpoint to checkpoint, one step at a time where the iteration matrix changes."""
-    reference = full["slider_crank", "auto"]
+    reference = full("slider_crank", "auto")
     build, run = MODELS["slider_crank"][0], options("slider_crank", shared_tmp_path)
     stops = [1, 2, 24, 25, 54]
     for before, stop in zip([None, *stops], stops, strict=False):
@@ -445,7 +452,7 @@ OTHERS: dict[str, tuple[Any, dict[str, Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("what", OTHERS)
+@pytest.mark.parametrize("what", each_kind(OTHERS, "length", "step", "version"))
 def test_checkpoint_of_something_else_is_refused(
     what: str, shared_tmp_path: Path, monkeypatch: Any
 ) -> None:
@@ -478,7 +485,7 @@ def test_last_digits_of_a_model_do_not_count(shared_tmp_path: Path) -> None:
 def test_iteration_matrix_and_tolerance_may_change(shared_tmp_path: Path) -> None:
     run = options("driven", shared_tmp_path, checkpoint_every=9, t_end=0.018, tolerance=1e-9)
     ff.simulate(driven(), run)
-    for policy in POLICIES:
+    for policy in ("auto", "frozen", "updated"):
         COMM.barrier()
         file = max(shared_tmp_path.glob("checkpoint*"))
         COMM.barrier()

@@ -48,29 +48,34 @@ def torsion(outline: object, holes: object = (), *, size: float, degree: int = 2
 # --- torsion -------------------------------------------------------------------------------------
 
 
+@pytest.mark.serial
 def test_torsion_of_the_square() -> None:
     """Timoshenko, Goodier (1970), section 109."""
     assert torsion(rectangle(0.1, 0.1), size=0.015) == pytest.approx(0.140577e-4, rel=5e-4)
 
 
+@pytest.mark.serial
 def test_torsion_of_an_equilateral_triangle() -> None:
     """Saint-Venant: sqrt(3) a^4 / 80, with a cubic warping."""
     outline = [[0.0, 0.0], [1.0, 0.0], [0.5, 0.5 * sqrt(3.0)]]
     assert torsion(outline, size=0.2, degree=3) == pytest.approx(sqrt(3.0) / 80.0, rel=1e-9)
 
 
+@pytest.mark.serial
 def test_torsion_of_an_ellipse() -> None:
     """Pi a^3 b^3 / (a^2 + b^2)."""
     found = torsion(round_points(2.0, 1.0, 160), size=0.2)
     assert found == pytest.approx(pi * 8.0 / 5.0, rel=1e-3)
 
 
+@pytest.mark.serial
 def test_torsion_of_a_thick_tube() -> None:
     """The polar moment."""
     found = torsion(round_points(1.0, 1.0, 120), [round_points(0.6, 0.6, 120)], size=0.08)
     assert found == pytest.approx(0.5 * pi * (1.0 - 0.6**4), rel=2e-3)
 
 
+@pytest.mark.serial
 def test_torsion_of_a_thin_box_and_of_a_slit_one() -> None:
     """Bredt's closed wall, and the open one that is weaker by (t/a)^2."""
     wall, middle = 0.02, 1.0
@@ -97,6 +102,7 @@ def test_torsion_of_a_thin_box_and_of_a_slit_one() -> None:
         (0.5, 0.25, 0.7961), (0.25, 0.25, 0.6308), (1.0, 0.49999, 0.8228), (0.5, 0.49999, 0.7375),
     ],
 )  # fmt: skip
+@pytest.mark.serial
 def test_shear_factors_of_rectangles(depth: float, nu: float, factor: float) -> None:
     """Gruttmann, Wagner (2001), table of rectangles by ratio of depth to breadth."""
     material = ff.Material(1.0, nu, 1.0)
@@ -105,6 +111,7 @@ def test_shear_factors_of_rectangles(depth: float, nu: float, factor: float) -> 
     assert ours == pytest.approx(factor, abs=1e-4)
 
 
+@pytest.mark.serial
 def test_shear_factor_of_a_circle() -> None:
     """The energy of the exact stresses (Timoshenko, Goodier 1970, section 121)."""
     mesh = ff.SectionMesh.of_outlines(round_points(1.0, 1.0, 100), size=0.15)
@@ -122,6 +129,7 @@ def test_shear_factor_of_a_circle() -> None:
     assert ours == pytest.approx(1.0 / (pi * energy), rel=1e-3)
 
 
+@pytest.mark.serial
 def test_a_channel_is_that_of_the_other_solver() -> None:
     """Saint-Venant's problem by polynomials on a half (`Section.channel`), and by elements here."""
     width, height, web, flange = 0.08, 0.2, 0.01, 0.012
@@ -156,6 +164,7 @@ def couplings(stiffness: np.ndarray) -> list[float]:
     return list(stiffness[rows, columns])
 
 
+@pytest.mark.serial
 def test_a_box_whose_fibres_wind_around_it() -> None:
     """Yu, Hodges, Ho (2012, doi:10.1016/j.ijengsci.2012.03.006), in inches and pounds.
 
@@ -192,6 +201,7 @@ def test_a_box_whose_fibres_wind_around_it() -> None:
     assert np.abs(rest).max() < 1e-6 * 1.437e6
 
 
+@pytest.mark.serial
 def test_a_pipe_of_two_layers() -> None:
     """Two flat walls, two half circles, two layers (Yu, Volovoi, Hodges, Hong 2005).
 
@@ -242,6 +252,7 @@ def test_a_pipe_of_two_layers() -> None:
 # --- several and anisotropic materials -----------------------------------------------------------
 
 
+@pytest.mark.serial
 def test_two_materials_of_one_poisson_ratio() -> None:
     """Extension and bending of composite beams; the tension centre lies in the stiff half."""
     soft, hard = ff.Material(1e9, 0.3, 1000.0), ff.Material(3e9, 0.3, 2000.0)
@@ -256,6 +267,7 @@ def test_two_materials_of_one_poisson_ratio() -> None:
     assert found.mass_centre == pytest.approx([0.0, 0.05 / 3.0], abs=1e-12)
 
 
+@pytest.mark.serial
 def test_fibres_at_an_angle_couple_bending_and_twist() -> None:
     """Lekhnitskii's anisotropic bar: curvature s11 M / I, twist s16 M / (2 I), shear s16 N / A."""
     fibre, width, height = 0.5, 0.1, 0.2
@@ -276,6 +288,7 @@ def test_fibres_at_an_angle_couple_bending_and_twist() -> None:
     assert abs(flexibility[3, 4]) == pytest.approx(abs(s16) / (2 * i22), rel=1e-8)
 
 
+@pytest.mark.serial
 def test_flexibility_is_that_of_a_solid() -> None:
     """The energy in the middle of a solid cantilever of two anisotropic halves, six loads."""
     width, height, length, count = 1.0, 0.8, 12.0, 36
@@ -364,6 +377,7 @@ def solid_flexibility(
 # --- axes, stresses, meshes ----------------------------------------------------------------------
 
 
+@pytest.mark.serial
 def test_axes_may_be_moved_and_turned() -> None:
     mesh = grid(0.1, 0.2, 4, 6)
     materials = {"low": ff.OrientedMaterial(PLY, 0.4, 0.2), "high": STEEL}
@@ -387,6 +401,7 @@ def test_axes_may_be_moved_and_turned() -> None:
     assert stress[:, 0] == pytest.approx(np.full(len(mesh.cells), 50.0), rel=1e-9)
 
 
+@pytest.mark.serial
 def test_stresses_of_bending_and_tension() -> None:
     """Linear in the section, with no other components."""
     mesh = grid(0.1, 0.2, 4, 8)
@@ -400,6 +415,7 @@ def test_stresses_of_bending_and_tension() -> None:
     assert found.warping([0, 0, 0, 1, 0, 0]).shape == (*found.nodes.shape[:1], 3)
 
 
+@pytest.mark.serial
 def test_torsion_converges_from_above() -> None:
     """Displacements of degree two: fourth order, and too stiff."""
     exact = ff.Section.rectangle(0.2, 0.1, STEEL).stiffness[3, 3]
@@ -417,11 +433,13 @@ def test_all_ranks_have_the_same() -> None:
         assert (other == found).all()
 
 
+@pytest.mark.serial
 def test_a_beam_takes_the_section() -> None:
     found = ff.section_properties(grid(0.1, 0.2, 4, 4), STEEL)
     assert found.section.mass_per_length == pytest.approx(7850.0 * 0.02)
 
 
+@pytest.mark.serial
 def test_a_surface_mesh_is_a_section() -> None:
     surface = ff.SurfaceMesh.grid("plate", np.linspace(0, 0.1, 4), np.linspace(0, 0.2, 5))
     mesh = ff.SectionMesh.of_surface(surface)

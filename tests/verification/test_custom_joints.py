@@ -98,7 +98,9 @@ def positions(simulation: Simulation) -> np.ndarray:
     return np.array([merged[key] for key in sorted(merged)])
 
 
-@pytest.mark.parametrize("policy", ["auto", "updated", "frozen"])
+@pytest.mark.parametrize(
+    "policy", ["auto", *(pytest.param(p, marks=pytest.mark.serial) for p in ("updated", "frozen"))]
+)
 def test_functions_move_as_joints_of_the_package_do(policy: str) -> None:
     states = []
     for own in (False, True):

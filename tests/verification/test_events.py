@@ -44,7 +44,7 @@ def _times(outcome) -> np.ndarray:
 
 
 @pytest.mark.parametrize("integrator", SCHEMES)
-@pytest.mark.parametrize("policy", ["auto", "updated"])
+@pytest.mark.parametrize("policy", ["auto", pytest.param("updated", marks=pytest.mark.serial)])
 def test_bouncing_ball(integrator, policy):
     for dt in (0.05, 0.03):
         options = RunOptions(
@@ -188,8 +188,10 @@ def _kick(t: float) -> float:
     return float(np.sin(np.pi * min(max((t - 0.093) / 0.03, 0.0), 1.0)) ** 4)
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("integrator", SCHEMES)
+@pytest.mark.parametrize(
+    "integrator",
+    [pytest.param("generalized_alpha", marks=pytest.mark.three_ranks), "stabilized_index2"],
+)
 def test_any_number_of_ranks_gives_the_same_events(integrator):
     """Error control, an event and a flexible body; each rank alone against all together."""
     options = RunOptions(
@@ -249,6 +251,7 @@ def test_a_function_as_action():
     assert seen == pytest.approx([0.2], abs=2e-9)
 
 
+@pytest.mark.serial
 def test_directions_and_repetition():
     """A pendulum of angular frequency 2 pi / s passes its rest position twice a second."""
     counts = {}

@@ -155,7 +155,9 @@ def test_spatial_slider_crank(integrator):
     assert np.log2(errors[0] / errors[1]).min() >= 1.8
 
 
-@pytest.mark.parametrize("policy", ["auto", "frozen", "updated"])
+@pytest.mark.parametrize(
+    "policy", ["auto", *(pytest.param(p, marks=pytest.mark.serial) for p in ("frozen", "updated"))]
+)
 def test_stabilised_drive_of_a_flexible_arm_keeps_its_rate(policy):
     """Angle and rate of a driven shaft with a beam and a ball on it, at every step."""
     x = np.linspace(0.0, 1.0, 5)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])

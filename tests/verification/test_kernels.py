@@ -62,9 +62,8 @@ def assert_same(found: Any, expected: Any, tolerance: float) -> None:
         )
 
 
-@pytest.mark.three_ranks
 @ELEMENTS
-@pytest.mark.parametrize("law", [False, True])
+@pytest.mark.parametrize("law", [False, pytest.param(True, marks=pytest.mark.three_ranks)])
 def test_motions(element: str, law: bool) -> None:
     options = {"dt": 1e-3, "t_end": 0.04, "tolerance": 1e-11, "quiet": True}
     fast = ff.simulate(flag(element, law=law), ff.RunOptions(**options), comm=MPI.COMM_SELF)

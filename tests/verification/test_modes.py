@@ -122,8 +122,9 @@ def _free_eigenvalues(linearization):
     return np.sort(values.imag[values.imag > 0.0])
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("accuracy", [1e-10, 1e-6, 1e-3])
+@pytest.mark.parametrize(
+    "accuracy", [1e-10, pytest.param(1e-6, marks=pytest.mark.three_ranks), 1e-3]
+)
 def test_soft_blades_have_their_modes_whatever_the_accuracy(accuracy, monkeypatch):
     """Bending far below the stiffest motion: 0, 0 and 22.5 rad/s where the shift hides it."""
     from flexfem.solvers.modal import modes as solver
@@ -204,8 +205,10 @@ def test_modes_that_are_not_good_enough_are_no_success(monkeypatch):
     assert_on_page(lost.status)
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize(("spin", "damping"), [(20.0, 0.0), (20.0, 2e-4), (0.0, 2e-4)])
+@pytest.mark.parametrize(
+    ("spin", "damping"),
+    [(20.0, 0.0), pytest.param(20.0, 2e-4, marks=pytest.mark.three_ranks), (0.0, 2e-4)],
+)
 def test_modes_near_a_target_under_rotation_and_with_damping(spin, damping, monkeypatch):
     from mpi4py import MPI
 
@@ -277,8 +280,7 @@ def test_whirls_are_followed_through_zero_frequency_in_turning_axes(sign):
     assert np.abs(outcome.history["forward_1_damping"]).max() < 1e-9
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("spin", [4.0, -4.0])
+@pytest.mark.parametrize("spin", [pytest.param(4.0, marks=pytest.mark.three_ranks), -4.0])
 def test_spinning_rods_stretch_as_they_should(spin, shared_tmp_path):
     """``r'' + k^2 r = 0, r(0) = 0, r'(L) = 1``, k^2 = spin^2 rho A/EA: r = sin(kx)/(k cos kL)."""
     straight, section = _straight_beam(), ff.Section.general((80.0,) * 3 + (1.0,) * 3, (1.0,) * 6)

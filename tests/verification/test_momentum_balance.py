@@ -146,6 +146,7 @@ MIXED = {
 PUSHED = ("every", "of_arm", "of_bob")
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("element", ff.SHELL_ELEMENTS)
 def test_mixed_mechanism(element):
     """Shell, floating body, sliders, drives and a load: of second order, as a whole and apart."""

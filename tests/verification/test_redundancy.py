@@ -95,7 +95,9 @@ def _energy(simulation: Simulation) -> float:
     return simulation.system.comm.allreduce(total)
 
 
-@pytest.mark.parametrize("policy", POLICIES)
+@pytest.mark.parametrize(
+    "policy", ["auto", *(pytest.param(p, marks=pytest.mark.serial) for p in POLICIES[1:])]
+)
 @pytest.mark.parametrize("name", MODELS)
 def test_least_norm(name, policy):
     """Constraints hold, energy stays, and multipliers are those of the pseudo-inverse."""

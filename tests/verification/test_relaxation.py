@@ -61,8 +61,9 @@ def ends(outcome: ff.Outcome, *columns: str) -> np.ndarray:
 TIP = ("tip_x", "tip_y", "tip_z")
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("damping", ["accelerated", "viscous", "kinetic"])
+@pytest.mark.parametrize(
+    "damping", [pytest.param("accelerated", marks=pytest.mark.three_ranks), "viscous", "kinetic"]
+)
 def test_cantilever_is_that_of_newtons_method(damping: str) -> None:
     static = ff.solve_static(cantilever(), ff.StaticOptions(quiet=True))
     outcome = relax(cantilever(), damping=damping)
@@ -114,7 +115,10 @@ def test_measure_is_the_part_of_the_load_out_of_balance() -> None:
         assert list(outcome.history["t"]) == [0.0, 20.0]
 
 
-@pytest.mark.parametrize("damping", ["accelerated", "viscous", "kinetic"])
+@pytest.mark.parametrize(
+    "damping",
+    ["accelerated", *(pytest.param(d, marks=pytest.mark.serial) for d in ("viscous", "kinetic"))],
+)
 def test_going_on_from_a_checkpoint(damping: str, shared_tmp_path: Path) -> None:
     options = {"damping": damping, "record_every": 10, "every": 1000}
     whole = relax(cantilever(), tolerance=1e-5, step_tolerance=1e-4, **options)

@@ -176,7 +176,12 @@ def _flag() -> ff.Model:
 
 
 @pytest.mark.parametrize(
-    "policy", [pytest.param("auto", marks=pytest.mark.three_ranks), "frozen", "updated"]
+    "policy",
+    [
+        pytest.param("auto", marks=pytest.mark.three_ranks),
+        pytest.param("frozen", marks=pytest.mark.serial),
+        "updated",
+    ],
 )
 def test_split_shells_and_all_policies_move_alike(
     policy: str, monkeypatch: pytest.MonkeyPatch

@@ -71,6 +71,7 @@ def test_members_meet_at_the_hinges():
                     np.testing.assert_allclose(line, (first, last), rtol=0.0, atol=5e-4)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_gravity_unfolds_one_bay(formulation):
     redundant = "least_norm" if formulation == "rigid" else "refuse"
