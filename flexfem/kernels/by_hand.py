@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Cell kernels written by hand: functions that the driver calls by address like those of FFCx.
+
+::
+
+    @by_hand
+    def spring(
+        tensor: FloatArray, coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray
+    ) -> None:
+        tensor[0] += coefficients[0] * (constants[0] - coordinates[0])
+
+    kernel = cell_kernel(spring.kernel([1]), 1, ["stiffness"], {}, {"stiffness": (0, 1)})
+
+The four arrays have one axis, and no length that would mean something: the function knows how much
+there is. It adds to ``tensor`` and reads the others; what it needs as work space are
+coefficients behind those that have data.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import accumulate
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.core.imputils import lower_constant
+from numba.extending import intrinsic, models, register_model, typeof_impl
+from numba.np.arrayobj import make_array, populate_array
+
+from flexfem._types import FloatArray
+from flexfem.kernels.compiled import inlined, inlined_fused, kernel
+from flexfem.kernels.ffcx import Kernel
+
+__all__ = ["ByHand", "by_hand", "by_hand_fused"]
+
+type _CellFunction = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], None]
+
+_ARRAY = types.Array(types.float64, 1, "C")
+_ARGUMENTS = (_ARRAY,) * 4
+
+
+class ByHand:
+    """A kernel written by hand, compiled when its address is first asked for.
+
+    Attributes:
+        part: the function, as a part of compiled loops.
+        lanes: number of cells that one call treats.
+    """
+
+    def __init__(self, function: _CellFunction, inline: Any, lanes: int) -> None:
+        """Compile nothing yet.
+
+        Args:
+            function: of tensor, coefficients, constants and coordinates.
+            inline: decorator of parts of compiled loops.
+            lanes: see above.
+
+        Raises:
+            TypeError: The function is made within another one: what is kept on disk would be that
+                of all functions which are made there.
+        """
+        if "<locals>" in function.__qualname__:
+            raise TypeError(f"{function.__qualname__} is not a function of a module")
+        self.part, self.lanes = inline(function), lanes
+
+        def address() -> int:
+            return _address_of(by_hand)  # type: ignore[call-arg]
+
+        # The loop that knows the address is kept on disk as one of the function's own file, so that
+        # it is compiled anew when this changes; closures would be told apart by process.
+        code = address.__code__.replace(
+            co_filename=function.__code__.co_filename,
+            co_firstlineno=function.__code__.co_firstlineno,
+        )
+        names = {"__name__": function.__module__, "_address_of": _address_of, "by_hand": self}
+        loop = FunctionType(code, names, "address")
+        loop.__module__, loop.__qualname__ = function.__module__, f"{function.__qualname__}.address"
+        self._address = kernel(loop)
+
+    def kernel(self, sizes: Sequence[int]) -> Kernel:
+        """The kernel, as ``compile_kernel`` returns those of forms.
+
+        Args:
+            sizes: of its coefficients in the order in which it expects them, zero for what this
+                kernel has no use for.
+        """
+        ends = np.array([0, *accumulate(sizes)], dtype=np.int64)
+        offsets = np.where(np.array([*sizes, 1]) > 0, ends, -1)
+        return Kernel(self._address(), offsets, self, self.lanes)
+
+
+def by_hand(function: _CellFunction) -> ByHand:
+    """Decorator of kernels of one cell; see the module."""
+    return ByHand(function, inlined, 1)
+
+
+def by_hand_fused(function: _CellFunction) -> ByHand:
+    """The same with products and sums fused to one operation each."""
+    return ByHand(function, inlined_fused, 1)
+
+
+class _KernelType(types.Opaque):
+    """Numba's type of one kernel."""
+
+    def __init__(self, kernel: ByHand) -> None:
+        self.kernel = kernel
+        function = kernel.part.py_func
+        super().__init__(f"ByHand[{function.__module__}.{function.__qualname__}]")
+
+    @property
+    def key(self) -> ByHand:
+        """What tells types apart: numba's own, the name, may be that of two functions."""
+        return self.kernel
+
+
+register_model(_KernelType)(models.OpaqueModel)
+
+
+@typeof_impl.register(ByHand)
+def _type_of(value: ByHand, context: Any) -> _KernelType:
+    return _KernelType(value)
+
+
+@lower_constant(_KernelType)
+def _constant(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    return context.get_dummy_value()
+
+
+@intrinsic
+def _address_of(typingctx, kind):  # type: ignore
+    """Address of a function with FFCx's signature that calls that of a kernel."""
+    part = kind.kernel.part
+    part.compile(_ARGUMENTS)
+
+    def codegen(context, builder, sig, arguments):  # type: ignore
+        compiled = part.overloads[_ARGUMENTS]
+        context.add_linking_libs((compiled.library,))
+        double = ir.DoubleType().as_pointer()
+        other = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [double] * 4 + [other] * 3)
+        wrapper = ir.Function(builder.module, kind, f"{compiled.fndesc.mangled_name}.tabulate")
+        wrapper.linkage = "internal"
+        inner = ir.IRBuilder(wrapper.append_basic_block())
+        arrays = [_array(context, inner, pointer) for pointer in wrapper.args[:4]]
+        status, _ = context.call_internal_no_propagate(
+            inner, compiled.fndesc, compiled.signature, arrays
+        )
+        with inner.if_then(status.is_error, likely=False):  # no one else would hear of it
+            inner.store(ir.Constant(ir.DoubleType(), float("nan")), wrapper.args[0])
+        inner.ret_void()
+        return builder.ptrtoint(wrapper, ir.IntType(64))
+
+    return types.int64(kind), codegen
+
+
+def _array(context: Any, builder: Any, pointer: Any) -> Any:
+    """An array at a pointer, as long as any."""
+    array = make_array(_ARRAY)(context, builder)
+    size = context.get_constant(types.intp, 8)
+    shape = [context.get_constant(types.intp, 2**40)]
+    populate_array(
+        array, data=pointer, shape=shape, strides=[size], itemsize=size, meminfo=None
+    )  # fmt: skip
+    return array._getvalue()
