@@ -31,8 +31,9 @@ from numba.np.arrayobj import make_array, populate_array
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import inlined, inlined_fused, kernel
 from flexfem.kernels.ffcx import Kernel
+from flexfem.kernels.lanes import LANES
 
-__all__ = ["ByHand", "by_hand", "by_hand_fused"]
+__all__ = ["ByHand", "batched_by_hand", "by_hand", "by_hand_fused"]
 
 type _CellFunction = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], None]
 
@@ -98,6 +99,11 @@ def by_hand(function: _CellFunction) -> ByHand:
 def by_hand_fused(function: _CellFunction) -> ByHand:
     """The same with products and sums fused to one operation each."""
     return ByHand(function, inlined_fused, 1)
+
+
+def batched_by_hand(function: _CellFunction) -> ByHand:
+    """The same of ``LANES`` cells side by side, for functions that use ``kernels.vectors``."""
+    return ByHand(function, inlined_fused, LANES)
 
 
 class _KernelType(types.Opaque):

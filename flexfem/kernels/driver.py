@@ -10,12 +10,13 @@ tangent), :func:`add_entries` to a vector or a matrix of nodes with one number e
 configuration, velocity and acceleration to one matrix a cell.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.ffcx import Kernel, tabulate
 from flexfem.kernels.records import (
@@ -37,6 +38,7 @@ __all__ = [
     "CellKernel",
     "Cells",
     "Nodal",
+    "add_blocks",
     "add_entries",
     "add_forces",
     "cell_kernel",
@@ -75,6 +77,8 @@ class CellKernel(Record):
         lanes: cells that one call treats.
         coefficients: number of coefficients of a cell.
         size: number of results of a cell.
+        unknowns: (t, 2) node of the cell, and first of the three columns there, that each three
+            results belong to; none where they go through all columns, node by node.
         nodal: (g, 3) kind of nodal data, word of their array in the record of the nodes, and first
             coefficient.
         own: (o, 3) first column in ``Cells.own``, number of columns, first coefficient.
@@ -85,6 +89,7 @@ class CellKernel(Record):
     lanes: int
     coefficients: int
     size: int
+    unknowns: Int2D
     nodal: Int2D
     own: Int2D
     section: Int2D
@@ -94,14 +99,16 @@ class Cells(Record):
     """Constant data of cells.
 
     Attributes:
-        nodes: (m, k) nodes.
+        nodes: (m, k) nodes, -1 where there is none: a kernel gets the data of the first node for
+            it, and its results there are left out.
         turned: (m,) cells whose own axes at nodes differ from the axes of the nodes.
         turns: (m, k, 9) rotations from the cells' axes to those of the nodes; one row where none
             is turned.
         own: (m, p) data of each cell.
         section: (m,) number of its section.
         sections: (s, q) data of each section.
-        corners: (m, 3 j) coordinates that kernels are given, or one row for all.
+        corners: coordinates that kernels are given, or what those written by hand take in their
+            place: a row for each call, or one row for all.
     """
 
     nodes: Index2D
@@ -120,9 +127,12 @@ def plain_cells(
     section: Int1D | None = None,
     sections: Float2D | None = None,
 ) -> Cells:
-    """Cells whose axes are those of their nodes; without nodes and sections unless given."""
-    count = len(own)
-    nodes = np.empty((count, 0), dtype=np.int32) if nodes is None else nodes
+    """Cells whose axes are those of their nodes; without nodes and sections unless given.
+
+    ``own`` may have no rows where no kernel takes data of cells.
+    """
+    nodes = np.empty((len(own), 0), dtype=np.int32) if nodes is None else nodes
+    count = len(nodes)
     return Cells(
         nodes=nodes, turned=np.zeros(count, dtype=np.bool_),
         turns=np.zeros((1, nodes.shape[1], 9)), own=own, corners=corners,
@@ -138,6 +148,7 @@ def cell_kernel(
     nodal: Mapping[str, tuple[Nodal, int]],
     own: Mapping[str, tuple[int, int]],
     section: Mapping[str, tuple[int, int]] | None = None,
+    unknowns: Iterable[tuple[int, int]] = (),
 ) -> CellKernel:
     """The kernel with places for its data; those that it does not use are left out.
 
@@ -149,6 +160,7 @@ def cell_kernel(
             the nodes, ``Kind.word(name)``.
         own: first column in ``Cells.own`` and number of columns of those of cells.
         section: the same in ``Cells.sections``.
+        unknowns: see :class:`CellKernel`.
     """
     offset = dict(zip(names, kernel.offsets.tolist(), strict=False))
 
@@ -157,7 +169,7 @@ def cell_kernel(
 
     return CellKernel(
         address=kernel.address, lanes=kernel.lanes, coefficients=max(int(kernel.offsets[-1]), 1),
-        size=size,
+        size=size, unknowns=np.array(list(unknowns), dtype=np.int64).reshape(-1, 2),
         nodal=table([(kind, word, offset[name]) for name, (kind, word) in nodal.items()]),
         own=table([(*columns, offset[name]) for name, columns in own.items()]),
         section=table([(*columns, offset[name]) for name, columns in (section or {}).items()]),
@@ -212,6 +224,8 @@ def _gather(
         values = array_at(nodes, kernel.nodal[g, 1])
         for j in range(cells.nodes.shape[1]):
             node = cells.nodes[c, j]
+            if node < 0:
+                node = cells.nodes[c, 0]
             if kind == _NUMBER:
                 data[at + j, lane] = values[node, 0]
             elif kind == _POSITION:
@@ -238,9 +252,9 @@ def _put_section(
 
 
 @inlined
-def _corners(cells: Cells, c: int) -> FloatArray:
-    """Coordinates of the corners of a cell."""
-    corners: FloatArray = cells.corners[c if cells.corners.shape[0] > 1 else 0]
+def _corners(cells: Cells, call: int) -> FloatArray:
+    """Coordinates that one of the calls is given."""
+    corners: FloatArray = cells.corners[call if cells.corners.shape[0] > 1 else 0]
     return corners
 
 
@@ -258,30 +272,41 @@ def _evaluate_batch(
             held[lane] = cells.section[c]
             _put_section(kernel, cells, held[lane], lane, data)
     results[:] = 0.0
-    tabulate(kernel.address, results, data, constants, _corners(cells, first))  # type: ignore[call-arg]
+    corners = _corners(cells, first // kernel.lanes)
+    tabulate(kernel.address, results, data, constants, corners)  # type: ignore[call-arg]
+
+
+@inlined
+def _unknown(kernel: CellKernel, columns: int, t: int) -> tuple[int, int]:
+    """Node of the cell and first column there of three results."""
+    if kernel.unknowns.shape[0] > 0:
+        return kernel.unknowns[t, 0], kernel.unknowns[t, 1]
+    return 3 * t // columns, 3 * t % columns
 
 
 @inlined
 def _add_to_nodes(
-    cells: Cells, c: int, results: FloatArray, lane: int, scale: float, target: FloatArray
-) -> None:
+    kernel: CellKernel, cells: Cells, c: int, results: FloatArray, lane: int, scale: float,
+    target: FloatArray,
+) -> None:  # fmt: skip
     """Add the results of a cell to its nodes; those of twists in the axes of the nodes."""
     turned, turn = cells.turned[c], c * cells.turned[c]
-    width = target.shape[1]
-    for j in range(cells.nodes.shape[1]):
+    for t in range(kernel.size // 3):
+        at = 3 * t
+        j, column = _unknown(kernel, target.shape[1], t)
         node = cells.nodes[c, j]
-        for half in range(0, width, 3):
-            at = width * j + half
-            for i in range(3):
-                value = results[at + i, lane]
-                if turned:
-                    Q = cells.turns[turn, j]
-                    value = (
-                        Q[3 * i] * results[at, lane]
-                        + Q[3 * i + 1] * results[at + 1, lane]
-                        + Q[3 * i + 2] * results[at + 2, lane]
-                    )
-                target[node, half + i] += scale * value
+        if node < 0:
+            continue
+        for i in range(3):
+            value = results[at + i, lane]
+            if turned:
+                Q = cells.turns[turn, j]
+                value = (
+                    Q[3 * i] * results[at, lane]
+                    + Q[3 * i + 1] * results[at + 1, lane]
+                    + Q[3 * i + 2] * results[at + 2, lane]
+                )
+            target[node, column + i] += scale * value
 
 
 @kernel
@@ -306,7 +331,7 @@ def add_forces(
     for first in range(0, count, width):
         _evaluate_batch(call, own, nodes, first, held, data, constants, results)
         for lane in range(min(width, count - first)):
-            _add_to_nodes(own, first + lane, results, lane, scale, target)
+            _add_to_nodes(call, own, first + lane, results, lane, scale, target)
 
 
 @kernel
@@ -358,6 +383,40 @@ def evaluate(
         for lane in range(min(width, count - first)):
             for i in range(call.size):
                 values[first + lane, i] = results[i, lane]
+
+
+@kernel
+def add_blocks(
+    kernel: Memory, cells: Memory, nodes: Memory, constants: FloatArray, index: IndexArray,
+    blocks: FloatArray,
+) -> None:  # fmt: skip
+    """Add the matrices of all cells, whose axes are those of their nodes, to pairs of nodes.
+
+    Args:
+        kernel: a :class:`CellKernel` of matrices.
+        cells: :class:`Cells`.
+        nodes: record of the nodes.
+        constants: of the kernel.
+        index: (m, k, k) numbers of the pairs, -1 where a node is missing.
+        blocks: (b, 3, 3) or (b, 6, 6) matrices of the pairs.
+    """
+    call, own = unpack(CellKernel, kernel), unpack(Cells, cells)
+    width, count, columns = call.lanes, own.nodes.shape[0], blocks.shape[1]
+    data, results = np.empty((call.coefficients, width)), np.empty((call.size, width))
+    held, rows = np.full(width, -1), int(math.sqrt(call.size))
+    for first in range(0, count, width):
+        _evaluate_batch(call, own, nodes, first, held, data, constants, results)
+        for lane in range(min(width, count - first)):
+            for s in range(rows // 3):
+                i, row = _unknown(call, columns, s)
+                for t in range(rows // 3):
+                    j, column = _unknown(call, columns, t)
+                    to = index[first + lane, i, j]
+                    if to >= 0:
+                        for a in range(3):
+                            at = (3 * s + a) * rows + 3 * t
+                            for b in range(3):
+                                blocks[to, row + a, column + b] += results[at + b, lane]
 
 
 @subroutine

@@ -6,6 +6,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from flexfem.families.common.node_pairs import NodePairs
 from flexfem.families.shells.strain_kernels import StrainKernels
 from flexfem.families.shells.ufl_triangles import UFLDirectorTriangles, UFLRotationFreeTriangles
 from flexfem.forms.strain_forms import director_strains, rotation_free_strains
@@ -43,11 +44,13 @@ def test_rotation_free_triangles(kind, given):
             else:
                 triangles.add_action(points, steps, residual, (0.7, 0.2), response)
         assert_same(*found)
-    width = 3 * fast.patches.nodes.shape[1]
-    tangents = np.empty((2, len(fast.starts) - 3, width, width))
-    for matrices, triangles in zip(tangents, (made, fast), strict=True):
-        triangles.tangents_into(points, matrices, (0.7, 0.2), response=response, first=3)
-    assert_same(*tangents)
+    both = made, fast
+    assert_same(*(triangles.tangents(points, (0.7, 0.2), response) for triangles in both))
+    pairs = NodePairs(len(points), [fast.patches.nodes])
+    sums = np.zeros((2, len(pairs.rows), 3, 3))
+    for blocks, triangles in zip(sums, both, strict=True):
+        triangles.add_tangents(points, pairs.index[0], blocks, (0.7, 0.2), response)
+    assert_same(*sums)
 
 
 @pytest.mark.parametrize("given", [False, True])

@@ -73,11 +73,10 @@ def patches_of(points, triangles, bending, averaged, **options):
     )  # fmt: skip
 
 
-def sparse_tangent(triangles: RotationFreeTriangles, points, offsets=None):
+def sparse_tangent(triangles: RotationFreeTriangles, points):
     """Tangent (3 n, 3 n) of the fast path."""
     nodes = triangles.patches.nodes
-    matrices = np.empty((len(nodes), 3 * nodes.shape[1], 3 * nodes.shape[1]))
-    triangles.tangents_into(points, matrices, (1.0, 0.0), offsets)
+    matrices = triangles.tangents(points)
     places = np.where(nodes[:, :, None] < 0, -1, 3 * nodes[:, :, None] + np.arange(3))
     places = places.reshape(len(nodes), -1)
     rows, columns = np.broadcast_arrays(places[:, :, None], places[:, None, :])

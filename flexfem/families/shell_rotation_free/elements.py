@@ -14,7 +14,6 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.common.corotating_axes import CorotatingAxes
 from flexfem.families.common.corotating_loops import (
-    add_blocks,
     add_consistent_inertia,
     add_consistent_masses,
     add_lumped_inertia,
@@ -31,9 +30,6 @@ from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["RotationFreeShells", "ShellCells"]
-
-#: Triangles whose matrices are computed at a time: they stay in the cache.
-_CHUNK = 128
 
 
 @dataclass(frozen=True)
@@ -165,18 +161,11 @@ class RotationFreeShells:
         velocities = self._velocities(block)
         factors, rate = (scale * float(shifts[2]), scale * float(shifts[0])), _rate(shifts)
         for k, (group, index) in enumerate(zip(self.groups, self._pairs.index, strict=True)):
-            width = 3 * index.shape[1]
-            matrices = np.empty((_CHUNK, width, width))
             response = group.triangles.response(
                 self._points, velocities, request.of_group(k), rate,
                 drop_compression=request.drop_compression,
             )  # fmt: skip
-            for first in range(0, len(index), _CHUNK):
-                part = matrices[: len(index) - first]
-                group.triangles.tangents_into(
-                    self._points, part, factors, response=response, first=first
-                )
-                add_blocks(part, index, first, blocks)
+            group.triangles.add_tangents(self._points, index, blocks, factors, response)
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,

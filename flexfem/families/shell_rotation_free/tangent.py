@@ -1,224 +1,283 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled loop over rotation-free triangles: tangents.
+"""Kernel of the tangents of rotation-free triangles.
 
-Notation as in ``tangent_steps``.
+Data and constants as in ``steps``. With changes x, y, z of the five vectors along t, b, n
+
+    d eps_11 = x_1,  d eps_22 = y_2 - g/l y_1,  d gamma_12 = x_2 + h/l y_1,
+    d n = -(p_1 z_1 + p_2 z_2),   p_1 = (1/l, -g/(l h)),  p_2 = (0, 1/h),
+
+``p_a`` being the dual vectors of ``f_a``, along t and b. The second derivatives of the energy by
+the vectors are those among x_1, y_1, x_2, y_2 (4, 4), among the z (5, 5), and of the x and of the y
+by the z (5, 5) each. They are kept in work space behind the coefficients with data.
 """
 
-import numpy as np
-
-from flexfem._types import FloatArray, IntArray
-from flexfem.families.shell_rotation_free.tangent_steps import (
-    TriangleData,
-    dual_into,
-    present_axes,
-    strain_into,
-    stress_into,
-    vectors_into,
+from flexfem._types import FloatArray
+from flexfem.families.shell_rotation_free.steps import (
+    AREA,
+    DAMPING,
+    POINTS,
+    STIFFNESS,
+    Several,
+    axes_of,
+    bent,
+    curvature,
+    gradient,
+    stress_of,
+    vectors_of,
 )
-from flexfem.kernels.compiled import inlined, kernel
-from flexfem.kernels.records import Memory, unpack
+from flexfem.kernels.by_hand import batched_by_hand
+from flexfem.kernels.compiled import inlined_fused
+from flexfem.kernels.lanes import LANES
+from flexfem.kernels.vectors import add_to, load, store
 
-__all__ = ["tangents_into"]
+__all__ = ["tangent", "work_space"]
+
+#: Where the work space has the axes, the changes (3, 5) of the curvatures along the z, the second
+#: derivatives, and the products of those by the z with the weights of the nodes.
+_AXES, _CHANGES, _FLAT, _BENT, _ALONG_T, _ALONG_B, _PRODUCTS = 0, 9, 24, 40, 65, 90, 115
 
 
-@inlined
-def _membrane(
-    local: FloatArray, stress: FloatArray, D: FloatArray, area: float, H: FloatArray
+def work_space(count: int) -> int:
+    """Number of coefficients that the kernel takes as work space for patches of some nodes."""
+    return _PRODUCTS + 15 * count
+
+
+@inlined_fused
+def _respond(
+    coefficients: FloatArray, i: int, j: int, e0: Several, e1: Several, e2: Several
+) -> Several:
+    """Component i of the stress resultants for the strains j, j + 1 and j + 2."""
+    D = STIFFNESS + 6 * i + j
+    value = load(coefficients, D) * e0 + load(coefficients, D + 1) * e1
+    return value + load(coefficients, D + 2) * e2
+
+
+@inlined_fused
+def _write_flat(
+    coefficients: FloatArray, area: Several, lengths: Several, stress: Several, H: FloatArray
 ) -> None:
-    """Write the derivatives among x_1, y_1, x_2, y_2, (4, 4)."""
-    l, g, h = local[0, 0], local[1, 0], local[1, 1]  # noqa: E741
+    """Write the derivatives among x_1, y_1, x_2, y_2."""
+    l, g, h = lengths  # noqa: E741
+    one, zero = area, 0.0 * area
     for i in range(4):
-        # change of the strains along each of the four
-        a0, a1, a2 = 0.0, 0.0, 0.0
+        e0, e1, e2 = zero, zero, zero  # changes of the strains along each of the four
         if i == 0:
-            a0 = 1.0
+            e0 = one
         elif i == 1:
-            a1, a2 = -g / l, h / l
+            e1, e2 = -(g / l) * one, h / l * one
         elif i == 2:
-            a2 = 1.0
+            e2 = one
         else:
-            a1 = 1.0
-        s0 = area * (D[0, 0] * a0 + D[0, 1] * a1 + D[0, 2] * a2)
-        s1 = area * (D[1, 0] * a0 + D[1, 1] * a1 + D[1, 2] * a2)
-        s2 = area * (D[2, 0] * a0 + D[2, 1] * a1 + D[2, 2] * a2)
-        H[i, 0], H[i, 1], H[i, 2], H[i, 3] = s0, (h * s2 - g * s1) / l, s2, s1
-    turned = (h * stress[2] - g * stress[1]) / l
-    H[0, 1] -= turned / l
-    H[1, 0] -= turned / l
-    H[1, 2] -= stress[1] / l
-    H[2, 1] -= stress[1] / l
-    H[1, 3] += stress[2] / l
-    H[3, 1] += stress[2] / l
-    H[1, 1] += (stress[0] - (g * stress[2] + h * stress[1]) / l) / l
+            e1 = one
+        s1 = _respond(coefficients, 1, 0, e0, e1, e2)
+        s2 = _respond(coefficients, 2, 0, e0, e1, e2)
+        store(H, 4 * i, _respond(coefficients, 0, 0, e0, e1, e2))
+        store(H, 4 * i + 1, (h * s2 - g * s1) / l)
+        store(H, 4 * i + 2, s2)
+        store(H, 4 * i + 3, s1)
+    n11, n22, n12 = stress[0], stress[1], stress[2]
+    turned = (h * n12 - g * n22) / l
+    add_to(H, 1, -turned / l)
+    add_to(H, 4, -turned / l)
+    add_to(H, 5, (n11 - (g * n12 + h * n22) / l) / l)
+    add_to(H, 6, -n22 / l)
+    add_to(H, 9, -n22 / l)
+    add_to(H, 7, n12 / l)
+    add_to(H, 13, n12 / l)
 
 
-@inlined
-def _bending(
-    local: FloatArray, p: FloatArray, stress: FloatArray, D: FloatArray, area: float,
-    c: FloatArray, H: FloatArray,
-) -> None:  # fmt: skip
-    """Write the change of the curvatures along the z (3, 5) and the derivatives among the z (5, 5).
-
-    Not among the z of the k alone, where the derivative is D_b times the area.
-    """
-    l, g, h = local[0, 0], local[1, 0], local[1, 1]  # noqa: E741
-    mn = 0.0
+@inlined_fused
+def _write_changes(k: Several, axes: Several, dual: Several, c: FloatArray) -> Several:
+    """Write the changes of the curvatures; return the components of the k along n."""
+    p00, p01, p11 = dual
+    _, _, _, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes
+    z1 = n0 * k[0] + n1 * k[1] + n2 * k[2]
+    z2 = n0 * k[3] + n1 * k[4] + n2 * k[5]
+    z3 = n0 * k[6] + n1 * k[7] + n2 * k[8]
+    store(c, 0, k[0] * t0 + k[1] * t1 + k[2] * t2)
+    store(c, 1, k[0] * b0 + k[1] * b1 + k[2] * b2)
+    store(c, 5, k[3] * t0 + k[4] * t1 + k[5] * t2)
+    store(c, 6, k[3] * b0 + k[4] * b1 + k[5] * b2)
+    store(c, 10, k[6] * t0 + k[7] * t1 + k[8] * t2)
+    store(c, 11, k[6] * b0 + k[7] * b1 + k[8] * b2)
     for s in range(3):
-        mn += stress[3 + s] * local[2 + s, 2]
-        for a in range(2):
-            c[s, a] = -(p[a, 0] * local[2 + s, 0] + p[a, 1] * local[2 + s, 1])
+        x, y = load(c, 5 * s), load(c, 5 * s + 1)
+        store(c, 5 * s, -(p00 * x + p01 * y))
+        store(c, 5 * s + 1, -(p11 * y))
         for r in range(3):
-            c[s, 2 + r] = 1.0 if r == s else 0.0
-    for i in range(5):
-        for j in range(5):
-            H[i, j] = 0.0
-            for s in range(3):
-                for r in range(3):
-                    H[i, j] += area * c[s, i] * D[3 + s, 3 + r] * c[r, j]
-    for a in range(2):
-        for b in range(2):
-            H[a, b] -= mn * (p[a, 0] * p[b, 0] + p[a, 1] * p[b, 1])
+            store(c, 5 * s + 2 + r, 0.0 * x + (1.0 if r == s else 0.0))
+    return z1, z2, z3
+
+
+@inlined_fused
+def _write_bent(
+    coefficients: FloatArray, area: Several, lengths: Several, dual: Several, stress: Several,
+    normal: Several, c: FloatArray, H: FloatArray,
+) -> None:  # fmt: skip
+    """Write the derivatives among the z; ``normal`` is the sum of moments times k along n."""
+    l, g, h = lengths  # noqa: E741
+    p00, p01, p11 = dual
+    for j in range(5):
+        e0, e1, e2 = area * load(c, j), area * load(c, 5 + j), area * load(c, 10 + j)
+        m0 = _respond(coefficients, 3, 3, e0, e1, e2)
+        m1 = _respond(coefficients, 4, 3, e0, e1, e2)
+        m2 = _respond(coefficients, 5, 3, e0, e1, e2)
+        for i in range(5):
+            store(H, 5 * i + j, load(c, i) * m0 + load(c, 5 + i) * m1 + load(c, 10 + i) * m2)
     turned = (h * stress[2] - g * stress[1]) / l
-    H[0, 0] += (stress[0] - turned * g / h) / l
-    H[0, 1] += turned / h
-    H[1, 0] += turned / h
-    H[1, 1] += stress[1] / h
+    add_to(H, 0, (stress[0] - turned * g / h) / l - normal * (p00 * p00 + p01 * p01))
+    add_to(H, 1, turned / h - normal * p01 * p11)
+    add_to(H, 5, turned / h - normal * p01 * p11)
+    add_to(H, 6, stress[1] / h - normal * p11 * p11)
 
 
-@inlined
-def _coupling(
-    local: FloatArray, p: FloatArray, stress: FloatArray, D: FloatArray, area: float,
-    c: FloatArray, H: FloatArray,
+@inlined_fused
+def _write_mixed(
+    coefficients: FloatArray, area: Several, lengths: Several, dual: Several, stress: Several,
+    c: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the derivatives of the x (0) and y (1) of five vectors by their z, (2, 5, 5)."""
-    l, g, h = local[0, 0], local[1, 0], local[1, 1]  # noqa: E741
-    H[:] = 0.0
+    """Write the derivatives of the x and of the y of the vectors by their z."""
+    l, g, h = lengths  # noqa: E741
+    p00, p01, p11 = dual
+    X, Y = work[LANES * _ALONG_T :], work[LANES * _ALONG_B :]
+    m0, m1, m2 = stress[3], stress[4], stress[5]
     for t in range(5):
-        s0 = s1 = s2 = 0.0
-        for s in range(3):
-            s0 += area * D[0, 3 + s] * c[s, t]
-            s1 += area * D[1, 3 + s] * c[s, t]
-            s2 += area * D[2, 3 + s] * c[s, t]
-        H[0, 0, t], H[1, 0, t], H[0, 1, t], H[1, 1, t] = s0, (h * s2 - g * s1) / l, s2, s1
+        e0, e1, e2 = area * load(c, t), area * load(c, 5 + t), area * load(c, 10 + t)
+        s1 = _respond(coefficients, 1, 3, e0, e1, e2)
+        s2 = _respond(coefficients, 2, 3, e0, e1, e2)
+        store(X, t, _respond(coefficients, 0, 3, e0, e1, e2))
+        store(Y, t, (h * s2 - g * s1) / l)
+        store(X, 5 + t, s2)
+        store(Y, 5 + t, s1)
+        for s in range(2, 5):
+            store(X, 5 * s + t, 0.0 * l)
+            store(Y, 5 * s + t, 0.0 * l)
     for a in range(2):
-        along = 0.0
-        for s in range(3):
-            along -= c[s, a] * stress[3 + s]
-        for b in range(2):
-            for i in range(2):
-                H[i, a, b] += along * p[b, i]
-                for s in range(3):
-                    H[i, 2 + s, b] = -stress[3 + s] * p[b, i]
+        along = -(load(c, a) * m0 + load(c, 5 + a) * m1 + load(c, 10 + a) * m2)
+        add_to(X, 5 * a, along * p00)
+        add_to(Y, 5 * a, along * p01)
+        add_to(Y, 5 * a + 1, along * p11)
+    for s in range(2, 5):
+        m = m0
+        if s == 3:
+            m = m1
+        elif s == 4:
+            m = m2
+        store(X, 5 * s, -m * p00)
+        store(Y, 5 * s, -m * p01)
+        store(Y, 5 * s + 1, -m * p11)
 
 
-@inlined
-def _product(
-    W: FloatArray, H: FloatArray, flat: int, outer: bool, T: FloatArray, K: FloatArray
+@inlined_fused
+def _write_products(
+    coordinates: FloatArray, count: int, flat: int, H: FloatArray, T: FloatArray
 ) -> None:
-    """Write ``W^T H W`` (p, p) for W (5, p); T is of the size of W.
-
-    Without ``outer``, not between nodes of neighbours.
-    """
-    count = W.shape[1]
-    for s in range(5):
-        for j in range(count):
-            T[s, j] = H[s, 0] * W[0, j] + H[s, 1] * W[1, j]
-            T[s, j] += H[s, 2] * W[2, j] + H[s, 3] * W[3, j] + H[s, 4] * W[4, j]
-    for i in range(flat):
-        for j in range(count):
-            K[i, j] = W[0, i] * T[0, j] + W[1, i] * T[1, j]
-            K[i, j] += W[2, i] * T[2, j] + W[3, i] * T[3, j] + W[4, i] * T[4, j]
-    for i in range(flat, count):
-        for j in range(count if outer else flat):
-            K[i, j] = W[2, i] * T[2, j] + W[3, i] * T[3, j] + W[4, i] * T[4, j]
-
-
-@inlined
-def _own(
-    W: FloatArray, H: FloatArray, skew: FloatArray, normal: FloatArray, flat: int, i: int, j: int,
-    block: FloatArray,
-) -> None:  # fmt: skip
-    """Write the derivative of the force on own node i by node j along t, b, n, (3, 3)."""
-    for a in range(2):
-        for b in range(2):
-            block[a, b] = 0.0
+    """Write ``H W`` for the weights W (5, p), node by node."""
+    for j in range(count):
+        w2, w3 = curvature(coordinates, flat, 0, j), curvature(coordinates, flat, 1, j)
+        w4 = curvature(coordinates, flat, 2, j)
+        for s in range(5):
+            value = load(H, 5 * s + 2) * w2 + load(H, 5 * s + 3) * w3 + load(H, 5 * s + 4) * w4
             if j < flat:
-                for s in range(2):
-                    for t in range(2):
-                        block[a, b] += W[s, i] * H[2 * s + a, 2 * t + b] * W[t, j]
-        block[a, 2], block[2, a] = skew[a, i, j], skew[a, j, i]
-    block[2, 2] = normal[i, j]
+                value = value + load(H, 5 * s) * gradient(coordinates, 0, j)
+                value = value + load(H, 5 * s + 1) * gradient(coordinates, 1, j)
+            store(T, 5 * j + s, value)
 
 
-@inlined
-def _put(axes: FloatArray, block: FloatArray, i: int, j: int, K: FloatArray) -> None:
-    """Write a block, turned from the present axes, and its transpose to K (3 p, 3 p)."""
+@inlined_fused
+def _times(coordinates: FloatArray, flat: int, i: int, T: FloatArray, j: int) -> Several:
+    """``W^T H W`` of nodes i and j."""
+    value = curvature(coordinates, flat, 0, i) * load(T, 5 * j + 2)
+    value = value + curvature(coordinates, flat, 1, i) * load(T, 5 * j + 3)
+    value = value + curvature(coordinates, flat, 2, i) * load(T, 5 * j + 4)
+    if i < flat:
+        value = value + gradient(coordinates, 0, i) * load(T, 5 * j)
+        value = value + gradient(coordinates, 1, i) * load(T, 5 * j + 1)
+    return value
+
+
+@inlined_fused
+def _in_plane(coordinates: FloatArray, H: FloatArray, a: int, b: int, i: int, j: int) -> Several:
+    """Derivative of the force on node i by node j along t (0) or b (1) both."""
+    G0, G1 = gradient(coordinates, 0, i), gradient(coordinates, 1, i)
+    first = G0 * load(H, 4 * a + b) + G1 * load(H, 8 + 4 * a + b)
+    second = G0 * load(H, 4 * a + 2 + b) + G1 * load(H, 10 + 4 * a + b)
+    return first * gradient(coordinates, 0, j) + second * gradient(coordinates, 1, j)
+
+
+@inlined_fused
+def _put(tensor: FloatArray, count: int, i: int, j: int, axes: FloatArray, block: Several) -> None:
+    """Add a block of nodes i and j along t, b, n, and its transpose."""
+    tt, tb, tn, bt, bb, bn, nt, nb, nn = block
     for b in range(3):
-        v0 = block[0, 0] * axes[0, b] + block[0, 1] * axes[1, b] + block[0, 2] * axes[2, b]
-        v1 = block[1, 0] * axes[0, b] + block[1, 1] * axes[1, b] + block[1, 2] * axes[2, b]
-        v2 = block[2, 0] * axes[0, b] + block[2, 1] * axes[1, b] + block[2, 2] * axes[2, b]
+        t, o, n = load(axes, b), load(axes, 3 + b), load(axes, 6 + b)
+        v0, v1 = tt * t + tb * o + tn * n, bt * t + bb * o + bn * n
+        v2 = nt * t + nb * o + nn * n
         for a in range(3):
-            value = axes[0, a] * v0 + axes[1, a] * v1 + axes[2, a] * v2
-            K[3 * i + a, 3 * j + b] = value
-            K[3 * j + b, 3 * i + a] = value
+            value = load(axes, a) * v0 + load(axes, 3 + a) * v1 + load(axes, 6 + a) * v2
+            store(tensor, 3 * count * (3 * i + a) + 3 * j + b, value)
+            store(tensor, 3 * count * (3 * j + b) + 3 * i + a, value)
 
 
-@inlined
-def _put_all(
-    axes: FloatArray, W: FloatArray, H: FloatArray, skew: FloatArray, normal: FloatArray,
-    flat: int, block: FloatArray, K: FloatArray,
-) -> None:  # fmt: skip
-    """Write a tangent (3 p, 3 p)."""
-    count = W.shape[1]
+@batched_by_hand
+def tangent(
+    tensor: FloatArray, coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray
+) -> None:
+    """Derivatives of the internal forces (3 p, 3 p), which is all that the tensor holds.
+
+    They are those by positions and by velocities, times the factors. What the turning of the axes
+    changes in strain rates is left out, a part of the order of damping times angular velocity.
+    """
+    count, flat = int(constants[0]), int(constants[1])
+    f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
+    k = bent(k, coordinates)
+    axes = axes_of(f)
+    l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes  # noqa: E741
+    lengths, dual = (l, g, h), (1.0 / l, -g / (l * h), 1.0 / h)
+    work = coefficients[LANES * (POINTS + 3 * count) :]
+    c, H = work[LANES * _CHANGES :], work[LANES * _FLAT :]
+    bends = _write_changes(k, axes, dual, c)
+    size = load(coordinates, AREA)
+    stress = stress_of(
+        coefficients, constants[4], constants[2] * size, coordinates, (l, h, g), bends
+    )
+    normal = stress[3] * bends[0] + stress[4] * bends[1] + stress[5] * bends[2]
+    area = size * (constants[2] + constants[3] * load(coordinates, DAMPING))
+    _write_flat(coefficients, area, lengths, stress, H)
+    _write_bent(coefficients, area, lengths, dual, stress, normal, c, work[LANES * _BENT :])
+    _write_mixed(coefficients, area, lengths, dual, stress, c, work)
+    N = work[LANES * _PRODUCTS :]
+    X, Y = N[LANES * 5 * count :], N[LANES * 10 * count :]
+    _write_products(coordinates, count, flat, work[LANES * _BENT :], N)
+    _write_products(coordinates, count, flat, work[LANES * _ALONG_T :], X)
+    _write_products(coordinates, count, flat, work[LANES * _ALONG_B :], Y)
+    store(work, 0, t0)
+    store(work, 1, t1)
+    store(work, 2, t2)
+    store(work, 3, b0)
+    store(work, 4, b1)
+    store(work, 5, b2)
+    store(work, 6, n0)
+    store(work, 7, n1)
+    store(work, 8, n2)
+    zero = 0.0 * l
     for i in range(flat):
         for j in range(i, count):
-            _own(W, H, skew, normal, flat, i, j, block)
-            _put(axes, block, i, j, K)
-    # nodes of neighbours bend the triangle only
-    for a in range(3):
-        for b in range(3):
-            block[a, b] = axes[2, a] * axes[2, b]
-    for i in range(flat, count):
-        for a in range(3):
-            for j in range(flat, count):
-                for b in range(3):
-                    K[3 * i + a, 3 * j + b] = normal[i, j] * block[a, b]
-
-
-@kernel
-def tangents_into(
-    points: FloatArray, triangles: Memory, sections: IntArray, stiffness: FloatArray,
-    given: FloatArray, factors: FloatArray, first: int, tangents: FloatArray,
-) -> None:  # fmt: skip
-    """Write the derivatives of the forces, (r, 3 p, 3 p), of r triangles.
-
-    ``factors`` (2,) are those of the derivatives by positions and by velocities. What the turning
-    of the axes changes in strain rates is left out, a part of the order of damping times angular
-    velocity.
-    """
-    own = unpack(TriangleData, triangles)
-    nodes, gradients, curvatures, offsets = own.nodes, own.gradients, own.curvatures, own.offsets
-    starts, areas, damping = own.starts, own.areas, own.damping
-    count, inner = nodes.shape[1], gradients.shape[2]
-    w, axes, local, block = np.empty((5, 3)), np.empty((3, 3)), np.empty((5, 3)), np.empty((3, 3))
-    strain, stress, p, c = np.empty(6), np.empty(6), np.empty((2, 2)), np.empty((3, 5))
-    flat, bent, mixed = np.empty((4, 4)), np.empty((5, 5)), np.empty((2, 5, 5))
-    W, T = np.zeros((5, count)), np.empty((5, count))
-    skew, normal = np.empty((2, count, count)), np.empty((count, count))
-    for m in range(first, first + len(tangents)):
-        vectors_into(points, nodes[m], gradients[m], curvatures[m], offsets[m], w)
-        present_axes(w, axes, local)
-        strain_into(local, starts[m], strain)
-        D, area = stiffness[sections[m]], areas[m]
-        stress_into(D, given, m, factors[0] * area, strain, stress)
-        dual_into(local, p)
-        # second derivatives of the energy by the five vectors
-        area *= factors[0] + damping[m] * factors[1]
-        _membrane(local, stress, D, area, flat)
-        _bending(local, p, stress, D, area, c, bent)
-        _coupling(local, p, stress, D, area, c, mixed)
-        W[:2, :inner], W[2:] = gradients[m], curvatures[m]
-        _product(W, bent, inner, True, T, normal)
-        for a in range(2):
-            _product(W, mixed[a], inner, False, T, skew[a])
-        _put_all(axes, W, flat, skew, normal, inner, block, tangents[m - first])
+            tt = tb = bt = bb = zero
+            if j < flat:
+                tt, tb = (
+                    _in_plane(coordinates, H, 0, 0, i, j),
+                    _in_plane(coordinates, H, 0, 1, i, j),
+                )
+                bt, bb = (
+                    _in_plane(coordinates, H, 1, 0, i, j),
+                    _in_plane(coordinates, H, 1, 1, i, j),
+                )
+            tn, nt = _times(coordinates, flat, i, X, j), _times(coordinates, flat, j, X, i)
+            bn, nb = _times(coordinates, flat, i, Y, j), _times(coordinates, flat, j, Y, i)
+            nn = _times(coordinates, flat, i, N, j)
+            _put(tensor, count, i, j, work, (tt, tb, tn, bt, bb, bn, nt, nb, nn))
+    for i in range(flat, count):  # nodes of neighbours bend the triangle only
+        for j in range(i, count):
+            nn = _times(coordinates, flat, i, N, j)
+            _put(tensor, count, i, j, work, (zero, zero, zero, zero, zero, zero, zero, zero, nn))

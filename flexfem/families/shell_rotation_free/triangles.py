@@ -2,12 +2,13 @@
 """Rotation-free triangles: energy, internal forces, tangents and masses from nodal positions.
 
 The energy is that of ``forms.shell``, with the curvatures of ``mesh.shells.patches``.
-Differentiated by hand, a residual costs 0.09 and a tangent 1.6 us a triangle; by the form
-(``families.shells.ufl_triangles``) they cost 1.6 and 8.6 us
+Differentiated by hand, a residual costs 0.06 and a tangent 0.8 us a triangle; by the form
+(``families.shells.ufl_triangles``) they cost 0.9 and 3.5 us
 (``tests/benchmarks/shell_kernels.py``).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Self
 
 import numpy as np
@@ -15,17 +16,57 @@ import numpy as np
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.families.common.law_loops import linear_resultants
 from flexfem.families.common.law_values import LawValues
-from flexfem.families.shell_rotation_free.action import add_action
-from flexfem.families.shell_rotation_free.forces import add_forces
-from flexfem.families.shell_rotation_free.strains import strain_rates_into, strains_into
-from flexfem.families.shell_rotation_free.tangent import tangents_into
-from flexfem.families.shell_rotation_free.tangent_steps import TriangleData
-from flexfem.kernels.records import Memory
+from flexfem.families.shell_rotation_free import kernels
+from flexfem.families.shell_rotation_free.steps import constant_data
+from flexfem.families.shell_rotation_free.tangent import tangent, work_space
+from flexfem.kernels.by_hand import ByHand
+from flexfem.kernels.driver import (
+    CellKernel,
+    Cells,
+    Nodal,
+    add_blocks,
+    add_forces,
+    cell_kernel,
+    evaluate,
+    plain_cells,
+)
+from flexfem.kernels.records import Float2D, Memory, Record
 from flexfem.mesh.shells.patches import Patches
 
 __all__ = ["Response", "RotationFreeTriangles"]
 
 _NOTHING = np.zeros((0, 6))
+
+
+class _Nodes(Record):
+    """Positions and steps (n, 3) of nodes."""
+
+    points: Float2D
+    steps: Float2D
+
+
+@cache
+def _cell_kernel(
+    kernel: ByHand, count: int, size: int, *, given: bool = False, stepped: bool = False
+) -> CellKernel:
+    """A kernel for patches of some nodes.
+
+    Args:
+        kernel: one of ``kernels`` and ``tangent``.
+        count: number of nodes of a patch.
+        size: number of results.
+        given: stresses are those of the cells.
+        stepped: it takes the steps of nodes, and no work space.
+    """
+    nodal = {"points": (Nodal.POSITION, _Nodes.word("points"))}
+    if stepped:
+        nodal["steps"] = Nodal.POSITION, _Nodes.word("steps")
+    behind = 3 * count if stepped else work_space(count)
+    sizes = {"stiffness": 36, "given": 6, "points": 3 * count, "steps": behind}
+    return cell_kernel(
+        kernel.kernel(list(sizes.values())), size, sizes, nodal,
+        {"given": (0, 6)} if given else {}, {"stiffness": (0, 36)},
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,13 +88,15 @@ class Response:
 class RotationFreeTriangles:
     """Triangles with patches of equally many nodes on this rank.
 
-    Positions are those of all local nodes, (n, 3). ``offsets`` are ``Patches.offsets`` of the
-    present tangents of clamped edges, (m, 3, 3); without them, those of the start. ``response`` is
-    what :meth:`response` returns; without it, that of the linear law without damping.
+    Positions are those of all local nodes, (n, 3). ``response`` is what :meth:`response` returns;
+    without it, that of the linear law without damping.
 
     Attributes:
         patches: maps of the triangles, p nodes each.
-        data: these maps and the state at the start, as compiled loops take them.
+        offsets: ``Patches.offsets`` of the tangents of clamped edges, (m, 3, 3), 1/m.
+        starts: numbers (m, 6) that count as no strain: lengths and products of ``f_1`` and ``f_2``
+            at the start, 1, 1 and 0 unless they are smoothed, and curvatures kappa_0, 1/m.
+        damping: stiffness-proportional damping (m,), s.
         sections: which stiffness a triangle has, (m,).
         stiffness: matrices ``[D_m D_c; D_c^T D_b]`` in the axes of the triangles, of N/m, N and
             N m, (s, 6, 6).
@@ -61,10 +104,23 @@ class RotationFreeTriangles:
     """
 
     patches: Patches
-    data: TriangleData
+    offsets: FloatArray
+    starts: FloatArray
+    damping: FloatArray
     sections: IntArray
     stiffness: FloatArray
     law: LawValues | None = None
+    _cells: Cells = field(init=False)
+    _nodes: _Nodes = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Put the data together as the driver of kernels takes them."""
+        rows = constant_data(self.patches, self.offsets, self.starts, self.damping)
+        nodes = np.ascontiguousarray(self.patches.nodes, dtype=np.int32)
+        cells = plain_cells(_NOTHING, nodes, rows, self.sections, self._matrices(self.stiffness))
+        object.__setattr__(self, "_cells", cells)
+        none = np.zeros((1, 3))
+        object.__setattr__(self, "_nodes", _Nodes(points=none, steps=none))
 
     @classmethod
     def build(
@@ -91,51 +147,30 @@ class RotationFreeTriangles:
         """
         count = len(patches.areas)
         patches = replace(patches, curvatures=-patches.curvatures, slopes=-patches.slopes)
-        data = TriangleData(
-            nodes=_numbers(patches.nodes), gradients=patches.membrane,
-            curvatures=patches.curvatures, offsets=patches.offsets(), starts=np.zeros((count, 6)),
-            areas=patches.areas, damping=np.zeros(count) if damping is None else damping,
-        )  # fmt: skip
-        strains = np.empty((count, 6))
-        strains_into(points, data.memory, strains)
-        data.starts = strains
         numbers = np.zeros(count, np.int64) if sections is None else sections.astype(np.int64)
-        return cls(patches, data, numbers, stiffness.reshape(-1, 6, 6), law)
+        times = np.zeros(count) if damping is None else damping
+        made = cls(
+            patches, patches.offsets(), np.zeros((count, 6)), times, numbers,
+            stiffness.reshape(-1, 6, 6), law,
+        )  # fmt: skip
+        return replace(made, starts=made.strains(points))
 
     def renumbered(self, nodes: IndexArray) -> Self:
         """The same triangles with other numbers (m, p) of their nodes."""
-        data = self._with(nodes=_numbers(nodes))
-        return replace(self, patches=replace(self.patches, nodes=nodes), data=data)
+        return replace(self, patches=replace(self.patches, nodes=nodes))
 
-    @property
-    def starts(self) -> FloatArray:
-        """Numbers (m, 6) that count as no strain.
-
-        Lengths and products of ``f_1`` and ``f_2`` at the start, 1, 1 and 0 unless they are
-        smoothed, and curvatures kappa_0, 1/m.
-        """
-        return self.data.starts
-
-    @property
-    def offsets(self) -> FloatArray:
-        """``Patches.offsets`` (m, 3, 3) at the start, 1/m."""
-        return self.data.offsets
-
-    @property
-    def damping(self) -> FloatArray:
-        """Stiffness-proportional damping (m,), s."""
-        return self.data.damping
-
-    def strains(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
+    def strains(self, points: FloatArray) -> FloatArray:
         """Strains (m, 6): eps_11, eps_22, gamma_12, kappa_11, kappa_22, 2 kappa_12."""
-        strains = np.empty((len(self.starts), 6))
-        strains_into(points, self._data(offsets), strains)
+        strains, kernel = np.empty((len(self.starts), 6)), self._kernel(kernels.strains, 6)
+        evaluate(kernel, self._cells.memory, self._at(points), self._constants(), strains)
         return strains
 
     def strain_rates(self, points: FloatArray, velocities: FloatArray) -> FloatArray:
         """Rates (m, 6) of the strains, 1/s and 1/(m s)."""
         rates = np.empty((len(self.starts), 6))
-        strain_rates_into(points, velocities, self.data.memory, rates)
+        kernel = self._kernel(kernels.strain_rates, 6, stepped=True)
+        nodes = self._at(points, velocities)
+        evaluate(kernel, self._cells.memory, nodes, self._constants(), rates)
         return rates
 
     def response(
@@ -202,9 +237,9 @@ class RotationFreeTriangles:
         """True if strain rates count."""
         return bool(self.damping.any()) or (self.law is not None and self.law.viscous)
 
-    def energies(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
+    def energies(self, points: FloatArray) -> FloatArray:
         """Strain energies of the membrane alone, of bending alone and of both, J, (m, 3)."""
-        strains = self.strains(points, offsets)
+        strains = self.strains(points)
         membrane, bending = strains.copy(), strains.copy()
         membrane[:, 3:], bending[:, :3] = 0.0, 0.0
         densities = [self._densities(part) for part in (membrane, bending, strains)]
@@ -222,49 +257,49 @@ class RotationFreeTriangles:
         return densities
 
     def add_forces(
-        self,
-        points: FloatArray,
-        residual: FloatArray,
-        scale: float = 1.0,
-        offsets: FloatArray | None = None,
+        self, points: FloatArray, residual: FloatArray, scale: float = 1.0,
         response: Response | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Add ``scale`` times the internal forces, N, to the residual (n, 3)."""
-        material = self._material(response)
-        add_forces(points, self._data(offsets), *material, scale, residual)
+        call = self._call(kernels.forces, self._width, self._at(points), (scale, 0.0), response)
+        add_forces(*call, 1.0, residual)
 
-    def tangents_into(
-        self,
-        points: FloatArray,
-        tangents: FloatArray,
-        factors: tuple[float, float] = (1.0, 0.0),
-        offsets: FloatArray | None = None,
+    def tangents(
+        self, points: FloatArray, factors: tuple[float, float] = (1.0, 0.0),
         response: Response | None = None,
-        first: int = 0,
-    ) -> None:
-        """Write derivatives of the internal forces, N/m, (r, 3 p, 3 p).
+    ) -> FloatArray:  # fmt: skip
+        """Derivatives of the internal forces, N/m, (m, 3 p, 3 p).
 
         They are those by positions times the first of the factors plus those by velocities times
-        the second, of the r triangles from ``first`` on: some hundreds at a time stay in the cache,
-        which halves the time with twelve nodes.
-
-        Rows and columns are the components of the positions of ``patches.nodes``, node by node;
-        those of missing nodes are zero. A node may occur twice among twelve.
+        the second. Rows and columns are the components of the positions of ``patches.nodes``, node
+        by node; those of missing nodes are zero. A node may occur twice among twelve.
         """
-        data, material = self._data(offsets), self._material(response)
-        tangents_into(points, data, *material, np.array(factors), first, tangents)
+        width = self._width
+        found = np.empty((len(self.starts), width * width))
+        evaluate(*self._call(tangent, width**2, self._at(points), factors, response), found)
+        return found.reshape(-1, width, width)
+
+    def add_tangents(
+        self, points: FloatArray, index: IndexArray, blocks: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0), response: Response | None = None,
+    ) -> None:  # fmt: skip
+        """Add the derivatives of :meth:`tangents` to matrices (b, 3, 3) of pairs of nodes.
+
+        ``index`` (m, p, p) are the numbers of the pairs, -1 for missing nodes.
+        """
+        call = self._call(tangent, self._width**2, self._at(points), factors, response)
+        add_blocks(*call, index, blocks)
 
     def add_action(
-        self,
-        points: FloatArray,
-        steps: FloatArray,
-        residual: FloatArray,
-        factors: tuple[float, float] = (1.0, 0.0),
-        response: Response | None = None,
-    ) -> None:
-        """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 3) both."""
-        data, material = self.data.memory, self._material(response)
-        add_action(points, data, *material, np.array(factors), steps, residual)
+        self, points: FloatArray, steps: FloatArray, residual: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0), response: Response | None = None,
+    ) -> None:  # fmt: skip
+        """Add the derivatives of :meth:`tangents` times steps to the residual, (n, 3) both."""
+        nodes = self._at(points, steps)
+        call = self._call(
+            kernels.action, self._width, nodes, factors, response, stepped=True
+        )  # fmt: skip
+        add_forces(*call, 1.0, residual)
 
     def add_masses(self, density: FloatArray, masses: FloatArray) -> None:
         """Add the masses of nodes, a third of each triangle, kg, to (n,).
@@ -276,25 +311,53 @@ class RotationFreeTriangles:
         thirds = np.repeat((density * self.patches.areas / 3)[:, None], 3, 1)
         np.add.at(masses, self.patches.nodes[:, :3], thirds)
 
-    def _data(self, offsets: FloatArray | None) -> Memory:
-        """Data for compiled loops, with other offsets if there are any."""
-        return self.data.memory if offsets is None else self._with(offsets=offsets).memory
+    @property
+    def _width(self) -> int:
+        """Number of components of the positions of a patch."""
+        return 3 * int(self.patches.nodes.shape[1])
 
-    def _with(self, **changed: FloatArray | IndexArray) -> TriangleData:
-        """The data with other arrays for some."""
-        return TriangleData(
-            **{name: getattr(self.data, name) for name in TriangleData.fields} | changed
-        )
+    def _at(self, points: FloatArray, steps: FloatArray | None = None) -> Memory:
+        """Record of the nodes."""
+        self._nodes.points = points
+        if steps is not None:
+            self._nodes.steps = steps
+        return self._nodes.memory
+
+    def _kernel(
+        self, kernel: ByHand, size: int, *, given: bool = False, stepped: bool = False
+    ) -> Memory:
+        """Record of a kernel, see :func:`_cell_kernel`."""
+        count = self.patches.nodes.shape[1]
+        return _cell_kernel(kernel, count, size, given=given, stepped=stepped).memory
+
+    def _constants(
+        self, factors: tuple[float, float] = (1.0, 0.0), given: bool = False
+    ) -> FloatArray:
+        """Constants of kernels, see ``steps``."""
+        patches = self.patches
+        sizes = patches.nodes.shape[1], patches.membrane.shape[2]
+        return np.array([*sizes, *factors, given], dtype=np.float64)
+
+    def _call(
+        self, kernel: ByHand, size: int, nodes: Memory, factors: tuple[float, float],
+        response: Response | None, *, stepped: bool = False,
+    ) -> tuple[Memory, Memory, Memory, FloatArray]:  # fmt: skip
+        """Kernel, cells, nodes and constants for stresses and stiffness of a response."""
+        sections, stiffness, stresses = self._material(response)
+        cells, given = self._cells, len(stresses) > 0
+        cells.own, cells.section, cells.sections = stresses, sections, self._matrices(stiffness)
+        made = self._kernel(kernel, size, given=given, stepped=stepped)
+        return made, cells.memory, nodes, self._constants(factors, given)
+
+    @staticmethod
+    def _matrices(stiffness: FloatArray) -> FloatArray:
+        """Stiffness as the data of sections."""
+        return np.ascontiguousarray(stiffness.reshape(-1, 36))
 
     def _material(self, response: Response | None) -> tuple[IntArray, FloatArray, FloatArray]:
         """Sections, stiffness, given stresses."""
         own = Response(self.sections, self.stiffness, _NOTHING) if response is None else response
         return own.sections, own.stiffness, own.stresses
-
-
-def _numbers(nodes: IndexArray) -> IndexArray:
-    """Numbers of nodes as compiled loops take them."""
-    return np.ascontiguousarray(nodes, dtype=np.int32)
 
 
 def _pull(stresses: FloatArray) -> None:

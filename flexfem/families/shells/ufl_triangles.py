@@ -6,13 +6,14 @@ laws: the path on which a shell is assembled from its UFL forms. It checks the l
 measure of strain begins here.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Self, override
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IndexArray
+from flexfem.families.common.corotating_loops import add_blocks
 from flexfem.families.shell_director.law import Response as DirectorResponse
 from flexfem.families.shell_director.tables import BARYCENTRIC, MIDDLES, POINTS, slopes
 from flexfem.families.shell_director.triangles import DirectorTriangles
@@ -24,6 +25,8 @@ from flexfem.lie import so3
 __all__ = ["UFLDirectorTriangles", "UFLRotationFreeTriangles"]
 
 _ALL = slice(None)
+#: Triangles whose matrices are computed at a time: they stay in the cache.
+_CHUNK = 128
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
     @classmethod
     def of(cls, triangles: RotationFreeTriangles, kernels: StrainKernels) -> Self:
         """The same triangles with kernels of ``forms.strain_forms.rotation_free_strains``."""
-        return cls(**vars(triangles), kernels=kernels)
+        own = {part.name: getattr(triangles, part.name) for part in fields(triangles) if part.init}
+        return cls(**own, kernels=kernels)
 
     @cached_property
     def _to_points(self) -> FloatArray:
@@ -53,12 +57,10 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         vectors: FloatArray = self._to_points[rows] @ (own - own[:, :1])
         return vectors
 
-    def _unknowns(
-        self, points: FloatArray, offsets: FloatArray | None, rows: slice = _ALL
-    ) -> FloatArray:
+    def _unknowns(self, points: FloatArray, rows: slice = _ALL) -> FloatArray:
         """Unknowns (m, 15) of the forms."""
         vectors = self._vectors(points, rows)
-        vectors[:, 2:] += (self.offsets if offsets is None else offsets)[rows]
+        vectors[:, 2:] += self.offsets[rows]
         return vectors.reshape(-1, 15)
 
     def _strains_of(
@@ -69,12 +71,12 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         return strains - self.starts[rows], rates
 
     @override
-    def strains(self, points: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
-        return self._strains_of(self._unknowns(points, offsets))[0]
+    def strains(self, points: FloatArray) -> FloatArray:
+        return self._strains_of(self._unknowns(points))[0]
 
     @override
     def strain_rates(self, points: FloatArray, velocities: FloatArray) -> FloatArray:
-        _, rates = self._strains_of(self._unknowns(points, None))
+        _, rates = self._strains_of(self._unknowns(points))
         moved = self._vectors(velocities).reshape(-1, 15)
         found: FloatArray = np.einsum("mij,mj->mi", rates, moved)
         return found
@@ -91,14 +93,10 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
 
     @override
     def add_forces(
-        self,
-        points: FloatArray,
-        residual: FloatArray,
-        scale: float = 1.0,
-        offsets: FloatArray | None = None,
+        self, points: FloatArray, residual: FloatArray, scale: float = 1.0,
         response: Response | None = None,
-    ) -> None:
-        strains, rates = self._strains_of(self._unknowns(points, offsets))
+    ) -> None:  # fmt: skip
+        strains, rates = self._strains_of(self._unknowns(points))
         stresses, _ = self._stresses_of(strains, response)
         forces = _transposed_times(rates, scale * stresses).reshape(-1, 5, 3)
         self._scatter(np.swapaxes(self._to_points, 1, 2) @ forces, residual)
@@ -108,46 +106,36 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         there = self.patches.nodes >= 0
         np.add.at(residual, self.patches.nodes[there], forces[there])
 
-    def _tangents(
-        self, points: FloatArray, factors: tuple[float, float], offsets: FloatArray | None,
-        response: Response | None, rows: slice = _ALL,
+    @override
+    def tangents(
+        self, points: FloatArray, factors: tuple[float, float] = (1.0, 0.0),
+        response: Response | None = None, rows: slice = _ALL,
     ) -> FloatArray:  # fmt: skip
-        """Matrices (m, 3 p, 3 p), see :meth:`tangents_into`."""
-        unknowns = self._unknowns(points, offsets, rows)
+        unknowns = self._unknowns(points, rows)
         strains, rates = self._strains_of(unknowns, rows)
         stresses, stiffness = self._stresses_of(strains, response, rows)
         inner = self.kernels.geometric(unknowns, factors[0] * stresses)
         weight = factors[0] + factors[1] * self.damping[rows]
         inner += np.swapaxes(rates, 1, 2) @ (weight[:, None, None] * stiffness) @ rates
-        maps = self._to_points[rows]
-        width = 3 * maps.shape[2]
-        return _to_nodes(maps, inner).reshape(-1, width, width)
+        return _to_nodes(self._to_points[rows], inner).reshape(-1, self._width, self._width)
 
     @override
-    def tangents_into(
-        self,
-        points: FloatArray,
-        tangents: FloatArray,
-        factors: tuple[float, float] = (1.0, 0.0),
-        offsets: FloatArray | None = None,
-        response: Response | None = None,
-        first: int = 0,
-    ) -> None:
-        rows = slice(first, first + len(tangents))
-        tangents[:] = self._tangents(points, factors, offsets, response, rows)
+    def add_tangents(
+        self, points: FloatArray, index: IndexArray, blocks: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0), response: Response | None = None,
+    ) -> None:  # fmt: skip
+        for first in range(0, len(index), _CHUNK):
+            rows = slice(first, first + _CHUNK)
+            tangents = self.tangents(points, factors, response, rows)
+            add_blocks(tangents, index, first, blocks)
 
     @override
     def add_action(
-        self,
-        points: FloatArray,
-        steps: FloatArray,
-        residual: FloatArray,
-        factors: tuple[float, float] = (1.0, 0.0),
-        response: Response | None = None,
-    ) -> None:
+        self, points: FloatArray, steps: FloatArray, residual: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0), response: Response | None = None,
+    ) -> None:  # fmt: skip
         own = steps[self.patches.nodes]
-        tangents = self._tangents(points, factors, None, response)
-        forces = tangents @ own.reshape(len(own), -1, 1)
+        forces = self.tangents(points, factors, response) @ own.reshape(len(own), -1, 1)
         self._scatter(forces.reshape(own.shape), residual)
 
 
