@@ -21,7 +21,9 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataC
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, Flags, compile_result
 
-__all__ = ["LoopCompiler", "SubroutineCompiler"]
+from flexfem.kernels.on_demand import HERE_ALONE, Demand, demanded, demands_of
+
+__all__ = ["AddressCompiler", "LoopCompiler", "SubroutineCompiler"]
 
 #: Errors of files that name classes which are gone, or that end early.
 _UNREADABLE = (
@@ -31,6 +33,8 @@ _UNREADABLE = (
 
 #: Instructions of a large function: LLVM would hardly inline it.
 _LARGE = 100
+#: Code of callers whose files do not hold what they call.
+_MARKED = f'@"{HERE_ALONE}" = weak constant i8 0'
 #: How names of functions begin that numba adds for calls from Python.
 _WRAPPER = "_ZN7cpython"
 
@@ -69,12 +73,14 @@ class _Unit(NamedTuple):
         entry: name of the function in its machine code.
         machine_code: an object file.
         environments: constants of the functions in it.
+        demands: functions that it calls on demand.
     """
 
     name: str
     entry: str
     machine_code: bytes
     environments: tuple[Any, ...]
+    demands: tuple[Demand, ...]
 
 
 class _Kept(NamedTuple):
@@ -86,6 +92,7 @@ class _Kept(NamedTuple):
         machine_code: an object file, of all but small subroutines.
         bitcode: intermediate code, of small functions.
         units: large functions that it calls.
+        demands: functions that it calls on demand.
     """
 
     name: str
@@ -93,35 +100,39 @@ class _Kept(NamedTuple):
     machine_code: bytes | None
     bitcode: bytes | None
     units: tuple[_Unit, ...]
+    demands: tuple[Demand, ...]
 
 
 class _Library(JITCodeLibrary):
     """Code of a loop or subroutine, which what calls it contains if it is small.
 
     Attributes:
+        called: whether Python calls the function.
         entry: name of the function in it, when it is complete.
         large: whether others call its machine code.
         units: large functions that it calls, itself or by small ones, by their entries.
         environments: constants of the functions in machine code.
+        demands: functions that it calls on demand.
     """
 
     #: Large functions whose machine code is loaded, by their entries.
     _loaded: ClassVar[dict[str, Self]] = {}
 
-    def __init__(self, codegen: Any, name: str, *, called: bool, small: bool = False) -> None:
+    def __init__(self, codegen: Any, name: str, *, called: bool, large: bool | None = None) -> None:
         """Nothing is compiled yet.
 
         Args:
             codegen: numba's code generator.
             name: of the library.
             called: whether Python calls the function.
-            small: whether others contain it whatever its size.
+            large: whether others call its machine code, None where its size shall decide.
         """
         super().__init__(codegen, name)
-        self.entry, self.large = "", False
+        self.entry, self.large = "", bool(large)
         self.units: dict[str, Self] = {}
         self.environments: tuple[Any, ...] = ()
-        self._called, self._small = called, small
+        self.demands: tuple[Demand, ...] = ()
+        self.called, self._by_size = called, large is None
         self._machine_code, self._bitcode = b"", b""
         self.enable_object_caching()
 
@@ -134,6 +145,7 @@ class _Library(JITCodeLibrary):
         library.entry, library.large = kept.entry, kept.bitcode is None
         library._bitcode = kept.bitcode or b""
         library.units = {unit.entry: cls._restored_unit(codegen, unit) for unit in kept.units}
+        library.demands = kept.demands
         library._load(kept.machine_code)
         return library
 
@@ -144,12 +156,14 @@ class _Library(JITCodeLibrary):
         if library is None:
             library = cls(codegen, unit.name, called=False)
             library.entry, library.large = unit.entry, True
+            library.demands = unit.demands
             library._load(unit.machine_code)
             library.set_environments(unit.environments)
         return library
 
     def _load(self, machine_code: bytes | None) -> None:
         """Load machine code where there is any."""
+        demanded(self.demands)
         if machine_code is None:
             self._finalized = True
             return
@@ -162,13 +176,13 @@ class _Library(JITCodeLibrary):
 
     def kept(self) -> _Kept:
         """Its code for a file."""
-        machine_code = self._object() if self._called or self.large else None
+        machine_code = self._object() if self.called or self.large else None
         bitcode = None if self.large else self._get_module_for_linking().as_bitcode()
         units = [
-            _Unit(unit.name, entry, unit._object(), unit.environments)
+            _Unit(unit.name, entry, unit._object(), unit.environments, unit.demands)
             for entry, unit in self.units.items()
         ]
-        return _Kept(self.name, self.entry, machine_code, bitcode, tuple(units))
+        return _Kept(self.name, self.entry, machine_code, bitcode, tuple(units), self.demands)
 
     def _object(self) -> bytes:
         """Its machine code."""
@@ -203,9 +217,16 @@ class _Library(JITCodeLibrary):
 
     @override
     def _get_module_for_linking(self) -> Any:
-        if self._bitcode:
+        if self._shared_module is None and self.large:
+            self._shared_module = llvm.parse_assembly(_MARKED)
+        elif self._bitcode:
             self._shared_module, self._bitcode = llvm.parse_bitcode(self._bitcode), b""
         return super()._get_module_for_linking()
+
+    @override
+    def _finalize_dynamic_globals(self) -> None:
+        super()._finalize_dynamic_globals()
+        self._dynamic_globals = [name for name in self._dynamic_globals if name != HERE_ALONE]
 
     @override
     def _finalize_final_module(self) -> None:
@@ -218,11 +239,15 @@ class _Library(JITCodeLibrary):
         ]
         (function,) = own
         self.entry = function.name
-        instructions = (one for block in function.blocks for one in block.instructions)
-        self.large = not self._small and any(True for _ in islice(instructions, _LARGE, None))
-        if self._called or self.large:
+        if self._by_size:
+            instructions = (one for block in function.blocks for one in block.instructions)
+            self.large = any(True for _ in islice(instructions, _LARGE, None))
+        self.demands = demands_of(self._final_module)
+        if self.called or self.large:
             super()._finalize_final_module()
         else:
+            if self.units:
+                self._final_module.link_in(llvm.parse_assembly(_MARKED))
             self._finalize_dynamic_globals()
             self._finalized = True
         if self.large:
@@ -340,7 +365,10 @@ class LoopCompiler(Compiler):
 
 
 class SubroutineCompiler(Compiler):
-    """Numba's steps up to the intermediate code."""
+    """Numba's steps up to the intermediate code, and to machine code of large functions."""
+
+    #: Whether its function is large, None where its size shall decide.
+    _large: bool | None = None
 
     def __init__(self, *args: Any) -> None:
         """Replace the flags and the library, and ask for nothing that Python could call."""
@@ -348,9 +376,9 @@ class SubroutineCompiler(Compiler):
         state = self.state
         state.flags = _Flags(state.flags)
         state.flags.no_compile = state.flags.no_cpython_wrapper = True
-        state.library = _Library(
-            state.targetctx.codegen(), "subroutine", called=False, small=state.flags.forceinline
-        )
+        large = False if state.flags.forceinline else self._large
+        codegen = state.targetctx.codegen()
+        state.library = _Library(codegen, "subroutine", called=False, large=large)
 
     @staticmethod
     def keep(loop: Any) -> None:
@@ -372,6 +400,12 @@ class SubroutineCompiler(Compiler):
         result = result._replace(entry_point=_entry(result.fndesc.qualname))
         result.target_context.insert_user_function(result.entry_point, result.fndesc, [library])
         return result
+
+
+class AddressCompiler(SubroutineCompiler):
+    """The same to machine code, for what is called by its address."""
+
+    _large = True
 
 
 def _entry(name: str) -> Callable[..., NoReturn]:
