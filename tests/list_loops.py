@@ -43,12 +43,16 @@ loops = []
 for loop, signature in called:
     module, name = loop.py_func.__module__, loop.py_func.__qualname__
     result = loop.overloads.get(signature)
+    library = getattr(result, "library", None)
     # only of loops that Python calls, by a name of their module
-    code = getattr(getattr(result, "library", None), "_bitcode", None)
-    if code is None or getattr(sys.modules[module], name, None) is not loop:
+    if not getattr(library, "called", False):
         continue
+    if getattr(sys.modules[module], name, None) is not loop:
+        continue
+    kept = library.kept()
+    size = len(kept.machine_code) + sum(len(unit.machine_code) for unit in kept.units)
     try:
-        loops.append([module, name, len(code), [text_of(kind) for kind in signature]])
+        loops.append([module, name, size, [text_of(kind) for kind in signature]])
     except ValueError as error:
         print(f"{module}.{name}: {error}", file=sys.stderr)
 print(json.dumps([modules, loops]))

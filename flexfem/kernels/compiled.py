@@ -10,9 +10,10 @@ from numba.core.dispatcher import Dispatcher
 
 from flexfem.kernels.caching import install
 from flexfem.kernels.compile_once import compile_once
-from flexfem.kernels.compiler import LoopCompiler, SubroutineCompiler
+from flexfem.kernels.compiler import AddressCompiler, LoopCompiler, SubroutineCompiler
+from flexfem.kernels.on_demand import call_on_demand
 
-__all__ = ["fused", "inlined", "inlined_fused", "kernel", "subroutine"]
+__all__ = ["fused", "inlined", "inlined_fused", "kernel", "on_demand", "subroutine"]
 
 install()
 
@@ -69,3 +70,18 @@ fused = _Decorator(fastmath={"contract"})
 
 #: Pieces of those.
 inlined_fused = _Decorator(SubroutineCompiler, fastmath={"contract"}, forceinline=True)
+
+_by_address = _Decorator(AddressCompiler)
+
+
+def on_demand[**Arguments](
+    function: Callable[Arguments, None],
+) -> "Dispatcher[Callable[Arguments, None]]":
+    """A subroutine without result that is compiled when it is first called.
+
+    It is for what only some models need: see ``flexfem.kernels.on_demand``.
+    """
+    loop = _by_address(function)
+    if isinstance(loop, Dispatcher):
+        call_on_demand(loop)
+    return loop

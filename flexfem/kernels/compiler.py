@@ -2,30 +2,41 @@
 """Numba's compiler with less to do for loops that call one another.
 
 Two thirds of the package's compiled functions are subroutines: other loops call them, and Python
-does not. Numba would translate each of them to machine code and make it callable from Python,
-although every loop that calls it contains a copy which is translated with the loop. Of them LLVM's
-intermediate code is all that is made and kept; it is optimised, since loops are slower by half
-otherwise. That of loops is kept beside their machine code, for other loops, and read when one is
-compiled. Compiling for the first run of a mechanism takes a fifth less time, and later runs start
-a tenth of a second or two earlier.
+does not. Numba would make each of them callable from Python, and put a copy of its code into every
+function that calls it, to optimise and translate it there once more, and again in what calls that.
+
+Here a function is small or large. What calls a small one contains its intermediate code, which is
+optimised, since loops are slower by half otherwise; of a small subroutine no machine code is made.
+A large function is translated once, and called: files of what calls it hold its machine code. It
+would not be inlined, so that calls cost what they did.
 """
 
 import pickle
 from collections.abc import Callable
-from typing import Any, NoReturn, Self, override
+from itertools import islice
+from typing import Any, ClassVar, NamedTuple, NoReturn, Self, override
 
 import llvmlite.binding as llvm
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, Flags, compile_result
 
-__all__ = ["LoopCompiler", "SubroutineCompiler"]
+from flexfem.kernels.on_demand import HERE_ALONE, Demand, demanded, demands_of
+
+__all__ = ["AddressCompiler", "LoopCompiler", "SubroutineCompiler"]
 
 #: Errors of files that name classes which are gone, or that end early.
 _UNREADABLE = (
     AttributeError, EOFError, ImportError, IndexError, KeyError, TypeError, ValueError,
     pickle.UnpicklingError,
 )  # fmt: skip
+
+#: Instructions of a large function: LLVM would hardly inline it.
+_LARGE = 100
+#: Code of callers whose files do not hold what they call.
+_MARKED = f'@"{HERE_ALONE}" = weak constant i8 0'
+#: How names of functions begin that numba adds for calls from Python.
+_WRAPPER = "_ZN7cpython"
 
 
 class _Flags(Flags):
@@ -54,63 +65,193 @@ class _Flags(Flags):
 _DEFAULTS = [(name, option.default) for name, option in Flags.options.items()]
 
 
-class _LoopLibrary(JITCodeLibrary):
-    """Machine code, and intermediate code that is read when another loop needs it."""
+class _Unit(NamedTuple):
+    """A large function in files of what calls it.
 
-    def __init__(self, codegen: Any, name: str) -> None:
-        """Nothing is compiled yet."""
-        super().__init__(codegen, name)
-        self._bitcode: bytes | None = None
-        self.enable_object_caching()
+    Attributes:
+        name: of its library.
+        entry: name of the function in its machine code.
+        machine_code: an object file.
+        environments: constants of the functions in it.
+        demands: functions that it calls on demand.
+    """
 
-    @classmethod
-    def restored(cls, codegen: Any, kept: tuple[str, bytes, bytes], entry: str) -> Self:
-        """The library of what :meth:`kept` has returned.
+    name: str
+    entry: str
+    machine_code: bytes
+    environments: tuple[Any, ...]
+    demands: tuple[Demand, ...]
+
+
+class _Kept(NamedTuple):
+    """Code of a function in its file.
+
+    Attributes:
+        name: of its library.
+        entry: name of the function in its code.
+        machine_code: an object file, of all but small subroutines.
+        bitcode: intermediate code, of small functions.
+        units: large functions that it calls.
+        demands: functions that it calls on demand.
+    """
+
+    name: str
+    entry: str
+    machine_code: bytes | None
+    bitcode: bytes | None
+    units: tuple[_Unit, ...]
+    demands: tuple[Demand, ...]
+
+
+class _Library(JITCodeLibrary):
+    """Code of a loop or subroutine, which what calls it contains if it is small.
+
+    Attributes:
+        called: whether Python calls the function.
+        entry: name of the function in it, when it is complete.
+        large: whether others call its machine code.
+        units: large functions that it calls, itself or by small ones, by their entries.
+        environments: constants of the functions in machine code.
+        demands: functions that it calls on demand.
+    """
+
+    #: Large functions whose machine code is loaded, by their entries.
+    _loaded: ClassVar[dict[str, Self]] = {}
+
+    def __init__(self, codegen: Any, name: str, *, called: bool, large: bool | None = None) -> None:
+        """Nothing is compiled yet.
 
         Args:
             codegen: numba's code generator.
-            kept: name, machine code and intermediate code.
-            entry: name of the function that Python calls.
+            name: of the library.
+            called: whether Python calls the function.
+            large: whether others call its machine code, None where its size shall decide.
         """
-        name, machine_code, bitcode = kept
-        library = cls(codegen, name)
-        library._set_compiled_object(machine_code)
-        library._bitcode = bitcode
-        library._finalize_final_module()
-        codegen._engine._defined_symbols.add(entry)
+        super().__init__(codegen, name)
+        self.entry, self.large = "", bool(large)
+        self.units: dict[str, Self] = {}
+        self.environments: tuple[Any, ...] = ()
+        self.demands: tuple[Demand, ...] = ()
+        self.called, self._by_size = called, large is None
+        self._machine_code, self._bitcode = b"", b""
+        self.enable_object_caching()
+
+    @classmethod
+    def restored(cls, codegen: Any, kept: _Kept, *, called: bool) -> Self:
+        """The library of what :meth:`kept` has returned."""
+        if kept.entry in cls._loaded:
+            return cls._loaded[kept.entry]
+        library = cls(codegen, kept.name, called=called)
+        library.entry, library.large = kept.entry, kept.bitcode is None
+        library._bitcode = kept.bitcode or b""
+        library.units = {unit.entry: cls._restored_unit(codegen, unit) for unit in kept.units}
+        library.demands = kept.demands
+        library._load(kept.machine_code)
         return library
 
-    def kept(self) -> tuple[str, bytes, bytes]:
-        """Its name, and its code for a file."""
-        return self.name, self._get_compiled_object(), self._get_module_for_linking().as_bitcode()
+    @classmethod
+    def _restored_unit(cls, codegen: Any, unit: _Unit) -> Self:
+        """The library of a large function."""
+        library = cls._loaded.get(unit.entry)
+        if library is None:
+            library = cls(codegen, unit.name, called=False)
+            library.entry, library.large = unit.entry, True
+            library.demands = unit.demands
+            library._load(unit.machine_code)
+            library.set_environments(unit.environments)
+        return library
+
+    def _load(self, machine_code: bytes | None) -> None:
+        """Load machine code where there is any."""
+        demanded(self.demands)
+        if machine_code is None:
+            self._finalized = True
+            return
+        self._machine_code = machine_code
+        self._set_compiled_object(machine_code)
+        super()._finalize_final_module()
+        self._codegen._engine._defined_symbols.add(self.entry)
+        if self.large:
+            self._loaded[self.entry] = self
+
+    def kept(self) -> _Kept:
+        """Its code for a file."""
+        machine_code = self._object() if self.called or self.large else None
+        bitcode = None if self.large else self._get_module_for_linking().as_bitcode()
+        units = [
+            _Unit(unit.name, entry, unit._object(), unit.environments, unit.demands)
+            for entry, unit in self.units.items()
+        ]
+        return _Kept(self.name, self.entry, machine_code, bitcode, tuple(units), self.demands)
+
+    def _object(self) -> bytes:
+        """Its machine code."""
+        return self._machine_code or self._get_compiled_object()
+
+    def set_environments(self, environments: tuple[Any, ...]) -> None:
+        """Let machine code know the constants of all functions in it."""
+        self.environments = environments
+        for environment in environments:
+            self._codegen.set_env(environment.env_name, environment)
+
+    @override
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Leave that to the passes of the module, which begin with the same."""
+        ll_module.data_layout = self._codegen._data_layout
+
+    @override
+    def _optimize_final_module(self) -> None:
+        """Optimise once: numba does it twice, for counts of references of which loops have few."""
+        manager, builder = self._codegen._module_pass_manager()
+        manager.run(self._final_module, builder)
+
+    @override
+    def add_linking_library(self, library: Any) -> None:
+        library._ensure_finalized()
+        if isinstance(library, _Library):
+            self.units |= library.units
+            if library.large:
+                self.units[library.entry] = library
+                return
+        super().add_linking_library(library)
 
     @override
     def _get_module_for_linking(self) -> Any:
-        if self._bitcode is not None:
-            self._shared_module, self._bitcode = llvm.parse_bitcode(self._bitcode), None
+        if self._shared_module is None and self.large:
+            self._shared_module = llvm.parse_assembly(_MARKED)
+        elif self._bitcode:
+            self._shared_module, self._bitcode = llvm.parse_bitcode(self._bitcode), b""
         return super()._get_module_for_linking()
 
-
-class _SubroutineLibrary(JITCodeLibrary):
-    """Intermediate code alone."""
-
-    @classmethod
-    def restored(cls, codegen: Any, kept: tuple[str, bytes]) -> Self:
-        """The library of what :meth:`kept` has returned."""
-        name, bitcode = kept
-        library = cls(codegen, name)
-        library._final_module = llvm.parse_bitcode(bitcode)
-        library._finalize_final_module()
-        return library
-
-    def kept(self) -> tuple[str, bytes]:
-        """Its name, and its code for a file."""
-        return self.name, self._get_module_for_linking().as_bitcode()
+    @override
+    def _finalize_dynamic_globals(self) -> None:
+        super()._finalize_dynamic_globals()
+        self._dynamic_globals = [name for name in self._dynamic_globals if name != HERE_ALONE]
 
     @override
     def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._finalized = True
+        own = [
+            function
+            for function in self._final_module.functions
+            if function.linkage == llvm.Linkage.external
+            and not function.is_declaration
+            and not function.name.startswith(_WRAPPER)
+        ]
+        (function,) = own
+        self.entry = function.name
+        if self._by_size:
+            instructions = (one for block in function.blocks for one in block.instructions)
+            self.large = any(True for _ in islice(instructions, _LARGE, None))
+        self.demands = demands_of(self._final_module)
+        if self.called or self.large:
+            super()._finalize_final_module()
+        else:
+            if self.units:
+                self._final_module.link_in(llvm.parse_assembly(_MARKED))
+            self._finalize_dynamic_globals()
+            self._finalized = True
+        if self.large:
+            self._loaded[self.entry] = self
 
 
 class _CacheImpl(CompileResultCacheImpl):
@@ -132,12 +273,11 @@ class _LoopCacheImpl(_CacheImpl):
     @override
     def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
         kept, fndesc, environment, signature, environments = payload
-        entry = fndesc.llvm_cpython_wrapper_name
-        library = _LoopLibrary.restored(target_context.codegen(), kept, entry)
+        library = _Library.restored(target_context.codegen(), kept, called=True)
+        library._codegen._engine._defined_symbols.add(fndesc.llvm_cpython_wrapper_name)
         executable = target_context.get_executable(library, fndesc, environment)
-        result = _restored(target_context, library, executable, fndesc, environment, signature)
-        _set_environments(result, environments)
-        return result
+        library.set_environments(environments)
+        return _restored(target_context, library, executable, fndesc, environment, signature)
 
 
 class _Files(IndexDataCacheFile):
@@ -191,7 +331,7 @@ class _SubroutineCacheImpl(_CacheImpl):
     @override
     def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
         kept, fndesc, environment, signature = payload
-        library = _SubroutineLibrary.restored(target_context.codegen(), kept)
+        library = _Library.restored(target_context.codegen(), kept, called=False)
         entry = _entry(fndesc.qualname)
         return _restored(target_context, library, entry, fndesc, environment, signature)
 
@@ -210,7 +350,7 @@ class LoopCompiler(Compiler):
         super().__init__(*args)
         state = self.state
         state.flags = _Flags(state.flags)
-        state.library = _LoopLibrary(state.targetctx.codegen(), "loop")
+        state.library = _Library(state.targetctx.codegen(), "loop", called=True)
 
     @staticmethod
     def keep(loop: Any) -> None:
@@ -220,12 +360,15 @@ class LoopCompiler(Compiler):
     @override
     def _compile_bytecode(self) -> Any:
         result = super()._compile_bytecode()
-        _set_environments(result, result._find_referenced_environments())
+        result.library.set_environments(tuple(result._find_referenced_environments()))
         return result
 
 
 class SubroutineCompiler(Compiler):
-    """Numba's steps up to the intermediate code."""
+    """Numba's steps up to the intermediate code, and to machine code of large functions."""
+
+    #: Whether its function is large, None where its size shall decide.
+    _large: bool | None = None
 
     def __init__(self, *args: Any) -> None:
         """Replace the flags and the library, and ask for nothing that Python could call."""
@@ -233,7 +376,9 @@ class SubroutineCompiler(Compiler):
         state = self.state
         state.flags = _Flags(state.flags)
         state.flags.no_compile = state.flags.no_cpython_wrapper = True
-        state.library = _SubroutineLibrary(state.targetctx.codegen(), "subroutine")
+        large = False if state.flags.forceinline else self._large
+        codegen = state.targetctx.codegen()
+        state.library = _Library(codegen, "subroutine", called=False, large=large)
 
     @staticmethod
     def keep(loop: Any) -> None:
@@ -248,11 +393,19 @@ class SubroutineCompiler(Compiler):
     @override
     def _compile_bytecode(self) -> Any:
         result = super()._compile_bytecode()
+        library = result.library
+        library._ensure_finalized()
+        if library.large:
+            library.set_environments(tuple(result._find_referenced_environments()))
         result = result._replace(entry_point=_entry(result.fndesc.qualname))
-        result.target_context.insert_user_function(
-            result.entry_point, result.fndesc, [result.library]
-        )
+        result.target_context.insert_user_function(result.entry_point, result.fndesc, [library])
         return result
+
+
+class AddressCompiler(SubroutineCompiler):
+    """The same to machine code, for what is called by its address."""
+
+    _large = True
 
 
 def _entry(name: str) -> Callable[..., NoReturn]:
@@ -262,12 +415,6 @@ def _entry(name: str) -> Callable[..., NoReturn]:
         raise TypeError(f"{name} is a part of compiled loops: only they can call it")
 
     return refuse
-
-
-def _set_environments(result: Any, environments: Any) -> None:
-    """Let machine code know the constants of all functions in it."""
-    for environment in environments:
-        result.codegen.set_env(environment.env_name, environment)
 
 
 def _reduced(result: Any) -> tuple[Any, ...]:

@@ -18,7 +18,7 @@ from flexfem.constraints.terms.vectors import (
 )
 from flexfem.core.nodes.step_kernels import add
 from flexfem.core.row import RowKind
-from flexfem.kernels.compiled import subroutine
+from flexfem.kernels.compiled import on_demand, subroutine
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 
@@ -39,7 +39,7 @@ def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: Float
     return dot(d[0], s[1])
 
 
-@subroutine
+@on_demand
 def hessian(
     Ha: FloatArray, Hb: FloatArray, Rab: FloatArray, Rba: FloatArray, d: FloatArray,
     h: FloatArray, s: FloatArray,

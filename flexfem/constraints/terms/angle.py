@@ -20,7 +20,7 @@ from flexfem.constraints.terms.vectors import (
 )
 from flexfem.core.nodes.step_kernels import add
 from flexfem.core.row import RowKind
-from flexfem.kernels.compiled import inlined, subroutine
+from flexfem.kernels.compiled import inlined, on_demand, subroutine
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._blocks import dot as dot_of
 from flexfem.lie._coefficients import Triple
@@ -52,7 +52,7 @@ def value(
     return turned
 
 
-@subroutine
+@on_demand
 def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
     """Derivative of the gradient."""
     u, v, p = d[0], d[1], d[2]

@@ -16,7 +16,7 @@ from flexfem.constraints.terms.vectors import (
 )
 from flexfem.core.nodes.step_kernels import add
 from flexfem.core.row import RowKind
-from flexfem.kernels.compiled import subroutine
+from flexfem.kernels.compiled import on_demand, subroutine
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 
@@ -37,7 +37,7 @@ def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: Float
     return dot(s[2], s[0])
 
 
-@subroutine
+@on_demand
 def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
     """Derivative of the gradient."""
     u, v = d[0], d[1]

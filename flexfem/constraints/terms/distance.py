@@ -15,7 +15,7 @@ from flexfem.constraints.terms.vectors import (
 )
 from flexfem.core.nodes.step_kernels import add
 from flexfem.core.row import RowKind
-from flexfem.kernels.compiled import subroutine
+from flexfem.kernels.compiled import on_demand, subroutine
 from flexfem.lie._blocks import dot as dot_of
 from flexfem.lie._blocks import triple
 from flexfem.lie._coefficients import Triple
@@ -37,7 +37,7 @@ def value(Ha: FloatArray, Hb: FloatArray, g: FloatArray, s: FloatArray) -> float
     return length
 
 
-@subroutine
+@on_demand
 def hessian(
     Ha: FloatArray, Hb: FloatArray, Ra: FloatArray, Rb: FloatArray, h: FloatArray, s: FloatArray
 ) -> None:  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.compiled_functions import call
 from flexfem.constraints.terms.vectors import rotate_back_into
-from flexfem.kernels.compiled import subroutine
+from flexfem.kernels.compiled import on_demand, subroutine
 
 __all__ = ["evaluate_function", "function_hessian"]
 
@@ -72,7 +72,7 @@ def _bracket(a: FloatArray, b: FloatArray, g: FloatArray) -> float:
     return total
 
 
-@subroutine
+@on_demand
 def function_hessian(
     address: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatArray
 ) -> None:

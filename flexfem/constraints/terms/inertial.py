@@ -4,7 +4,7 @@
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.vectors import dot, force_gradient, force_hessian, mean, put
 from flexfem.core.row import RowKind
-from flexfem.kernels.compiled import subroutine
+from flexfem.kernels.compiled import on_demand, subroutine
 from flexfem.lie._blocks import triple
 
 __all__ = ["KIND", "hessian", "step_gradient", "value"]
@@ -21,7 +21,7 @@ def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: Float
     return dot(d[0], s[0])
 
 
-@subroutine
+@on_demand
 def hessian(Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
     """Derivative of the gradient."""
     force_hessian(Ha, Hb, d[0], h, s)

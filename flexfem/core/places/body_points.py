@@ -22,7 +22,7 @@ from flexfem.core.places.floating_frames import (
     write_columns,
     write_second,
 )
-from flexfem.kernels.compiled import inlined, subroutine
+from flexfem.kernels.compiled import inlined, on_demand, subroutine
 from flexfem.lie._blocks import triple
 from flexfem.lie.quaternion import Quaternion, conjugate, matrix_into, product
 from flexfem.lie.se3 import compose_into
@@ -129,7 +129,7 @@ def _derivatives(
         Y[6 * count + j, 6 * (1 + count + j // 3) + j % 3] = 1.0
 
 
-@subroutine
+@on_demand
 def body_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) -> None:
     """Frame of a point; arguments as in ``line_points.line_pose``."""
     n = shape.shape[0] - 1
@@ -141,7 +141,7 @@ def body_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) -
     compose_into(frames[0], P, H)
 
 
-@subroutine
+@on_demand
 def body_jacobian(
     frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray, J: FloatArray
 ) -> None:
@@ -224,7 +224,7 @@ def _by_coordinates(
                 D[i, j] += mixed[m] * F[m] + 2.0 * bent[m] * w[3 + m]
 
 
-@subroutine
+@on_demand
 def add_body_second(
     frames: FloatArray, shape: FloatArray, xi: float, w: FloatArray, out: FloatArray
 ) -> None:

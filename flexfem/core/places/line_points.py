@@ -42,7 +42,7 @@ from flexfem.core.places.surface_points import (
     triangle_jacobian,
     triangle_pose,
 )
-from flexfem.kernels.compiled import inlined, kernel, subroutine
+from flexfem.kernels.compiled import inlined, kernel, on_demand, subroutine
 from flexfem.lie.se3 import (
     adjoint_into,
     compose_into,
@@ -159,6 +159,11 @@ def line_jacobian(
     if kind == FIXED:
         fixed_jacobian(frames, shape, H, J)
         return
+    _helix_jacobian(frames, xi, H, J)
+
+
+@on_demand
+def _helix_jacobian(frames: FloatArray, xi: float, H: FloatArray, J: FloatArray) -> None:
     d, w, T, inverse = np.empty(6), np.empty(6), np.empty(36), np.empty(36)
     _helix(frames, xi, H, d, w)
     tangent_into(w, T)
@@ -217,7 +222,7 @@ def _helix_changes(
         S[i, 6] = a[3, i]
 
 
-@subroutine
+@on_demand
 def _add_helix_second(frames: FloatArray, xi: float, g: FloatArray, out: FloatArray) -> None:
     d, w, H, a = np.empty(6), np.empty(6), np.empty(12), np.empty((5, 6))
     inverse, back, S = np.empty(36), np.empty(36), np.empty((6, 7))

@@ -19,7 +19,7 @@ z_I``. The moment ``m`` at the point is ``N_I vec(a_I)`` at the control points, 
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.kernels.compiled import inlined, subroutine
+from flexfem.kernels.compiled import inlined, on_demand, subroutine
 from flexfem.lie._blocks import dot, triple
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.quaternion import Quaternion, conjugate, from_matrix, matrix_into, product
@@ -167,7 +167,7 @@ def _jacobian(
         _add_cross(z[node, 1:], N[0, node], J, 3, 6 * node + 3)
 
 
-@subroutine
+@on_demand
 def nurbs_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) -> None:
     """Frame of a point; arguments as in ``line_points.line_pose``."""
     k = frames.shape[0]
@@ -176,7 +176,7 @@ def nurbs_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) 
     _interpolate(frames, N, x, z, zeta, H)
 
 
-@subroutine
+@on_demand
 def nurbs_jacobian(
     frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray, J: FloatArray
 ) -> None:
@@ -265,7 +265,7 @@ def _add_moment_part(
     out[6 * k, 6 * k] += 2.0 * (dot(triple(zeta[2], 1), m) - dot(product(first, first)[1], m))
 
 
-@subroutine
+@on_demand
 def add_nurbs_second(
     frames: FloatArray, shape: FloatArray, xi: float, g: FloatArray, out: FloatArray
 ) -> None:

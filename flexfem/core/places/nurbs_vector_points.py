@@ -19,7 +19,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.places.nurbs_points import add_force_part, put_translations, shape_functions
-from flexfem.kernels.compiled import inlined, subroutine
+from flexfem.kernels.compiled import inlined, on_demand, subroutine
 from flexfem.lie.so3 import (
     exp_into,
     inverse_tangent_derivative_into,
@@ -130,7 +130,7 @@ def _jacobian(
             J[3 + i, 6 * r + 3 + j] += A[3 * j + i]
 
 
-@subroutine
+@on_demand
 def vectors_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray) -> None:
     """Frame of a point; arguments as in ``line_points.line_pose``."""
     k = frames.shape[0]
@@ -139,7 +139,7 @@ def vectors_pose(frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray
     _interpolate(frames, N, x, nodal, v, H)
 
 
-@subroutine
+@on_demand
 def vectors_jacobian(
     frames: FloatArray, shape: FloatArray, xi: float, H: FloatArray, J: FloatArray
 ) -> None:
@@ -197,7 +197,7 @@ def _add_moment_part(
                 out[6 * r + 3 + i, c] -= other
 
 
-@subroutine
+@on_demand
 def add_vectors_second(
     frames: FloatArray, shape: FloatArray, xi: float, g: FloatArray, out: FloatArray
 ) -> None:

@@ -17,7 +17,7 @@ axes, and changes p and q of these sides in the same axes, the triangle rotates 
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.kernels.compiled import inlined, subroutine
+from flexfem.kernels.compiled import inlined, on_demand, subroutine
 
 __all__ = [
     "add_surface_second",
@@ -67,7 +67,7 @@ def _axes(frames: FloatArray, H: FloatArray) -> tuple[float, float, float]:
     return side, a0 * b0 + a1 * b1 + a2 * b2, area / side
 
 
-@subroutine
+@on_demand
 def triangle_pose(frames: FloatArray, shape: FloatArray, H: FloatArray) -> None:
     """Frame of a point of a triangle.
 
@@ -103,7 +103,7 @@ def fixed_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: Floa
                 J[i, 6 * node + j] = shape[node, 0] * frames[node, 3 + 3 * i + j]
 
 
-@subroutine
+@on_demand
 def triangle_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: FloatArray) -> None:
     """Frame ``H`` (12,) of a point of a triangle and its local twist ``J`` (6, 19).
 
@@ -179,7 +179,7 @@ def _add_turns(frames: FloatArray, forces: FloatArray, out: FloatArray) -> None:
             out[at + i, at + 3 + (i + 2) % 3] += f[(i + 1) % 3]
 
 
-@subroutine
+@on_demand
 def add_surface_second(
     turning: bool, frames: FloatArray, shape: FloatArray, g: FloatArray, out: FloatArray
 ) -> None:
