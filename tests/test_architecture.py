@@ -273,7 +273,7 @@ def test_modes_set_around_calls_are_seen() -> None:
 @pytest.mark.serial
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_no_modes_are_set_around_calls(path: Path) -> None:
-    """What a call does is said by its arguments."""
+    """The effect of a call follows from its arguments."""
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.FunctionDef):
             assert set(set_around_calls(node)) <= SET_AROUND_CALLS.keys(), node.name
