@@ -2,7 +2,7 @@
 """Nodes, elements, sets and surfaces of an Abaqus input file (.inp).
 
 Read here and not with meshio, which takes one *NODE block only, drops the contents of sets with
-names of other sets, and knows neither parts and instances nor surfaces.
+names of other sets, and reads neither parts and instances nor surfaces.
 """
 
 from collections.abc import Sequence
