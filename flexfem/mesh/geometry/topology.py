@@ -19,7 +19,7 @@ class Line:
 
     Attributes:
         cells: Row numbers of the cells in the order of the line, shape (k,).
-        reversed: Whether each cell runs against the line, shape (k,).
+        reversed: True for each cell that runs against the line, shape (k,).
         nodes: Node indices in the order of the line, shape (k + 1,); the last equals the first
             on a closed line.
     """

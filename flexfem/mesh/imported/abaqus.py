@@ -197,7 +197,7 @@ class _Reader:
             self.deck.optional.add(name)
 
     def _members(self, statement: Statement, kind: str) -> list[Key | Run]:
-        """Return the members that the data lines of a set tell by numbers and by names."""
+        """Return the members that the data lines of a set give by numbers and by names."""
         place = statement.options.get("INSTANCE", "")
         if place:
             place = self._instance_name(statement, place)
